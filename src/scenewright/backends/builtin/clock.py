@@ -1,0 +1,283 @@
+"""Clock times, ranges and severities out of clean text; the words for times of day."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from scenewright.backends.builtin.draft import Refused
+
+_Reader = Callable[[re.Match[str]], str | None]
+_DAY = 24 * 60
+_HOURS = {
+    word: number
+    for number, word in enumerate(
+        [
+            "one",
+            "two",
+            "three",
+            "four",
+            "five",
+            "six",
+            "seven",
+            "eight",
+            "nine",
+            "ten",
+            "eleven",
+            "twelve",
+        ],
+        start=1,
+    )
+}
+_MINUTES = {
+    "quarter": 15, "a quarter": 15, "half": 30, "five": 5, "ten": 10, "twenty": 20,
+    "fifteen": 15, "thirty": 30, "forty": 40, "fifty": 50, "forty five": 45,
+    "twenty five": 25, "thirty five": 35, "fifty five": 55,
+}  # fmt: skip
+_NUMBER = r"(?:\d{1,2}|" + "|".join(_HOURS) + r")"
+_PART = r"(?:in the (?:early |late )?(?:morning|afternoon|evening)|at night|tonight)"
+_SUFFIX = (
+    rf"(?:\s*(?:o ?'? ?clock)?\s*(am|pm)\b|\s*(?:o ?'? ?clock)?\s*({_PART})|\s*(o ?'? ?clock))"
+)
+_CLOCK = rf"({_NUMBER})(?:\s*[:.h]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?"
+_LEAD = r"(?:\b(?:at|around|about|approximately|exactly|roughly|by|circa|near)\s+)*"
+_RANGE = re.compile(
+    rf"(?:between|from)?\s*\b{_CLOCK}{_SUFFIX}?\s*(?:-|–|to|and|until|till)\s*{_CLOCK}{_SUFFIX}?(?!\w)"
+)
+_PAST = re.compile(
+    rf"{_LEAD}\b(a quarter|quarter|half|five|ten|twenty five|twenty|\d{{1,2}})(?: minutes?)?"
+    rf" (past|to|after|before|till) ({_NUMBER})\b{_SUFFIX}?"
+)
+_MILITARY = re.compile(
+    r"(?:\bat\s+)?\b([01]\d|2[0-3])([0-5]\d)\s*(?:hours|hrs|hr|h)?\b(?!\s*(?:m|km)\b)"
+)
+_PLAIN = re.compile(
+    rf"{_LEAD}\b(?:({_NUMBER})\s*[:h]\s*([0-5]\d)(?::[0-5]\d)?{_SUFFIX}?(?!\w)"
+    rf"|({_NUMBER})(?:[.: ]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?{_SUFFIX}(?!\w))"
+)
+_BARE = re.compile(
+    r"\b(?:at|around)\s+(\d{1,2})(?!\s*(?:\.\d|:|km|kmh|mph|kph|m\b|meters?|metres?|seconds?|s\b|feet|ft|%|degree|"
+    r"cars?|vehicles?|ped|pedestrians?|people|percent))\b(?=\s*(?:$|[.,;]|a\b|the\b|in\b|with\b))"
+)
+_PET = re.compile(
+    r"\b(pet|ttc|time to collision|post encroachment time)(?: (?:of|is|around|about|approximately|below|under|at|near))*\s*[:=<]?\s*"
+    r"(\d+(?:\.\d+)?|one|two|half a)\s*(?:s|sec|secs|seconds?)?\b"
+)
+_PET_AFTER = re.compile(r"\b(\d+(?:\.\d+)?)\s*(?:s|sec|seconds?)\s*(pet|ttc)\b")
+_SPEED = re.compile(
+    r"(?:\bat\s+)?(?:(?:about|around|roughly|over|under|nearly)\s+)*\b(\d+(?:\.\d+)?)\s*"
+    r"(km/h|kmh|kph|km per hour|kilometers per hour|kilometres per hour|mph|miles per hour|m/s|meters per second)"
+)
+_MPS = {"k": 1 / 3.6, "mp": 0.44704, "mi": 0.44704, "m/": 1.0, "me": 1.0}
+
+WORD_RANGES: dict[str, tuple[tuple[str, str], ...]] = {
+    "dawn": (("04:30", "07:30"),),
+    "early morning": (("04:00", "08:30"),),
+    "morning rush": (("06:30", "10:00"),),
+    "mid-morning": (("09:00", "11:30"),),
+    "morning": (("04:00", "12:00"),),
+    "noon": (("11:00", "13:00"),),
+    "lunch": (("11:00", "14:30"),),
+    "early afternoon": (("12:00", "15:00"),),
+    "afternoon": (("12:00", "18:00"),),
+    "late afternoon": (("15:00", "18:30"),),
+    "evening rush": (("15:30", "19:30"),),
+    "rush hour": (("06:30", "10:00"), ("15:30", "19:30")),
+    "early evening": (("17:00", "19:30"),),
+    "evening": (("17:00", "22:00"),),
+    "late evening": (("20:00", "23:30"),),
+    "dusk": (("16:30", "21:30"),),
+    "night": (("19:00", "05:30"),),
+    "late night": (("21:30", "04:00"),),
+    "midnight": (("23:30", "00:30"),),
+}
+_TYPICAL = {
+    "dawn": "06:00", "early morning": "06:30", "morning rush": "08:00", "mid-morning": "10:00",
+    "morning": "09:00", "noon": "12:00", "lunch": "12:30", "early afternoon": "13:30",
+    "afternoon": "15:00", "late afternoon": "16:30", "evening rush": "17:30", "rush hour": "08:00",
+    "early evening": "18:00", "evening": "19:00", "late evening": "21:30", "dusk": "18:30",
+    "night": "22:00", "late night": "23:00", "midnight": "00:00",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Explicit figures of the text; times as HH:MM or HH:MM-HH:MM, speed in m/s, PET and TTC in s."""
+
+    time: str | None = None
+    pet: float | None = None
+    ttc: float | None = None
+    speed: float | None = None
+
+
+def read_clock(text: str) -> tuple[str, Clock]:
+    """The text without its figures, and the figures; Refused where two clock times differ."""
+    text, pet, ttc = _severity(text)
+    speed: float | None = None
+    if match := _SPEED.search(text):
+        speed = float(match[1]) * next(f for key, f in _MPS.items() if match[2].startswith(key))
+        text = _cut(text, match)
+    times: list[str] = []
+    for pattern, reader in (
+        (_RANGE, _range),
+        (_PAST, _past),
+        (_PLAIN, _plain),
+        (_MILITARY, _military),
+        (_BARE, _bare),
+    ):
+        text = _collect(text, pattern, reader, times)
+    if len(set(times)) > 1:
+        raise Refused(
+            "contradictory", f"The text names several times ({', '.join(times)}); keep one."
+        )
+    return text, Clock(times[0] if times else None, pet, ttc, speed)
+
+
+def read_time_words(words: list[str], *, clock: str | None) -> str | None:
+    """The time that clock and words agree on; Refused where they exclude one another."""
+    names = list(dict.fromkeys(words))
+    if clock is None and not names:
+        return None
+    allowed = set(range(0, _DAY, 5))
+    for name in names:
+        allowed &= _minutes_of(name)
+    if clock is not None:
+        start = _minute(clock[:5])
+        if names and not any(
+            (start + d) % _DAY in allowed for d in range(-90, 91) if (start + d) % 5 == 0
+        ):
+            raise Refused("contradictory", f"{clock} is not {names[0]}; name one time of day.")
+        return clock
+    if not allowed:
+        raise Refused(
+            "contradictory", f"{' and '.join(names)} exclude one another; name one time of day."
+        )
+    narrow = min(names, key=lambda name: len(_minutes_of(name)))
+    typical = _minute(_TYPICAL[narrow])
+    best = min(allowed, key=lambda m: (min((m - typical) % _DAY, (typical - m) % _DAY), m))
+    return _text(best)
+
+
+def _collect(text: str, pattern: re.Pattern[str], reader: _Reader, times: list[str]) -> str:
+    at = 0
+    while match := pattern.search(text, at):
+        time = reader(match)
+        if time is None:
+            at = match.end() if match.end() > at else at + 1
+            continue
+        times.append(time)
+        text = _cut(text, match)
+        at = match.start()
+    return text
+
+
+def _range(match: re.Match[str]) -> str | None:
+    first, second = match.groups()[:6], match.groups()[6:]
+    if " and " in match[0] and "between" not in match[0]:
+        return None
+    second_suffix = second[3] or second[4] or second[5]
+    if not (second_suffix or (first[1] and second[1])):
+        return None
+    end = _clock(*second)
+    own = first[3] or first[4] or first[5]
+    if own:
+        start = _clock(*first)
+    else:
+        start = _clock(*first[:3], second[3], second[4], second[5])
+        if start is not None and end is not None and start >= end:
+            start = _clock(*first[:3], "am", None, None)
+    if start is None or end is None:
+        return None
+    return f"{_text(start)}-{_text(end)}"
+
+
+def _past(match: re.Match[str]) -> str | None:
+    amount = _MINUTES.get(match[1]) or (int(match[1]) if match[1].isdigit() else 0)
+    hour = _clock(match[3], None, None, match[4], match[5], match[6])
+    if hour is None or not amount or amount > 59:
+        return None
+    sign = 1 if match[2] in {"past", "after"} else -1
+    return _text((hour + sign * amount) % _DAY)
+
+
+def _plain(match: re.Match[str]) -> str | None:
+    g = match.groups()
+    if g[0] is not None:
+        minute = _clock(g[0], g[1], None, g[2], g[3], g[4])
+    else:
+        minute = _clock(g[5], g[6], g[7], g[8], g[9], g[10])
+    return None if minute is None else _text(minute)
+
+
+def _military(match: re.Match[str]) -> str | None:
+    plain = match[0].strip().isdigit()
+    if plain and not match[1].startswith("0") and int(match[2]) % 5:
+        return None
+    return f"{match[1]}:{match[2]}"
+
+
+def _bare(match: re.Match[str]) -> str | None:
+    hour = int(match[1])
+    if not 0 < hour <= 23:
+        return None
+    return _text((hour if hour >= 6 else hour + 12) * 60)
+
+
+def _clock(
+    hour: str,
+    digits: str | None,
+    words: str | None,
+    half: str | None,
+    part: str | None,
+    _o: str | None,
+) -> int | None:
+    number = int(hour) if hour.isdigit() else _HOURS[hour]
+    minute = int(digits) if digits else _MINUTES[words] if words else 0
+    if number > 24 or minute > 59 or (number == 24 and minute):
+        raise Refused(
+            "impossible", f"{hour}:{digits or '00'} is no time of day; use 00:00 to 23:59."
+        )
+    return _half_day(number, half, part) % 24 * 60 + minute
+
+
+def _half_day(hour: int, half: str | None, part: str | None) -> int:
+    late = half == "pm" or (part is not None and "morning" not in part)
+    if part is not None and "night" in part and (hour <= 5 or hour == 12):
+        late = False
+    if half is None and part is None:
+        return hour
+    if hour > 12:
+        return hour
+    return hour % 12 + (12 if late else 0)
+
+
+def _severity(text: str) -> tuple[str, float | None, float | None]:
+    found: dict[str, float] = {}
+    for pattern, name, number in ((_PET, 1, 2), (_PET_AFTER, 2, 1)):
+        while match := pattern.search(text):
+            key = "pet" if match[name] in {"pet", "post encroachment time"} else "ttc"
+            words = {"one": 1.0, "two": 2.0, "half a": 0.5}
+            found[key] = words.get(match[number]) or float(match[number])
+            text = _cut(text, match)
+    return text, found.get("pet"), found.get("ttc")
+
+
+def _minutes_of(name: str) -> set[int]:
+    result: set[int] = set()
+    for start, end in WORD_RANGES[name]:
+        first, last = _minute(start), _minute(end)
+        result |= {m % _DAY for m in range(first, (last if last >= first else last + _DAY) + 1, 5)}
+    return result
+
+
+def _minute(text: str) -> int:
+    return int(text[:2]) * 60 + int(text[3:5])
+
+
+def _text(minute: int) -> str:
+    return f"{minute // 60 % 24:02d}:{minute % 60:02d}"
+
+
+def _cut(text: str, match: re.Match[str]) -> str:
+    return f"{text[: match.start()]} {text[match.end() :]}"

@@ -1,0 +1,242 @@
+"""Who a mention stands for: new agents, or agents the text has introduced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused
+from scenewright.backends.builtin.grammar import Modifier
+from scenewright.backends.builtin.mentions import Mention
+from scenewright.scene.base import AgentClass
+
+OPPOSITE = {
+    "north": "south", "south": "north", "east": "west", "west": "east",
+    "northeast": "southwest", "southwest": "northeast",
+    "northwest": "southeast", "southeast": "northwest",
+}  # fmt: skip
+_ORDINALS = {"first": 0, "second": 1, "third": 2}
+_ANY_VEHICLE = frozenset({"vehicle", "driver", "motorist", "vehicles", "drivers"})
+MOST_AGENTS = 8
+
+
+class Discourse:
+    """The agents of a text in order of mention, and the groups that mentions made."""
+
+    def __init__(self, draft: Draft) -> None:
+        self.draft = draft
+        self.groups: list[list[AgentDraft]] = [[agent] for agent in draft.agents]
+        self.seeded = bool(draft.agents)
+        self.claimed: list[AgentDraft] = []
+
+    def resolve(
+        self, mention: Mention, *, avoid: Sequence[AgentDraft] = (), same_clause: bool = False
+    ) -> list[AgentDraft]:
+        """The agents that the mention stands for; new ones are entered."""
+        found = self._existing(mention, avoid, same_clause)
+        group = found if found is not None else self._introduce(mention)
+        self.groups.append(group)
+        return group
+
+    def recent(self, kind: AgentClass, *, avoid: Sequence[AgentDraft] = ()) -> AgentDraft | None:
+        """The agent of this class that was mentioned last."""
+        for group in reversed(self.groups):
+            for agent in reversed(group):
+                if agent.type == kind and agent not in avoid:
+                    return agent
+        return None
+
+    def create(self, kind: AgentClass, *, head: str = "") -> AgentDraft:
+        """A new agent that no noun phrase named."""
+        if len(self.draft.agents) >= MOST_AGENTS:
+            raise Refused(
+                "out_of_scope", f"At most {MOST_AGENTS} agents can take part; name fewer."
+            )
+        agent = AgentDraft(kind, head=head)
+        self.draft.agents.append(agent)
+        return agent
+
+    def _existing(
+        self, mention: Mention, avoid: Sequence[AgentDraft], same_clause: bool
+    ) -> list[AgentDraft] | None:
+        if mention.type is None:
+            return self._pronominal(mention, avoid)
+        if mention.label is not None:
+            return self._labelled(mention)
+        same_class = [agent for agent in self.draft.agents if agent.type == mention.type]
+        announced = [agent for agent in same_class if agent.announced and agent not in avoid]
+        if (
+            mention.det in {"indefinite", "bare", "another", "definite", "both"}
+            and len(announced) >= mention.count
+        ):
+            return self._named_at_last(announced[: mention.count], mention)
+        if mention.det == "both" or (
+            mention.counted and mention.count > 1 and mention.det == "definite"
+        ):
+            fitting = [agent for agent in same_class if _compatible(agent, mention)]
+            return fitting[-mention.count :] if len(fitting) >= mention.count else None
+        if mention.counted and mention.count > 1:
+            return None
+        if mention.plural and mention.det in {"definite", "bare"} and len(same_class) > 1:
+            return same_class
+        return self._singular(mention, same_class, avoid, same_clause)
+
+    def _named_at_last(self, group: list[AgentDraft], mention: Mention) -> list[AgentDraft]:
+        for agent in group:
+            agent.announced = False
+            agent.subtype, agent.head = mention.subtype or agent.subtype, mention.head
+            if mention.jaywalking:
+                agent.movement = "jaywalking"
+        return group
+
+    def _singular(
+        self,
+        mention: Mention,
+        same_class: list[AgentDraft],
+        avoid: Sequence[AgentDraft],
+        same_clause: bool,
+    ) -> list[AgentDraft] | None:
+        fitting = [agent for agent in same_class if _compatible(agent, mention)]
+        if mention.det in _ORDINALS:
+            index = _ORDINALS[mention.det]
+            pool = same_class if len(same_class) > index else []
+            return (
+                [pool[index]]
+                if pool and not (mention.premods and pool[index] not in fitting)
+                else None
+            )
+        if mention.det == "other":
+            others = [
+                agent for agent in fitting if agent not in avoid and agent not in self._last()
+            ]
+            return [others[-1]] if others else None
+        if mention.det in {"indefinite", "another", "no"} or mention.mass:
+            return None
+        if mention.det == "bare" and (same_clause or len(fitting) != 1):
+            return None
+        free = [agent for agent in fitting if agent not in avoid]
+        if not free:
+            return None
+        return [max(free, key=lambda agent: (_affinity(agent, mention), self._recency(agent)))]
+
+    def _pronominal(self, mention: Mention, avoid: Sequence[AgentDraft]) -> list[AgentDraft] | None:
+        group = next((g for g in reversed(self.groups) if len(g) > 1), list(self.draft.agents))
+        if not group:
+            return []
+        if mention.det in _ORDINALS:
+            index = _ORDINALS[mention.det]
+            return [group[index]] if index < len(group) else self._twin(group[-1])
+        if len(group) == 1 or (
+            mention.det == "one" and avoid and set(map(id, group)) <= set(map(id, avoid))
+        ):
+            return (
+                self._twin(group[-1])
+                if mention.det in {"one", "another", "indefinite"}
+                else self._only(group, avoid)
+            )
+        if mention.det in {"one", "definite", "indefinite"}:
+            free = [agent for agent in group if agent not in self.claimed] or group
+            self.claimed.append(free[0])
+            return [free[0]]
+        last = self.claimed[-1:] or self._last()
+        others = [agent for agent in group if agent not in last and agent not in avoid]
+        if not others:
+            others = [agent for agent in group if agent not in last]
+        if others:
+            self.claimed.append(others[0])
+            return [others[0]]
+        if mention.det == "another" and group:
+            return self._twin(group[-1])
+        return []
+
+    def _twin(self, agent: AgentDraft) -> list[AgentDraft]:
+        twin = self.create(agent.type, head=agent.head)
+        twin.subtype = agent.subtype
+        return [twin]
+
+    def _only(self, group: list[AgentDraft], avoid: Sequence[AgentDraft]) -> list[AgentDraft]:
+        return [agent for agent in group if agent not in avoid]
+
+    def _labelled(self, mention: Mention) -> list[AgentDraft] | None:
+        for agent in self.draft.agents:
+            if agent.label == mention.label and (
+                agent.type == mention.type or mention.head == "unit"
+            ):
+                return [agent]
+        return None
+
+    def _introduce(self, mention: Mention) -> list[AgentDraft]:
+        if mention.type is None:
+            return []
+        count = mention.count if mention.counted else 1
+        group = []
+        for _ in range(count):
+            agent = self.create(mention.type, head=mention.head)
+            agent.subtype = mention.subtype  # checked against the social graph's list on output
+            agent.label = mention.label
+            agent.generic = (
+                mention.plural and not mention.counted and mention.det in {"bare", "indefinite"}
+            )
+            if mention.jaywalking:
+                agent.movement = "jaywalking"
+            group.append(agent)
+        if count > 1:
+            self.claimed = []
+        return group
+
+    def _last(self) -> list[AgentDraft]:
+        return self.groups[-1] if self.groups else []
+
+    def _recency(self, agent: AgentDraft) -> int:
+        return max((i for i, group in enumerate(self.groups) if agent in group), default=-1)
+
+
+def _compatible(agent: AgentDraft, mention: Mention) -> bool:
+    if (
+        mention.subtype
+        and mention.head != "car"
+        and agent.subtype
+        and agent.subtype != mention.subtype
+    ):
+        return False
+    if mention.head == "car" and agent.subtype not in {None, "car"}:
+        return False
+    specific = mention.head not in _ANY_VEHICLE | {"car", "cars"} and mention.type == "vehicle"
+    if specific and agent.head not in _ANY_VEHICLE | {"car", "cars", mention.head}:
+        return _same_word(agent.head, mention.head)
+    return all(_agrees(agent, premod) for premod in mention.premods if isinstance(premod, Modifier))
+
+
+def _same_word(first: str, second: str) -> bool:
+    return not first or first.rsplit(maxsplit=1)[-1].rstrip("s") == second.rsplit(maxsplit=1)[
+        -1
+    ].rstrip("s")
+
+
+def _agrees(agent: AgentDraft, premod: Modifier) -> bool:
+    if premod.means == "bound":
+        return agent.entry in {None, OPPOSITE[premod.values[0]]}
+    if premod.means == "from":
+        return agent.entry in {None, premod.values[0]}
+    if premod.means == "turn":
+        return agent.movement in {None, premod.values[0]}
+    if premod.means == "straight":
+        return agent.movement in {None, "straight"}
+    return True
+
+
+def _affinity(agent: AgentDraft, mention: Mention) -> int:
+    score = 2 * (agent.head == mention.head) + (agent.subtype == mention.subtype)
+    for premod in mention.premods:
+        if (
+            isinstance(premod, Modifier)
+            and premod.means == "bound"
+            and agent.entry == OPPOSITE[premod.values[0]]
+        ):
+            score += 4
+        if (
+            isinstance(premod, Modifier)
+            and premod.means == "turn"
+            and agent.movement == premod.values[0]
+        ):
+            score += 4
+    return score

@@ -1,0 +1,82 @@
+"""What the reader has understood so far: mutable, before entailments and checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from scenewright.scene.base import AgentClass
+
+
+class Refused(Exception):  # noqa: N818 - a verdict on its way to the planner, not an error
+    """The text cannot become a scene; carries the Refusal's code and reason."""
+
+    def __init__(self, code: str, reason: str) -> None:
+        super().__init__(reason)
+        self.code = code
+        self.reason = reason
+
+
+@dataclass(eq=False)
+class AgentDraft:
+    """One agent with what the text says of it.
+
+    Attributes:
+        relatives: (word, other agent or None): opposite, of_left, of_right, same.
+        head: the noun it was introduced with.
+        announced: named by a heading only, so far.
+        generic: introduced by a bare plural.
+    """
+
+    type: AgentClass
+    subtype: str | None = None
+    entry: str | None = None
+    exit: str | None = None
+    movement: str | None = None
+    crosswalk: str | None = None
+    runs_red: bool = False
+    label: str | None = None
+    head: str = ""
+    relatives: list[tuple[str, AgentDraft | None]] = field(default_factory=list)
+    turned: bool = False
+    generic: bool = False
+    announced: bool = False
+    edited: set[str] = field(default_factory=set)
+
+
+@dataclass(eq=False)
+class RelationDraft:
+    """One relation with its roles; `kind` and `cause` where the text names them."""
+
+    type: str
+    from_: AgentDraft
+    to: AgentDraft
+    kind: str | None = None
+    cause: str | None = None
+
+    def pair(self) -> frozenset[int]:
+        """The two agents, unordered."""
+        return frozenset((id(self.from_), id(self.to)))
+
+
+@dataclass
+class ContextDraft:
+    """Density, clock time, explicit background numbers, severity."""
+
+    density: str | None = None
+    time_of_day: str | None = None
+    vehicles: int | None = None
+    pedestrians: int | None = None
+    pet: float | None = None
+    ttc: float | None = None
+    speed: float | None = None
+
+
+@dataclass
+class Draft:
+    """The whole text, understood."""
+
+    agents: list[AgentDraft] = field(default_factory=list)
+    relations: list[RelationDraft] = field(default_factory=list)
+    context: ContextDraft = field(default_factory=ContextDraft)
+    denied: set[str] = field(default_factory=set)
+    normal: bool = False

@@ -1,0 +1,196 @@
+"""What entry, exit and movement entail on a four-leg map, and what cannot be (SEMANTICS 2)."""
+
+from __future__ import annotations
+
+from scenewright.backends.builtin.attach import LEFT_OF_HEADING
+from scenewright.backends.builtin.coreference import OPPOSITE
+from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
+
+LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
+RIGHT = {exit_: entry for entry, exit_ in LEFT.items()}
+TURNS = {
+    "left": LEFT,
+    "right": RIGHT,
+    "straight": OPPOSITE,
+    "uturn": {side: side for side in OPPOSITE},
+}
+_VEHICLE_TAKES = frozenset({"rear_end", "sideswipe", "head_on", "left_turn", "angle"})
+
+
+def entail(draft: Draft) -> None:
+    """Fill what follows from what is said; Refused where it cannot be."""
+    for relation in draft.relations:
+        _left_turn(relation)
+    for _ in range(2):
+        for agent in draft.agents:
+            complete(agent)
+            _relatives(agent, draft)
+        for relation in draft.relations:
+            _shared_lane(relation)
+            _head_on(relation, draft)
+    for agent in draft.agents:
+        complete(agent)
+    for relation in draft.relations:
+        _possible(relation)
+
+
+def complete(agent: AgentDraft) -> None:
+    """Entry, exit, movement and crosswalk of one agent from one another."""
+    if agent.type == "vehicle":
+        _vehicle(agent)
+    else:
+        _pedestrian(agent)
+
+
+def _vehicle(agent: AgentDraft) -> None:
+    entry, exit_, movement = agent.entry, agent.exit, agent.movement
+    if movement is not None and entry in TURNS[movement]:
+        follows = TURNS[movement][str(entry)]
+        if exit_ is not None and exit_ != follows:
+            raise Refused(
+                "impossible",
+                f"A vehicle from the {entry} with movement {movement} leaves to the {follows}, not to the {exit_}; "
+                "change its entry, turn or exit.",
+            )
+        agent.exit = follows
+    elif movement is not None and entry is None and exit_ is not None:
+        agent.entry = next((e for e, x in TURNS[movement].items() if x == exit_), None)
+    elif movement is None and entry is not None and exit_ is not None:
+        agent.movement = next((m for m, table in TURNS.items() if table.get(entry) == exit_), None)
+
+
+def _pedestrian(agent: AgentDraft) -> None:
+    if agent.movement == "jaywalking" and agent.crosswalk is not None:
+        raise Refused(
+            "contradictory",
+            "A jaywalker is outside the crosswalks; drop the jaywalking or the crosswalk.",
+        )
+    if agent.movement != "crossing":
+        return
+    for field, other in (("entry", "exit"), ("exit", "entry")):
+        side = getattr(agent, field)
+        if side is None:
+            continue
+        if agent.crosswalk in {side, OPPOSITE[side]}:
+            axis = "east-west" if agent.crosswalk in {"north", "south"} else "north-south"
+            raise Refused(
+                "contradictory",
+                f"One walks {axis} on the {agent.crosswalk} crosswalk, so not {field} {side}; change one of them.",
+            )
+        if getattr(agent, other) is None:
+            setattr(agent, other, OPPOSITE[side])
+        elif getattr(agent, other) != OPPOSITE[side]:
+            raise Refused(
+                "impossible",
+                "A pedestrian on a crosswalk leaves on the opposite side; change entry or exit.",
+            )
+
+
+def _relatives(agent: AgentDraft, draft: Draft) -> None:
+    for word, named in agent.relatives:
+        other = named or _partner(agent, draft)
+        if other is None or other is agent or other.type != "vehicle":
+            continue
+        if other.entry is None and word in {"opposite", "mutual"} and agent.entry is not None:
+            other.entry = OPPOSITE[agent.entry]
+        if agent.entry is None and other.entry is not None:
+            agent.entry = _relative_entry(word, other.entry)
+        elif agent.entry is not None and other.entry is None and word == "same":
+            other.entry = agent.entry
+        elif agent.entry is not None and other.entry is not None and word == "opposite":
+            _check_opposite(agent, other)
+
+
+def _check_opposite(agent: AgentDraft, other: AgentDraft) -> None:
+    if agent.type == "vehicle" and agent.entry == other.entry:
+        raise Refused(
+            "contradictory",
+            f"Oncoming vehicles cannot both come from the {agent.entry}; change one of them.",
+        )
+
+
+def _relative_entry(word: str, entry: str) -> str | None:
+    heading = OPPOSITE[entry]
+    if word in {"opposite", "mutual"}:
+        return OPPOSITE[entry]
+    if word == "same":
+        return entry
+    if word == "of_left":
+        return LEFT_OF_HEADING.get(heading)
+    if word == "of_right":
+        return OPPOSITE.get(LEFT_OF_HEADING.get(heading, ""))
+    return None
+
+
+def _partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
+    bound = [
+        other
+        for relation in draft.relations
+        for other in (relation.from_, relation.to)
+        if agent in (relation.from_, relation.to) and other is not agent and other.type == "vehicle"
+    ]
+    if bound:
+        return bound[0]
+    others = [other for other in draft.agents if other is not agent and other.type == "vehicle"]
+    return others[0] if len(others) == 1 else None
+
+
+def _shared_lane(relation: RelationDraft) -> None:
+    first, second = relation.from_, relation.to
+    lane = relation.type == "follow" or relation.kind == "rear_end"
+    if not lane or {first.type, second.type} != {"vehicle"}:
+        return
+    if first.entry and second.entry and first.entry != second.entry:
+        raise Refused(
+            "contradictory",
+            f"Vehicles in one lane cannot come from the {first.entry} and the {second.entry}; give them one entry.",
+        )
+    first.entry = second.entry = first.entry or second.entry
+
+
+def _left_turn(relation: RelationDraft) -> None:
+    """A left-turn crash has somebody turning left."""
+    vehicles = [agent for agent in (relation.from_, relation.to) if agent.type == "vehicle"]
+    free = [agent for agent in vehicles if agent.movement is None]
+    if relation.kind == "left_turn" and free and all(a.movement != "left" for a in vehicles):
+        free[0].movement = "left"
+
+
+def _head_on(relation: RelationDraft, draft: Draft) -> None:
+    if relation.kind != "head_on" or not (relation.from_.type == relation.to.type == "vehicle"):
+        return
+    for agent, other in ((relation.from_, relation.to), (relation.to, relation.from_)):
+        if agent.entry is not None and other.entry is None:
+            other.entry = OPPOSITE[agent.entry]
+    first, second = relation.from_, relation.to
+    if (
+        first.entry is not None
+        and first.entry == second.entry
+        and "uturn" not in {first.movement, second.movement}
+    ):
+        raise Refused(
+            "impossible",
+            f"Two vehicles from the {first.entry} cannot meet head-on; change one entry.",
+        )
+
+
+def _possible(relation: RelationDraft) -> None:
+    first, second = relation.from_, relation.to
+    if first.type == second.type == "pedestrian" and relation.type != "follow":
+        raise Refused(
+            "impossible", "Two pedestrians have no such relation here; make one of them a vehicle."
+        )
+    if relation.type == "follow" and first.type != second.type:
+        raise Refused(
+            "impossible",
+            "A pedestrian and a vehicle share no lane, so neither follows the other; use two of a kind.",
+        )
+    if (
+        relation.type == "collide_at"
+        and first.type != second.type
+        and relation.kind in _VEHICLE_TAKES
+    ):
+        raise Refused(
+            "impossible",
+            f"Only two vehicles collide as {relation.kind.replace('_', ' ')}; name two vehicles or just a collision.",
+        )

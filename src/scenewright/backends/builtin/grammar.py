@@ -1,0 +1,254 @@
+"""The modifier grammar: directions, turns and crosswalks out of tagged chunks (grammar.toml)."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+
+from scenewright.backends.builtin.lexicon import Chunk
+
+_DIRECTION_WORDS = frozenset({"direction", "heading", "travel"})
+_APPROACH_WORDS = frozenset({"approach", "side", "arm", "leg"})
+
+
+@dataclass(frozen=True, slots=True)
+class Modifier:
+    """What a phrase says of an agent.
+
+    Attributes:
+        means: rule name, e.g. `from`, `bound`, `turn`, `crosswalk`.
+        values: compass names or turns, in order.
+        chunks: the chunks the phrase was built from.
+    """
+
+    means: str
+    values: tuple[str, ...]
+    chunks: tuple[Chunk, ...]
+
+    @property
+    def text(self) -> str:
+        """The words, joined."""
+        return " ".join(chunk.text for chunk in self.chunks)
+
+    @property
+    def first(self) -> str:
+        """The first word."""
+        return self.chunks[0].words[0]
+
+
+@dataclass(frozen=True, slots=True)
+class _Item:
+    tags: frozenset[str]
+    value: str | None = None
+    optional: bool = False
+    keep: bool = False
+    never: bool = False
+
+
+Node = Chunk | Modifier
+
+
+def modifiers(chunks: Sequence[Chunk]) -> list[Node]:
+    """Replace every stretch of chunks that a rule matches by one Modifier."""
+    chunks = _places(chunks)
+    result: list[Node] = []
+    at = 0
+    while at < len(chunks):
+        best = _best(chunks, at)
+        if best is None:
+            result.append(chunks[at])
+            at += 1
+            continue
+        means, end, values = best
+        result.append(Modifier(means, values, tuple(chunks[at:end])))
+        at = end
+    return _implied_heads(result)
+
+
+def _best(chunks: Sequence[Chunk], at: int) -> tuple[str, int, tuple[str, ...]] | None:
+    best: tuple[str, int, tuple[str, ...]] | None = None
+    for means, pattern in _rules():
+        if not _may_start(pattern, chunks[at]):
+            continue
+        match = _match(pattern, chunks, at)
+        if match is not None and (best is None or match[0] > best[1]):
+            best = (means, *match)
+    return best
+
+
+def _places(chunks: Sequence[Chunk]) -> list[Chunk]:
+    """ "at the pedestrian crossing" is a place, "a pedestrian crossing the road" is not."""
+    result: list[Chunk] = []
+    for chunk in chunks:
+        before = result[-1] if result else None
+        if (
+            chunk.words[0] in {"crossing", "crossings"}
+            and before is not None
+            and before.text in {"pedestrian", "ped", "pedestrians"}
+        ):
+            lead = {word for earlier in result[-3:-1] for word in earlier.words}
+            if lead & {"at", "on", "in", "over", "onto", "near"} and "a" not in lead:
+                result[-1] = Chunk((*before.words, *chunk.words), {"XWALK": "crosswalk"})
+                continue
+        result.append(chunk)
+    return result
+
+
+def _implied_heads(nodes: list[Node]) -> list[Node]:
+    """ "NB left turn vs SB through" and "a left-turner" name vehicles without the noun."""
+    result: list[Node] = []
+    for at, node in enumerate(nodes):
+        result.append(node)
+        after = nodes[at + 1] if at + 1 < len(nodes) else None
+        if isinstance(after, Chunk) and after.has("AGENT"):
+            continue
+        if _turner(node) or (
+            _movement_noun(node) and _bare_bound(nodes, at) and _ends_phrase(after)
+        ):
+            result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
+    return result
+
+
+def _turner(node: Node) -> bool:
+    last = node.chunks[-1] if isinstance(node, Modifier) else node
+    return last.words[-1] in {"turner", "turners"} or (
+        last.has("REDRUN") and last.words[-1] == "runner"
+    )
+
+
+def _movement_noun(node: Node) -> bool:
+    if isinstance(node, Modifier):
+        return node.means in {"turn", "straight"} and not node.first.endswith("ing")
+    return node.has("THROUGH")
+
+
+def _bare_bound(nodes: Sequence[Node], at: int) -> bool:
+    before = nodes[at - 1] if at else None
+    if not (isinstance(before, Modifier) and before.means == "bound" and len(before.chunks) == 1):
+        return False
+    opener = nodes[at - 2] if at >= 2 else None
+    return not (
+        isinstance(opener, Chunk)
+        and (
+            opener.has("AGENT", "NUMBER", "BE")
+            or (opener.mark in {",", "("} and at >= 3 and _is_agent(nodes[at - 3]))
+        )
+    )
+
+
+def _is_agent(node: Node) -> bool:
+    return isinstance(node, Chunk) and node.has("AGENT", "NUMBER")
+
+
+def _ends_phrase(after: Node | None) -> bool:
+    if after is None:
+        return True
+    return isinstance(after, Chunk) and not after.has("DET", "AGENT", "XWALK", "ROAD", "LANE")
+
+
+def _may_start(pattern: tuple[_Item, ...], chunk: Chunk) -> bool:
+    for item in pattern:
+        if _fits(item, chunk):
+            return True
+        if not item.optional:
+            return False
+    return False
+
+
+def _match(
+    pattern: tuple[_Item, ...], chunks: Sequence[Chunk], at: int
+) -> tuple[int, tuple[str, ...]] | None:
+    if not pattern:
+        return at, ()
+    item, rest = pattern[0], pattern[1:]
+    here = at < len(chunks) and _fits(item, chunks[at])
+    if item.never:
+        return None if here else _match(rest, chunks, at)
+    if here:
+        tail = _match(rest, chunks, at + 1)
+        if tail is not None:
+            return (tail[0], (_kept(item, chunks[at]), *tail[1])) if item.keep else tail
+    return _match(rest, chunks, at) if item.optional else None
+
+
+def _kept(item: _Item, chunk: Chunk) -> str:
+    return next(chunk.tags[tag] for tag in sorted(item.tags) if tag in chunk.tags)
+
+
+def _fits(item: _Item, chunk: Chunk) -> bool:
+    for tag in item.tags:
+        if tag == "ANY":
+            if _is_plain(chunk) and (item.value is None or chunk.text == item.value):
+                return True
+        elif tag == "DIRECTION":
+            if chunk.words[0] in _DIRECTION_WORDS:
+                return True
+        elif tag == "APPROACH":
+            if chunk.words[0] in _APPROACH_WORDS:
+                return True
+        elif tag in chunk.tags and (item.value is None or chunk.tags[tag] == item.value):
+            return True
+    return False
+
+
+_MEANINGFUL = frozenset(
+    [
+        "AGENT",
+        "COLLIDE",
+        "YIELD",
+        "NEAR",
+        "FOLLOW",
+        "WAIT",
+        "LET",
+        "COMMA",
+        "COLON",
+        "NEGATION",
+        "DET",
+        "PRONOUN",
+        "WHO",
+        "BE",
+        "AND",
+        "BAD_AGENT",
+        "LETTER",
+        "COMPASS",
+        "BOUND",
+        "LEFT",
+        "RIGHT",
+        "STRAIGHT",
+        "XWALK",
+        "CROSS",
+        "FROM",
+        "TO",
+        "EXIT",
+        "NUMBER",
+        "BY",
+    ]
+)
+
+
+def _is_plain(chunk: Chunk) -> bool:
+    return _MEANINGFUL.isdisjoint(chunk.tags)
+
+
+@lru_cache(maxsize=1)
+def _rules() -> tuple[tuple[str, tuple[_Item, ...]], ...]:
+    source = files("scenewright.backends.builtin").joinpath("grammar.toml").read_text("utf-8")
+    return tuple(
+        (rule["means"], tuple(_item(word) for word in pattern.split()))
+        for rule in tomllib.loads(source)["rule"]
+        for pattern in rule["patterns"]
+    )
+
+
+def _item(word: str) -> _Item:
+    optional, keep, never = word.endswith("?"), "@" in word, word.startswith("!")
+    name, _, value = word.strip("?@!").partition("=")
+    tags = frozenset(
+        tag
+        for part in name.split("|")
+        for tag in (("COMPASS", "LETTER") if part == "C" else (part,))
+    )
+    return _Item(tags, value or None, optional, keep, never)

@@ -1,0 +1,196 @@
+"""Words -> tagged chunks: the longest phrase of lexicon.toml at each place, typos mended."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+from rapidfuzz import process
+from rapidfuzz.distance import OSA
+
+from scenewright.backends.builtin.normalise import Token, stem, tokenise
+
+_MENDED_TAGS = [
+    "AGENT",
+    "COLLIDE",
+    "YIELD",
+    "NEAR",
+    "FOLLOW",
+    "WAIT",
+    "COMPASS",
+    "BOUND",
+    "XWALK",
+    "CROSS",
+    "TURN",
+    "JAYWALK",
+    "TIMEWORD",
+    "DENSITY",
+    "OPPOSITE",
+    "LEG",
+    "STRAIGHT",
+    "HEAD",
+    "FROM",
+    "NEGATION",
+    "ALMOST",
+    "BAD_AGENT",
+    "SIGNAL",
+    "LEVEL",
+    "TRAFFIC_NOUN",
+]
+
+_EXACT_TAGS = frozenset({"IGNORE", "CORRECTION"})
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """A phrase with its readings: tag -> value. No reading: a word of no meaning here."""
+
+    words: tuple[str, ...]
+    tags: dict[str, str]
+    mark: str = ""
+
+    @property
+    def text(self) -> str:
+        """The words, joined."""
+        return " ".join(self.words)
+
+    def has(self, *tags: str) -> bool:
+        """True if the chunk can be read as one of the tags."""
+        return any(tag in self.tags for tag in tags)
+
+
+@dataclass(slots=True)
+class _Node:
+    children: dict[str, _Node] = field(default_factory=dict)
+    tags: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Lexicon:
+    """The phrase tree, the known stems and the words that typos are mended to."""
+
+    root: _Node
+    known: frozenset[str]
+    targets: tuple[str, ...]
+
+    def chunks(self, tokens: Sequence[Token]) -> list[Chunk]:
+        """Split tokens into chunks, longest phrase first, left to right."""
+        mended = self.mend(tokens)
+        result: list[Chunk] = []
+        at = 0
+        while at < len(mended):
+            length, tags = self._longest(mended, at)
+            result.append(_chunk(mended[at : at + length], tags))
+            at += length
+        return result
+
+    def mend(self, tokens: Sequence[Token]) -> list[Token]:
+        """The tokens with the typos of known words put right."""
+        return [self._mend(token) for token in tokens]
+
+    def familiar(self, tokens: Sequence[Token]) -> float:
+        """Share of words that are English as far as the lexicon knows."""
+        words = [token for token in tokens if token.text.isalpha()]
+        hits = sum(token.text in self.known or token.stem in self.known for token in words)
+        return hits / len(words) if words else 0.0
+
+    def _longest(self, tokens: Sequence[Token], at: int) -> tuple[int, dict[str, str]]:
+        best, tags = 1, {}
+        layer = [(self.root, at)]
+        while layer:
+            deeper: list[tuple[_Node, int]] = []
+            for node, index in layer:
+                if index >= len(tokens) or tokens[index].mark:
+                    continue
+                for key in {"=" + tokens[index].text, tokens[index].stem}:
+                    child = node.children.get(key)
+                    if child is None:
+                        continue
+                    deeper.append((child, index + 1))
+                    if child.tags:
+                        tags = (
+                            child.tags if index + 1 - at > best or not tags else tags | child.tags
+                        )
+                        best = index + 1 - at
+            layer = deeper
+        return best, dict(tags)
+
+    def _mend(self, token: Token) -> Token:
+        word = token.text
+        if len(word) < 4 or not word.isalpha() or word in self.known or token.stem in self.known:
+            return token
+        mended = _nearest(word, self.targets)
+        return token if mended is None else Token(mended, stem(mended))
+
+
+@lru_cache(maxsize=4096)
+def _nearest(word: str, targets: tuple[str, ...]) -> str | None:
+    budget = 1 if len(word) < 7 else 2
+    close = process.extract(word, targets, scorer=OSA.distance, score_cutoff=budget, limit=5)
+    ranked = sorted(
+        (distance, target[0] != word[0], abs(len(target) - len(word)), target)
+        for target, distance, _ in close
+    )
+    if not ranked:
+        return None
+    distance, other_initial, _, target = ranked[0]
+    return None if other_initial and distance > 1 else target
+
+
+def _chunk(tokens: Sequence[Token], tags: dict[str, str]) -> Chunk:
+    words = tuple(token.text for token in tokens)
+    first = tokens[0]
+    if first.mark:
+        return Chunk(words, {"COLON": ":"} if first.text == ":" else {"COMMA": ","}, first.text)
+    if not tags and first.text.isdigit() and len(first.text) <= 3:
+        return Chunk(words, {"NUMBER": first.text})
+    return Chunk(words, tags)
+
+
+@lru_cache(maxsize=1)
+def lexicon() -> Lexicon:
+    """The lexicon shipped with the package, compiled once."""
+    folder = files("scenewright.backends.builtin")
+    table: dict[str, dict[str, Any]] = tomllib.loads(
+        folder.joinpath("lexicon.toml").read_text("utf-8")
+    )
+    plain = folder.joinpath("english.txt").read_text("utf-8").split()
+    root = _Node()
+    known: set[str] = {*plain, *(stem(word) for word in plain)}
+    targets: set[str] = set()
+    for tag, values in table.items():
+        for value, phrases in values.items():
+            for phrase in phrases:
+                words = _add(root, phrase, tag, value.rstrip("_"))
+                known.update(words)
+                known.update(stem(word) for word in words)
+                if tag in _MENDED_TAGS:
+                    targets.update(
+                        form for word in words if len(word) >= 4 for form in _forms(word, tag)
+                    )
+    return Lexicon(root, frozenset(known), tuple(sorted(targets)))
+
+
+def _forms(word: str, tag: str) -> tuple[str, ...]:
+    """The word with the endings that a typo may hide."""
+    if tag in {"AGENT", "XWALK"}:
+        return word, f"{word}s"
+    if tag in {"COLLIDE", "YIELD", "NEAR", "FOLLOW", "WAIT", "CROSS", "TURN"}:
+        base = word.removesuffix("e")
+        return word, f"{word}s", f"{base}ed", f"{base}ing"
+    return (word,)
+
+
+def _add(root: _Node, phrase: str, tag: str, value: str) -> list[str]:
+    exact = phrase.startswith("=") or tag in _EXACT_TAGS
+    tokens = tokenise(phrase.lstrip("=").replace("'", " "))
+    node = root
+    for token in tokens:
+        key = "=" + token.text if exact else token.stem
+        node = node.children.setdefault(key, _Node())
+    node.tags[tag] = value
+    return [token.text for token in tokens]

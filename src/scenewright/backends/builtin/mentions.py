@@ -1,0 +1,387 @@
+"""Noun phrases: tagged nodes -> mentions of agents with determiner, count and premodifiers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from scenewright.backends.builtin.grammar import Modifier, Node
+from scenewright.backends.builtin.lexicon import Chunk
+from scenewright.scene.base import AgentClass
+
+_PREMODIFIER_RULES = frozenset({"bound", "uturn", "straight", "from", "leg", "crosswalk"})
+_ADJECTIVE_TAGS = [
+    "OPPOSITE",
+    "JAYWALK",
+    "TURN",
+    "WAIT",
+    "CROSS",
+    "FOLLOW",
+    "BACKGROUND",
+    "ACROSS",
+    "THROUGH",
+    "STRAIGHT",
+    "REDRUN",
+    "HEAD",
+    "UTURN",
+    "LEVEL",
+    "DENSITY",
+    "XWALK",
+    "SAME",
+    "EXIT",
+    "NEAR",
+    "FROM",
+]
+_DRIVERS = frozenset({"driver", "drivers", "motorist", "rider"})
+_IN_VEHICLE = frozenset(
+    {"in", "of", "on", "driving", "drives", "drove", "riding", "steering", "piloting", "operating"}
+)
+_LABELLED = re.compile(r"\b(?:car|vehicle|truck|bus|cab|taxi|driver|unit|agent|pedestrian)\s+b\b")
+
+
+@dataclass(slots=True)
+class Mention:
+    """A noun phrase that stands for agents.
+
+    Attributes:
+        type: None for "one", "the other", "the first".
+        count: as said; 1 for a singular.
+        det: indefinite, definite, another, other, first, second, third, no, both, bare.
+        premods: modifiers and adjectives before the noun.
+        background: the phrase counts background agents.
+    """
+
+    type: AgentClass | None
+    subtype: str | None
+    det: str
+    count: int
+    head: str
+    premods: list[Node] = field(default_factory=list)
+    label: str | None = None
+    counted: bool = False
+    plural: bool = False
+    jaywalking: bool = False
+    background: bool = False
+    mass: bool = False
+    of_group: int = 0
+    first_word: str = ""
+
+
+Item = Chunk | Modifier | Mention
+
+
+def noun_phrases(nodes: Sequence[Node], *, text: str) -> list[Item]:
+    """Replace every stretch of nodes that names agents by one Mention."""
+    parser = _NounPhrases(nodes, lettered=bool(_LABELLED.search(text)))
+    result: list[Item] = []
+    at = 0
+    while at < len(nodes):
+        found = parser.parse(at)
+        if found is None:
+            result.append(nodes[at])
+            at += 1
+        else:
+            mention, at = found
+            result.append(mention)
+    return _merge_drivers(result)
+
+
+class _NounPhrases:
+    def __init__(self, nodes: Sequence[Node], *, lettered: bool) -> None:
+        self.nodes = nodes
+        self.lettered = lettered
+
+    def parse(self, start: int) -> tuple[Mention, int] | None:
+        mention = Mention(None, None, "bare", 1, "")
+        at = start
+        while at < len(self.nodes):
+            node = self.nodes[at]
+            if isinstance(node, Chunk) and node.has("AGENT") and not self._verbal(node, at):
+                return self._head(mention, node, start, at)
+            if not self._premodifier(mention, node, start, at):
+                break
+            at += 1
+        return self._pronominal(start)
+
+    def _verbal(self, node: Chunk, at: int) -> bool:
+        """ "unit" needs a label; "pedestrian density" is no pedestrian."""
+        value = node.tags["AGENT"]
+        if value == "unit":
+            return self._label(at + 1) is None
+        after = self.nodes[at + 1] if at + 1 < len(self.nodes) else None
+        return isinstance(after, Chunk) and (
+            after.has("TRAFFIC_NOUN") or after.tags.get("AGENT") == "traffic"
+        )
+
+    def _premodifier(self, mention: Mention, node: Node, start: int, at: int) -> bool:
+        if isinstance(node, Modifier):
+            return self._modifier(mention, node, start, at)
+        opened = mention.det != "bare" or mention.counted or bool(mention.premods)
+        if node.has("DET", "BOTH"):
+            return self._determiner(mention, node, at == start)
+        if node.has("NUMBER") and not mention.counted:
+            mention.count, mention.counted = int(node.tags["NUMBER"]), True
+            return True
+        if node.has("COMMA"):
+            return node.mark == "," and bool(mention.premods) and self._more_premodifiers(at + 1)
+        if node.has(*_ADJECTIVE_TAGS):
+            if not self._adjectival(node, at, opened):
+                return False
+            mention.premods.append(node)
+            return True
+        if opened and (
+            not node.tags
+            or node.has("IGNORE", "EDIT", "NORMAL", "DRIVING")
+            or node.has("LEG", "ROAD")
+        ):
+            return node.text not in {"in", "of", "on"} and self._plain_run(at) <= 3
+        return False
+
+    def _modifier(self, mention: Mention, node: Modifier, start: int, at: int) -> bool:
+        turning = node.means == "turn" and node.first in {"left", "right", "a", "the", "an"}
+        fine = node.means in _PREMODIFIER_RULES or turning
+        opener = node.first in {"a", "an", "the", "another"}
+        if not fine or node.first in {"from", "off", "entering", "to"}:
+            return False
+        if node.means in {"leg", "crosswalk", "from"} and not (opener or mention.det != "bare"):
+            return False
+        if opener and at == start:
+            mention.det = "definite" if node.first == "the" else "indefinite"
+        mention.premods.append(node)
+        return True
+
+    def _determiner(self, mention: Mention, node: Chunk, first: bool) -> bool:
+        value = node.tags.get("DET") or "both"
+        if (
+            not first
+            and mention.det in {"bare", "indefinite"}
+            and value in {"indefinite", "definite"}
+        ):
+            return False
+        if mention.premods or (mention.det == "definite" and value == "indefinite"):
+            return False
+        if mention.det == "indefinite" and value in {"second", "third", "other", "another"}:
+            value = "another"
+        if mention.det == "no" and value == "other":
+            value = "no"
+        mention.det = value
+        if node.text.startswith("the two"):
+            mention.counted, mention.count = True, 2
+        return True
+
+    def _adjectival(self, node: Chunk, at: int, opened: bool) -> bool:
+        after = self.nodes[at + 1] if at + 1 < len(self.nodes) else None
+        last = node.words[-1]
+        if node.has("OPPOSITE", "BACKGROUND", "ACROSS", "THROUGH") and node.words[0] not in {
+            "in",
+            "from",
+            "around",
+            "nearby",
+            "besides",
+            "elsewhere",
+        }:
+            return True
+        if (
+            node.text
+            in {"lead", "following", "leading", "trailing", "stopped", "waiting", "turning"}
+            and isinstance(after, Chunk)
+            and after.has("AGENT")
+        ):
+            return True
+        if node.has("WAIT", "FOLLOW", "HEAD", "EXIT", "NEAR", "FROM", "SAME"):
+            return opened and last.endswith(("ing", "ed")) and len(last) > 4
+        if node.has("JAYWALK", "CROSS", "TURN"):
+            return last.endswith("ing") and (opened or node.has("JAYWALK", "CROSS"))
+        return opened
+
+    def _more_premodifiers(self, at: int) -> bool:
+        if at >= len(self.nodes):
+            return False
+        node = self.nodes[at]
+        if isinstance(node, Modifier):
+            return node.means in {"bound", "turn", "straight"} and node.first in {
+                "left",
+                "right",
+                "straight",
+            } | {node.chunks[-1].words[0]}
+        return not node.tags and self._plain_run(at) <= 2
+
+    def _plain_run(self, at: int) -> int:
+        run = 0
+        while at + run < len(self.nodes):
+            node = self.nodes[at + run]
+            if isinstance(node, Modifier) or node.has("AGENT"):
+                break
+            run += 1
+            if node.tags and not node.has(
+                "IGNORE", "EDIT", "NORMAL", "DRIVING", "LEG", "ROAD", "LEVEL", "DENSITY"
+            ):
+                return 99
+        else:
+            return 99
+        return run
+
+    def _head(
+        self, mention: Mention, node: Chunk, start: int, at: int
+    ) -> tuple[Mention, int] | None:
+        value = node.tags["AGENT"]
+        if value == "traffic":
+            return self._traffic(mention, node, at)
+        self._name(mention, node)
+        at = self._compound(mention, at + 1)
+        label = self._label(at)
+        if label is not None and (mention.det in {"bare", "definite"} and not mention.counted):
+            mention.label, at = label, at + 1
+        first = self.nodes[start]
+        mention.first_word = first.words[0] if isinstance(first, Chunk) else first.first
+        self._grammatical_number(mention, node)
+        return mention, at
+
+    def _name(self, mention: Mention, node: Chunk) -> None:
+        kind, _, extra = node.tags["AGENT"].partition(".")
+        mention.type = "pedestrian" if kind == "pedestrian" else "vehicle"
+        if kind == "unit":
+            mention.subtype = None
+        elif mention.type == "vehicle":
+            mention.subtype = extra or None
+        mention.jaywalking = extra == "jaywalking"
+        mention.head = node.text
+
+    def _compound(self, mention: Mention, at: int) -> int:
+        """ "truck driver" is one agent, "truck pedestrian" and "car car" are two."""
+        while at < len(self.nodes):
+            node = self.nodes[at]
+            if not isinstance(node, Chunk) or not node.has("AGENT"):
+                return at
+            same = node.tags["AGENT"].startswith("pedestrian") == (mention.type == "pedestrian")
+            driver = node.words[-1] in _DRIVERS and mention.type == "vehicle"
+            if driver or (same and mention.type == "pedestrian" and node.text != mention.head):
+                at += 1
+                continue
+            return at
+        return at
+
+    def _grammatical_number(self, mention: Mention, node: Chunk) -> None:
+        word = node.words[-1]
+        irregular = {
+            "people",
+            "children",
+            "men",
+            "women",
+            "ladies",
+            "lorries",
+            "gentlemen",
+            "folks",
+            "passersby",
+            "schoolchildren",
+            "buses",
+            "busses",
+            "persons",
+        }
+        mention.plural = word in irregular or (
+            word.endswith("s")
+            and word not in {"bus", "minibus", "mercedes", "prius"}
+            and not word.endswith("ss")
+        )
+        if mention.det == "both" and not mention.counted:
+            mention.count, mention.counted = 2, True
+
+    def _traffic(self, mention: Mention, node: Chunk, at: int) -> tuple[Mention, int] | None:
+        """ "Oncoming traffic" and "eastbound through traffic" stand for a vehicle."""
+        if not self._introduced(at, mention) or not any(
+            _gives_direction(premod) for premod in mention.premods
+        ):
+            return None
+        mention.type, mention.head, mention.mass = "vehicle", "traffic", True
+        return mention, at + 1
+
+    def _introduced(self, at: int, mention: Mention) -> bool:
+        """Mass traffic counts as an agent where something is done to it or by it."""
+        start = at - len(mention.premods) - (mention.det != "bare")
+        before = self.nodes[start - 1] if start > 0 else None
+        after = self.nodes[at + 1] if at + 1 < len(self.nodes) else None
+        heading = isinstance(after, Chunk) and (after.mark == ":" or after.has("NORMAL"))
+        return mention.det != "no" and before is not None and not heading
+
+    def _label(self, at: int) -> str | None:
+        if at >= len(self.nodes):
+            return None
+        node = self.nodes[at]
+        if not isinstance(node, Chunk) or self._agent_follows(at + 1):
+            return None
+        word = node.text
+        if node.has("NUMBER") and int(node.tags["NUMBER"]) <= 8:
+            return node.tags["NUMBER"]
+        if len(word) == 1 and word in "abcdx" and (word != "a" or self.lettered):
+            return word
+        return None
+
+    def _agent_follows(self, at: int) -> bool:
+        node = self.nodes[at] if at < len(self.nodes) else None
+        return isinstance(node, Chunk) and node.has("AGENT")
+
+    def _pronominal(self, start: int) -> tuple[Mention, int] | None:
+        """ "one", "the other one", "the first" without a noun."""
+        node = self.nodes[start]
+        if not isinstance(node, Chunk):
+            return None
+        det = node.tags.get("DET", "")
+        after = self.nodes[start + 1] if start + 1 < len(self.nodes) else None
+        one = isinstance(after, Chunk) and after.text in {"one", "ones"}
+        if node.text == "one" or (
+            det in {"other", "another", "first", "second", "third", "definite", "indefinite"}
+            and one
+        ):
+            det = "one" if node.text == "one" else det
+            return Mention(None, None, det, 1, "one", first_word=node.text), start + (
+                2 if one and node.text != "one" else 1
+            )
+        ordinal = det in {"first", "second", "third"} and self._predicated(after)
+        if ordinal or (
+            det in {"other", "another"} and node.text != "other" and self._predicated(after)
+        ):
+            return Mention(None, None, det, 1, "one", first_word=node.text), start + 1
+        return None
+
+    def _predicated(self, after: Node | None) -> bool:
+        if after is None or isinstance(after, Modifier):
+            return after is None or after.first not in {"a", "an", "the"}
+        return not after.has(
+            "DET", "AGENT", "NUMBER", "PRONOUN", "TIMEWORD", "XWALK", "LEG", "ROAD", "BACKGROUND"
+        ) and bool(after.tags)
+
+
+def _gives_direction(premod: Node) -> bool:
+    if isinstance(premod, Modifier):
+        return premod.means in {"bound", "straight", "turn", "from", "leg"}
+    return premod.has("OPPOSITE", "ACROSS", "THROUGH", "STRAIGHT")
+
+
+def _merge_drivers(items: list[Item]) -> list[Item]:
+    """ "a woman driving an SUV" and "the driver of a truck" are one vehicle."""
+    result: list[Item] = []
+    for item in items:
+        if isinstance(item, Mention) and item.type == "vehicle" and item.det != "no":
+            person = _person_before(result)
+            if person is not None:
+                owner, length = person
+                del result[-length:]
+                item.det, item.premods = owner.det, owner.premods + item.premods
+                item.count, item.counted, item.plural = owner.count, owner.counted, owner.plural
+        result.append(item)
+    return result
+
+
+def _person_before(items: list[Item]) -> tuple[Mention, int] | None:
+    if len(items) < 2:
+        return None
+    link, owner = items[-1], items[-2]
+    length = 2
+    if isinstance(link, Chunk) and not link.has("DRIVING") and not link.tags and len(items) >= 3:
+        return None
+    if not (isinstance(link, Chunk) and link.has("DRIVING") and isinstance(owner, Mention)):
+        return None
+    driver = owner.head in _DRIVERS or owner.type == "pedestrian"
+    loose = link.text in {"in", "of", "on"} and owner.type == "pedestrian" and link.text == "of"
+    return (owner, length) if driver and not loose and owner.det != "no" else None

@@ -1,0 +1,93 @@
+"""Instruction text -> clean lower-case tokens."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+from functools import lru_cache
+
+import snowballstemmer
+
+_REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
+    (re.compile(pattern), new)
+    for pattern, new in (
+        (r"[‘’´`]", "'"),
+        (r"[“”\"*_]", " "),
+        (r"\s*(?:→|⇒|=>|-{1,2}>)\s*", " to "),
+        (r"\b([ap])\.\s?m\b\.?", r"\1m"),
+        (r"\b(vs|st|ave|approx|no|mr|mrs|dr|e\.g|i\.e)\.(?=\s)", r"\1"),
+        (r"\.{2,}|…", " , "),
+        (r"\n\s*(?:[-*•]|\d+[.)])?\s*(?=[a-z])", " . "),
+        (r"^\s*[-*•]\s*", ""),
+        (r"\s[-–—]+\s|—", " , "),
+        (r"\bw/o\b", "without"),
+        (r"\bw/", "with "),
+        (r"\b(ca|wo|sha)n't\b", r"can not"),
+        (r"n't\b", " not"),
+        (r"\b(do|does|did|is|was|has|had|would|could|should|was)nt\b", r"\1 not"),
+        (r"\bcannot\b|\bcant\b", "can not"),
+        (r"\bwont\b", "will not"),
+        (r"'(?:s|re|ve|ll|d|m)\b", " "),
+        (r"\bit'?s\b(?= a\b| the\b| \d| almost| about| [a-z]+ing\b)", "it is"),
+        (r"\bgonna\b", "going to"),
+        (r"\bwanna\b", "want to"),
+        (r"\b(?:da|teh|th)\b", "the"),
+        (r"\blite\b", "light"),
+        (r"\b4 (?=the\b|a\b|an\b)", "for "),
+        (r"\b(yields?|gives? way|stops?|stopping|waits?) (?:2|4) (?=[a-z])", r"\1 for "),
+        (r"\bveh(\d)", r"vehicle \1"),
+        (r"\b(car|truck|bus|vehicle|ped|pedestrian|unit|v|p)[ _-]?#?(\d)\b", r"\1 \2"),
+        (
+            r"\b(run|runs|ran|running|knock(?:s|ed|ing)?|mow(?:s|ed|ing)?|strik(?:es|ing)|let|lets|letting) ((?:the |a )?(?!and\b|then\b|over\b|down\b|by\b|through\b|into\b|straight\b|off\b|out\b|right\b|past\b)[a-z]+) (over|down|through|by)\b(?! (?:a|the) (?:red|light))",
+            r"\1 \3 \2",
+        ),
+        (r"\bj[- ]?walk", "jaywalk"),
+        (r"&|\+", " and "),
+        (r"@", " at "),
+        (r"~", " "),
+    )
+)
+_TOKEN = re.compile(r"\d+(?:\.\d+)?(?:st|nd|rd|th)\b|\d+(?:\.\d+)?|[a-z]+|[.,;:!?()\[\]|]")
+_END = frozenset(".;!?|")
+_SOFT = frozenset(",()[]")
+_stemmer = snowballstemmer.stemmer("english")
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """A word, a number or a mark; `end` closes a sentence, `soft` a phrase."""
+
+    text: str
+    stem: str
+    end: bool = False
+    soft: bool = False
+
+    @property
+    def mark(self) -> bool:
+        """True for punctuation."""
+        return self.end or self.soft or self.text == ":"
+
+
+@lru_cache(maxsize=8192)
+def stem(word: str) -> str:
+    """The Snowball stem of a lower-case word."""
+    return str(_stemmer.stemWord(word))
+
+
+def clean(text: str) -> str:
+    """The text in lower case with contractions, quotes, dashes and arrows made plain."""
+    result = unicodedata.normalize("NFKC", text).lower().replace("\r", "\n")
+    for pattern, new in _REPLACEMENTS:
+        result = pattern.sub(new, result)
+    return result
+
+
+def tokenise(text: str) -> list[Token]:
+    """Tokens of text that went through `clean`."""
+    return [_token(word) for word in _TOKEN.findall(text)]
+
+
+@lru_cache(maxsize=8192)
+def _token(word: str) -> Token:
+    return Token(word, stem(word), end=word in _END, soft=word in _SOFT)

@@ -1,0 +1,278 @@
+"""Stage 1 without a model: instruction text -> social graph, or a refusal with its reason.
+
+Text goes through `normalise` (tokens), `clock` (figures), `lexicon` (tagged chunks), `grammar`
+(modifiers), `mentions` (noun phrases), `clauses` (agents, relations), `context` and `entail`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+
+from scenewright.backends.builtin import edits
+from scenewright.backends.builtin.clauses import Reader
+from scenewright.backends.builtin.clock import read_clock
+from scenewright.backends.builtin.context import read_context
+from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
+from scenewright.backends.builtin.entail import entail
+from scenewright.backends.builtin.grammar import modifiers
+from scenewright.backends.builtin.lexicon import Chunk, lexicon
+from scenewright.backends.builtin.mentions import noun_phrases
+from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.scope import (
+    check_language,
+    check_scope,
+    check_text,
+    nothing_planned,
+)
+from scenewright.scene.social import (
+    AgentNode,
+    Background,
+    Plan,
+    Refusal,
+    RelationEdge,
+    SceneContext,
+    SocialGraph,
+)
+
+_FASTEST = 20.0
+_MOST_BACKGROUND = 20
+_NOTHING = (
+    "nothing happens",
+    "no incident",
+    "without incident",
+    "without any incident",
+    "no event",
+)
+_SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
+
+
+def plan(text: str, *, previous: str | None = None) -> Plan:
+    """The social graph that the text asks for, or why there is none (paper 3.1, SEMANTICS 2-4).
+
+    Args:
+        text: the instruction, in English, at most 2,000 characters.
+        previous: an earlier instruction that `text` edits; a full instruction replaces it.
+    """
+    try:
+        return _graph(_understand(text, previous))
+    except Refused as verdict:
+        return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
+
+
+def _understand(text: str, previous: str | None) -> Draft:
+    if previous is None or not previous.strip():
+        return _finish(_draft(text))
+    if edits.is_edit(text):
+        base = _base(previous)
+        if base is not None:
+            return _finish(_edited(text, base))
+    return _finish(_draft(text))
+
+
+def _base(previous: str) -> Draft | None:
+    try:
+        return _draft(previous)
+    except Refused:
+        return None
+
+
+def _draft(text: str) -> Draft:
+    """What a full instruction says, before entailments."""
+    check_text(text)
+    plain = clean(text)
+    check_language(text, tokenise(plain))
+    without_figures, clock = read_clock(plain)
+    chunks = lexicon().chunks(tokenise(without_figures))
+    check_scope(plain, chunks)
+    draft = Draft(
+        normal=any(chunk.has("NORMAL") and chunk.tags["NORMAL"] == "normal" for chunk in chunks)
+    )
+    reader = _read(draft, chunks, without_figures)
+    read_context(draft, chunks, clock)
+    _settle_normal(draft, reader, chunks)
+    if draft.agents and any(chunk.has("EMPTY") for chunk in chunks):
+        raise Refused(
+            "contradictory", "The scene cannot be empty and hold agents; drop one of the two."
+        )
+    return draft
+
+
+def _edited(text: str, base: Draft) -> Draft:
+    check_text(text)
+    whole = clean(text)
+    check_language(text, tokenise(whole))
+    plain, clock = read_clock(whole)
+    chunks = lexicon().chunks(tokenise(plain))
+    check_scope(whole, chunks, editing=True)
+    draft = deepcopy(base)
+    edits.apply(draft, chunks, lambda words: _read(draft, words, plain, editing=True), clock)
+    return draft
+
+
+def _read(draft: Draft, chunks: Sequence[Chunk], text: str, *, editing: bool = False) -> Reader:
+    reader = Reader(draft, editing=editing)
+    reader.read(noun_phrases(modifiers(chunks), text=text))
+    _failed_yields(draft, reader)
+    if "late_brake" in reader.said:
+        _cause(draft, "late_brake")
+    return reader
+
+
+def _failed_yields(draft: Draft, reader: Reader) -> None:
+    """A yield denied: contradicts the same yield, and alone amounts to a near miss."""
+    for edge in reader.failed:
+        same = [r for r in draft.relations if r.pair() == edge.pair()]
+        if any(
+            r.type == edge.type and (r.type != "yield_to" or r.from_ is edge.from_) for r in same
+        ):
+            raise Refused(
+                "contradictory",
+                "The text both asks for an event and denies it; keep one of the two.",
+            )
+    denied = [edge for edge in reader.failed if edge.type == "yield_to"]
+    if denied and not draft.relations and not draft.normal:
+        draft.relations.append(RelationDraft("near_miss", denied[0].from_, denied[0].to))
+
+
+def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> None:
+    if draft.denied & {relation.type for relation in draft.relations}:
+        raise Refused(
+            "contradictory", "The text both asks for an event and denies it; keep one of the two."
+        )
+    event = any(relation.type in {"collide_at", "near_miss"} for relation in draft.relations)
+    if event and any(chunk.has("NORMAL") and chunk.text.startswith(_NOTHING) for chunk in chunks):
+        raise Refused(
+            "contradictory", "The text both asks for an event and denies it; keep one of the two."
+        )
+    if draft.relations:
+        return
+    _drop_generic(draft)
+    for group in list(reader.counted):
+        if not any(a.entry or a.exit or a.movement for a in group):
+            reader._to_background(group)
+    said = draft.normal or draft.denied or draft.agents
+    context = draft.context
+    traffic = any(
+        chunk.tags.get("AGENT") == "traffic" or chunk.has("TRAFFIC_NOUN") for chunk in chunks
+    )
+    counted = context.vehicles is not None or context.pedestrians is not None
+    if not said and not (traffic and (context.density or context.time_of_day)) and not counted:
+        raise nothing_planned()
+
+
+def _drop_generic(draft: Draft) -> None:
+    """ "cars and people move on as usual" names nobody in particular."""
+    draft.agents[:] = [
+        agent
+        for agent in draft.agents
+        if not agent.generic or agent.entry or agent.exit or agent.movement or agent.crosswalk
+    ]
+
+
+def _finish(draft: Draft) -> Draft:
+    _one_event_per_pair(draft)
+    entail(draft)
+    if any(agent.runs_red for agent in draft.agents):
+        _cause(draft, "red_light_run")
+    for relation in draft.relations:
+        _orient(relation)
+    speed = draft.context.speed
+    if speed is not None and speed > _FASTEST:
+        raise Refused(
+            "impossible",
+            f"{speed:.0f} m/s is too fast here; ask for at most {_FASTEST:.0f} m/s (72 km/h).",
+        )
+    empty = draft.context.vehicles == 0 and draft.context.pedestrians == 0
+    if not draft.agents and empty:
+        raise nothing_planned()
+    return draft
+
+
+def _one_event_per_pair(draft: Draft) -> None:
+    """Collision, else yielding, else near miss (SEMANTICS 4); a follow may come before any."""
+    for relation in list(draft.relations):
+        types = {r.type for r in draft.relations if r.pair() == relation.pair()}
+        if {"collide_at", "yield_to"} <= types:
+            raise Refused(
+                "contradictory",
+                "An agent cannot yield to another and hit it in one encounter; keep one of the two.",
+            )
+        if relation.type == "near_miss" and types & {"collide_at", "yield_to"}:
+            draft.relations.remove(relation)
+
+
+def _cause(draft: Draft, cause: str) -> None:
+    for relation in draft.relations:
+        ran = relation.from_.runs_red or relation.to.runs_red or cause == "late_brake"
+        if relation.type in {"collide_at", "near_miss"} and ran:
+            relation.cause = relation.cause or cause
+
+
+def _orient(relation: RelationDraft) -> None:
+    """The vehicle strikes the pedestrian, whoever is the subject of the sentence."""
+    if relation.type in {"collide_at", "near_miss"} and relation.from_.type == "pedestrian":
+        relation.from_, relation.to = relation.to, relation.from_
+
+
+def _graph(draft: Draft) -> SocialGraph:
+    ids = _ids(draft.agents)
+    nodes = tuple(_node(agent, ids[id(agent)]) for agent in draft.agents)
+    edges = tuple(_edge(relation, ids, draft) for relation in draft.relations[:6])
+    return SocialGraph(agents=nodes, relations=edges, context=_context(draft))
+
+
+def _ids(agents: Sequence[AgentDraft]) -> dict[int, str]:
+    counts = {"vehicle": 0, "pedestrian": 0}
+    result: dict[int, str] = {}
+    for agent in agents:
+        counts[agent.type] += 1
+        result[id(agent)] = f"{agent.type}-{counts[agent.type]}"
+    return result
+
+
+def _node(agent: AgentDraft, name: str) -> AgentNode:
+    return AgentNode.model_validate(
+        {
+            "id": name,
+            "type": agent.type,
+            "subtype": agent.subtype if agent.subtype in _SUBTYPES else None,
+            "entry": agent.entry,
+            "exit": agent.exit,
+            "movement": agent.movement,
+            "crosswalk": agent.crosswalk,
+            "runs_red": agent.runs_red,
+        }
+    )
+
+
+def _edge(relation: RelationDraft, ids: dict[int, str], draft: Draft) -> RelationEdge:
+    context = draft.context
+    collision, miss = relation.type == "collide_at", relation.type == "near_miss"
+    return RelationEdge.model_validate(
+        {
+            "type": relation.type,
+            "from": ids[id(relation.from_)],
+            "to": ids[id(relation.to)],
+            "kind": relation.kind if collision else None,
+            "cause": relation.cause,
+            "target_pet": min(context.pet, 8.0)
+            if context.pet is not None and not collision
+            else None,
+            "target_ttc": min(context.ttc, 8.0) if context.ttc is not None and miss else None,
+            "impact_speed": (context.speed or None) if collision else None,
+        }
+    )
+
+
+def _context(draft: Draft) -> SceneContext:
+    context = draft.context
+    counts = {"vehicles": context.vehicles, "pedestrians": context.pedestrians}
+    known = any(count is not None for count in counts.values())
+    return SceneContext.model_validate(
+        {
+            "density": context.density,
+            "time_of_day": context.time_of_day,
+            "background": Background(**counts) if known else None,
+        }
+    )

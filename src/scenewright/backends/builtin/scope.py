@@ -1,0 +1,226 @@
+"""What cannot be planned at all: no traffic, another language, agents and places we do not have."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.lexicon import Chunk, lexicon
+from scenewright.backends.builtin.normalise import Token
+
+MOST_CHARACTERS = 2_000
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+_FOREIGN = frozenset(
+    [
+        "un",
+        "une",
+        "uno",
+        "una",
+        "le",
+        "les",
+        "el",
+        "los",
+        "las",
+        "der",
+        "die",
+        "das",
+        "ein",
+        "eine",
+        "einen",
+        "einem",
+        "et",
+        "und",
+        "y",
+        "ein",
+        "de",
+        "des",
+        "du",
+        "en",
+        "il",
+        "lo",
+        "gli",
+        "het",
+        "een",
+        "van",
+        "voor",
+        "met",
+        "op",
+        "pas",
+        "por",
+        "para",
+        "con",
+        "que",
+        "qui",
+        "est",
+        "ist",
+        "nicht",
+        "nao",
+        "uma",
+        "um",
+        "dos",
+        "ao",
+        "na",
+        "och",
+        "ett",
+        "att",
+        "med",
+        "til",
+        "som",
+        "nie",
+        "jest",
+        "w",
+        "na",
+        "przez",
+        "ve",
+        "bir",
+        "di",
+        "che",
+        "al",
+        "del",
+        "della",
+        "auf",
+        "mit",
+        "dans",
+        "sur",
+        "peatón",
+        "coche",
+        "voiture",
+        "auto",
+        "wagen",
+    ]
+)
+_QUESTION = re.compile(
+    r"^\s*(?:(?:how (?!about)|what(?!\s+(?:if|about|happens (?:if|when)))|why|who|where|when (?:is|was|did|do|will)|which|tell me|explain|define|translate|summari[sz]e|is it|are there any laws|do i|should i)\b)"
+)
+_EVIDENCE = (
+    "COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "BOUND", "NORMAL", "XWALK", "CROSS", "JAYWALK",
+    "TURN", "STRAIGHT", "UTURN", "COMPASS", "REDRUN", "OPPOSITE", "DENSITY", "TIMEWORD", "LET", "HEAD", "SIGNAL", "ROAD",
+)  # fmt: skip
+_EDITS = ("AGENT", "EDIT", "BUSIER", "NOBODY", "BACKGROUND", "LEVEL", "LEFT", "RIGHT")
+_BAD_AGENT = {
+    "bicycle": "Bicycles are not a class of this generator",
+    "scooter": "Scooters, skateboards and the like are not a class of this generator",
+    "rail": "Trains and trams are not a class of this generator",
+    "animal": "Animals are not a class of this generator",
+    "aircraft": "Aircraft are not a class of this generator",
+    "ship": "Ships are not a class of this generator",
+    "other": "This agent is not a class of this generator",
+}
+
+
+def check_text(text: str) -> None:
+    """Refused for blank, oversized or unprintable text."""
+    if not text.strip():
+        raise Refused(
+            "out_of_scope",
+            "The instruction is blank; describe a traffic scene at the intersection.",
+        )
+    if len(text) > MOST_CHARACTERS:
+        raise Refused(
+            "out_of_scope",
+            f"The instruction has {len(text)} characters; describe the scene in at most {MOST_CHARACTERS}.",
+        )
+    if _CONTROL.search(text):
+        raise Refused("out_of_scope", "The instruction holds control characters; write plain text.")
+
+
+def check_language(text: str, tokens: Sequence[Token]) -> None:
+    """Refused unless most words are English and one of them is a word at all."""
+    letters = [char for char in text if char.isalpha()]
+    latin = sum(char.isascii() for char in letters)
+    if not letters or latin < 0.8 * len(letters):
+        raise _not_english()
+    words = [token.text for token in tokens if token.text.isalpha()]
+    foreign = sum(word in _FOREIGN for word in words)
+    if not words or not _familiar(tokens) or (foreign >= 2 and foreign >= 0.2 * len(words)):
+        raise _not_english()
+
+
+def _familiar(tokens: Sequence[Token]) -> bool:
+    words = lexicon()
+    return words.familiar(tokens) >= 0.2 and words.familiar(words.mend(tokens)) >= 0.6
+
+
+def check_scope(clean: str, chunks: Sequence[Chunk], *, editing: bool = False) -> None:
+    """Refused for agents, places and motions that no scene here can hold."""
+    for at, chunk in enumerate(chunks):
+        if chunk.has("BAD_AGENT") and not _excused(chunks, at):
+            reason = _BAD_AGENT[chunk.tags["BAD_AGENT"]]
+            raise Refused("out_of_scope", f"{reason} ({chunk.text}); use vehicles and pedestrians.")
+        if chunk.has("BAD_PLACE") and not _excused(chunks, at):
+            raise Refused(
+                "out_of_scope",
+                f"Scenes take place at a four-leg intersection, not at a {chunk.tags['BAD_PLACE']}; move it there.",
+            )
+        if chunk.has("BAD_OBJECT") and _struck(chunks, at):
+            raise Refused(
+                "out_of_scope",
+                f"Only vehicles and pedestrians take part, not a {chunk.text}; name one of them.",
+            )
+        if chunk.has("IMPOSSIBLE"):
+            raise Refused(
+                "impossible",
+                f"Vehicles and pedestrians cannot do that ({chunk.text}); leave it out.",
+            )
+        if chunk.has("SIDEWALK") and _drives_there(chunks, at):
+            raise Refused(
+                "impossible",
+                "Vehicles stay on the road here, not on the sidewalk; move the vehicle to the road.",
+            )
+    if _QUESTION.search(clean):
+        raise _no_traffic()
+    evidence = _EVIDENCE + _EDITS if editing else _EVIDENCE
+    if not any(chunk.has(*evidence) for chunk in chunks):
+        raise _no_traffic()
+
+
+def nothing_planned() -> Refused:
+    """The verdict on a text that names no agent and no event."""
+    return _no_traffic()
+
+
+def _no_traffic() -> Refused:
+    return Refused(
+        "out_of_scope",
+        "The text describes no traffic scene; say which vehicles or pedestrians do what at the intersection.",
+    )
+
+
+def _not_english() -> Refused:
+    return Refused(
+        "out_of_scope",
+        "The text is not English as far as the planner can tell; describe the scene in English.",
+    )
+
+
+def _excused(chunks: Sequence[Chunk], at: int) -> bool:
+    """ "walking her dog" and "no cyclists" bring no such agent into the scene."""
+    before = [chunk.text for chunk in chunks[max(0, at - 3) : at]]
+    if chunks[at].tags.get("BAD_AGENT") == "animal":
+        return any(word in {"walking", "with", "walks"} for word in before) and _has_agent(
+            chunks[:at]
+        )
+    return bool(before) and before[-1] in {"no", "without", "not", "near the", "pushing"}
+
+
+def _has_agent(chunks: Sequence[Chunk]) -> bool:
+    return any(chunk.has("AGENT") for chunk in chunks)
+
+
+def _struck(chunks: Sequence[Chunk], at: int) -> bool:
+    for chunk in reversed(chunks[max(0, at - 4) : at]):
+        if chunk.has("COLLIDE"):
+            return True
+        if chunk.has("AGENT") or chunk.mark:
+            return False
+    return False
+
+
+def _drives_there(chunks: Sequence[Chunk], at: int) -> bool:
+    for chunk in reversed(chunks[max(0, at - 8) : at]):
+        if chunk.has("AGENT"):
+            return chunk.tags["AGENT"].startswith("vehicle")
+        if chunk.mark in {".", ";"} or chunk.has("COLLIDE", "YIELD", "WAIT", "LET"):
+            return False
+    return False

@@ -1,0 +1,61 @@
+"""What can go wrong, drawn as a tree.
+
+    ScenewrightError
+    ├── InputError          the caller's input is at fault; one clear line, exit code 2
+    ├── Unsatisfiable       a sane request that cannot be met; carries every rejection, exit code 3
+    ├── BackendFault        a backend failed for good after its retries, exit code 4
+    └── Rejected            wraps a `Rejection` on its way to a retry edge; never reaches a user
+
+Anything else that is raised is a bug and is never caught.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scenewright.scene.rejection import Rejection
+
+
+class ScenewrightError(Exception):
+    """Base of every error that scenewright raises on purpose."""
+
+    exit_code = 1
+
+
+class InputError(ScenewrightError):
+    """The input cannot be used; the message says what was wrong and how to mend it."""
+
+    exit_code = 2
+
+
+class Unsatisfiable(ScenewrightError):
+    """The request was understood but no verified scene exists within the budget.
+
+    Attributes:
+        rejections: every rejection on the way, oldest first.
+    """
+
+    exit_code = 3
+
+    def __init__(self, message: str, rejections: tuple[Rejection, ...] = ()) -> None:
+        super().__init__(message)
+        self.rejections = rejections
+
+
+class BackendFault(ScenewrightError):
+    """The backend that answers stage prompts failed (transport, timeout, refusal)."""
+
+    exit_code = 4
+
+
+class Rejected(ScenewrightError):
+    """A stage's product was refused; routed along a retry edge.
+
+    Attributes:
+        rejection: the value that the retried stage can act on.
+    """
+
+    def __init__(self, rejection: Rejection) -> None:
+        super().__init__(f"{rejection.stage}/{rejection.code}: {rejection.detail}")
+        self.rejection = rejection

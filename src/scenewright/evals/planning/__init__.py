@@ -1,0 +1,174 @@
+"""Planning accuracy: share of instructions with every field right, and each field by itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from itertools import permutations
+from math import sqrt
+from typing import Any, Literal
+
+Row = Mapping[str, Any]
+_SYMMETRIC = frozenset({"collision", "near_miss"})
+_AGENT_FIELDS = ("entry", "exit", "movement", "crosswalk")
+_DAY = 24 * 60
+
+
+@dataclass(frozen=True)
+class Share:
+    """A rate with its count and 95 % Wilson interval; None where n is 0."""
+
+    right: int
+    n: int
+
+    @property
+    def rate(self) -> float | None:
+        """right / n."""
+        return self.right / self.n if self.n else None
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Wilson score interval (Wilson 1927), z = 1.96."""
+        if not self.n:
+            return None
+        z2, p = 1.96**2, self.right / self.n
+        middle = (p + z2 / (2 * self.n)) / (1 + z2 / self.n)
+        half = 1.96 * sqrt(p * (1 - p) / self.n + z2 / (4 * self.n**2)) / (1 + z2 / self.n)
+        return max(0.0, middle - half), min(1.0, middle + half)
+
+
+@dataclass(frozen=True)
+class PlanningScore:
+    """Planning accuracy of one set.
+
+    Attributes:
+        all_fields: rows with every field right.
+        fields: per field, over the rows that are no refusals (`refused`: over all rows).
+        wrong: id -> names of the fields that were wrong.
+    """
+
+    all_fields: Share
+    fields: Mapping[str, Share]
+    wrong: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+def load(part: Literal["development", "test"]) -> list[dict[str, Any]]:
+    """The labelled instructions that ship with the package: {"id", "text", "previous"?, "expected"}."""
+    source = files("scenewright.evals.planning").joinpath(f"{part}.jsonl").read_text("utf-8")
+    return [json.loads(line) for line in source.splitlines()]
+
+
+def score(rows: Sequence[Row], predictions: Sequence[Row]) -> PlanningScore:
+    """Compare plan rows with labelled rows, paired by id.
+
+    Agents match up to renaming within their class; collisions and near misses have no direction;
+    a label's time range (or list of ranges) accepts every time inside it.
+
+    Raises:
+        ValueError: if a labelled row has no prediction.
+    """
+    by_id = {row["id"]: row for row in predictions}
+    missing = [row["id"] for row in rows if row["id"] not in by_id]
+    if missing:
+        raise ValueError(f"no prediction for {', '.join(missing[:5])}")
+    verdicts = {row["id"]: compare(row["expected"], by_id[row["id"]]) for row in rows}
+    names = dict.fromkeys(name for verdict in verdicts.values() for name in verdict)
+    return PlanningScore(
+        all_fields=Share(sum(all(v.values()) for v in verdicts.values()), len(verdicts)),
+        fields={name: _share(name, verdicts.values()) for name in names},
+        wrong={
+            key: tuple(name for name, right in verdict.items() if not right)
+            for key, verdict in verdicts.items()
+            if not all(verdict.values())
+        },
+    )
+
+
+def compare(expected: Row, predicted: Row) -> dict[str, bool]:
+    """Field name -> right or wrong, under the best renaming of agents."""
+    refused = bool(expected["refused"])
+    if refused or predicted["refused"]:
+        return {"refused": refused == bool(predicted["refused"])}
+    context = _compare_context(expected["context"], predicted["context"])
+    candidates = [
+        _compare_agents(expected, predicted, names) for names in _renamings(expected, predicted)
+    ]
+    fallback = {"agents": False, **dict.fromkeys(_AGENT_FIELDS, False), "relations": False}
+    best = max(candidates, key=lambda fields: sum(fields.values()), default=fallback)
+    return {"refused": True, **best, **context}
+
+
+def _share(name: str, verdicts: Any) -> Share:
+    seen = [verdict[name] for verdict in verdicts if name in verdict]
+    return Share(sum(seen), len(seen))
+
+
+def _renamings(expected: Row, predicted: Row) -> list[dict[str, str]]:
+    """Every map from predicted to expected ids that keeps the class; none if the counts differ."""
+    result: list[dict[str, str]] = [{}]
+    for kind in ("vehicle", "pedestrian"):
+        ours = [agent["id"] for agent in predicted["agents"] if agent["type"] == kind]
+        theirs = [agent["id"] for agent in expected["agents"] if agent["type"] == kind]
+        if len(ours) != len(theirs):
+            return []
+        result = [
+            {**names, **dict(zip(ours, order, strict=True))}
+            for names in result
+            for order in permutations(theirs)
+        ]
+    return result
+
+
+def _compare_agents(expected: Row, predicted: Row, names: Mapping[str, str]) -> dict[str, bool]:
+    theirs = {agent["id"]: agent for agent in expected["agents"]}
+    fields = {
+        key: all(theirs[names[a["id"]]][key] == a[key] for a in predicted["agents"])
+        for key in _AGENT_FIELDS
+    }
+    ours = {_edge(edge, names) for edge in predicted["relations"]}
+    same = {name: name for name in theirs}
+    return {
+        "agents": True,
+        **fields,
+        "relations": ours == {_edge(edge, same) for edge in expected["relations"]},
+    }
+
+
+def _edge(edge: Row, names: Mapping[str, str]) -> tuple[Any, ...]:
+    if edge["type"] == "normal":
+        return ("normal",)
+    ends = (names[edge["from"]], names[edge["to"]])
+    return (edge["type"], *(sorted(ends) if edge["type"] in _SYMMETRIC else ends))
+
+
+def _compare_context(expected: Row, predicted: Row) -> dict[str, bool]:
+    return {
+        "density": expected["density"] == predicted["density"],
+        "time_of_day": _time_fits(expected["time_of_day"], predicted["time_of_day"]),
+        "background": _counts(expected["background"]) == _counts(predicted["background"]),
+    }
+
+
+def _counts(background: Row | None) -> tuple[int | None, int | None]:
+    known = background or {}
+    return known.get("vehicles"), known.get("pedestrians")
+
+
+def _time_fits(label: str | list[str] | None, time: str | None) -> bool:
+    if label is None or time is None:
+        return label is time
+    if isinstance(label, list):
+        return any(_time_fits(one, time) for one in label)
+    if label == time or "-" not in label:
+        return label == time
+    start, length = _range(label)
+    first, ours = _range(time)
+    return (first - start) % _DAY + ours <= length
+
+
+def _range(text: str) -> tuple[int, int]:
+    """Start [min of day] and length [min] of HH:MM or HH:MM-HH:MM."""
+    ends = [int(part[:2]) * 60 + int(part[3:5]) for part in text.split("-")]
+    return ends[0], (ends[-1] - ends[0]) % _DAY

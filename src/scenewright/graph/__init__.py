@@ -1,0 +1,1 @@
+"""The graph: nodes, edges, retries, runs and what they write."""

@@ -1,0 +1,74 @@
+"""The state machine: stages as nodes, retries as conditional edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+from langgraph.graph import END, START, StateGraph
+from langgraph.runtime import Runtime
+from langgraph.types import RetryPolicy
+
+from scenewright.errors import BackendFault, Rejected
+from scenewright.graph import routes
+from scenewright.memory.state import SceneState
+from scenewright.nodes.agent_generator import generate_agents
+from scenewright.nodes.context import RunContext
+from scenewright.nodes.event_reasoner import reason_events
+from scenewright.nodes.scene_planner import plan_scene
+from scenewright.nodes.scene_verifier import verify_scene
+from scenewright.nodes.trajectory_refiner import refine_trajectories
+from scenewright.nodes.waypoint_filter import filter_waypoints
+
+STAGES: dict[str, Callable[..., Any]] = {
+    "scene_planner": plan_scene,
+    "agent_generator": generate_agents,
+    "waypoint_filter": filter_waypoints,
+    "event_reasoner": reason_events,
+    "trajectory_refiner": refine_trajectories,
+    "scene_verifier": verify_scene,
+}
+
+NodeT = TypeVar("NodeT", bound=Callable[..., Any])
+
+
+def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
+    """The graph, not yet compiled, so that whoever runs it may add a checkpointer."""
+    graph: StateGraph[SceneState, RunContext, Any, Any] = StateGraph(
+        SceneState, context_schema=RunContext
+    )
+    transport = RetryPolicy(max_attempts=3, retry_on=BackendFault)
+    for name, node in STAGES.items():
+        graph.add_node(name, _routed(node), retry_policy=transport)
+    graph.add_node("give_up", give_up)
+    graph.add_edge(START, "scene_planner")
+    graph.add_conditional_edges("scene_planner", routes.after_scene_planner)
+    graph.add_edge("agent_generator", "waypoint_filter")
+    graph.add_conditional_edges("waypoint_filter", routes.after_waypoint_filter)
+    graph.add_conditional_edges("event_reasoner", routes.after_event_reasoner)
+    graph.add_edge("trajectory_refiner", "scene_verifier")
+    ends = {name: name for name in ("event_reasoner", "agent_generator", "give_up")}
+    graph.add_conditional_edges("scene_verifier", routes.after_scene_verifier, {**ends, "end": END})
+    graph.add_edge("give_up", END)
+    return graph
+
+
+def give_up(state: SceneState) -> SceneState:
+    """The budget is spent or the request cannot be met; the run raises what the state holds."""
+    del state
+    return {}
+
+
+def _routed(node: NodeT) -> NodeT:
+    """A refused product becomes a rejection in the state, for the routes to act on."""
+
+    @wraps(node)
+    def run(state: Any, *, runtime: Runtime[RunContext]) -> Any:
+        try:
+            return {**node(state, runtime=runtime), "refused": None}
+        except Rejected as error:
+            runtime.context.tell(error.rejection.stage, f"refused: {error.rejection.detail}")
+            return {"refused": error.rejection, "rejections": [error.rejection]}
+
+    return run  # type: ignore[return-value]

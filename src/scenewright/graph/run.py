@@ -1,0 +1,244 @@
+"""One run: an instruction in, a proven scene out, or the reason why not."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import ValidationError
+
+from scenewright.backends import Backend, load_backend
+from scenewright.errors import InputError, Unsatisfiable
+from scenewright.graph.atomic import write_atomically
+from scenewright.intersections import load_map
+from scenewright.memory.state import SceneState
+from scenewright.nodes.context import RefinerName, RunContext
+from scenewright.scene.events import Proof
+from scenewright.scene.record import SceneRecord
+from scenewright.scene.rejection import Rejection
+from scenewright.tools.dsl_validator.select import Mode
+from scenewright.tools.gmm_sampler import load_priors
+from scenewright.tools.ground import Ground
+from scenewright.tools.relation_checker import check
+
+DEFAULT_INTERSECTION = "amsterdam_120"
+REFINERS = ("none",)
+MAX_SEED = 2**63 - 1
+
+Tell = Callable[[str, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A verified scene and how it came about.
+
+    Attributes:
+        record: what scene.json holds; proof: what proof.json holds.
+        provenance: seed, backend, versions, rejections and seconds per stage.
+        state: every product of the run, for the recorder.
+        messages: (stage, line) in order.
+    """
+
+    record: SceneRecord
+    proof: Proof
+    provenance: Mapping[str, Any]
+    state: SceneState
+    messages: tuple[tuple[str, str], ...]
+
+    def save(self, folder: str | Path) -> Path:
+        """Writes scene.json, proof.json and provenance.json, each whole or not at all."""
+        target = make_folder(folder)
+        write_atomically(target / "provenance.json", _json(self.provenance))
+        write_atomically(
+            target / "proof.json", _json(self.proof.model_dump(mode="json", by_alias=True))
+        )
+        write_atomically(target / "scene.json", scene_bytes(self.record))
+        return target
+
+
+def synthesize(
+    instruction: str,
+    *,
+    intersection: str = DEFAULT_INTERSECTION,
+    backend: str | Backend = "builtin",
+    seed: int = 0,
+    refiner: str = "none",
+    selection: Mode = "draw",
+    previous: str | None = None,
+    tell: Tell | None = None,
+) -> Scene:
+    """A verified scene for an instruction in plain language.
+
+    Args:
+        intersection: name of a bundle; see `scenewright intersections list`.
+        backend: name of the backend that plans and reasons, or one already made.
+        seed: the same seed gives the same bytes (builtin backend).
+        refiner: `none`; a learned refiner is to come.
+        selection: `draw` among the survivors, or `map`, the most probable one (Eq. 4).
+        previous: an earlier turn that the instruction may refer to.
+        tell: called with (stage, line) as the run goes.
+
+    Raises:
+        InputError: the text is not a request for a scene, or an argument is unusable.
+        Unsatisfiable: a sane request that cannot be met; carries every rejection.
+        BackendFault: the backend failed for good.
+    """
+    messages: list[tuple[str, str]] = []
+
+    def note(stage: str, line: str) -> None:
+        messages.append((stage, line))
+        if tell is not None:
+            tell(stage, line)
+
+    _check_arguments(seed, refiner)
+    context = RunContext(
+        backend=load_backend(backend) if isinstance(backend, str) else backend,
+        ground=ground_of(intersection),
+        priors=load_priors(intersection),
+        seed=seed,
+        refiner=cast(RefinerName, refiner),
+        selection=selection,
+        tell=note,
+    )
+    start: SceneState = {"instruction": instruction, "previous": previous, "rejections": []}
+    state, seconds = _run(start, context)
+    if "scene" not in state or state.get("refused") is not None:
+        raise _refusal(state)
+    provenance = _provenance(context, state, seconds)
+    return Scene(state["scene"], state["proof"], provenance, state, tuple(messages))
+
+
+def verify(scene: SceneRecord | Scene | str | Path, *, intersection: str | None = None) -> Proof:
+    """The checker's verdict on a scene, a scene.json or a folder that holds one.
+
+    Raises:
+        InputError: there is no scene there, or it is none.
+    """
+    record = scene.record if isinstance(scene, Scene) else scene
+    if not isinstance(record, SceneRecord):
+        record = load_scene(record)
+    name = intersection or record.meta.intersection
+    return check(record, load_map(name))
+
+
+def load_scene(path: str | Path) -> SceneRecord:
+    """The scene in a scene.json, or in a folder that holds one.
+
+    Raises:
+        InputError: missing, unreadable or not a scene; says where the first fault is.
+    """
+    file = Path(path) / "scene.json" if Path(path).is_dir() else Path(path)
+    try:
+        return SceneRecord.model_validate_json(file.read_bytes())
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"]) or "file"
+        raise InputError(f"{file} is not a scene: {where}: {first['msg']}") from error
+
+
+def make_folder(folder: str | Path) -> Path:
+    """The folder, made if need be; InputError if it cannot be."""
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make folder {target}: {error.strerror or error}") from error
+    return target
+
+
+def scene_bytes(record: SceneRecord) -> bytes:
+    """scene.json: the same scene, the same bytes."""
+    return _json(record.to_json())
+
+
+@lru_cache(maxsize=8)
+def ground_of(name: str) -> Ground:
+    """Map and prepared areas of a bundle; InputError if there is none of that name."""
+    return Ground(load_map(name))
+
+
+@cache
+def _compiled() -> Any:
+    from scenewright.graph.build import build_graph
+
+    return build_graph().compile()
+
+
+def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, float]]:
+    """The final state, and wall seconds by stage."""
+    limit = 8 * (context.budgets.generator + context.budgets.planner + 4)
+    seconds: dict[str, float] = {}
+    state: dict[str, Any] = {}
+    before = time.perf_counter()
+    stream = _compiled().stream(
+        start,
+        context=context,
+        config={"recursion_limit": limit},
+        stream_mode=["updates", "values"],
+    )
+    for mode, chunk in stream:
+        if mode == "values":
+            state = chunk
+            continue
+        now = time.perf_counter()
+        for stage in chunk:
+            seconds[stage] = seconds.get(stage, 0.0) + now - before
+        before = now
+    return cast(SceneState, state), seconds
+
+
+def _check_arguments(seed: int, refiner: str) -> None:
+    if not 0 <= seed <= MAX_SEED:
+        raise InputError(f"a seed is a whole number from 0 to 2^63 - 1, got {seed}")
+    if refiner not in REFINERS:
+        raise InputError(f"there is no refiner {refiner!r}; choose one of: {', '.join(REFINERS)}")
+
+
+def _refusal(state: SceneState) -> InputError | Unsatisfiable:
+    rejections: tuple[Rejection, ...] = tuple(state.get("rejections", []))
+    last = rejections[-1]
+    if last.code == "out_of_scope":
+        return InputError(last.detail)
+    if last.stage == "scene_planner":
+        return Unsatisfiable(last.detail, rejections)
+    return Unsatisfiable(
+        f"no verified scene within {len(rejections)} attempts; last: {last.detail}", rejections
+    )
+
+
+def _provenance(
+    context: RunContext, state: SceneState, seconds: dict[str, float]
+) -> dict[str, Any]:
+    return {
+        "schema_version": 1,
+        "seed": context.seed,
+        "backend": context.backend.name,
+        "selection": context.selection,
+        "refiner": context.refiner,
+        "refinement": state["refinement"],
+        "intersection": context.intersection.name,
+        "versions": _versions(),
+        "constraints": [each.clause for each in state["constraints"].clauses],
+        "patterns": [each.pattern for each in state["candidates"].cast.patterns],
+        "rejections": [each.model_dump(mode="json") for each in state.get("rejections", [])],
+        "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
+    }
+
+
+@cache
+def _versions() -> dict[str, str]:
+    packages = ("scenewright", "langgraph", "numpy", "ortools", "pydantic", "shapely")
+    return {package: version(package) for package in packages}
+
+
+def _json(value: Any) -> bytes:
+    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return (text + "\n").encode("utf-8", "backslashreplace")

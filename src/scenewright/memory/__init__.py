@@ -1,0 +1,1 @@
+"""Memory: the state within a run (checkpoints and episodes are to come)."""

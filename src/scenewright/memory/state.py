@@ -1,0 +1,46 @@
+"""The state of one run: one channel per product, written by one stage, replaced whole.
+
+Nodes declare the channels they read as their parameter type and those they write as their return
+type, so that LangGraph hands them no others.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping
+from typing import Annotated, TypedDict
+
+from scenewright.scene.behavior import BehaviorProgram, EventSummary
+from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.constraints import ConstraintProgram
+from scenewright.scene.events import Proof
+from scenewright.scene.grounding import Grounding
+from scenewright.scene.record import SceneRecord
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.selection import Selection
+from scenewright.scene.social import SocialGraph
+from scenewright.scene.track import Track
+
+Tracks = Mapping[str, Track]
+"""One track per agent name."""
+
+
+class SceneState(TypedDict, total=False):
+    """Every channel of a run (docs/architecture.md, data flow)."""
+
+    instruction: str
+    previous: str | None
+    social_graph: SocialGraph
+    grounding: Grounding
+    candidates: CandidateSet
+    constraints: ConstraintProgram
+    selection: Selection
+    summary: EventSummary
+    behavior: BehaviorProgram
+    edited: Tracks
+    refined: Tracks
+    refinement: str
+    scene: SceneRecord
+    proof: Proof
+    refused: Rejection | None
+    rejections: Annotated[list[Rejection], operator.add]

@@ -1,0 +1,51 @@
+"""Stage 2, agent generator: amplified scene and waypoint candidates (paper 3.2, Eq. 1-2)."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from langgraph.runtime import Runtime
+
+from scenewright.nodes.context import RunContext
+from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.grounding import Grounding
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.social import SocialGraph
+from scenewright.tools.gmm_sampler.generate import amplify, cast_foreground, hour_of
+
+
+class GeneratorReads(TypedDict):
+    """Channels read."""
+
+    social_graph: SocialGraph
+    grounding: Grounding
+    rejections: list[Rejection]
+
+
+class GeneratorWrites(TypedDict):
+    """Channels written."""
+
+    candidates: CandidateSet
+
+
+def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> GeneratorWrites:
+    """Draws the cast, the number of background agents and M candidates for everybody."""
+    context = runtime.context
+    graph = state["social_graph"]
+    rng = context.rng("agent_generator", state.get("rejections", []))
+    hour = hour_of(graph.context, context.priors, context.rng("agent_generator", []))
+    cast = cast_foreground(
+        graph, state["grounding"], context.priors, on=context.intersection, hour=hour, rng=rng
+    )
+    pool = amplify(
+        graph,
+        cast,
+        context.priors,
+        on=context.intersection,
+        hour=hour,
+        size=context.draws,
+        rng=rng,
+    )
+    wanted = sum(pool.background.values())
+    context.tell("agent_generator", f"{len(graph.agents)} + {wanted} agents at {hour:.2f} h")
+    return {"candidates": pool}

@@ -1,0 +1,60 @@
+"""What a run happens in: everything a node may use besides its state."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from scenewright.backends import Backend
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.rejection import Rejection, Stage
+from scenewright.tools.dsl_validator.select import Mode
+from scenewright.tools.gmm_sampler import Priors
+from scenewright.tools.ground import Ground
+
+RefinerName = Literal["none"]
+
+
+@dataclass(frozen=True)
+class Budgets:
+    """How often each retry edge may be taken."""
+
+    planner: int = 2
+    filter: int = 2
+    reasoner: int = 2
+    generator: int = 16
+
+
+@dataclass(frozen=True)
+class RunContext:
+    """The world of one run.
+
+    Attributes:
+        seed: root of all randomness of this scene.
+        draws: M, candidates per agent (paper 3.2).
+        tell: called with a short line whenever a stage has something to say.
+    """
+
+    backend: Backend
+    ground: Ground
+    priors: Priors
+    seed: int
+    refiner: RefinerName = "none"
+    selection: Mode = "draw"
+    draws: int = 16
+    budgets: Budgets = field(default_factory=Budgets)
+    tell: Callable[[str, str], None] = lambda stage, message: None
+
+    @property
+    def intersection(self) -> IntersectionMap:
+        """The map."""
+        return self.ground.on
+
+    def rng(self, stage: Stage, rejections: list[Rejection]) -> np.random.Generator:
+        """A generator of this stage's own, fresh at every attempt, the same for the same run."""
+        key = (self.seed, zlib.crc32(stage.encode()), len(rejections))
+        return np.random.default_rng(np.random.SeedSequence(key))

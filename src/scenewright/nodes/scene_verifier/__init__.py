@@ -1,0 +1,91 @@
+"""The gate: the relation checker decides on the final tracks (paper 4.3, A.2)."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from langgraph.runtime import Runtime
+
+from scenewright.errors import Rejected
+from scenewright.memory.state import Tracks
+from scenewright.nodes.context import RunContext
+from scenewright.nodes.scene_verifier.assemble import assemble
+from scenewright.scene.behavior import BehaviorProgram
+from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.events import Finding, Proof
+from scenewright.scene.record import SceneRecord
+from scenewright.scene.rejection import Rejection, RejectionCode
+from scenewright.scene.selection import Selection
+from scenewright.scene.social import SocialGraph
+from scenewright.tools.relation_checker import check
+
+
+class VerifierReads(TypedDict):
+    """Channels read."""
+
+    instruction: str
+    social_graph: SocialGraph
+    candidates: CandidateSet
+    selection: Selection
+    behavior: BehaviorProgram
+    refined: Tracks
+
+
+class VerifierWrites(TypedDict):
+    """Channels written."""
+
+    scene: SceneRecord
+    proof: Proof
+
+
+def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> VerifierWrites:
+    """Assembles the scene and proves it, or says with evidence why it is none."""
+    context = runtime.context
+    scene = assemble(
+        state["instruction"],
+        state["social_graph"],
+        state["candidates"],
+        state["selection"],
+        state["behavior"],
+        state["refined"],
+        on=context.intersection,
+        seed=context.seed,
+    )
+    proof = check(scene, context.intersection)
+    if not proof.verified:
+        raise Rejected(_rejection(proof, scene))
+    context.tell("scene_verifier", f"verified: {len(proof.events)} events")
+    return {"scene": with_events(scene, proof), "proof": proof}
+
+
+def with_events(scene: SceneRecord, proof: Proof) -> SceneRecord:
+    """The scene with the events that the proof found; a normal scene says so in one row."""
+    from scenewright.scene.record import EventRecord
+
+    rows = [
+        EventRecord.model_validate(event.model_dump(by_alias=True, exclude={"evidence"}))
+        for event in proof.events
+    ]
+    if not rows:
+        row = {"type": "normal", "from": None, "to": None, "time": None, "location": None}
+        rows = [EventRecord.model_validate(row)]
+    return scene.model_copy(update={"events": tuple(rows)})
+
+
+def _rejection(proof: Proof, scene: SceneRecord) -> Rejection:
+    """The first thing that is wrong, weightiest kind first."""
+    kinds: tuple[tuple[RejectionCode, tuple[Finding, ...]], ...] = (
+        ("relation_not_realised", proof.missing),
+        ("background_interferes", proof.interference + proof.signal_violations),
+        ("implausible_motion", proof.implausible),
+    )
+    names = {agent.id: agent.name for agent in scene.agents}
+    for code, findings in kinds:
+        if findings:
+            first = findings[0]
+            agents = tuple(names.get(each, str(each)) for each in first.agents)
+            detail = f"{first.rule}: {first.detail} ({len(findings)} such)"
+            return Rejection(stage="scene_verifier", code=code, agents=agents, detail=detail)
+    return Rejection(
+        stage="scene_verifier", code="relation_not_realised", detail="the scene is not verified"
+    )

@@ -1,0 +1,38 @@
+"""The two kinds of values: frozen models for what text can write, frozen arrays for numeric code."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+FloatArray = NDArray[np.float64]
+
+AgentClass = Literal["vehicle", "pedestrian"]
+Compass = Literal[
+    "north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"
+]
+Movement = Literal["straight", "left", "right", "uturn", "crossing", "jaywalking"]
+Colour = Literal["green", "yellow", "red"]
+
+AgentId = Annotated[str, Field(pattern=r"^(vehicle|pedestrian)-[1-9][0-9]*$", max_length=32)]
+Point = tuple[float, float]
+
+
+class Model(BaseModel):
+    """A frozen value that a language model, a file or a checkpoint may have written."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+
+def frozen(array: FloatArray) -> FloatArray:
+    """The array as read-only float64; raises ValueError unless every entry is finite."""
+    result = np.ascontiguousarray(array, dtype=np.float64)
+    if not np.isfinite(result).all():
+        raise ValueError("array holds NaN or infinity")
+    if result.flags.writeable:
+        result = result.copy() if result is array else result
+        result.setflags(write=False)
+    return result

@@ -1,0 +1,120 @@
+"""What the agent generator offers for each agent: waypoints, path, time law, likelihoods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from scenewright.scene.base import AgentClass, FloatArray, frozen
+from scenewright.scene.grounding import Cast
+from scenewright.scene.map import Route
+from scenewright.scene.track import Shape
+
+K = 10
+"""Waypoints per candidate, at equal arc length (SEMANTICS section 6)."""
+
+
+@dataclass(frozen=True)
+class TimeLaw:
+    """How an agent drives or walks its path when nothing holds it.
+
+    Attributes:
+        speed: free speed on a straight [m/s].
+        acceleration, braking: comfortable, along the path [m/s^2, both positive].
+        lateral: comfortable lateral acceleration in curves [m/s^2].
+    """
+
+    speed: float
+    acceleration: float
+    braking: float
+    lateral: float
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A smooth curve (paper Eq. 3), finely sampled.
+
+    Attributes:
+        xy: [P, 2] points [m].
+        s: [P] arc length of the points [m], from 0, increasing, evenly spaced.
+        heading: [P] tangent direction [rad], continuous (unwrapped).
+        curvature: [P] signed curvature [1/m], smoothed over about 2 m.
+    """
+
+    xy: FloatArray
+    s: FloatArray
+    heading: FloatArray
+    curvature: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("xy", "s", "heading", "curvature"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def length(self) -> float:
+        """Total arc length [m]."""
+        return float(self.s[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One sampled way to travel a route (paper Eq. 2).
+
+    Attributes:
+        waypoints: [K, 2] at equal arc length [m].
+        nll: -log p_wp of the waypoints [nats].
+        time_law: how it moves; time_nll: -log p_time of it [nats].
+    """
+
+    route: Route
+    waypoints: FloatArray
+    path: Path
+    nll: float
+    time_law: TimeLaw
+    time_nll: float
+    shape: Shape
+    subtype: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class AgentDraws:
+    """What was drawn for one agent: M candidates as arrays, in the order drawn.
+
+    Attributes:
+        waypoints: [M, K, 2] at equal arc length [m]; nll: [M] -log p_wp [nats].
+        time_laws, time_nll: M time laws and their -log density [nats].
+        build: makes the m-th `Candidate`, its path splined on demand (Eq. 3).
+        arrival: when it would reach the middle of its way [s], from exponential intervals;
+            None for agents that a relation places.
+        spare: drawn beyond the number wanted, for when somebody finds no room.
+    """
+
+    name: str
+    role: Literal["foreground", "background"]
+    route: Route
+    waypoints: FloatArray
+    nll: FloatArray
+    time_laws: tuple[TimeLaw, ...]
+    time_nll: FloatArray
+    shape: Shape
+    subtype: str | None
+    build: Callable[[int], Candidate]
+    arrival: float | None = None
+    spare: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateSet:
+    """The product of the agent generator: draws for every agent of the amplified scene (Eq. 1).
+
+    Attributes:
+        cast: routes and patterns of the foreground.
+        hour: time of day [h] that the numbers were drawn for.
+        background: how many background agents of each class the scene shall have.
+    """
+
+    agents: Mapping[str, AgentDraws]
+    cast: Cast
+    hour: float
+    background: Mapping[AgentClass, int]

@@ -1,0 +1,180 @@
+"""The constraint language as a typed tree (paper 3.3); its text form is parsed by `dsl_validator`.
+
+A program is a conjunction of clauses about agents, checked on candidates (unary clauses) or
+solved for (pair clauses). Metres, seconds, metres per second.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self, TypeVar
+
+from pydantic import Field, model_validator
+
+from scenewright.scene.base import AgentId, Compass, Model
+from scenewright.scene.social import CollisionKind
+
+_ModelT = TypeVar("_ModelT", bound=Model)
+
+VehicleId = Annotated[str, Field(pattern=r"^vehicle-[1-9][0-9]*$", max_length=32)]
+PedestrianId = Annotated[str, Field(pattern=r"^pedestrian-[1-9][0-9]*$", max_length=32)]
+
+
+class _Pair(Model):
+    """Two different agents."""
+
+    first: AgentId
+    second: AgentId
+
+    @model_validator(mode="after")
+    def _differ(self) -> Self:
+        return _two_agents(self, self.first, self.second)
+
+
+class OnRoad(Model):
+    """At least 98 % of the vehicle's path lies on the road."""
+
+    clause: Literal["on_road"] = "on_road"
+    agent: VehicleId
+
+
+class OnWalkable(Model):
+    """At least 98 % of the pedestrian's path lies on walkable area or a crosswalk."""
+
+    clause: Literal["on_walkable"] = "on_walkable"
+    agent: PedestrianId
+
+
+class MinLength(Model):
+    """The path is at least this long [m]."""
+
+    clause: Literal["min_length"] = "min_length"
+    agent: AgentId
+    metres: float = Field(gt=0, le=500)
+
+
+class PassesThrough(Model):
+    """The path crosses the crosswalk, the leg's roadway or the junction."""
+
+    clause: Literal["passes_through"] = "passes_through"
+    agent: AgentId
+    region: Literal["crosswalk", "leg", "junction"]
+    leg: Compass | None = None
+
+    @model_validator(mode="after")
+    def _leg_named(self) -> Self:
+        if (self.leg is None) != (self.region == "junction"):
+            raise ValueError("crosswalk and leg need a direction, junction takes none")
+        return self
+
+
+class SpeedBetween(Model):
+    """The free speed on a straight lies in [low, high] [m/s]."""
+
+    clause: Literal["speed"] = "speed"
+    agent: AgentId
+    low: float = Field(ge=0, le=20)
+    high: float = Field(gt=0, le=20)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
+class Near(_Pair):
+    """The two paths come within this distance of one another [m]."""
+
+    clause: Literal["near"] = "near"
+    metres: float = Field(gt=0, le=200)
+
+
+class SameLane(_Pair):
+    """The two paths share a lane for at least this long [m]."""
+
+    clause: Literal["same_lane"] = "same_lane"
+    metres: float = Field(gt=0, le=200)
+
+
+class Before(_Pair):
+    """`first` leaves the pair's conflict zone before `second` enters it."""
+
+    clause: Literal["before"] = "before"
+
+
+class TimeGap(_Pair):
+    """The pair's PET lies in [low, high] [s] (SEMANTICS section 4)."""
+
+    clause: Literal["time_gap"] = "time_gap"
+    low: float = Field(ge=0, le=30)
+    high: float = Field(gt=0, le=30)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
+class Headway(_Pair):
+    """`first` follows `second` in one lane at a time headway in [low, high] [s]."""
+
+    clause: Literal["headway"] = "headway"
+    low: float = Field(gt=0, le=10)
+    high: float = Field(gt=0, le=10)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
+class Contact(_Pair):
+    """The two touch; `kind` restricts how, `speed` asks for that relative speed [m/s]."""
+
+    clause: Literal["contact"] = "contact"
+    kind: CollisionKind | None = None
+    speed: float | None = Field(default=None, gt=0, le=20)
+
+
+class GivesWay(_Pair):
+    """`first` slows or stops upstream of the conflict zone until `second` has left it."""
+
+    clause: Literal["gives_way"] = "gives_way"
+
+
+class RunsRed(Model):
+    """The agent enters the junction or the crosswalk against its red light."""
+
+    clause: Literal["runs_red"] = "runs_red"
+    agent: AgentId
+
+
+class NoInteraction(Model):
+    """Clearance >= 0.5 m and PET > 1.5 s between the pair; without `second`: with everybody."""
+
+    clause: Literal["no_interaction"] = "no_interaction"
+    first: AgentId
+    second: AgentId | None = None
+
+    @model_validator(mode="after")
+    def _differ(self) -> Self:
+        return _two_agents(self, self.first, self.second)
+
+
+UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed
+PairClause = Near | SameLane | Before | TimeGap | Headway | Contact | GivesWay | NoInteraction
+Clause = Annotated[UnaryClause | PairClause, Field(discriminator="clause")]
+
+
+class ConstraintProgram(Model):
+    """A conjunction of clauses."""
+
+    clauses: tuple[Clause, ...] = ()
+
+
+def _two_agents(model: _ModelT, first: str, second: str | None) -> _ModelT:
+    if first == second:
+        raise ValueError(f"needs two different agents, got {first} twice")
+    return model
+
+
+def _in_order(model: _ModelT, low: float, high: float) -> _ModelT:
+    if low > high:
+        raise ValueError(f"range [{low:g}, {high:g}] is empty")
+    return model

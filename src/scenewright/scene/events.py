@@ -1,0 +1,75 @@
+"""What the checker finds in final tracks, and the proof it writes."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from scenewright.scene.base import Model, Point
+from scenewright.scene.social import CollisionKind
+
+EventType = Literal["collision", "near_miss", "yielding", "follow"]
+
+EVENT_OF_RELATION: dict[str, EventType] = {
+    "collide_at": "collision",
+    "near_miss": "near_miss",
+    "yield_to": "yielding",
+    "follow": "follow",
+}
+
+
+class Event(Model):
+    """One encounter of two agents (SEMANTICS section 4).
+
+    Attributes:
+        from_, to: int ids of the agents as in scene.json.
+        time: [s] since scene start; place [m] in the map frame.
+        kind: of a collision.
+        cause: `red_light_run`, `late_brake`, ... where one is seen.
+        evidence: the measured figures that decided (pet, clearance, speeds, ...).
+    """
+
+    type: EventType
+    from_: int = Field(alias="from")
+    to: int
+    time: float
+    location: Point
+    kind: CollisionKind | None = None
+    cause: str | None = None
+    evidence: dict[str, Any] = Field(default_factory=dict)
+
+
+class Finding(Model):
+    """A rule that the scene breaks, with what was measured."""
+
+    rule: str
+    agents: tuple[int, ...]
+    time: float | None = None
+    measured: float | None = None
+    limit: float | None = None
+    detail: str
+
+
+class Proof(Model):
+    """The checker's verdict on one scene.
+
+    Attributes:
+        verified: every relation asked for is observed, and nothing below is broken.
+        events: what was asked for and everything that breaks the certificate.
+        incidental: allowed yet unasked: between background agents, and follows.
+        missing: relations asked for and not observed, in words with evidence.
+        interference: certificate of no other interaction, its violations (empty = holds).
+        implausible: violations of SEMANTICS section 5.
+        signal_violations: red crossings by agents that nobody named as violators.
+    """
+
+    schema_version: Literal[1] = 1
+    verified: bool
+    events: tuple[Event, ...]
+    incidental: tuple[Event, ...] = ()
+    missing: tuple[Finding, ...] = ()
+    interference: tuple[Finding, ...] = ()
+    implausible: tuple[Finding, ...] = ()
+    signal_violations: tuple[Finding, ...] = ()
+    figures: dict[str, Any] = Field(default_factory=dict)

@@ -1,0 +1,114 @@
+"""scene.json: Listing 1 of the paper, plus additive keys (docs/formats.md)."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from scenewright.scene.base import AgentClass, Colour, Compass, Model, Movement, Point
+
+SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
+
+
+class SceneMeta(Model):
+    """Listing 1 `meta` with additive keys; `timestamp` is the time of day [s since midnight]."""
+
+    scene_id: str
+    map_id: int
+    timestamp: float
+    user_prompt: str
+    schema_version: Literal[1] = 1
+    intersection: str
+    step: float
+    duration: float
+    time_of_day: str
+    density: str | None = None
+    seed: int
+
+
+class SegmentRecord(Model):
+    """One behavioral segment (paper Eq. 5): from `start` to `end` [s], ending at an anchor."""
+
+    start: float
+    end: float
+    anchor: str
+    status: SegmentStatus
+
+
+class AgentRecord(Model):
+    """Listing 1 `agents[]` with additive keys.
+
+    Attributes:
+        trajectory: centre positions [m] every `meta.step` from `spawn_time`.
+        heading: [rad], one per position.
+        waypoints: K = 10 points at equal arc length of the candidate that was selected.
+    """
+
+    id: int
+    type: AgentClass
+    spawn_time: float
+    goal: Point
+    trajectory: tuple[Point, ...]
+    role: Literal["foreground", "background"]
+    name: str
+    subtype: str | None = None
+    entry: Compass
+    exit: Compass
+    movement: Movement
+    crosswalk: Compass | None = None
+    route: str
+    heading: tuple[float, ...]
+    length: float
+    width: float
+    segments: tuple[SegmentRecord, ...] = ()
+    waypoints: tuple[Point, ...] = ()
+    violates_signal: bool = False
+
+
+class EventRecord(Model):
+    """Listing 1 `events[]` with additive keys; a normal scene has one row with from/to null."""
+
+    type: Literal["collision", "yielding", "near_miss", "follow", "normal"]
+    from_: int | None = Field(alias="from")
+    to: int | None
+    time: float | None
+    location: Point | None
+    kind: str | None = None
+    cause: str | None = None
+
+
+class RelationRecord(Model):
+    """A relation that was asked for, in scene ids: what the proof must find."""
+
+    type: Literal["collision", "yielding", "near_miss", "follow"]
+    from_: int = Field(alias="from")
+    to: int
+    kind: str | None = None
+    target_pet: float | None = None
+    target_ttc: float | None = None
+    impact_speed: float | None = None
+
+
+class SignalRecord(Model):
+    """A stretch [s] during which the light of a stop line or crosswalk shows one colour."""
+
+    stop_line: str | None = None
+    crosswalk: str | None = None
+    start: float
+    end: float
+    colour: Colour
+
+
+class SceneRecord(Model):
+    """A whole scene.json."""
+
+    meta: SceneMeta
+    agents: tuple[AgentRecord, ...]
+    events: tuple[EventRecord, ...]
+    relations: tuple[RelationRecord, ...] = ()
+    signals: tuple[SignalRecord, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON with the file's key names."""
+        return self.model_dump(mode="json", by_alias=True)

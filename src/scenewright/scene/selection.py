@@ -1,0 +1,93 @@
+"""What the waypoint filter chose: one candidate, entry time and standstills per agent (Eq. 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from scenewright.scene.base import Point
+from scenewright.scene.candidates import Candidate
+
+AgentRole = Literal["foreground", "background"]
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A standstill in scene time.
+
+    Attributes:
+        anchor: the map entity it stands at; s: arc length of the centre [m].
+        start, until: [s] since scene start.
+        reason: `gives_way` or `red_light`.
+        braking: deceleration towards it [m/s^2]; None = as comfortable as the time law says.
+    """
+
+    anchor: str
+    s: float
+    start: float
+    until: float
+    reason: str
+    braking: float | None = None
+
+
+@dataclass(frozen=True)
+class Slowing:
+    """A speed [m/s] to have come down to at arc length `s` [m], braking at `braking` [m/s^2]."""
+
+    s: float
+    speed: float
+    braking: float
+
+
+@dataclass(frozen=True, eq=False)
+class SelectedAgent:
+    """One agent of the selection.
+
+    Attributes:
+        enters: scene time [s] at which it enters the map, negative if it is mid-route at 0.
+        stops, slowings: edits of its free time law under which every clause holds.
+        contact: scene time [s] of the collision that ends it; None if it is in none.
+        violates: it is the one that runs its red light.
+    """
+
+    name: str
+    role: AgentRole
+    candidate: Candidate
+    index: int
+    enters: float
+    stops: tuple[Stop, ...] = ()
+    slowings: tuple[Slowing, ...] = ()
+    contact: float | None = None
+    violates: bool = False
+
+
+@dataclass(frozen=True)
+class PlannedEvent:
+    """An event that the selection brings about: its clause as text, when [s] and where."""
+
+    clause: str
+    agents: tuple[str, str]
+    time: float
+    location: Point
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The surviving combination.
+
+    Attributes:
+        duration: of the scene [s].
+        signal_offset: scene time 0 in the signal programme [s]; None where unsignalised.
+        nll: summed -log p_wp of the chosen candidates [nats] (Eq. 4).
+        optimal: whether no surviving combination of the pool has a smaller sum.
+        figures: how the search went (counts).
+    """
+
+    agents: Mapping[str, SelectedAgent]
+    events: tuple[PlannedEvent, ...]
+    duration: float
+    signal_offset: float | None
+    nll: float
+    optimal: bool
+    figures: Mapping[str, float] = field(default_factory=dict)

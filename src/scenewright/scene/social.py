@@ -1,0 +1,106 @@
+"""The social graph: who takes part, what they do to one another, under which conditions."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
+
+RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
+CollisionKind = Literal[
+    "pedestrian_strike", "rear_end", "sideswipe", "head_on", "left_turn", "angle"
+]
+Cause = Literal["red_light_run", "late_brake"]
+Density = Literal["low", "medium", "high"]
+Subtype = Literal["car", "truck", "bus", "motorcycle"]
+TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
+
+
+class AgentNode(Model):
+    """A vertex of the social graph (paper 3.1). None means: left free."""
+
+    id: AgentId
+    type: AgentClass
+    subtype: Subtype | None = None
+    entry: Compass | None = Field(default=None, description="side the agent comes from")
+    exit: Compass | None = Field(default=None, description="side the agent leaves towards")
+    movement: Movement | None = None
+    crosswalk: Compass | None = Field(default=None, description="leg that a pedestrian crosses")
+    runs_red: bool = Field(default=False, description="the text says it ignores a red light")
+
+
+class RelationEdge(Model):
+    """A directed edge of the social graph; `from` gives way, follows, or strikes.
+
+    Attributes:
+        kind: collision kind, where the text names one (T-bone = angle, ...).
+        cause: how it comes about, where the text says so.
+        target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
+    """
+
+    type: RelationType
+    from_: AgentId = Field(alias="from")
+    to: AgentId
+    kind: CollisionKind | None = None
+    cause: Cause | None = None
+    target_pet: float | None = Field(default=None, ge=0, le=8)
+    target_ttc: float | None = Field(default=None, ge=0, le=8)
+    impact_speed: float | None = Field(default=None, gt=0, le=20)
+
+    @model_validator(mode="after")
+    def _two_agents(self) -> Self:
+        if self.from_ == self.to:
+            raise ValueError(f"{self.type} needs two different agents, got {self.to} twice")
+        return self
+
+
+class Background(Model):
+    """Explicit numbers of background agents; None where the text leaves a class free."""
+
+    vehicles: int | None = Field(default=None, ge=0, le=20)
+    pedestrians: int | None = Field(default=None, ge=0, le=20)
+
+
+class SceneContext(Model):
+    """Global context C of the social graph (paper 3.1, SEMANTICS section 3)."""
+
+    density: Density | None = None
+    time_of_day: TimeOfDay | None = None
+    background: Background | None = None
+
+
+class SocialGraph(Model):
+    """G = (V, E, C). No relations means a normal scene."""
+
+    agents: tuple[AgentNode, ...] = Field(max_length=8)
+    relations: tuple[RelationEdge, ...] = Field(default=(), max_length=6)
+    context: SceneContext = SceneContext()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        ids = [agent.id for agent in self.agents]
+        if len(set(ids)) != len(ids):
+            raise ValueError("agent ids must be unique")
+        for edge in self.relations:
+            if not {edge.from_, edge.to} <= set(ids):
+                raise ValueError(f"{edge.type} names an agent that is not in the scene")
+        return self
+
+    def agent(self, agent_id: str) -> AgentNode:
+        """The vertex with this id; KeyError if there is none."""
+        for agent in self.agents:
+            if agent.id == agent_id:
+                return agent
+        raise KeyError(agent_id)
+
+
+class Refusal(Model):
+    """The planner's no: why the text cannot become a scene."""
+
+    code: Literal["out_of_scope", "contradictory", "impossible"]
+    reason: str
+
+
+Plan = SocialGraph | Refusal

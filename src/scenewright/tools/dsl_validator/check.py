@@ -1,0 +1,79 @@
+"""Unary clauses, checked on a candidate (paper 3.3, constraint validator)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.constraints import (
+    MinLength,
+    OnRoad,
+    OnWalkable,
+    PassesThrough,
+    RunsRed,
+    SpeedBetween,
+    UnaryClause,
+)
+from scenewright.scene.rejection import Rejection
+from scenewright.tools.ground import Ground
+from scenewright.tools.landmarks import Landmarks
+
+_ON_GROUND = 0.999
+"""Stricter than the 98 % of SEMANTICS section 5: a standstill weighs a spot many times."""
+
+_JUNCTION_RADIUS = 6.0
+
+
+def check(
+    candidate: Candidate, clause: UnaryClause, *, marks: Landmarks, ground: Ground
+) -> tuple[Rejection, ...]:
+    """Empty if the candidate satisfies the clause, else why it does not."""
+    problem = _problem(candidate, clause, marks, ground)
+    if problem is None:
+        return ()
+    return (
+        Rejection(
+            stage="waypoint_filter",
+            code="no_surviving_combination",
+            agents=(clause.agent,),
+            detail=f"{clause.agent}: {problem}",
+        ),
+    )
+
+
+def _problem(
+    candidate: Candidate, clause: UnaryClause, marks: Landmarks, ground: Ground
+) -> str | None:
+    xy = candidate.path.xy
+    match clause:
+        case OnRoad():
+            return _below(ground.road_share(xy), _ON_GROUND, "of its path on the road")
+        case OnWalkable():
+            strays = [name for name, _, _ in marks.crosswalks if name != marks.own_crosswalk]
+            if strays:
+                return f"strays onto the {strays[0]}"
+            if marks.steps_on > 1:
+                return "steps onto its crosswalk more than once"
+            return _below(ground.walkable_share(xy), _ON_GROUND, "of its path on walkable area")
+        case MinLength():
+            return _below(candidate.path.length, clause.metres, "m of path")
+        case SpeedBetween():
+            inside = clause.low <= candidate.time_law.speed <= clause.high
+            return None if inside else f"free speed {candidate.time_law.speed:.1f} m/s"
+        case PassesThrough():
+            return None if _passes(candidate, clause, marks) else "does not pass there"
+        case RunsRed():
+            return None if marks.group else "there is no red light on its way to run"
+
+
+def _below(value: float, limit: float, what: str) -> str | None:
+    return None if value >= limit else f"only {value:.2f} {what}, at least {limit:g}"
+
+
+def _passes(candidate: Candidate, clause: PassesThrough, marks: Landmarks) -> bool:
+    if clause.region == "crosswalk":
+        return any(name == f"{clause.leg}:crosswalk" for name, _, _ in marks.crosswalks)
+    if clause.region == "leg":
+        route = candidate.route
+        return clause.leg in (route.entry, route.exit, route.crosswalk)
+    return bool((np.hypot(*candidate.path.xy.T) < _JUNCTION_RADIUS).any())

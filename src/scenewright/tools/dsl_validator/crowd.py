@@ -1,0 +1,356 @@
+"""Everybody else in time: candidate and entry time of agents that no relation binds.
+
+Lazy CP-SAT (ARCHITECTURE section 4). One Boolean per option (a candidate with a time law and
+edits), one integer entry time per agent; the summed NLL is least subject to the certificate of no
+other interaction. Pair constraints are added only for options actually chosen, until none is
+broken, so that the optimum is that of the full model without building it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.scene.base import AgentClass
+from scenewright.scene.candidates import Candidate, Path
+from scenewright.scene.track import STEP
+from scenewright.tools.dsl_validator.stage import Actor
+from scenewright.tools.encounter import Encounter, Intervals, encounter, meeting_offsets
+from scenewright.tools.time_law import Motion
+
+_NODE = {"vehicle": 0.6, "pedestrian": 0.3}
+"""Distance of path nodes [m]: small beside the clearance that they must not miss."""
+
+_SCALE = 100
+"""Objective units per nat."""
+
+_SOLVER_SECONDS = 2.0
+_MAX_ROUNDS = 40
+_SPARE_COST = 5.0
+"""Nats that a spare guest costs: those drawn first go first."""
+
+
+@dataclass(frozen=True)
+class Separation:
+    """How far apart in space [m] and time [s] two agents must stay."""
+
+    clearance: float
+    gap: float
+
+
+FOREGROUND = Separation(clearance=0.8, gap=1.75)
+BACKGROUND = Separation(clearance=0.8, gap=1.25)
+WALKERS = Separation(clearance=0.25, gap=0.0)
+AFTER_YIELD = Separation(clearance=0.0, gap=2.4)
+"""Around where a yielding agent would have been unheld: no second cause for its stop."""
+
+WALKER_AHEAD = 8.4
+"""Nobody else crosses so shortly [s] before a vehicle that waits for one pedestrian."""
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """One way in which an agent may take part.
+
+    Attributes:
+        make: builds candidate and motion, entering at time 0, when first looked at.
+        starts: [N] allowed entry times in steps of 0.1 s, ascending.
+        cost: -log density of it [nats].
+    """
+
+    make: Callable[[], Actor]
+    index: int
+    starts: NDArray[np.int64]
+    cost: float
+
+    @cached_property
+    def actor(self) -> Actor:
+        """The agent as this option has it; its entry time is a placeholder."""
+        return self.make()
+
+
+@dataclass(frozen=True, eq=False)
+class Guest:
+    """An agent to be placed.
+
+    Attributes:
+        foreground: keeps the stricter distance to all, and must take part.
+        spare: drawn beyond the number wanted; takes part only if somebody else cannot.
+    """
+
+    name: str
+    type: AgentClass
+    foreground: bool
+    options: tuple[Option, ...]
+    spare: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Seating:
+    """Chosen option and entry time [steps] of every guest that takes part."""
+
+    chosen: Mapping[str, tuple[Option, int]]
+    optimal: bool
+    rounds: int
+    pairs: int
+
+
+Place = tuple[int, int, int]
+"""Guest, option and entry time [steps]."""
+
+
+def seat(
+    guests: Sequence[Guest], fixed: Mapping[str, Actor], wanted: Mapping[AgentClass, int]
+) -> Seating | str:
+    """The least-cost seating around the fixed actors, or why there is none.
+
+    Args:
+        wanted: how many background guests of each class take part.
+    """
+    table = _Conflicts(list(fixed.values()))
+    problem = _Problem(guests, table, wanted)
+    for rounds in range(1, _MAX_ROUNDS + 1):
+        solved = problem.solve()
+        if solved is None:
+            return f"no arrangement of {sum(wanted.values())} further agents keeps everybody apart"
+        broken = table.broken(guests, solved)
+        for conflict in broken:
+            problem.forbid(conflict)
+        if not broken:
+            chosen = {guests[i].name: (guests[i].options[k], start) for i, k, start in solved}
+            return Seating(chosen, problem.optimal, rounds, table.evaluated)
+    return "the search for an arrangement ran out of rounds"
+
+
+@dataclass(frozen=True)
+class _Conflict:
+    """Forbids low < start_i - start_j < high [steps] while both options are taken."""
+
+    i: int
+    option_i: int
+    j: int
+    option_j: int
+    low: int
+    high: int
+
+
+class _Problem:
+    """The CP-SAT model, growing by one round of pair constraints at a time."""
+
+    def __init__(
+        self, guests: Sequence[Guest], table: _Conflicts, wanted: Mapping[AgentClass, int]
+    ) -> None:
+        from ortools.sat.python import cp_model
+
+        self._cp = cp_model
+        self._model: Any = cp_model.CpModel()
+        self.optimal = True
+        self._takes: list[list[Any]] = []
+        self._starts: list[Any] = []
+        costs: list[Any] = []
+        for guest in guests:
+            takes = [self._model.NewBoolVar("") for _ in guest.options]
+            self._takes.append(takes)
+            self._starts.append(self._start(guest, takes, table))
+            if guest.foreground:
+                self._model.AddExactlyOne(takes)
+            else:
+                self._model.AddAtMostOne(takes)
+            costs += _costs(guest, takes)
+        for kind, count in wanted.items():
+            crowd = [g for g, guest in enumerate(guests) if _counts(guest, kind)]
+            self._model.Add(sum(take for g in crowd for take in self._takes[g]) == count)
+        self._model.Minimize(sum(costs))
+
+    def _start(self, guest: Guest, takes: list[Any], table: _Conflicts) -> Any:
+        """The guest's entry time; every option already keeps clear of the fixed actors."""
+        everything: Any = None
+        for take, option in zip(takes, guest.options, strict=True):
+            free = table.clear_of_fixed(option)
+            if not len(free):
+                self._model.Add(take == 0)
+                continue
+            domain = self._cp.Domain.FromValues(free.tolist())
+            everything = domain if everything is None else everything.union_with(domain)
+        if everything is None:
+            return self._model.NewConstant(0)
+        start = self._model.NewIntVarFromDomain(everything, "")
+        for take, option in zip(takes, guest.options, strict=True):
+            free = table.clear_of_fixed(option)
+            if len(free):
+                domain = self._cp.Domain.FromValues(free.tolist())
+                self._model.AddLinearExpressionInDomain(start, domain).OnlyEnforceIf(take)
+        return start
+
+    def solve(self) -> list[Place] | None:
+        """Who takes part, how and when; None if there is no arrangement."""
+        solver: Any = self._cp.CpSolver()
+        solver.parameters.num_workers = 1
+        solver.parameters.random_seed = 1
+        solver.parameters.max_deterministic_time = _SOLVER_SECONDS
+        solver.parameters.cp_model_presolve = False
+        status = solver.Solve(self._model)
+        if status not in (self._cp.OPTIMAL, self._cp.FEASIBLE):
+            return None
+        self.optimal &= status == self._cp.OPTIMAL
+        return [
+            (g, k, solver.Value(start))
+            for g, (takes, start) in enumerate(zip(self._takes, self._starts, strict=True))
+            for k, take in enumerate(takes)
+            if solver.Value(take)
+        ]
+
+    def forbid(self, conflict: _Conflict) -> None:
+        """Adds one separation."""
+        difference = self._starts[conflict.i] - self._starts[conflict.j]
+        below, above = self._model.NewBoolVar(""), self._model.NewBoolVar("")
+        self._model.Add(difference <= conflict.low).OnlyEnforceIf(below)
+        self._model.Add(difference >= conflict.high).OnlyEnforceIf(above)
+        taken = (
+            self._takes[conflict.i][conflict.option_i],
+            self._takes[conflict.j][conflict.option_j],
+        )
+        self._model.AddBoolOr([below, above, *(each.Not() for each in taken)])
+
+
+def _costs(guest: Guest, takes: list[Any]) -> list[Any]:
+    """Nats above the guest's likeliest option: who takes part is no matter of likelihood."""
+    least = min((option.cost for option in guest.options), default=0.0)
+    extra = _SPARE_COST if guest.spare else 0.0
+    return [
+        round(_SCALE * (option.cost - least + extra)) * take
+        for option, take in zip(guest.options, takes, strict=True)
+    ]
+
+
+def _counts(guest: Guest, kind: AgentClass) -> bool:
+    return guest.type == kind and not guest.foreground
+
+
+class _Conflicts:
+    """Forbidden differences of entry times, computed once per pair of options that meet."""
+
+    def __init__(self, fixed: list[Actor]) -> None:
+        self._fixed = fixed
+        self._free: dict[int, NDArray[np.int64]] = {}
+        self._pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        self._geometry = Geometry()
+        self.evaluated = 0
+
+    def clear_of_fixed(self, option: Option) -> NDArray[np.int64]:
+        """The option's entry times [steps] that keep clear of every fixed actor."""
+        key = id(option)
+        if key not in self._free:
+            free = option.starts
+            for actor in self._fixed if len(free) else ():
+                shift = round(actor.enters / STEP)
+                for low, high in self._forbidden(actor, option.actor, strict=True):
+                    free = free[(free - shift <= low) | (free - shift >= high)]
+            self._free[key] = free
+        return self._free[key]
+
+    def broken(self, guests: Sequence[Guest], solved: list[Place]) -> list[_Conflict]:
+        """Every separation that the solution breaks."""
+        found = []
+        for n, (i, option_i, start_i) in enumerate(solved):
+            for j, option_j, start_j in solved[:n]:
+                strict = guests[i].foreground or guests[j].foreground
+                between = self._between(
+                    guests[j].options[option_j], guests[i].options[option_i], strict
+                )
+                found += [
+                    _Conflict(i, option_i, j, option_j, low, high)
+                    for low, high in between
+                    if low < start_i - start_j < high
+                ]
+        return found
+
+    def _between(self, a: Option, b: Option, strict: bool) -> list[tuple[int, int]]:
+        key = (id(a), id(b))
+        if key not in self._pairs:
+            self._pairs[key] = self._forbidden(a.actor, b.actor, strict=strict)
+        return self._pairs[key]
+
+    def _forbidden(self, a: Actor, b: Actor, *, strict: bool) -> list[tuple[int, int]]:
+        self.evaluated += 1
+        return forbidden_offsets(a, b, strict=strict, geometry=self._geometry)
+
+
+class Geometry:
+    """Encounters of paths, computed once per pair of paths."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, int], Encounter | None] = {}
+        self._alive: list[Path] = []
+
+    def between(self, a: Actor, b: Actor) -> Encounter | None:
+        """Where the two come within the widest clearance; None if they never do."""
+        first, second = a.candidate, b.candidate
+        key = (id(first.path), id(second.path))
+        if key not in self._known:
+            self._alive += [first.path, second.path]
+            self._known[key] = None if _apart(a, b) else _encounter(first, second)
+        return self._known[key]
+
+
+def _encounter(a: Candidate, b: Candidate) -> Encounter | None:
+    shapes = (a.shape, b.shape)
+    spacing = (_NODE[a.route.type], _NODE[b.route.type])
+    both_walk = a.route.type == b.route.type == "pedestrian"
+    reach = (WALKERS if both_walk else FOREGROUND).clearance
+    pair = encounter(a.path, b.path, shapes=shapes, reach=reach, spacing=spacing)
+    return pair if len(pair.i) else None
+
+
+def forbidden_offsets(
+    a: Actor, b: Actor, *, strict: bool, geometry: Geometry | None = None
+) -> list[tuple[int, int]]:
+    """Open intervals (low, high) [steps] that o_b - o_a must avoid for the pair not to interact."""
+    pair = (geometry or Geometry()).between(a, b)
+    if pair is None:
+        return []
+    zones = [_widened(pair, a.motion, b.motion, _separation(a, b, strict))]
+    if any(stop.reason == "gives_way" for stop in a.stops):
+        zones.append(_widened(pair, a.free, b.motion, AFTER_YIELD))
+        if a.candidate.route.type == "vehicle" and b.candidate.route.type == "pedestrian":
+            touch = meeting_offsets(pair, a.motion, b.motion, c=0.0)
+            zones.append(touch - [[WALKER_AHEAD, 0.0]])
+    return _steps(np.concatenate(zones))
+
+
+def _separation(a: Actor, b: Actor, strict: bool) -> Separation:
+    if a.candidate.route.type == b.candidate.route.type == "pedestrian":
+        return WALKERS
+    return FOREGROUND if strict else BACKGROUND
+
+
+def _apart(a: Actor, b: Actor) -> bool:
+    """Whether the two paths never come within 8 m (bounding boxes)."""
+    low_a, high_a = a.candidate.path.xy.min(axis=0), a.candidate.path.xy.max(axis=0)
+    low_b, high_b = b.candidate.path.xy.min(axis=0), b.candidate.path.xy.max(axis=0)
+    return bool((low_a > high_b + 8.0).any() or (low_b > high_a + 8.0).any())
+
+
+def _widened(pair: Encounter, a: Motion, b: Motion, separation: Separation) -> Intervals:
+    """C(clearance) and C(0) widened by the time gap."""
+    close = meeting_offsets(pair, a, b, c=separation.clearance)
+    touch = meeting_offsets(pair, a, b, c=0.0) + [[-separation.gap, separation.gap]]
+    return np.concatenate([close, touch])
+
+
+def _steps(intervals: Intervals) -> list[tuple[int, int]]:
+    if not len(intervals):
+        return []
+    ordered = intervals[np.argsort(intervals[:, 0])]
+    joined = [list(ordered[0])]
+    for low, high in ordered[1:]:
+        if low <= joined[-1][1]:
+            joined[-1][1] = max(joined[-1][1], high)
+        else:
+            joined.append([low, high])
+    return [(int(np.floor(low / STEP)), int(np.ceil(high / STEP))) for low, high in joined]

@@ -1,0 +1,228 @@
+"""The text form of the constraint language: text to typed tree and back (paper 3.3).
+
+The language is described in docs/constraint-language.md; its grammar is `constraints.lark`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import cache
+from importlib.resources import files
+from typing import cast, get_args
+
+from lark import Lark, Token, Tree
+from lark.exceptions import UnexpectedInput, UnexpectedToken
+from pydantic import ValidationError
+
+from scenewright.errors import Rejected
+from scenewright.scene.base import Model
+from scenewright.scene.constraints import (
+    Clause,
+    ConstraintProgram,
+    Contact,
+    Headway,
+    MinLength,
+    Near,
+    PairClause,
+    PassesThrough,
+    SameLane,
+    SpeedBetween,
+    TimeGap,
+    UnaryClause,
+)
+from scenewright.scene.rejection import Rejection
+
+MAX_BYTES = 20_000
+MAX_CLAUSES = 200
+
+_MODELS: dict[str, type[Model]] = {
+    model.model_fields["clause"].default: model for model in get_args(UnaryClause | PairClause)
+}
+_WORDS = {
+    "VEHICLE": "a vehicle such as vehicle-1",
+    "PEDESTRIAN": "a pedestrian such as pedestrian-1",
+    "KIND": "a kind of collision such as angle",
+    "COMPASS": "a direction such as north",
+    "CROSSWALK": "'crosswalk'",
+    "LEG": "'leg'",
+    "JUNCTION": "'junction'",
+    "NUMBER": "a number",
+    "_IN": "'in'",
+    "_AT_LEAST": "'>='",
+    "_AT_MOST": "'<='",
+    "_METRES": "the unit 'm'",
+    "_SECONDS": "the unit 's'",
+    "_METRES_PER_SECOND": "the unit 'm/s'",
+    "_SEPARATOR": "a new line or ';'",
+    "LPAR": "'('",
+    "RPAR": "')'",
+    "LSQB": "'['",
+    "RSQB": "']'",
+    "COMMA": "','",
+}
+_BOUNDS = {
+    "greater_than": ("gt", "more than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+_FOUND = re.compile(r"[\w.+-]+(/\w+)?|.", re.DOTALL)
+_LONGEST_QUOTE = 40
+
+
+def parse(text: str) -> ConstraintProgram:
+    """The program that a text spells, clause for clause in its order.
+
+    Args:
+        text: at most 20 kB and 200 clauses in the language of docs/constraint-language.md.
+
+    Raises:
+        Rejected: `waypoint_filter/malformed_program`; the detail names the line and column,
+            what was expected there and what was found, or the value that cannot be.
+    """
+    size = len(text.encode("utf-8", "surrogatepass"))
+    if size > MAX_BYTES:
+        raise _refused(f"the program has {size} bytes, the limit is {MAX_BYTES}")
+    clauses = _clause_trees(text)
+    if len(clauses) > MAX_CLAUSES:
+        raise _refused(f"the program has {len(clauses)} clauses, the limit is {MAX_CLAUSES}")
+    return ConstraintProgram(clauses=tuple(_clause(tree) for tree in clauses))
+
+
+def format_program(program: ConstraintProgram) -> str:
+    """The program as text, one clause per line; `parse` gives the same program back."""
+    return "\n".join(format_clause(clause) for clause in program.clauses)
+
+
+def format_clause(clause: Clause) -> str:
+    """One clause as text."""
+    return f"{clause.clause}({', '.join(_arguments(clause))}){_bound(clause)}"
+
+
+@cache
+def _parser() -> Lark:
+    grammar = files("scenewright.tools.dsl_validator").joinpath("constraints.lark")
+    return Lark(grammar.read_text("utf-8"), parser="lalr", propagate_positions=True)
+
+
+def _clause_trees(text: str) -> list[Tree[Token]]:
+    try:
+        return cast("list[Tree[Token]]", _parser().parse(text).children)
+    except UnexpectedInput as error:
+        raise _refused(_misspelt(error, text=text)) from None
+
+
+def _clause(tree: Tree[Token]) -> Clause:
+    """The typed clause: the grammar keeps values in the order of the model's fields."""
+    model = _MODELS[tree.data]
+    names = [name for name in model.model_fields if name != "clause"]
+    values = [None if token is None else str(token) for token in tree.children]
+    try:
+        return cast("Clause", model.model_validate(dict(zip(names, values, strict=False))))
+    except ValidationError as error:
+        detail = f"{_place(tree.meta.line, tree.meta.column)}: {tree.data}: {_wrong_value(error)}"
+        raise _refused(detail, agents=_agents(tree)) from None
+
+
+def _agents(tree: Tree[Token]) -> tuple[str, ...]:
+    tokens = [child for child in tree.children if isinstance(child, Token)]
+    names = [str(token) for token in tokens if token.type in {"VEHICLE", "PEDESTRIAN"}]
+    return tuple(dict.fromkeys(names))
+
+
+def _refused(detail: str, *, agents: tuple[str, ...] = ()) -> Rejected:
+    return Rejected(
+        Rejection(stage="waypoint_filter", code="malformed_program", agents=agents, detail=detail)
+    )
+
+
+def _place(line: int, column: int) -> str:
+    return f"line {line}, column {column}"
+
+
+def _misspelt(error: UnexpectedInput, *, text: str) -> str:
+    """Where the text leaves the grammar, what could have stood there, and what does."""
+    at = error.pos_in_stream
+    # at the end of the text the parser points at the last token it read
+    if at is None or (isinstance(error, UnexpectedToken) and error.token.type == "$END"):
+        at = len(text)
+    found = _FOUND.match(text, at)
+    place = _place(text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at))
+    return f"{place}: expected {_in_words(_expected(text))}, found {_quote(found)}"
+
+
+def _expected(text: str) -> set[str]:
+    """The terminals that fit where the text goes wrong.
+
+    Read step by step, as the error itself also lists what merged parser states would take.
+    """
+    steps = _parser().parse_interactive(text)
+    with suppress(UnexpectedInput):
+        steps.exhaust_lexer()
+    return set(steps.accepts())  # type: ignore[no-untyped-call]
+
+
+def _quote(found: re.Match[str] | None) -> str:
+    if found is None:
+        return "the end of the text"
+    if found[0] in "\r\n":
+        return "the end of the line"
+    word = found[0]
+    return repr(word if len(word) <= _LONGEST_QUOTE else word[:_LONGEST_QUOTE] + "...")
+
+
+def _in_words(terminals: Iterable[str]) -> str:
+    """Alternatives in words; any clause may begin where one may, so they are named together."""
+    names = {name for name in terminals if name != "$END"}
+    if {"VEHICLE", "PEDESTRIAN"} <= names:
+        return "an agent such as vehicle-1 or pedestrian-1"
+    words = [word for name, word in _WORDS.items() if name in names]
+    if names - set(_WORDS):
+        return f"a clause ({', '.join(_MODELS)})"
+    return " or ".join(words)
+
+
+def _wrong_value(error: ValidationError) -> str:
+    """The first fault among a clause's values."""
+    fault = error.errors(include_url=False)[0]
+    field = ".".join(str(part) for part in fault["loc"])
+    if fault["type"] in _BOUNDS:
+        key, words = _BOUNDS[fault["type"]]
+        return f"{field} must be {words} {fault['ctx'][key]:g}, got {fault['input']}"
+    if fault["type"] == "value_error":
+        return str(fault["ctx"]["error"])
+    return f"{field} cannot be {str(fault['input'])[:_LONGEST_QUOTE]!r}"
+
+
+def _arguments(clause: Clause) -> list[str]:
+    """What stands between the parentheses."""
+    names = [clause.agent] if isinstance(clause, UnaryClause) else [clause.first, clause.second]
+    arguments = [name for name in names if name is not None]
+    if isinstance(clause, PassesThrough):
+        arguments.append(clause.region if clause.leg is None else f"{clause.region} {clause.leg}")
+    if isinstance(clause, Contact):
+        arguments += [clause.kind] if clause.kind else []
+        arguments += [f"{_number(clause.speed)} m/s"] if clause.speed is not None else []
+    return arguments
+
+
+def _bound(clause: Clause) -> str:
+    """What stands behind the parentheses."""
+    match clause:
+        case MinLength() | SameLane():
+            return f" >= {_number(clause.metres)} m"
+        case Near():
+            return f" <= {_number(clause.metres)} m"
+        case SpeedBetween():
+            return f" in [{_number(clause.low)}, {_number(clause.high)}] m/s"
+        case TimeGap() | Headway():
+            return f" in [{_number(clause.low)}, {_number(clause.high)}] s"
+        case _:
+            return ""
+
+
+def _number(value: float) -> str:
+    """The shortest digits that read back as the same number."""
+    return repr(float(value)).removesuffix(".0")

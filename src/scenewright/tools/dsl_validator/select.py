@@ -1,0 +1,471 @@
+"""Candidate selection (paper Eq. 4): the surviving combination, without enumerating the product.
+
+The foreground is staged first, over tuples of its candidates in order of summed NLL (`map`) or in
+the order drawn (`draw`, the default: Eq. 4's argmin sends every agent down its modal path, which
+kills diversity). Then the signal programme gets an offset, and everybody else is seated around
+the foreground by lazy CP-SAT (`crowd`).
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.errors import Rejected
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet
+from scenewright.scene.constraints import (
+    ConstraintProgram,
+    Contact,
+    GivesWay,
+    Headway,
+    Near,
+    PairClause,
+    RunsRed,
+    SameLane,
+    TimeGap,
+)
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.dsl_validator.check import check
+from scenewright.tools.dsl_validator.crowd import Guest, Option, Seating, forbidden_offsets, seat
+from scenewright.tools.dsl_validator.parse import format_clause
+from scenewright.tools.dsl_validator.stage import Actor, Stage, Staging, demands
+from scenewright.tools.encounter import encounter
+from scenewright.tools.ground import Ground
+from scenewright.tools.landmarks import STOP_GAP, Landmarks, landmarks
+from scenewright.tools.signals import SignalClock, feasible_offsets, shows
+from scenewright.tools.time_law import Hold, arrival, move
+
+Mode = Literal["draw", "map"]
+
+MAX_SECONDS = 30.0
+_MIN_SECONDS = 20.0
+_FIRST_EVENT = (7.0, 13.0)
+_TUPLES = 48
+_STAGINGS_PER_TUPLE = 4
+_GUEST_DRAWS = 2
+_QUEUE = 3
+_QUEUE_COST = 4.0
+"""Nats that a place farther back in the queue costs: nobody queues behind nobody."""
+
+_SEATINGS = 3
+"""Seatings tried before everybody is drawn afresh."""
+
+_WINDOW = 6.0
+"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]."""
+
+_Event = (Contact, TimeGap, Headway, GivesWay)
+
+
+def select(
+    program: ConstraintProgram,
+    pool: CandidateSet,
+    *,
+    ground: Ground,
+    rng: np.random.Generator,
+    mode: Mode = "draw",
+) -> Selection:
+    """The surviving combination.
+
+    Raises:
+        Rejected: `no_surviving_combination`, naming the clause that most tuples fail.
+    """
+    return _Search(program, pool, ground, rng, mode).run()
+
+
+class _Search:
+    def __init__(
+        self,
+        program: ConstraintProgram,
+        pool: CandidateSet,
+        ground: Ground,
+        rng: np.random.Generator,
+        mode: Mode,
+    ) -> None:
+        self._pool, self._ground, self._rng, self._mode = pool, ground, rng, mode
+        self._events = tuple(c for c in program.clauses if isinstance(c, _Event))
+        self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
+        self._unary = [c for c in program.clauses if hasattr(c, "agent")]
+        self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
+        bound = [name for c in self._events for name in (c.first, str(c.second))]
+        self._bound = list(dict.fromkeys(bound))
+        self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
+        self._failures: Counter[str] = Counter()
+        self._unseated = 0
+
+    def run(self) -> Selection:
+        for tried, choice in enumerate(self._tuples()):
+            if tried >= _TUPLES or self._unseated >= _SEATINGS:
+                break
+            selection = self._try(choice)
+            if selection is not None:
+                return replace(selection, figures={**selection.figures, "tuples": tried + 1})
+        raise Rejected(self._rejection())
+
+    def _tuples(self) -> Iterator[dict[str, int]]:
+        """Choices of one candidate per bound agent."""
+        draws = [self._pool.agents[name] for name in self._bound]
+        if not draws:
+            yield {}
+            return
+        if self._mode == "map":
+            yield from _best_first(draws)
+            return
+        orders = [self._rng.permutation(len(each.nll)) for each in draws]
+        for n in range(_TUPLES):
+            yield {
+                each.name: int(order[n % len(order)])
+                for each, order in zip(draws, orders, strict=True)
+            }
+            if n and n % len(draws[0].nll) == 0:
+                orders = [self._rng.permutation(len(each.nll)) for each in draws]
+
+    def _try(self, choice: dict[str, int]) -> Selection | None:
+        built = {name: self._candidate(name, m) for name, m in choice.items()}
+        if None in built.values():
+            return None
+        candidates = {name: pair[0] for name, pair in built.items() if pair}
+        marks = {name: pair[1] for name, pair in built.items() if pair}
+        if not self._paths_fit(candidates):
+            return None
+        stage = Stage(candidates, marks, self._rng)
+        count = 0
+        for staging in stage.play(self._events, Staging()):
+            selection = self._finish(staging, choice)
+            if selection is not None:
+                return selection
+            count += 1
+            if count >= _STAGINGS_PER_TUPLE or self._unseated >= _SEATINGS:
+                return None
+        if not count:
+            self._failures[_text(self._events)] += 1
+        return None
+
+    def _candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
+        """The m-th candidate of an agent, once; None if a unary clause fails on it."""
+        if (name, m) not in self._built:
+            candidate = self._pool.agents[name].build(m)
+            marks = landmarks(candidate, ground=self._ground)
+            refused = [
+                rejection
+                for clause in self._unary
+                if clause.agent == name
+                for rejection in check(candidate, clause, marks=marks, ground=self._ground)
+            ]
+            self._failures.update(rejection.detail for rejection in refused)
+            self._built[(name, m)] = None if refused else (candidate, marks)
+        return self._built[(name, m)]
+
+    def _paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
+        for clause in self._near:
+            a, b = candidates.get(clause.first), candidates.get(clause.second)
+            if a is None or b is None:
+                continue
+            reach = clause.metres if isinstance(clause, Near) else 0.0
+            pair = encounter(a.path, b.path, shapes=(a.shape, b.shape), reach=reach)
+            along = np.ptp(pair.s_a[pair.i]) if len(pair.i) else -1.0
+            if along < (clause.metres if isinstance(clause, SameLane) else 0.0):
+                self._failures[format_clause(clause)] += 1
+                return False
+        return True
+
+    def _finish(self, staging: Staging, choice: dict[str, int]) -> Selection | None:
+        """In scene time, with lights and everybody else; None if one of these does not fit."""
+        timed = self._timed(staging)
+        if timed is None or not self._strangers_apart(timed):
+            return None
+        staging, duration = timed, self._duration(timed)
+        offset = self._signal_offset(staging, duration)
+        if offset is None and self._ground.on.signals is not None:
+            self._failures["the signal programme allows no such moment"] += 1
+            return None
+        seating = self._seat(staging, offset, duration)
+        if isinstance(seating, str):
+            self._unseated += 1
+            self._failures[seating] += 1
+            return None
+        return self._selection(staging, choice, seating, offset, duration)
+
+    def _timed(self, staging: Staging) -> Staging | None:
+        """Shifted so that the first event falls where it can be seen coming."""
+        if not staging.happenings:
+            return staging
+        first = min(each.time for each in staging.happenings)
+        shift = self._rng.uniform(*_FIRST_EVENT) - first
+        shift = max(shift, 0.5 - min(each.begins for each in staging.happenings))
+        needed = _needed(staging)
+        shift = round(min(shift, MAX_SECONDS - 0.2 - needed), 1)
+        if min(each.begins for each in staging.happenings) + shift < 0.0:
+            self._failures["the events do not fit into one scene of 30 s"] += 1
+            return None
+        return staging.shifted(shift)
+
+    def _duration(self, staging: Staging) -> float:
+        needed = _needed(staging) if staging.happenings else 0.0
+        return float(np.ceil(np.clip(needed, _MIN_SECONDS, MAX_SECONDS)))
+
+    def _strangers_apart(self, staging: Staging) -> bool:
+        related = {frozenset((c.first, str(c.second))) for c in self._events}
+        for a in staging.actors:
+            for b in staging.actors:
+                if a == b or frozenset((a, b)) in related:
+                    continue
+                first, second = staging.actors[a], staging.actors[b]
+                delta = (second.enters - first.enters) / STEP
+                for low, high in forbidden_offsets(first, second, strict=True):
+                    if low < delta < high:
+                        self._failures[f"no_interaction({a}, {b})"] += 1
+                        return False
+        return True
+
+    def _signal_offset(self, staging: Staging, duration: float) -> float | None:
+        program = self._ground.on.signals
+        if program is None:
+            return None
+        wanted = [
+            demand
+            for name, actor in staging.actors.items()
+            for demand in demands(actor, violates=name in self._violators, until=duration)
+        ]
+        offsets = feasible_offsets(program, tuple(wanted))
+        return float(self._rng.choice(offsets)) if len(offsets) else None
+
+    def _seat(self, staging: Staging, offset: float | None, duration: float) -> Seating | str:
+        """Everybody else around the foreground: near the arrival drawn, else whenever they can."""
+        clock = None
+        if offset is not None and self._ground.on.signals is not None:
+            clock = SignalClock(self._ground.on.signals, offset)
+        seating: Seating | str = "nobody was drawn"
+        for window in (_WINDOW, MAX_SECONDS):
+            guests = []
+            for name, draws in self._pool.agents.items():
+                if name in staging.actors:
+                    continue
+                options = tuple(self._options(draws, _Moment(clock, duration, window)))
+                guests.append(
+                    Guest(
+                        name,
+                        draws.route.type,
+                        draws.role == "foreground",
+                        options,
+                        spare=draws.spare,
+                    )
+                )
+            seating = seat(guests, staging.actors, self._pool.background)
+            if isinstance(seating, Seating):
+                return seating
+        return seating
+
+    def _options(self, draws: AgentDraws, moment: _Moment) -> Iterator[Option]:
+        order = np.argsort(draws.nll) if self._mode == "map" else np.arange(len(draws.nll))
+        taken = 0
+        for m in order:
+            built = self._candidate(draws.name, int(m))
+            if built is None:
+                continue
+            ways = tuple(self._ways(draws, int(m), *built, moment))
+            yield from ways
+            taken += bool(ways)
+            if self._mode == "draw" and taken >= _GUEST_DRAWS:
+                return
+
+    def _ways(
+        self,
+        draws: AgentDraws,
+        m: int,
+        candidate: Candidate,
+        marks: Landmarks,
+        moment: _Moment,
+    ) -> Iterator[Option]:
+        """Passing on green at any allowed moment, or waiting at red, first or behind others."""
+        motion = move(candidate)
+        actor = Actor(candidate, marks, 0.0, motion, motion)
+        cost = float(draws.nll[m] + draws.time_nll[m])
+        arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
+        around = arrives - STEP * len(motion.s) / 2
+        starts = _starts(actor, moment, around=around)
+        if len(starts):
+            yield Option(lambda: actor, m, starts, cost)
+        late = float(self._rng.uniform(-moment.window, moment.window))
+        lag = float(self._rng.uniform(0.6, 1.3))
+        for enters in (around, around + late):
+            for place in range(_QUEUE):
+                red = _RedLight(actor, moment.clock, round(enters, 1), place, lag)
+                if red.holds and red.enters <= moment.duration - 4.0:
+                    step = np.array([round(red.enters / STEP)], dtype=np.int64)
+                    yield Option(red.actor, m, step, cost + _QUEUE_COST * place)
+
+    def _selection(
+        self,
+        staging: Staging,
+        choice: dict[str, int],
+        seating: Seating,
+        offset: float | None,
+        duration: float,
+    ) -> Selection:
+        agents: dict[str, SelectedAgent] = {}
+        for name, draws in self._pool.agents.items():
+            if name in staging.actors:
+                actor, index = staging.actors[name], choice[name]
+            elif name not in seating.chosen:
+                continue
+            else:
+                option, start = seating.chosen[name]
+                actor, index = option.actor.shifted(start * STEP), option.index
+            agents[name] = SelectedAgent(
+                name=name,
+                role=draws.role,
+                candidate=actor.candidate,
+                index=index,
+                enters=actor.enters,
+                stops=actor.stops,
+                slowings=actor.slowings,
+                contact=actor.contact,
+                violates=name in self._violators,
+            )
+        events = tuple(
+            PlannedEvent(
+                format_clause(each.clause),
+                (each.clause.first, str(each.clause.second)),
+                round(each.time, 3),
+                each.location,
+            )
+            for each in staging.happenings
+        )
+        nll = sum(float(self._pool.agents[n].nll[a.index]) for n, a in agents.items())
+        return Selection(
+            agents=agents,
+            events=events,
+            duration=duration,
+            signal_offset=offset,
+            nll=nll,
+            optimal=self._mode == "map" and seating.optimal,
+            figures={"rounds": seating.rounds, "pairs": seating.pairs},
+        )
+
+    def _rejection(self) -> Rejection:
+        most = self._failures.most_common(3)
+        detail = "; ".join(f"{reason} ({count}x)" for reason, count in most)
+        return Rejection(
+            stage="waypoint_filter",
+            code="no_surviving_combination",
+            agents=tuple(self._bound),
+            detail=f"no combination of candidates survives: {detail or 'none was drawn'}",
+        )
+
+
+@dataclass(frozen=True)
+class _Moment:
+    """When agents may come: lights, scene length [s], freedom about the arrival drawn [s]."""
+
+    clock: SignalClock | None
+    duration: float
+    window: float
+
+
+@dataclass(frozen=True, eq=False)
+class _RedLight:
+    """An agent that comes upon red and waits, `place` others ahead of it in the queue."""
+
+    free: Actor
+    clock: SignalClock | None
+    enters: float
+    place: int
+    lag: float
+
+    @property
+    def s(self) -> float:
+        """Arc length at which it stands [m]."""
+        walks = self.free.candidate.route.type == "pedestrian"
+        line = self.free.marks.line or 0.0
+        behind = self.place * (0.9 if walks else self.free.candidate.shape.length + 2.6)
+        return line - (0.3 if walks else STOP_GAP) - behind
+
+    @property
+    def reaches(self) -> float:
+        """Scene time [s] at which it would stand, were braking free; good to about 2 s."""
+        return self.enters + self.free.motion.time_at(max(self.s, 0.0))
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is a red light to wait at, seen in the scene, and room to stand."""
+        group = self.free.marks.group
+        if self.clock is None or self.free.marks.line is None or group is None or self.s < 3.0:
+            return False
+        colours = [self.clock.colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
+        return "green" not in colours and self.release > 4.0
+
+    @property
+    def release(self) -> float:
+        """Scene time [s] at which it starts again."""
+        if self.clock is None:
+            return 0.0
+        green = self.clock.next_green(str(self.free.marks.group), self.reaches)
+        return green + self.lag + 1.2 * self.place
+
+    def actor(self) -> Actor:
+        """It in motion, entering at time 0."""
+        walks = self.free.candidate.route.type == "pedestrian"
+        start = arrival(self.free.candidate, Hold(self.s, 0.0))
+        until = max(self.release - self.enters, start)
+        anchor = "kerb" if walks else "stop_line"
+        name = anchor if not self.place else "queue"
+        return self.free.edited(stops=(Stop(name, self.s, start, until, "red_light"),))
+
+
+def _starts(actor: Actor, moment: _Moment, *, around: float) -> NDArray[np.int64]:
+    """Entry times [steps] near `around` at which the agent is seen for 4 s and obeys its light."""
+    last = moment.duration - 4.0
+    first = 4.0 - STEP * len(actor.motion.s)
+    low, high = max(first, around - moment.window), min(last, around + moment.window)
+    steps = np.arange(int(np.ceil(low / STEP)), int(high / STEP) + 1, dtype=np.int64)
+    line, group, clock = actor.marks.line, actor.marks.group, moment.clock
+    if clock is None or line is None or group is None or not len(steps):
+        return steps
+    crosses = STEP * steps + actor.motion.time_at(line) + clock.offset
+    green = shows(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
+    return steps[green.all(axis=0)]
+
+
+def _best_first(draws: list[AgentDraws]) -> Iterator[dict[str, int]]:
+    """Tuples of candidates by ascending summed NLL, lazily; never the whole product."""
+    orders = [np.argsort(each.nll + each.time_nll) for each in draws]
+    costs = [(each.nll + each.time_nll)[order] for each, order in zip(draws, orders, strict=True)]
+    if not draws:
+        yield {}
+        return
+    start = (0,) * len(draws)
+    heap = [(_sum(costs, start), start)]
+    seen = {start}
+    while heap:
+        _, ranks = heapq.heappop(heap)
+        yield {d.name: int(o[r]) for d, o, r in zip(draws, orders, ranks, strict=True)}
+        for axis, rank in enumerate(ranks):
+            step = (*ranks[:axis], rank + 1, *ranks[axis + 1 :])
+            if rank + 1 < len(orders[axis]) and step not in seen:
+                seen.add(step)
+                heapq.heappush(heap, (_sum(costs, step), step))
+
+
+def _sum(costs: list[FloatArray], ranks: tuple[int, ...]) -> float:
+    return float(sum(cost[rank] for cost, rank in zip(costs, ranks, strict=True)))
+
+
+def _needed(staging: Staging) -> float:
+    """Scene time [s] until which every event can be seen to have ended."""
+    ends = [max(each.time, each.ends) + 4.0 for each in staging.happenings]
+    for actor in staging.actors.values():
+        ends += [stop.until + 4.0 for stop in actor.stops if stop.reason == "gives_way"]
+    return max(ends)
+
+
+def _text(clauses: tuple[PairClause, ...]) -> str:
+    return "; ".join(format_clause(clause) for clause in clauses)

@@ -1,0 +1,578 @@
+"""Staging the foreground: spawn times and edits under which every relation happens.
+
+Each pair clause of the constraint language is a target set for delta, the difference of the two
+agents' entry times (see `encounter`). Clauses are served in order, depth first: an agent already
+placed keeps its time, the other one gets the delta that the clause wants.
+
+    contact    delta inside C(0), the first contact of the wanted kind
+    time_gap   delta at the wanted distance outside C(0)
+    headway    delta just behind C(0) of a shared lane
+    gives_way  `first` is held upstream of the zone until `second` has left it; delta such that,
+               unheld, it would have been there while `second` was (SEMANTICS 4, cause)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray, Point
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.constraints import Contact, GivesWay, Headway, PairClause, TimeGap
+from scenewright.scene.selection import Slowing, Stop
+from scenewright.scene.social import CollisionKind
+from scenewright.scene.track import STEP
+from scenewright.tools.encounter import (
+    Encounter,
+    Intervals,
+    encounter,
+    footprint_clearance,
+    gap_to,
+    meeting_offsets,
+)
+from scenewright.tools.landmarks import STOP_GAP, Landmarks
+from scenewright.tools.signals import Demand
+from scenewright.tools.time_law import Hold, Motion, arrival, move
+
+_TRIES = 6
+_SPACING = {"vehicle": 0.25, "pedestrian": 0.12}
+_MERGE_METRES = 5.0
+_STANDS = 1.6
+"""Least standstill of who gives way [s], start and end smoothed away included."""
+
+_RED = 12.0
+"""How long the leader of a rear-end would have stood at its red light [s]."""
+_UPSTREAM = {"vehicle": 18.0, "pedestrian": 4.3}
+"""Farthest before the zone that giving way counts (SEMANTICS 4: 20 m and 5 m, less a margin)."""
+
+_SLOWS = 3.0
+"""How long before a stop [s] the light must not explain it."""
+
+Pairing = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Actor:
+    """A candidate placed in time.
+
+    Attributes:
+        enters: scene time of its motion's first sample [s], a multiple of the step.
+        motion: as edited; free: as its time law alone would have it.
+        contact: scene time [s] at which a collision ends it.
+    """
+
+    candidate: Candidate
+    marks: Landmarks
+    enters: float
+    motion: Motion
+    free: Motion
+    stops: tuple[Stop, ...] = ()
+    slowings: tuple[Slowing, ...] = ()
+    contact: float | None = None
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """[N, 3] poses (x, y, heading) at scene times [s]."""
+        path, s = self.candidate.path, self.motion.position(times - self.enters)
+        columns = [path.xy[:, 0], path.xy[:, 1], path.heading]
+        return np.column_stack([np.interp(s, path.s, column) for column in columns])
+
+    @property
+    def leaves(self) -> float:
+        """Scene time of its last sample [s]."""
+        return self.enters + STEP * (len(self.motion.s) - 1)
+
+    def edited(self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()) -> Actor:
+        """The same actor with other standstills."""
+        holds = tuple(Hold(stop.s, stop.until - self.enters, stop.braking) for stop in stops)
+        motion = move(self.candidate, holds=holds, slowings=slowings)
+        return replace(self, motion=motion, stops=stops, slowings=slowings)
+
+    def shifted(self, seconds: float) -> Actor:
+        """The same actor, everything later by a multiple of the step."""
+        stops = tuple(
+            replace(stop, start=stop.start + seconds, until=stop.until + seconds)
+            for stop in self.stops
+        )
+        contact = None if self.contact is None else self.contact + seconds
+        enters = round(self.enters + seconds, 1)
+        return replace(self, enters=enters, stops=stops, contact=contact)
+
+    def ended(self, time: float) -> Actor:
+        """Cut at the first sample not before scene time `time`, where it stays as a wreck."""
+        steps = int(np.ceil((time - self.enters) / STEP - 1e-6))
+        return replace(self, motion=self.motion.cut(steps), contact=time)
+
+
+@dataclass(frozen=True)
+class Happening:
+    """An event that the staging brings about: when [s] and where.
+
+    Attributes:
+        begins, ends: [s] the span that must be seen, and until which its agents are busy with it.
+    """
+
+    clause: PairClause
+    time: float
+    begins: float
+    ends: float
+    location: Point
+
+    def shifted(self, seconds: float) -> Happening:
+        """The same, later."""
+        return replace(
+            self,
+            time=self.time + seconds,
+            begins=self.begins + seconds,
+            ends=self.ends + seconds,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Staging:
+    """Actors placed so far, and what happens among them."""
+
+    actors: Mapping[str, Actor] = field(default_factory=dict)
+    happenings: tuple[Happening, ...] = ()
+
+    def busy_until(self, name: str) -> float:
+        """Until when [s] the agent is busy with events so far; -inf if with none."""
+        return max(
+            (each.ends for each in self.happenings if name in _pair(each.clause)),
+            default=-float("inf"),
+        )
+
+    def with_event(self, happening: Happening, a: Actor, b: Actor) -> Staging:
+        """One event more, and its two actors as they are now."""
+        first, second = _pair(happening.clause)
+        return Staging({**self.actors, first: a, second: b}, (*self.happenings, happening))
+
+    def shifted(self, seconds: float) -> Staging:
+        """Everything later by a multiple of the step."""
+        actors = {name: actor.shifted(seconds) for name, actor in self.actors.items()}
+        happenings = tuple(each.shifted(seconds) for each in self.happenings)
+        return Staging(actors, happenings)
+
+
+class Stage:
+    """Serves pair clauses for one tuple of candidates.
+
+    Args:
+        candidates, marks: by agent.
+        rng: draws among the many placements that serve a clause.
+    """
+
+    def __init__(
+        self,
+        candidates: Mapping[str, Candidate],
+        marks: Mapping[str, Landmarks],
+        rng: np.random.Generator,
+    ) -> None:
+        self._candidates = candidates
+        self._marks = marks
+        self._rng = rng
+        self._encounters: dict[Pairing, Encounter] = {}
+
+    def play(self, clauses: tuple[PairClause, ...], staging: Staging) -> Iterator[Staging]:
+        """Every staging (lazily, several per clause) under which all clauses hold, in order."""
+        if not clauses:
+            yield staging
+            return
+        serve: Callable[[PairClause, Staging], Iterator[Staging]] = {
+            "contact": self._contact,
+            "time_gap": self._time_gap,
+            "headway": self._headway,
+            "gives_way": self._gives_way,
+        }[clauses[0].clause]  # type: ignore[assignment]
+        for staged in serve(clauses[0], staging):
+            yield from self.play(clauses[1:], staged)
+
+    def _contact(self, clause: Contact, staging: Staging) -> Iterator[Staging]:
+        a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
+        if a.contact is not None or b.contact is not None:
+            return
+        if clause.kind == "rear_end":
+            pair = self._rear_end(a, b, clause)
+            if pair is None:
+                return
+            a, b = pair
+        for delta in self._inside(self._meetings(clause, a, b)):
+            placed_a, placed_b = _place(clause, a, b, delta, staging)
+            found = first_contact(placed_a, placed_b)
+            if (
+                found is None
+                or not _wanted(found, clause)
+                or self._too_soon(found.time, clause, staging)
+            ):
+                continue
+            end_a, end_b = placed_a.ended(found.time), placed_b.ended(found.time)
+            happening = Happening(clause, found.time, found.time - 3.0, found.time, found.location)
+            yield staging.with_event(happening, end_a, end_b)
+
+    def _time_gap(self, clause: TimeGap, staging: Staging) -> Iterator[Staging]:
+        a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
+        meetings = self._meetings(clause, a, b)
+        for delta in self._outside(meetings, clause.low, clause.high):
+            placed_a, placed_b = _place(clause, a, b, delta, staging)
+            clearance, time, place = least_clearance(placed_a, placed_b)
+            if clearance <= 0.05 or self._too_soon(time, clause, staging):
+                continue
+            happening = Happening(clause, time, time - 4.0, time + 1.0, place)
+            yield staging.with_event(happening, placed_a, placed_b)
+
+    def _headway(self, clause: Headway, staging: Staging) -> Iterator[Staging]:
+        a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
+        meetings = self._meetings(clause, a, b)
+        if not len(meetings):
+            return
+        for gap in self._rng.uniform(clause.low, clause.high, _TRIES):
+            placed_a, placed_b = _place(clause, a, b, float(meetings[0, 0] - gap), staging)
+            begins = max(placed_a.enters, placed_b.enters)
+            if min(placed_a.leaves, placed_b.leaves) - begins < 5.0:
+                continue
+            time = begins + 4.0
+            happening = Happening(clause, time, begins, time, _point(placed_a, time))
+            yield staging.with_event(happening, placed_a, placed_b)
+
+    def _gives_way(self, clause: GivesWay, staging: Staging) -> Iterator[Staging]:
+        a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
+        if a.contact is not None or b.contact is not None:
+            return
+        zone = self._encounter(clause.first, clause.second).within(0.0)
+        zone = zone.first_metres(_MERGE_METRES) if _merging(zone, a, b) else zone
+        if not len(zone.i):
+            return
+        for stop in self._stopping_places(a, zone):
+            yield from self._held(clause, staging, zone, stop)
+
+    def _held(
+        self, clause: GivesWay, staging: Staging, zone: Encounter, place: tuple[str, Hold]
+    ) -> Iterator[Staging]:
+        a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
+        anchor, hold = place
+        others = tuple(stop for stop in a.stops if abs(stop.s - hold.s) > 0.5)
+        stands = arrival(a.candidate, hold, _holds(others, a.enters))
+        b_in, b_out = _passage(b.motion, zone.s_b[zone.j])
+        _, a_out = _passage(a.free, zone.s_a[zone.i])
+        react = float(self._rng.uniform(0.3, 0.8))
+        low = stands + _STANDS - b_out - react
+        high = min(stands + 5.0 - b_out - react, a_out + 1.4 - b_in)
+        if not np.isfinite(low + high) or low > high:
+            return
+        for delta in self._rng.uniform(low, high, 3):
+            placed_a, placed_b = _place(clause, a, b, float(delta), staging)
+            release = placed_b.enters + b_out + react
+            start = placed_a.enters + stands
+            stop = Stop(anchor, hold.s, start, release, "gives_way", hold.braking)
+            held = placed_a.edited(stops=_joined(placed_a.stops, stop))
+            if not _passes_well(held, placed_b, zone):
+                continue
+            enters = placed_a.enters + held.motion.time_at(float(zone.s_a[zone.i].min()))
+            happening = Happening(clause, start, start - 5.0, enters, _point(held, start))
+            yield staging.with_event(happening, held, placed_b)
+
+    def _stopping_places(self, a: Actor, zone: Encounter) -> Iterator[tuple[str, Hold]]:
+        """Where to wait: at the stop line or kerb if near enough, else short of the zone."""
+        kind = a.candidate.route.type
+        first = float(zone.s_a[zone.i].min())
+        line = a.marks.line
+        turning = a.candidate.route.movement in ("left", "right", "uturn")
+        short = first - float(self._rng.uniform(*((0.9, 2.0) if kind == "vehicle" else (0.6, 1.1))))
+        places: list[tuple[str, float]] = []
+        if line is not None and line - STOP_GAP <= short and first - line < _UPSTREAM[kind]:
+            anchor = "stop_line" if kind == "vehicle" else "kerb"
+            places = [(anchor, line - min(STOP_GAP, 0.3 if kind == "pedestrian" else STOP_GAP))]
+        if line is None or short > line + 1.0:
+            at_zone = ("yield_point", short)
+            places = [at_zone, *places] if turning else [*places, at_zone]
+        for anchor, s in places:
+            for braking in (None, 3.2):
+                if s > 2.0:
+                    yield anchor, Hold(s, 0.0, braking)
+
+    def _brakes_at_light(self, b: Actor) -> Actor | None:
+        """The leader of a rear-end: stands at its red light."""
+        if b.stops:
+            return b
+        if b.marks.line is None or b.marks.group is None:
+            return None
+        hold = Hold(b.marks.line - STOP_GAP, 0.0)
+        start = b.enters + arrival(b.candidate, hold)
+        stop = Stop("stop_line", hold.s, start, start + _RED, "red_light")
+        return b.edited(stops=(stop,))
+
+    def _rear_end(self, a: Actor, b: Actor, clause: Contact) -> tuple[Actor, Actor] | None:
+        """The follower brakes hard, but too late to stop behind the standing leader."""
+        leader = self._brakes_at_light(b)
+        if leader is None:
+            return None
+        follower = self._brakes_late(a, leader, clause)
+        return None if follower is None else (follower, leader)
+
+    def _brakes_late(self, a: Actor, b: Actor, clause: Contact) -> Actor | None:
+        shared = self._encounter(clause.first, clause.second).within(0.0)
+        standing = np.abs(shared.s_b[shared.j] - b.stops[0].s) < 0.3
+        if not standing.any():
+            return None
+        touch = float(shared.s_a[shared.i[standing]].min())
+        speed = clause.speed or float(self._rng.uniform(3.0, 5.5))
+        return a.edited(stops=a.stops, slowings=(Slowing(touch, speed, 5.5),))
+
+    def _actor(self, name: str, staging: Staging) -> Actor:
+        if name in staging.actors:
+            return staging.actors[name]
+        candidate = self._candidates[name]
+        motion = move(candidate)
+        return Actor(candidate, self._marks[name], 0.0, motion, motion)
+
+    def _encounter(self, first: str, second: str) -> Encounter:
+        key = (first, second)
+        if key not in self._encounters:
+            a, b = self._candidates[first], self._candidates[second]
+            spacing = (_SPACING[a.route.type], _SPACING[b.route.type])
+            self._encounters[key] = encounter(
+                a.path, b.path, shapes=(a.shape, b.shape), reach=0.1, spacing=spacing
+            )
+        return self._encounters[key]
+
+    def _meetings(self, clause: PairClause, a: Actor, b: Actor) -> Intervals:
+        pair = self._encounter(*_pair(clause))
+        return meeting_offsets(pair, a.motion, b.motion, c=0.0, exact=True)
+
+    def _inside(self, meetings: Intervals) -> list[float]:
+        """Deltas spread inside the intervals, those near the middle first more often."""
+        share = (
+            0.5
+            + 0.45 * np.sort(self._rng.uniform(-1, 1, _TRIES))[np.argsort(self._rng.random(_TRIES))]
+        )
+        return [float(low + (high - low) * x) for low, high in meetings for x in share]
+
+    def _outside(self, meetings: Intervals, low: float, high: float) -> list[float]:
+        """Deltas whose distance from all intervals lies in [low, high]."""
+        found = []
+        for gap in self._rng.uniform(low, high, _TRIES):
+            for start, end in meetings:
+                found += [float(start - gap), float(end + gap)]
+        kept = [delta for delta in found if gap_to(meetings, delta) >= low - 1e-6]
+        self._rng.shuffle(kept)
+        return kept
+
+    def _too_soon(self, time: float, clause: PairClause, staging: Staging) -> bool:
+        """A later relation of an agent comes after its earlier ones."""
+        return any(time < staging.busy_until(name) + 0.5 for name in _pair(clause))
+
+
+@dataclass(frozen=True)
+class FirstContact:
+    """When [s], where and how two actors first touch."""
+
+    time: float
+    location: Point
+    kind: CollisionKind
+    closing: float
+    frontal: bool
+
+
+def first_contact(a: Actor, b: Actor) -> FirstContact | None:
+    """The first contact of two placed actors, to 0.01 s; None if they never touch."""
+    times = _shared_times(a, b)
+    if times is None:
+        return None
+    shapes = (a.candidate.shape, b.candidate.shape)
+    touching = np.nonzero(footprint_clearance(a.at(times), b.at(times), shapes=shapes) <= 0)[0]
+    if not len(touching) or touching[0] == 0:
+        return None
+    fine = np.linspace(times[touching[0] - 1], times[touching[0]], 11)
+    hit = np.nonzero(footprint_clearance(a.at(fine), b.at(fine), shapes=shapes) <= 0)[0][0]
+    return _describe(a, b, float(fine[hit]))
+
+
+def least_clearance(a: Actor, b: Actor) -> tuple[float, float, Point]:
+    """Least clearance [m], when [s] and where (midway); inf if never there at once."""
+    times = _shared_times(a, b)
+    if times is None:
+        return float("inf"), 0.0, (0.0, 0.0)
+    at_a, at_b = a.at(times), b.at(times)
+    clearance = footprint_clearance(at_a, at_b, shapes=(a.candidate.shape, b.candidate.shape))
+    index = int(np.argmin(clearance))
+    middle = (at_a[index, :2] + at_b[index, :2]) / 2
+    return float(clearance[index]), float(times[index]), (float(middle[0]), float(middle[1]))
+
+
+def post_encroachment(a: Actor, b: Actor) -> float:
+    """PET [s] of two placed actors (SEMANTICS 4); inf if their swept paths never overlap."""
+    ca, cb = a.candidate, b.candidate
+    spacing = (_SPACING[ca.route.type], _SPACING[cb.route.type])
+    pair = encounter(ca.path, cb.path, shapes=(ca.shape, cb.shape), reach=0.1, spacing=spacing)
+    meetings = meeting_offsets(pair, a.motion, b.motion, c=0.0, exact=True)
+    return gap_to(meetings, b.enters - a.enters)
+
+
+def demands(actor: Actor, *, violates: bool, until: float) -> tuple[Demand, ...]:
+    """What the signal plan must show for this actor: to obey it, or to run its red light."""
+    line, group = actor.marks.line, actor.marks.group
+    if line is None or group is None:
+        return ()
+    found = [
+        Demand(group, max(stop.start - 2.0, 0.0), min(stop.until, actor.contact or until), ("red",))
+        for stop in actor.stops
+        if stop.reason == "red_light"
+    ]
+    crosses = actor.enters + actor.motion.time_at(line)
+    if not np.isfinite(crosses) or crosses > until or crosses < -25.0:
+        return tuple(found)
+    if violates:
+        return (*found, Demand(group, crosses - 0.5, crosses + 1.0, ("red",)))
+    waits = [stop.start - _SLOWS for stop in actor.stops if abs(stop.s - line) < 2.0]
+    begins = min([crosses - 0.2, *waits])
+    return (*found, Demand(group, begins, crosses + 0.5, ("green",)))
+
+
+def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
+    around = np.array([time - 0.05, time, time + 0.05])
+    poses = (a.at(around), b.at(around))
+    velocity = [(pose[2, :2] - pose[0, :2]) / 0.1 for pose in poses]
+    spot = _touching_point(poses[0][1], poses[1][1], a, b)
+    sides = [_side(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
+    turned = abs(float(np.angle(np.exp(1j * (poses[0][1, 2] - poses[1][1, 2])))))
+    return FirstContact(
+        time=time,
+        location=(float(spot[0]), float(spot[1])),
+        kind=_kind(a, b, turned, sides),
+        closing=float(np.hypot(*(velocity[0] - velocity[1]))),
+        frontal=sides[0] == "front" and a.candidate.route.type == "vehicle",
+    )
+
+
+def _kind(a: Actor, b: Actor, turned: float, sides: list[str]) -> CollisionKind:
+    routes = (a.candidate.route, b.candidate.route)
+    if any(route.type == "pedestrian" for route in routes):
+        return "pedestrian_strike"
+    if turned <= np.radians(30):
+        return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"
+    if turned >= np.radians(135) and sides == ["front", "front"]:
+        return "head_on"
+    return "left_turn" if any(route.movement == "left" for route in routes) else "angle"
+
+
+def _side(pose: FloatArray, actor: Actor, spot: FloatArray) -> str:
+    shape = actor.candidate.shape
+    dx, dy = spot - pose[:2]
+    along = (dx * np.cos(pose[2]) + dy * np.sin(pose[2])) / (shape.length / 2)
+    across = (dy * np.cos(pose[2]) - dx * np.sin(pose[2])) / (shape.width / 2)
+    if abs(along) >= abs(across):
+        return "front" if along > 0 else "rear"
+    return "side"
+
+
+def _touching_point(a: FloatArray, b: FloatArray, first: Actor, second: Actor) -> FloatArray:
+    """Middle of the contact: mean of the outline points of either that lie in the other."""
+    points_a, points_b = _outline(a, first), _outline(b, second)
+    inside_a = points_a[_contains(points_a, b, second)]
+    inside_b = points_b[_contains(points_b, a, first)]
+    touching = np.concatenate([inside_a, inside_b])
+    result: FloatArray = touching.mean(axis=0) if len(touching) else (a[:2] + b[:2]) / 2
+    return result
+
+
+def _outline(pose: FloatArray, actor: Actor) -> FloatArray:
+    shape = actor.candidate.shape
+    if shape.type == "pedestrian":
+        angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+        return pose[:2] + shape.width / 2 * np.column_stack([np.cos(angle), np.sin(angle)])
+    edge = np.linspace(-1, 1, 41)
+    one = np.ones_like(edge)
+    local = np.concatenate(
+        [np.column_stack(pair) for pair in ((edge, one), (edge, -one), (one, edge), (-one, edge))]
+    ) * [shape.length / 2, shape.width / 2]
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    turned: FloatArray = pose[:2] + local @ np.array([[cos, sin], [-sin, cos]])
+    return turned
+
+
+def _contains(points: FloatArray, pose: FloatArray, actor: Actor) -> FloatArray:
+    shape = actor.candidate.shape
+    offset = points - pose[:2]
+    if shape.type == "pedestrian":
+        inside: FloatArray = np.hypot(*offset.T) <= shape.width / 2 + 0.02
+        return inside
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    along, across = offset @ [cos, sin], offset @ [-sin, cos]
+    result: FloatArray = (np.abs(along) <= shape.length / 2 + 0.02) & (
+        np.abs(across) <= shape.width / 2 + 0.02
+    )
+    return result
+
+
+def _wanted(found: FirstContact, clause: Contact) -> bool:
+    if clause.kind not in (None, found.kind):
+        return False
+    if clause.speed is not None and abs(found.closing - clause.speed) > 0.9:
+        return False
+    least = 2.5 if found.kind == "pedestrian_strike" else 1.3
+    return found.closing >= least
+
+
+def _passes_well(held: Actor, other: Actor, zone: Encounter) -> bool:
+    """The yield as edited: clear of the other by 0.4 m, PET between 0.6 and 7 s, hold in force."""
+    clearance, _, _ = least_clearance(held, other)
+    meetings = meeting_offsets(zone, held.motion, other.motion, c=0.0, exact=True)
+    pet = gap_to(meetings, other.enters - held.enters)
+    return clearance >= 0.4 and 0.6 <= pet <= 7.0
+
+
+def _place(
+    clause: PairClause, a: Actor, b: Actor, delta: float, staging: Staging
+) -> tuple[Actor, Actor]:
+    """Both actors with o_b - o_a = delta (to the step); who is on stage already stays put."""
+    delta = round(delta, 1)
+    first, second = _pair(clause)
+    if first in staging.actors and second not in staging.actors:
+        return a, b.shifted(a.enters + delta - b.enters)
+    if second in staging.actors and first not in staging.actors:
+        return a.shifted(b.enters - delta - a.enters), b
+    if first in staging.actors:
+        return a, b
+    return a, b.shifted(a.enters + delta - b.enters)
+
+
+def _joined(stops: tuple[Stop, ...], stop: Stop) -> tuple[Stop, ...]:
+    """One standstill at one place, as long as the longer of the two needs."""
+    same = [each for each in stops if abs(each.s - stop.s) <= 0.5]
+    rest = tuple(each for each in stops if each not in same)
+    if not same:
+        return tuple(sorted((*rest, stop), key=lambda each: each.s))
+    until = max(stop.until, *(each.until for each in same))
+    return tuple(sorted((*rest, replace(same[0], until=until)), key=lambda each: each.s))
+
+
+def _holds(stops: tuple[Stop, ...], enters: float) -> tuple[Hold, ...]:
+    return tuple(Hold(stop.s, stop.until - enters, stop.braking) for stop in stops)
+
+
+def _passage(motion: Motion, nodes: FloatArray) -> tuple[float, float]:
+    """Local times [s] of reaching the first and leaving the last of the nodes."""
+    return motion.time_at(float(nodes.min())), motion.time_at(float(nodes.max()))
+
+
+def _merging(zone: Encounter, a: Actor, b: Actor) -> bool:
+    """Whether the two go on in one lane after the zone."""
+    if "pedestrian" in (a.candidate.route.type, b.candidate.route.type):
+        return False
+    return a.candidate.route.exit == b.candidate.route.exit
+
+
+def _shared_times(a: Actor, b: Actor) -> FloatArray | None:
+    start, end = max(a.enters, b.enters), min(a.leaves, b.leaves)
+    steps = round((end - start) / STEP)
+    return None if steps < 1 else start + STEP * np.arange(steps + 1)
+
+
+def _point(actor: Actor, time: float) -> Point:
+    x, y, _ = actor.at(np.array([time]))[0]
+    return float(x), float(y)
+
+
+def _pair(clause: PairClause) -> Pairing:
+    return clause.first, str(clause.second)

@@ -1,0 +1,219 @@
+"""When two agents would meet: clearances of their paths, and the offsets that bring them together.
+
+For two motions a and b that enter the map at scene times o_a and o_b, let delta = o_b - o_a. They
+come within clearance c iff delta lies in
+
+    C(c) = {t_a - t_b : clearance(a(t_a), b(t_b)) <= c},
+
+a union of intervals. They collide iff delta is in C(0); their PET is the distance of delta from
+C(0); "no interaction" keeps delta clear of both. Geometry (which nodes of the two paths are close)
+is independent of time and computed once per pair of paths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Path
+from scenewright.scene.track import STEP, Shape
+from scenewright.tools.time_law import Motion
+
+FOREVER = 1e4
+"""Longer than any scene [s]: how long a wreck stays."""
+
+_JOIN = 0.3
+"""Intervals closer than this [s] are one meeting seen through two nodes."""
+
+IntArray = NDArray[np.intp]
+Intervals = FloatArray
+"""[N, 2] disjoint closed intervals [s], ascending."""
+
+
+@dataclass(frozen=True, eq=False)
+class Encounter:
+    """Pairs of nodes of two paths whose footprints come close.
+
+    Attributes:
+        s_a, s_b: [A], [B] nodes of the paths [m].
+        i, j: [N] node indices of close pairs.
+        clearance: [N] distance of the footprints there [m]; negative where they overlap.
+    """
+
+    s_a: FloatArray
+    s_b: FloatArray
+    i: IntArray
+    j: IntArray
+    clearance: FloatArray
+
+    @property
+    def touches(self) -> bool:
+        """Whether the swept paths overlap at all."""
+        return bool(len(self.clearance) and self.clearance.min() <= 0.0)
+
+    def within(self, c: float) -> Encounter:
+        """Only the pairs at most `c` metres apart."""
+        keep = self.clearance <= c
+        return Encounter(self.s_a, self.s_b, self.i[keep], self.j[keep], self.clearance[keep])
+
+    def first_metres(self, metres: float) -> Encounter:
+        """Only the start of a shared stretch: a merge conflicts where it begins (SEMANTICS 4)."""
+        if not len(self.i):
+            return self
+        near = self.s_a[self.i] <= self.s_a[self.i].min() + metres
+        near &= self.s_b[self.j] <= self.s_b[self.j].min() + metres
+        return Encounter(self.s_a, self.s_b, self.i[near], self.j[near], self.clearance[near])
+
+
+def encounter(
+    a: Path,
+    b: Path,
+    *,
+    shapes: tuple[Shape, Shape],
+    reach: float,
+    spacing: tuple[float, float] = (0.5, 0.5),
+) -> Encounter:
+    """All node pairs of two paths whose footprints come within `reach` metres.
+
+    Args:
+        spacing: distance between nodes of a and of b [m]; a PET wants less than a certificate.
+    """
+    s_a, s_b = _nodes(a, spacing[0]), _nodes(b, spacing[1])
+    pose_a, pose_b = _poses(a, s_a), _poses(b, s_b)
+    radius = sum(np.hypot(shape.length, shape.width) / 2 for shape in shapes)
+    gap = (pose_a[:, None, 0] - pose_b[None, :, 0]) ** 2
+    gap += (pose_a[:, None, 1] - pose_b[None, :, 1]) ** 2
+    i, j = np.nonzero(gap <= (radius + reach) ** 2)
+    clearance = footprint_clearance(pose_a[i], pose_b[j], shapes=shapes)
+    near = clearance <= reach
+    return Encounter(s_a, s_b, i[near], j[near], clearance[near])
+
+
+def footprint_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shape]) -> FloatArray:
+    """[N] distance [m] between footprints at poses [N, 3] (x, y, heading); negative = overlap.
+
+    Two convex shapes that do not overlap are nearest at a corner of one of them; whether they
+    overlap is decided by separating axes. Discs are corners with a radius.
+    """
+    discs = [shape.type == "pedestrian" for shape in shapes]
+    if all(discs):
+        distance = np.hypot(*(a[:, :2] - b[:, :2]).T)
+        return distance - (shapes[0].width + shapes[1].width) / 2
+    if discs[1]:
+        return _to_box(b[:, None, :2], a, shapes[0]).min(axis=1) - shapes[1].width / 2
+    if discs[0]:
+        return _to_box(a[:, None, :2], b, shapes[1]).min(axis=1) - shapes[0].width / 2
+    return _between_boxes(a, b, shapes)
+
+
+def meeting_offsets(
+    pair: Encounter, a: Motion, b: Motion, *, c: float, exact: bool = False
+) -> Intervals:
+    """C(c) as disjoint intervals of delta = o_b - o_a [s].
+
+    Args:
+        exact: nodes count as points (for measuring a PET); else as the stretch around them,
+            which never misses a meeting between nodes.
+    """
+    close = pair.within(c)
+    if not len(close.i):
+        return np.empty((0, 2))
+    half = 0.0 if exact else 0.5
+    a_in, a_out = _occupancy(close.s_a, a, half)
+    b_in, b_out = _occupancy(close.s_b, b, half)
+    reached = np.isfinite(a_in[close.i]) & np.isfinite(b_in[close.j])
+    i, j = close.i[reached], close.j[reached]
+    return _merge(a_in[i] - b_out[j], a_out[i] - b_in[j])
+
+
+def gap_to(intervals: Intervals, delta: float) -> float:
+    """Distance [s] of delta from a union of intervals: the PET if they are C(0); inf if empty."""
+    if not len(intervals):
+        return float("inf")
+    outside = np.maximum(intervals[:, 0] - delta, delta - intervals[:, 1])
+    return float(np.maximum(outside, 0.0).min())
+
+
+def _nodes(path: Path, spacing: float) -> FloatArray:
+    return np.linspace(0.0, path.length, max(2, round(path.length / spacing) + 1))
+
+
+def _poses(path: Path, s: FloatArray) -> FloatArray:
+    columns = [path.xy[:, 0], path.xy[:, 1], path.heading]
+    return np.column_stack([np.interp(s, path.s, column) for column in columns])
+
+
+def _local(points: FloatArray, box: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """[N, C] coordinates along and across the boxes at poses [N, 3] of points [N, C, 2]."""
+    cos, sin = np.cos(box[:, None, 2]), np.sin(box[:, None, 2])
+    dx, dy = points[..., 0] - box[:, None, 0], points[..., 1] - box[:, None, 1]
+    return dx * cos + dy * sin, dy * cos - dx * sin
+
+
+def _to_box(points: FloatArray, box: FloatArray, shape: Shape) -> FloatArray:
+    """[N, C] distance of points [N, C, 2] to rectangles at poses [N, 3]; negative inside."""
+    along, across = _local(points, box)
+    return _outside(np.abs(along) - shape.length / 2, np.abs(across) - shape.width / 2)
+
+
+def _outside(along: FloatArray, across: FloatArray) -> FloatArray:
+    outside = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+    return outside + np.minimum(np.maximum(along, across), 0.0)
+
+
+def _corners(box: FloatArray, shape: Shape) -> FloatArray:
+    cos, sin = np.cos(box[:, None, 2]), np.sin(box[:, None, 2])
+    along = shape.length / 2 * np.array([1.0, 1.0, -1.0, -1.0])
+    across = shape.width / 2 * np.array([1.0, -1.0, -1.0, 1.0])
+    x = box[:, None, 0] + along * cos - across * sin
+    y = box[:, None, 1] + along * sin + across * cos
+    return np.stack([x, y], axis=-1)
+
+
+def _between_boxes(a: FloatArray, b: FloatArray, shapes: tuple[Shape, Shape]) -> FloatArray:
+    near_a, axes_a = _corners_to_box(_corners(b, shapes[1]), a, shapes[0])
+    near_b, axes_b = _corners_to_box(_corners(a, shapes[0]), b, shapes[1])
+    axes = np.maximum(axes_a, axes_b)
+    return np.where(axes <= 0.0, axes, np.maximum(np.minimum(near_a, near_b), 0.0))
+
+
+def _corners_to_box(
+    corners: FloatArray, box: FloatArray, shape: Shape
+) -> tuple[FloatArray, FloatArray]:
+    """[N] distance of the nearest corner, and the largest gap along the box's own two axes."""
+    along, across = _local(corners, box)
+    half = (shape.length / 2, shape.width / 2)
+    near = _outside(np.abs(along) - half[0], np.abs(across) - half[1]).min(axis=1)
+    gaps = [
+        np.maximum(local.min(axis=1), -local.max(axis=1)) - extent
+        for local, extent in zip((along, across), half, strict=True)
+    ]
+    return near, np.maximum(*gaps)
+
+
+def _occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, FloatArray]:
+    """Local times [s] at which the centre comes to and leaves each node's stretch; inf = never."""
+    reach = half * (s[1] - s[0])
+    grid = STEP * np.arange(len(motion.s))
+    # Ties in s are a standstill: the tiny slope makes its start and end distinct.
+    tilt = 1e-7 * np.arange(len(motion.s))
+    come = np.interp(s - reach, motion.s + tilt, grid, right=np.inf)
+    last = motion.s[-1] + tilt[-1]
+    leave = np.interp(s + reach, motion.s + tilt, grid, right=FOREVER if motion.ended else grid[-1])
+    leave = np.where(np.isinf(come), np.inf, leave)
+    if motion.ended:
+        leave = np.where(s + reach >= last - 1e-3, np.where(np.isinf(come), np.inf, FOREVER), leave)
+    return come, leave
+
+
+def _merge(low: FloatArray, high: FloatArray) -> Intervals:
+    if not len(low):
+        return np.empty((0, 2))
+    order = np.argsort(low, kind="stable")
+    low, reach = low[order], np.maximum.accumulate(high[order])
+    starts = np.concatenate([[True], low[1:] > reach[:-1] + _JOIN])
+    ends = np.concatenate([starts[1:], [True]])
+    return np.column_stack([low[starts], reach[ends]])

@@ -1,0 +1,92 @@
+"""Event summary (paper 3.4): anchors and times of the selected priors, as evidence to reason on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.selection import SelectedAgent, Selection, Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.ground import Ground
+from scenewright.tools.landmarks import landmarks
+from scenewright.tools.map_grounding import movement_of
+from scenewright.tools.segment_editor import editing_of
+from scenewright.tools.time_law import Motion, move
+
+
+def summarise(selection: Selection, *, ground: Ground) -> EventSummary:
+    """What the selected tracks pass and when, and the stays that the solver found to work."""
+    agents = tuple(_agent(agent, selection.duration, ground) for agent in selection.agents.values())
+    evidence = tuple(
+        {"clause": e.clause, "agents": list(e.agents), "time": e.time, "location": list(e.location)}
+        for e in selection.events
+    )
+    return EventSummary(duration=selection.duration, agents=agents, evidence=evidence)
+
+
+def anchor_name(stop: Stop, candidate: Candidate, *, ground: Ground) -> str:
+    """The map entity of a stop, by name."""
+    route = candidate.route
+    if stop.anchor == "stop_line":
+        movement = movement_of(route, on=ground.on)
+        return movement.stop_line if movement else "stop_line"
+    if stop.anchor == "kerb":
+        return f"{route.crosswalk}:kerb:{route.entry}"
+    return f"{stop.anchor}@{stop.s:.1f}"
+
+
+def _agent(agent: SelectedAgent, duration: float, ground: Ground) -> AgentSummary:
+    editing = editing_of(agent)
+    motion = move(agent.candidate, holds=editing.holds, slowings=editing.slowings)
+    leaves = min(agent.enters + STEP * (len(motion.s) - 1), duration)
+    leaves = leaves if agent.contact is None else min(leaves, agent.contact)
+    stays = tuple(
+        Stay(
+            anchor=anchor_name(stop, agent.candidate, ground=ground),
+            start=round(stop.start, 3),
+            until=round(stop.until, 3),
+            reason=stop.reason,
+        )
+        for stop in agent.stops
+    )
+    return AgentSummary(
+        agent=agent.name,
+        enters=agent.enters,
+        leaves=round(leaves, 3),
+        anchors=_anchors(agent, move(agent.candidate), duration, ground),
+        stays=stays,
+        contact=agent.contact,
+    )
+
+
+def _anchors(
+    agent: SelectedAgent, prior: Motion, duration: float, ground: Ground
+) -> tuple[Anchor, ...]:
+    """Every anchor on the path in order of arc length, timed by the unedited prior."""
+    marks = landmarks(agent.candidate, ground=ground)
+    places: list[tuple[str, float]] = [
+        (anchor_name(stop, agent.candidate, ground=ground), stop.s) for stop in agent.stops
+    ]
+    if marks.line is not None:
+        walker = agent.candidate.route.type == "pedestrian"
+        line = Stop("kerb" if walker else "stop_line", marks.line, 0.0, 0.0, "")
+        name = anchor_name(line, agent.candidate, ground=ground)
+        places += [] if any(name == place[0] for place in places) else [(name, marks.line)]
+    for crosswalk, enters, leaves in marks.crosswalks:
+        places += [(f"{crosswalk}:entry", enters), (f"{crosswalk}:exit", leaves)]
+    places.append(("goal", agent.candidate.path.length))
+    return tuple(
+        Anchor(id=name, s=round(s, 3), time=_when(agent, prior, s, duration))
+        for name, s in sorted(places, key=lambda place: place[1])
+    )
+
+
+def _when(agent: SelectedAgent, prior: Motion, s: float, duration: float) -> float | None:
+    time = agent.enters + prior.time_at(s)
+    return round(time, 3) if 0.0 <= time <= duration else None
+
+
+def facts_of(summary: EventSummary) -> dict[str, Any]:
+    """The summary as plain JSON values, for whoever reasons on it."""
+    return summary.model_dump(mode="json")

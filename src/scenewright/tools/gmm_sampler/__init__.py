@@ -1,0 +1,38 @@
+"""Priors of an intersection: what is likely, fitted on a corpus (paper 3.2, Eq. 1 to 3).
+
+At run time only numpy is needed; fitting and the corpus load scikit-learn, shapely and SUMO.
+"""
+
+from scenewright.tools.gmm_sampler.priors import (
+    CountPrior,
+    Priors,
+    TimeLawPrior,
+    WaypointPrior,
+    load_priors,
+)
+from scenewright.tools.gmm_sampler.sample import (
+    count_nll,
+    sample_count,
+    sample_waypoints,
+    total_mass,
+    waypoint_nll,
+)
+from scenewright.tools.gmm_sampler.spline import paths_of, spline_path
+from scenewright.tools.gmm_sampler.time_law_prior import sample_time_laws, time_law_nll
+
+__all__ = [
+    "CountPrior",
+    "Priors",
+    "TimeLawPrior",
+    "WaypointPrior",
+    "count_nll",
+    "load_priors",
+    "paths_of",
+    "sample_count",
+    "sample_time_laws",
+    "sample_waypoints",
+    "spline_path",
+    "time_law_nll",
+    "total_mass",
+    "waypoint_nll",
+]

@@ -1,0 +1,170 @@
+"""How many vehicles and pedestrians come by in each hour of the day, and from where.
+
+`derive_demand` computes the numbers from raw count files; `demand.json` in a bundle keeps them,
+so that a corpus can be rebuilt without the raw data. What no count tells is an assumption and is
+written down here, in the fields' defaults.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections import defaultdict
+from datetime import datetime
+from pathlib import Path
+
+from pydantic import Field, ValidationError
+
+from scenewright.errors import InputError
+from scenewright.scene.base import Compass, Model
+
+HOURS = 24
+_BUSIEST_SIGNALS = 10
+_LEAST_MINUTES, _MOST_MINUTES = 45.0, 75.0
+_WEEKEND = 5
+
+Hourly = tuple[float, ...]
+
+
+class Demand(Model):
+    """Mean hourly arrivals and the shares that split them.
+
+    Attributes:
+        vehicles: [24] vehicles per hour by entry leg, mean of the counted working days.
+        day_spread: relative standard deviation of an hour's count between days, by entry leg.
+        pedestrians: [24] pedestrians per hour and crosswalk, both directions together.
+        turn_shares: (left, straight, right) by entry leg; assumed.
+        subtype_shares: of vehicles; assumed. Buses keep to the avenue, straight on.
+        side_shares: of the pairs of sidewalks that pedestrians use; assumed.
+        pedestrian_level: factor from the mean of the ten busiest counted signals to this one;
+            assumed, as nobody counted pedestrians here.
+        sources: where the numbers come from, and under which terms.
+    """
+
+    vehicles: dict[Compass, Hourly]
+    day_spread: dict[Compass, float]
+    pedestrians: Hourly
+    turn_shares: dict[Compass, tuple[float, float, float]] = Field(
+        default={
+            "north": (0.10, 0.78, 0.12),
+            "south": (0.10, 0.78, 0.12),
+            "east": (0.30, 0.36, 0.34),
+            "west": (0.30, 0.36, 0.34),
+        }
+    )
+    subtype_shares: dict[str, float] = Field(
+        default={"car": 0.86, "truck": 0.07, "bus": 0.03, "motorcycle": 0.04}
+    )
+    side_shares: dict[str, float] = Field(
+        default={"along>along": 0.40, "along>leg": 0.22, "leg>along": 0.22, "leg>leg": 0.16}
+    )
+    pedestrian_level: float = 2.0
+    sources: tuple[str, ...] = (
+        "Entry south and north: NYC DOT Traffic Volume Counts (NYC Open Data), Amsterdam Avenue "
+        "between West 118 and West 119 Street, NB and SB, working days of 2012 and 2017.",
+        "Entry east and west (assumed equal in shape and size): the same source, Morningside "
+        "Drive between West 120 and West 121 Street, WB and EB, working days of 2015; West 120 "
+        "Street itself was not counted.",
+        "Pedestrians: mean hourly crossings at the ten busiest signals of ped-signal-data "
+        "(Utah State University, Apache-2.0), times pedestrian_level.",
+    )
+
+
+def read_demand(path: Path) -> Demand:
+    """The demand kept in a bundle's `demand.json`; InputError where it cannot be read."""
+    try:
+        return Demand.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError) as fault:
+        raise InputError(
+            f"cannot read demand {path.name!r}: {str(fault).splitlines()[0]}"
+        ) from None
+
+
+def derive_demand(counts: Path) -> Demand:
+    """The demand from raw counts: NYC DOT `Traffic_Volume_Counts*.csv` and Utah's `dat.csv`.
+
+    `counts` is searched recursively. InputError where files or streets are missing.
+    """
+    rows = _volume_rows(counts)
+    by_leg: dict[Compass, list[Hourly]] = {
+        "south": _days(rows, "AMSTERDAM", ("118", "119"), "NB"),
+        "north": _days(rows, "AMSTERDAM", ("118", "119"), "SB"),
+        "east": _days(rows, "MORNINGSIDE", ("120", "121"), "WB"),
+        "west": _days(rows, "MORNINGSIDE", ("120", "121"), "EB"),
+    }
+    level = float(Demand.model_fields["pedestrian_level"].default)
+    walkers = tuple(round(level * n, 2) for n in _crossings_by_hour(counts))
+    return Demand(
+        vehicles={leg: _mean(days) for leg, days in by_leg.items()},
+        day_spread={leg: _spread(days) for leg, days in by_leg.items()},
+        pedestrians=walkers,
+    )
+
+
+def _volume_rows(counts: Path) -> list[list[str]]:
+    files = sorted(counts.rglob("Traffic_Volume_Counts*.csv"))
+    if not files:
+        raise InputError(f"no Traffic_Volume_Counts*.csv under {counts}")
+    rows: list[list[str]] = []
+    for file in files:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            rows += list(csv.reader(stream))[1:]
+    return rows
+
+
+def _days(
+    rows: list[list[str]], road: str, between: tuple[str, str], direction: str
+) -> list[Hourly]:
+    """[days][24] counts of working days on one block, in one direction."""
+    days = [
+        tuple(float(n) for n in row[7 : 7 + HOURS])
+        for row in rows
+        if row[2].strip().upper().startswith(road)
+        and all(any(name in end for end in row[3:5]) for name in between)
+        and row[5].strip() == direction
+        and datetime.strptime(row[6], "%m/%d/%Y").weekday() < _WEEKEND
+    ]
+    if not days:
+        raise InputError(f"no {direction} counts of {road.title()} {'-'.join(between)} Street")
+    return days
+
+
+def _mean(days: list[Hourly]) -> Hourly:
+    return tuple(round(sum(hour) / len(days), 1) for hour in zip(*days, strict=True))
+
+
+def _spread(days: list[Hourly]) -> float:
+    """Relative spread between days beyond what chance arrivals explain."""
+    parts: list[float] = []
+    for hour in zip(*days, strict=True):
+        mean = sum(hour) / len(days)
+        variance = sum((n - mean) ** 2 for n in hour) / max(len(days) - 1, 1)
+        parts.append(max(variance - mean, 0.0) / mean**2)
+    return round(math.sqrt(sum(parts) / len(parts)), 3)
+
+
+def _crossings_by_hour(counts: Path) -> Hourly:
+    """[24] mean crossings per hour and crosswalk at the busiest signals."""
+    files = [f for f in sorted(counts.rglob("dat.csv")) if "ped" in f.parent.name]
+    if not files:
+        raise InputError(f"no pedestrian counts dat.csv under {counts}")
+    observed: dict[str, dict[int, list[tuple[float, float]]]] = defaultdict(
+        lambda: defaultdict(list)
+    )
+    with files[0].open(newline="", encoding="utf-8-sig") as stream:
+        for row in csv.DictReader(stream):
+            minutes = float(row["TDIFF"])
+            if _LEAST_MINUTES < minutes < _MOST_MINUTES and row["DIR"] in set("NESW"):
+                hour = datetime.fromisoformat(row["TIME1"]).hour
+                observed[row["SIGNAL"]][hour].append((float(row["PED"]), minutes))
+    complete = [by_hour for by_hour in observed.values() if len(by_hour) == HOURS]
+    busiest = sorted(complete, key=_daily, reverse=True)[:_BUSIEST_SIGNALS]
+    return tuple(sum(_rate(s[h]) for s in busiest) / len(busiest) for h in range(HOURS))
+
+
+def _rate(observations: list[tuple[float, float]]) -> float:
+    return 60.0 * sum(n for n, _ in observations) / sum(minutes for _, minutes in observations)
+
+
+def _daily(by_hour: dict[int, list[tuple[float, float]]]) -> float:
+    return sum(_rate(observations) for observations in by_hour.values())

@@ -1,0 +1,251 @@
+"""The amplified scene (paper Eq. 1) and M waypoint candidates for every agent of it (Eq. 2)."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet, TimeLaw
+from scenewright.scene.grounding import Cast, Grounding
+from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.relations import pattern_named
+from scenewright.scene.social import SceneContext, SocialGraph
+from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
+from scenewright.tools.gmm_sampler.maneuver import drift
+from scenewright.tools.gmm_sampler.priors import HOURS, Priors
+from scenewright.tools.gmm_sampler.sample import sample_count, sample_waypoints, waypoint_nll
+from scenewright.tools.gmm_sampler.spline import paths_of
+from scenewright.tools.gmm_sampler.time_law_prior import sample_time_laws, time_law_nll
+
+DENSITIES: dict[str, tuple[int, int]] = {"low": (1, 4), "medium": (5, 10), "high": (11, 20)}
+"""Background agents by density word (SEMANTICS section 5)."""
+
+_MOST_BACKGROUND = 20
+_SECONDS = 30.0
+_CASTS = 8
+
+
+def hour_of(context: SceneContext, priors: Priors, rng: np.random.Generator) -> float:
+    """Time of day [h]: as asked, within the range asked, or drawn by how busy the hours are."""
+    if context.time_of_day is None:
+        trips = np.sum([rate for rate in priors.frequency.values()], axis=0)
+        return float(rng.choice(HOURS, p=trips / trips.sum()))
+    start, _, end = context.time_of_day.partition("-")
+    if not end:
+        return _hours(start)
+    span = (_hours(end) - _hours(start)) % 24.0
+    return float((_hours(start) + round(rng.uniform(0.0, span) * 4) / 4) % 24.0)
+
+
+def cast_foreground(
+    graph: SocialGraph,
+    grounding: Grounding,
+    priors: Priors,
+    *,
+    on: IntersectionMap,
+    hour: float,
+    rng: np.random.Generator,
+) -> Cast:
+    """Routes and patterns of the foreground; no red light is run where that can be avoided."""
+    from scenewright.tools.map_grounding import casts
+
+    def weight(route: Route) -> float:
+        return _rate(priors, route, hour) ** 0.5 + 1e-3
+
+    drawn = list(itertools.islice(casts(graph, grounding, on=on, rng=rng, weight=weight), _CASTS))
+    return min(drawn, key=lambda cast: sum(each.violator is not None for each in cast.patterns))
+
+
+def amplify(
+    graph: SocialGraph,
+    cast: Cast,
+    priors: Priors,
+    *,
+    on: IntersectionMap,
+    hour: float,
+    size: int,
+    rng: np.random.Generator,
+) -> CandidateSet:
+    """Candidates of every agent: those of the social graph, then the background and spares."""
+    agents = {
+        node.id: _draw(node.id, "foreground", cast.routes[node.id], node.subtype, priors, size, rng)
+        for node in graph.agents
+    }
+    _maneuvers(agents, cast, priors, on=on, rng=rng)
+    counts = background_counts(graph, priors, hour=hour, rng=rng)
+    for kind, count in counts.items():
+        names = _names(graph, kind, count + _spares(count))
+        for n, (name, arrival) in enumerate(zip(names, _arrivals(len(names), rng), strict=True)):
+            route = _background_route(kind, priors, on=on, hour=hour, rng=rng)
+            drawn = _draw(name, "background", route, None, priors, size, rng, arrival)
+            agents[name] = replace(drawn, spare=n >= count)
+    return CandidateSet(agents=agents, cast=cast, hour=hour, background=counts)
+
+
+def background_counts(
+    graph: SocialGraph, priors: Priors, *, hour: float, rng: np.random.Generator
+) -> dict[AgentClass, int]:
+    """How many background agents of each class: as asked, by density, or N - |V| of p_tod."""
+    vehicles, pedestrians = sample_count(priors, rng, hour=int(hour) % HOURS)
+    present = len(graph.agents)
+    asked = graph.context.background
+    if graph.context.density is not None:
+        low, high = DENSITIES[graph.context.density]
+        total = int(rng.integers(low, high + 1))
+    else:
+        total = int(np.clip(vehicles + pedestrians - present, 0, _MOST_BACKGROUND))
+    share = (vehicles + 1.0) / (vehicles + pedestrians + 2.0)
+    drawn_vehicles = int(np.clip(round(total * share), 0, total))
+    counts: dict[AgentClass, int] = {
+        "vehicle": drawn_vehicles,
+        "pedestrian": total - drawn_vehicles,
+    }
+    if asked is not None:
+        counts["vehicle"] = counts["vehicle"] if asked.vehicles is None else asked.vehicles
+        free = asked.pedestrians is None
+        counts["pedestrian"] = counts["pedestrian"] if free else int(asked.pedestrians or 0)
+    return counts
+
+
+def _draw(
+    name: str,
+    role: str,
+    route: Route,
+    subtype: str | None,
+    priors: Priors,
+    size: int,
+    rng: np.random.Generator,
+    arrival: float | None = None,
+) -> AgentDraws:
+    prior = priors.waypoints[route.id]
+    waypoints = sample_waypoints(prior, rng, size=size)
+    laws = sample_time_laws(priors, route.id, rng, size=size)
+    return _draws(name, role, route, subtype, priors, waypoints, laws, rng, arrival)
+
+
+def _draws(
+    name: str,
+    role: str,
+    route: Route,
+    subtype: str | None,
+    priors: Priors,
+    waypoints: FloatArray,
+    laws: list[TimeLaw],
+    rng: np.random.Generator,
+    arrival: float | None,
+) -> AgentDraws:
+    """Bundles what was drawn; candidates are built from it when they are looked at."""
+    nll = waypoint_nll(priors.waypoints[route.id], waypoints)
+    time_nll = time_law_nll(priors, route.id, laws)
+    subtype, shape = _shape(route, subtype, priors, rng)
+
+    def build(m: int) -> Candidate:
+        path = paths_of(priors.waypoints[route.id], waypoints[m : m + 1])[0]
+        return Candidate(
+            route=route,
+            waypoints=waypoints[m],
+            path=path,
+            nll=float(nll[m]),
+            time_law=laws[m],
+            time_nll=float(time_nll[m]),
+            shape=shape,
+            subtype=subtype,
+        )
+
+    return AgentDraws(
+        name=name,
+        role="foreground" if role == "foreground" else "background",
+        route=route,
+        waypoints=waypoints,
+        nll=nll,
+        time_laws=tuple(laws),
+        time_nll=time_nll,
+        shape=shape,
+        subtype=subtype,
+        build=build,
+        arrival=arrival,
+    )
+
+
+def _maneuvers(
+    agents: dict[str, AgentDraws],
+    cast: Cast,
+    priors: Priors,
+    *,
+    on: IntersectionMap,
+    rng: np.random.Generator,
+) -> None:
+    """Lane changes and drifts over the centre line: waypoints that lead onto another's way."""
+    for played in cast.patterns:
+        geometry = pattern_named(played.pattern).geometry
+        if geometry not in ("lane_change", "opposing"):
+            continue
+        own, other = agents[played.from_], agents[played.to]
+        waypoints = drift(own.waypoints, other.waypoints, rng, reverse=geometry == "opposing")
+        agents[played.from_] = _draws(
+            own.name,
+            own.role,
+            own.route,
+            own.subtype,
+            priors,
+            waypoints,
+            list(own.time_laws),
+            rng,
+            own.arrival,
+        )
+
+
+def _shape(
+    route: Route, subtype: str | None, priors: Priors, rng: np.random.Generator
+) -> tuple[str | None, Shape]:
+    if route.type == "pedestrian":
+        return None, PEDESTRIAN
+    if subtype is None:
+        shares = priors.subtypes.get(route.id) or {"car": 1.0}
+        weights = np.array(list(shares.values()), dtype=np.float64)
+        subtype = str(rng.choice(list(shares), p=weights / weights.sum()))
+    return subtype, vehicle_shape(subtype)
+
+
+def _background_route(
+    kind: AgentClass,
+    priors: Priors,
+    *,
+    on: IntersectionMap,
+    hour: float,
+    rng: np.random.Generator,
+) -> Route:
+    routes = [r for r in on.routes if r.type == kind and r.movement != "jaywalking"]
+    rates = np.array([_rate(priors, route, hour) for route in routes]) + 1e-3
+    return routes[int(rng.choice(len(routes), p=rates / rates.sum()))]
+
+
+def _rate(priors: Priors, route: Route, hour: float) -> float:
+    rates = priors.frequency.get(route.id)
+    return 0.0 if rates is None else float(rates[int(hour) % HOURS])
+
+
+def _names(graph: SocialGraph, kind: AgentClass, count: int) -> list[str]:
+    taken = {agent.id for agent in graph.agents}
+    free = (f"{kind}-{n}" for n in itertools.count(1) if f"{kind}-{n}" not in taken)
+    return list(itertools.islice(free, count))
+
+
+def _spares(count: int) -> int:
+    """How many more are drawn than wanted; nobody where nobody is wanted."""
+    return 0 if count == 0 else 2 + count // 2
+
+
+def _arrivals(count: int, rng: np.random.Generator) -> list[float]:
+    """Exponential intervals (paper 3.2), conditioned on `count` arrivals within the scene."""
+    gaps = rng.exponential(size=count + 1)
+    times = _SECONDS * np.cumsum(gaps)[:-1] / gaps.sum()
+    return [float(time) for time in rng.permutation(times)]
+
+
+def _hours(clock: str) -> float:
+    hours, minutes = clock.split(":")
+    return int(hours) + int(minutes) / 60.0

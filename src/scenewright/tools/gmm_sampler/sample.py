@@ -1,0 +1,66 @@
+"""Drawing from the priors, and how likely what was drawn is. Pure numpy, whole arrays at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import K
+from scenewright.tools.gmm_sampler.priors import DIMENSIONS, CountPrior, Priors, WaypointPrior
+
+
+def sample_waypoints(prior: WaypointPrior, rng: np.random.Generator, *, size: int) -> FloatArray:
+    """[size, K, 2] draws from p_wp of a route [m] (paper Eq. 2)."""
+    chosen = rng.choice(len(prior.weights), size=size, p=prior.weights / prior.weights.sum())
+    noise = rng.standard_normal((size, DIMENSIONS))
+    drawn = prior.means[chosen] + np.einsum("mij,mj->mi", prior.cholesky[chosen], noise)
+    return np.asarray(drawn.reshape(size, K, 2))
+
+
+def waypoint_nll(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
+    """[m] -log p_wp of waypoints [m, K, 2] in metres [nats] (paper Eq. 4, SEMANTICS section 6)."""
+    return np.asarray(-np.logaddexp.reduce(component_log_densities(prior, waypoints), axis=1))
+
+
+def component_log_densities(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
+    """[m, C] log of weight times density of each component [nats]."""
+    away = waypoints.reshape(-1, 1, DIMENSIONS) - prior.means
+    white = np.einsum("cij,mcj->mci", prior.whitening, away)
+    return np.asarray(prior.log_scale - 0.5 * np.square(white).sum(axis=2))
+
+
+def sample_count(
+    priors: Priors, rng: np.random.Generator, *, hour: int, instant: bool = False
+) -> tuple[int, int]:
+    """How many vehicles and pedestrians a 30 s scene holds at this hour of the day (p_tod).
+
+    With `instant`, how many are present at one moment of it.
+    """
+    mass = _hour(priors, hour, instant).mass
+    cell = int(rng.choice(mass.size, p=mass.ravel()))
+    return cell // mass.shape[1], cell % mass.shape[1]
+
+
+def count_nll(
+    priors: Priors, *, hour: int, vehicles: int, pedestrians: int, instant: bool = False
+) -> float:
+    """-log p_tod of both counts [nats]; infinite beyond six standard deviations."""
+    mass = _hour(priors, hour, instant).mass
+    if min(vehicles, pedestrians) < 0 or vehicles >= mass.shape[0] or pedestrians >= mass.shape[1]:
+        return float("inf")
+    return float(-np.log(mass[vehicles, pedestrians]))
+
+
+def total_mass(priors: Priors, *, hour: int, instant: bool = False) -> FloatArray:
+    """[N] probability of each total number of agents (paper 3.2), vehicles and pedestrians."""
+    mass = _hour(priors, hour, instant).mass
+    total = np.add.outer(np.arange(mass.shape[0]), np.arange(mass.shape[1]))
+    return np.asarray(np.bincount(total.ravel(), weights=mass.ravel()), dtype=np.float64)
+
+
+def _hour(priors: Priors, hour: int, instant: bool) -> CountPrior:
+    hours = priors.instants if instant else priors.counts
+    if not 0 <= hour < len(hours):
+        raise InputError(f"an hour of the day is 0 to {len(hours) - 1}, got {hour}")
+    return hours[hour]

@@ -1,0 +1,84 @@
+"""From waypoints to a smooth path (paper Eq. 3): a cubic spline that passes through them all.
+
+Ten waypoints lie about 10 m apart, too far for a plain spline to hold a tight turn. Where a base
+curve is given (the mean path of the mixture component that the waypoints come from), the spline
+therefore runs through the *deviations* from it, which are small and slow. It still passes exactly
+through the waypoints.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import K, Path
+from scenewright.tools.gmm_sampler.priors import WaypointPrior
+from scenewright.tools.gmm_sampler.sample import component_log_densities
+
+PER_INTERVAL = 24
+"""Points of a base curve between two waypoints."""
+DENSE = (K - 1) * PER_INTERVAL + 1
+"""Points of a base curve."""
+SPACING = 0.5
+"""Between points of a path [m], to the nearest that divides its length."""
+_CURVATURE_WINDOW = 2.0
+"""Over which curvature is smoothed [m]."""
+
+
+def spline_path(waypoints: FloatArray, *, base: FloatArray | None = None) -> Path:
+    """The path through waypoints [K, 2], about a base curve [DENSE, 2] where one is given."""
+    bases = None if base is None else base[None]
+    return even_path(dense_curves(waypoints[None], bases)[0])
+
+
+def paths_of(prior: WaypointPrior, waypoints: FloatArray) -> list[Path]:
+    """The paths through waypoints [m, K, 2], each about its likeliest component's base curve."""
+    chosen = component_log_densities(prior, waypoints).argmax(axis=1)
+    return [even_path(curve) for curve in dense_curves(waypoints, prior.base[chosen])]
+
+
+def dense_curves(waypoints: FloatArray, bases: FloatArray | None) -> FloatArray:
+    """[m, DENSE, 2] splines through waypoints [m, K, 2], about base curves or none."""
+    if bases is None:
+        return np.asarray(np.einsum("pk,mkd->mpd", _spline_matrix(), waypoints))
+    deviation = waypoints - bases[:, ::PER_INTERVAL]
+    return np.asarray(bases + np.einsum("pk,mkd->mpd", _spline_matrix(), deviation))
+
+
+@lru_cache(maxsize=1)
+def _spline_matrix() -> FloatArray:
+    """[DENSE, K] natural cubic spline as a linear map: values at the knots to values between."""
+    second = np.zeros((K, K))
+    inner = np.arange(1, K - 1)
+    system = np.eye(K) * 4.0 + np.eye(K, k=1) + np.eye(K, k=-1)
+    system[0], system[-1] = np.eye(K)[0], np.eye(K)[-1]
+    second[inner, inner - 1], second[inner, inner], second[inner, inner + 1] = 6.0, -12.0, 6.0
+    bend = np.linalg.solve(system, second)
+    at = np.linspace(0.0, K - 1.0, DENSE)
+    knot = np.minimum(at.astype(int), K - 2)
+    t = (at - knot)[:, None]
+    straight = (1 - t) * np.eye(K)[knot] + t * np.eye(K)[knot + 1]
+    bent = ((1 - t) ** 3 - (1 - t)) * bend[knot] + (t**3 - t) * bend[knot + 1]
+    return np.asarray(straight + bent / 6.0)
+
+
+def even_path(curve: FloatArray) -> Path:
+    """A curve [P, 2] as a path with even spacing, heading and smoothed curvature."""
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(curve, axis=0).T))])
+    count = max(round(float(length[-1]) / SPACING), 2) + 1
+    s = np.linspace(0.0, length[-1], count)
+    xy = np.stack([np.interp(s, length, curve[:, 0]), np.interp(s, length, curve[:, 1])], axis=1)
+    step = np.diff(xy, axis=0)
+    between = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    heading = np.concatenate([between[:1], (between[1:] + between[:-1]) / 2, between[-1:]])
+    turning = np.concatenate([[0.0], np.diff(between) / s[1], [0.0]])
+    return Path(xy=xy, s=s, heading=heading, curvature=_smoothed(turning, s[1]))
+
+
+def _smoothed(values: FloatArray, spacing: float) -> FloatArray:
+    """A moving mean over the curvature window; the ends hold their value."""
+    half = max(round(_CURVATURE_WINDOW / spacing / 2), 1)
+    padded = np.concatenate([np.full(half, values[0]), values, np.full(half, values[-1])])
+    return np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")

@@ -1,0 +1,60 @@
+"""The density of time laws: how fast, and how briskly, apart from where (SEMANTICS section 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from statistics import NormalDist
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import TimeLaw
+from scenewright.tools.gmm_sampler.priors import LAW_FIELDS, Priors, TimeLawPrior
+
+
+def sample_time_laws(
+    priors: Priors, route: str, rng: np.random.Generator, *, size: int
+) -> list[TimeLaw]:
+    """Draw time laws of a route's agents, within the bounds of comfortable motion."""
+    prior = _of_route(priors, route)
+    low, high = _bounds(prior)
+    quantile = low + (high - low) * rng.uniform(size=(size, len(LAW_FIELDS)))
+    drawn = prior.median * np.exp(prior.spread * _inverse_normal(quantile))
+    drawn = np.clip(drawn, prior.low, prior.high)
+    return [TimeLaw(*(float(value) for value in row)) for row in drawn]
+
+
+def time_law_nll(priors: Priors, route: str, laws: Sequence[TimeLaw]) -> FloatArray:
+    """[m] -log density of time laws [nats]; infinite outside the bounds."""
+    prior = _of_route(priors, route)
+    values = np.array([[getattr(law, field) for field in LAW_FIELDS] for law in laws])
+    values = values.reshape(-1, len(LAW_FIELDS))
+    low, high = _bounds(prior)
+    z = np.log(np.maximum(values, 1e-12) / prior.median) / prior.spread
+    each = 0.5 * z**2 + np.log(values * prior.spread * np.sqrt(2 * np.pi) * (high - low))
+    inside = ((values >= prior.low) & (values <= prior.high)).all(axis=1)
+    return np.where(inside, each.sum(axis=1), np.inf)
+
+
+def _of_route(priors: Priors, route: str) -> TimeLawPrior:
+    if route not in priors.time_laws:
+        raise InputError(f"no time law was fitted for route {route!r}")
+    return priors.time_laws[route]
+
+
+def _bounds(prior: TimeLawPrior) -> tuple[FloatArray, FloatArray]:
+    """[4] share of the unbounded lognormal below the lower and the upper bound."""
+    low, high = (
+        np.array([_NORMAL.cdf(z) for z in np.log(bound / prior.median) / prior.spread])
+        for bound in (prior.low, prior.high)
+    )
+    return low, high
+
+
+def _inverse_normal(quantile: FloatArray) -> FloatArray:
+    safe = np.clip(quantile, 1e-12, 1 - 1e-12)
+    return np.array([_NORMAL.inv_cdf(q) for q in safe.ravel().tolist()]).reshape(safe.shape)
+
+
+_NORMAL = NormalDist()

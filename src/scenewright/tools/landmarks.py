@@ -1,0 +1,98 @@
+"""Where along its path an agent meets the map: stop line, kerbs, crosswalks, goal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.scene.base import Point
+from scenewright.scene.candidates import Candidate, Path
+from scenewright.scene.map import IntersectionMap
+from scenewright.tools.ground import Ground
+from scenewright.tools.map_grounding import movement_of, signal_group
+
+STOP_GAP = 0.6
+"""How far before a stop line or kerb an agent comes to rest [m]."""
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """Arc lengths [m] of the agent's centre.
+
+    Attributes:
+        line: a vehicle's front bumper is on its stop line, a pedestrian steps off the kerb.
+        crosswalks: (id, where its front first touches it, where its rear has left it).
+        group: the signal group that rules `line`; None where nothing does.
+        own_crosswalk: the crosswalk that a pedestrian's route leads over.
+        steps_on: how often its path comes onto that crosswalk.
+    """
+
+    line: float | None
+    crosswalks: tuple[tuple[str, float, float], ...]
+    group: str | None
+    own_crosswalk: str | None = None
+    steps_on: int = 1
+
+
+def landmarks(candidate: Candidate, *, ground: Ground) -> Landmarks:
+    """The landmarks on a candidate's path."""
+    route, on = candidate.route, ground.on
+    crossed, group = _crosswalks(candidate, ground), signal_group(route, on=on)
+    if route.type == "vehicle":
+        return Landmarks(_stop_line(candidate, on), crossed, group)
+    if route.movement == "jaywalking":
+        return Landmarks(_kerb(candidate, on), crossed, group)
+    own = next((each for each in crossed if each[0] == f"{route.crosswalk}:crosswalk"), None)
+    line = None if own is None else own[1]
+    inside = ground.on_crosswalks(candidate.path.xy).get(f"{route.crosswalk}:crosswalk")
+    steps_on = 0 if inside is None else int(np.sum(inside[1:] & ~inside[:-1]))
+    return Landmarks(line, crossed, group, None if own is None else own[0], steps_on)
+
+
+def _stop_line(candidate: Candidate, on: IntersectionMap) -> float | None:
+    movement = movement_of(candidate.route, on=on)
+    stop = next((s for s in on.stop_lines if movement and s.id == movement.stop_line), None)
+    if stop is None:
+        return None
+    at = _crossing(candidate.path, stop.line)
+    return None if at is None else at - candidate.shape.length / 2
+
+
+def _crossing(path: Path, line: tuple[Point, Point]) -> float | None:
+    """Arc length at which the path crosses the infinite line, nearest to the segment itself."""
+    a, b = np.array(line[0]), np.array(line[1])
+    along = (b - a) / np.hypot(*(b - a))
+    offset = path.xy - a
+    side = offset[:, 0] * along[1] - offset[:, 1] * along[0]
+    flips = np.nonzero(np.diff(np.sign(side)))[0]
+    if not len(flips):
+        return None
+    middle = np.abs(offset[flips] @ along - np.hypot(*(b - a)) / 2)
+    index = flips[int(np.argmin(middle))]
+    share = side[index] / (side[index] - side[index + 1])
+    return float(path.s[index] + share * (path.s[index + 1] - path.s[index]))
+
+
+def _crosswalks(candidate: Candidate, ground: Ground) -> tuple[tuple[str, float, float], ...]:
+    path, half = candidate.path, candidate.shape.length / 2
+    found = [
+        (name, float(path.s[inside][0] - half), float(path.s[inside][-1] + half))
+        for name, inside in ground.on_crosswalks(path.xy).items()
+    ]
+    return tuple(sorted(found, key=lambda each: each[1]))
+
+
+def _kerb(candidate: Candidate, on: IntersectionMap) -> float | None:
+    """Where a jaywalker steps onto the roadway: the leg's kerb line, as its crosswalk has it."""
+    leg = candidate.route.crosswalk
+    crosswalk = next((each for each in on.crosswalks if each.leg == leg), None)
+    if crosswalk is None:
+        return None
+    a, b = np.array(crosswalk.centreline[0]), np.array(crosswalk.centreline[1])
+    length = float(np.hypot(*(b - a)))
+    forward = (candidate.path.xy - a) @ ((b - a) / length)
+    inside = np.nonzero((forward >= 0) & (forward <= length))[0]
+    if not len(inside):
+        return None
+    return float(candidate.path.s[inside[0]]) - candidate.shape.length / 2

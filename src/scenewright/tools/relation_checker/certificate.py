@@ -1,0 +1,186 @@
+"""The certificate of no other interaction (SEMANTICS section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.scene.events import Event, Finding
+from scenewright.tools.relation_checker.contact import gap_at
+from scenewright.tools.relation_checker.following import LaneGaps
+from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.observation import Observation
+
+MIN_CLEARANCE = 0.5
+FOREGROUND_PET = 1.5
+BACKGROUND_PET = 1.0
+STANDING_GAP = 1.0
+HEADWAY = 0.8
+WRECK_ENDS_WITHIN = 0.2
+ROUNDING = 2e-3
+
+Pair = frozenset[int]
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Who is in the foreground, and which pairs a relation binds, by ids."""
+
+    foreground: frozenset[int]
+    bound: frozenset[Pair]
+
+    def watched(self, pair: Pair) -> bool:
+        """Whether a foreground agent is one of the two."""
+        return bool(pair & self.foreground)
+
+
+def interference(
+    seen: Observation, roles: Roles, *, expected: frozenset[int]
+) -> tuple[Finding, ...]:
+    """Everything that happens and was not asked for.
+
+    Args:
+        expected: positions in `seen.events` of the events that realise a relation.
+    """
+    return (
+        *(_unasked(e) for k, e in enumerate(seen.events)
+          if k not in expected and not is_incidental(e, roles)),
+        *_contacts(seen),
+        *_too_close(seen, roles),
+        *_encroachments(seen, roles),
+        *(f for lane in seen.lanes for f in _queueing(lane, seen.movers, roles)),
+    )  # fmt: skip
+
+
+def is_incidental(event: Event, roles: Roles) -> bool:
+    """A follow; or, between unbound background agents, a yield or a near miss with PET > 1 s."""
+    if event.type == "follow":
+        return True
+    pair = frozenset((event.from_, event.to))
+    if roles.watched(pair) or pair in roles.bound:
+        return False
+    if event.type == "yielding":
+        return float(event.evidence.get("pet", np.inf)) > BACKGROUND_PET
+    return event.type == "near_miss" and float(event.evidence.get("pet", 0.0)) > BACKGROUND_PET
+
+
+def _unasked(event: Event) -> Finding:
+    return Finding(
+        rule=f"unasked_{event.type}", agents=(event.from_, event.to), time=event.time,
+        detail=f"{event.type} of {event.from_} and {event.to} at {event.time:.1f} s, "
+        "which no relation asks for",
+    )  # fmt: skip
+
+
+def _contacts(seen: Observation) -> Iterator[Finding]:
+    """Contacts that are no collision: at spawn, or slower than 1 m/s."""
+    collided = {frozenset((e.from_, e.to)) for e in seen.events if e.type == "collision"}
+    for row, contact in seen.near.contacts.items():
+        ids = tuple(seen.movers[k].id for k in seen.crowd.pairs[row])
+        if frozenset(ids) not in collided:
+            how = "overlap from the start" if contact.initial else "touch"
+            yield Finding(
+                rule="contact", agents=ids, time=round(contact.time, 3), measured=0.0,
+                detail=f"agents {ids[0]} and {ids[1]} {how} at {contact.time:.1f} s",
+            )  # fmt: skip
+
+
+def _too_close(seen: Observation, roles: Roles) -> Iterator[Finding]:
+    least = seen.near.gaps.min(axis=1, initial=np.inf)
+    for row in np.flatnonzero(least < MIN_CLEARANCE - ROUNDING):
+        first, second = (seen.movers[k] for k in seen.crowd.pairs[row])
+        walking = not (first.is_vehicle or second.is_vehicle)
+        pair = frozenset((first.id, second.id))
+        if walking or pair in roles.bound or int(row) in seen.near.contacts:
+            continue
+        k = int(np.argmin(seen.near.gaps[row]))
+        yield _measured(
+            "clearance", (first, second), time=float(seen.crowd.times[k]),
+            value=float(least[row]), limit=MIN_CLEARANCE, unit="m apart",
+        )  # fmt: skip
+
+
+def _encroachments(seen: Observation, roles: Roles) -> Iterator[Finding]:
+    for meeting in seen.meetings:
+        first, second = seen.movers[meeting.first], seen.movers[meeting.second]
+        pair = frozenset((first.id, second.id))
+        limit = FOREGROUND_PET if roles.watched(pair) else BACKGROUND_PET
+        if pair in roles.bound or meeting.pet > limit:
+            continue
+        time = max(meeting.first_time, meeting.second_time)
+        yield _measured(
+            "pet", (first, second), time=time, value=meeting.pet, limit=limit, unit="s PET"
+        )
+
+
+def _queueing(lane: LaneGaps, movers: tuple[Mover, ...], roles: Roles) -> Iterator[Finding]:
+    follower = movers[lane.follower]
+    bound = np.array([frozenset((follower.id, m.id)) in roles.bound for m in movers])
+    free = (lane.leader >= 0) & ~bound[lane.leader] & follower.is_vehicle
+    standing = free & (lane.speed <= 0.3) & (lane.gap < STANDING_GAP - 0.02)
+    moving = free & (lane.speed > 0.3) & (lane.headway < HEADWAY - 0.02)
+    for mask, values, limit, rule, unit in (
+        (standing, lane.gap, STANDING_GAP, "standing_gap", "m behind"),
+        (moving, lane.headway, HEADWAY, "headway", "s behind"),
+    ):
+        if mask.any():
+            k = int(np.argmin(np.where(mask, values, np.inf)))
+            yield _measured(
+                rule, (follower, movers[lane.leader[k]]), time=float(lane.times[k]),
+                value=float(values[k]), limit=limit, unit=unit,
+            )  # fmt: skip
+
+
+def _measured(
+    rule: str, pair: tuple[Mover, Mover], *, time: float, value: float, limit: float, unit: str
+) -> Finding:
+    first, second = pair
+    return Finding(
+        rule=rule, agents=(first.id, second.id), time=round(time, 3), measured=round(value, 3),
+        limit=limit,
+        detail=f"agents {first.id} and {second.id}: {value:.2f} {unit} at {time:.1f} s; "
+        f"at least {limit:.2f}",
+    )  # fmt: skip
+
+
+def wrecks(seen: Observation, *, until: float) -> tuple[Finding, ...]:
+    """After a collision both tracks end within 0.2 s, and everyone else keeps 0.5 m from them.
+
+    Args:
+        until: end of the scene [s]; the last footprints stay as obstacles up to then.
+    """
+    movers = {m.id: m for m in seen.movers}
+    found: list[Finding] = []
+    for event in (e for e in seen.events if e.type == "collision"):
+        for n in (event.from_, event.to):
+            if movers[n].end > event.time + WRECK_ENDS_WITHIN + 1e-6:
+                found.append(_drives_on(movers[n], event))
+            found += _near_wreck(movers[n], seen.movers, {event.from_, event.to}, until)
+    return tuple(found)
+
+
+def _drives_on(mover: Mover, event: Event) -> Finding:
+    return Finding(
+        rule="wreck_drives_on", agents=(mover.id,), time=event.time,
+        measured=round(mover.end - event.time, 3), limit=WRECK_ENDS_WITHIN,
+        detail=f"{mover.type} {mover.id} goes on for {mover.end - event.time:.1f} s after its "
+        f"collision at {event.time:.1f} s; at most {WRECK_ENDS_WITHIN} s",
+    )  # fmt: skip
+
+
+def _near_wreck(
+    wreck: Mover, movers: tuple[Mover, ...], involved: set[int], until: float
+) -> Iterator[Finding]:
+    for other in movers:
+        times = other.times[(other.times > wreck.end + 1e-6) & (other.times <= until + 1e-6)]
+        if other.id in involved or len(times) == 0:
+            continue
+        gaps = gap_at(wreck, other, times=times)
+        k = int(np.argmin(gaps))
+        if gaps[k] < MIN_CLEARANCE - ROUNDING:
+            yield _measured(
+                "wreck_clearance", (other, wreck), time=float(times[k]),
+                value=max(float(gaps[k]), 0.0), limit=MIN_CLEARANCE, unit="m from the wreck",
+            )  # fmt: skip

@@ -1,0 +1,137 @@
+"""What kind of collision a contact is, and what led to a collision or near miss."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from scenewright.scene.social import CollisionKind
+from scenewright.tools.relation_checker.contact import meeting_point, speed_before
+from scenewright.tools.relation_checker.footprints import angle_between
+from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.signals import Lights
+
+Side = Literal["front", "rear", "side"]
+
+IMPACT_SPEED = 1.0
+"""Least relative speed of a collision [m/s]."""
+STRIKE_SPEED = 2.0
+BUMPER = 0.3
+"""Depth of front and rear in which a contact belongs to them [m]."""
+LEFT_TURN = np.deg2rad(15.0)
+LEFT_TURN_HEAD_ON = np.deg2rad(25.0)
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A contact, measured.
+
+    Attributes:
+        place: middle of the contact [m].
+        speeds: of both just before [m/s]; relative_speed [m/s].
+        sides: on which side of each it lies; None for pedestrians.
+        angle: between the headings [rad].
+    """
+
+    place: tuple[float, float]
+    speeds: tuple[float, float]
+    relative_speed: float
+    sides: tuple[Side | None, Side | None]
+    angle: float
+
+
+def impact(first: Mover, second: Mover, *, time: float) -> Impact:
+    """Speeds, sides and angle of a contact at a time [s]."""
+    place = meeting_point(first, second, time=time)
+    one, two = (speed_before(m, time=time) for m in (first, second))
+    angle = angle_between(first.at(np.array([time]))[1], second.at(np.array([time]))[1])
+    return Impact(
+        place=place,
+        speeds=(float(np.hypot(*one)), float(np.hypot(*two))),
+        relative_speed=float(np.hypot(*(one - two))),
+        sides=(contact_side(first, place, time=time), contact_side(second, place, time=time)),
+        angle=float(angle[0]),
+    )
+
+
+def contact_side(mover: Mover, place: tuple[float, float], *, time: float) -> Side | None:
+    """The side of a vehicle at which a point of contact lies; None for a pedestrian.
+
+    Front and rear are the outer 0.3 m of the length, corners included; the rest is side.
+    """
+    if not mover.is_vehicle:
+        return None
+    xy, heading = mover.at(np.array([time]))
+    delta = np.array(place) - xy[0]
+    along = float(delta[0] * np.cos(heading[0]) + delta[1] * np.sin(heading[0]))
+    if along >= mover.half_length - BUMPER:
+        return "front"
+    return "rear" if along <= BUMPER - mover.half_length else "side"
+
+
+def kind_of(first: Mover, second: Mover, hit: Impact, *, time: float) -> CollisionKind | None:
+    """Kind of a collision (SEMANTICS section 4); None for pedestrians hit below 2 m/s.
+
+    Same direction first, then head-on against left turn: where the fronts meet, an agent that has
+    turned left by 25 degrees makes it a left turn; elsewhere 15 degrees do.
+    """
+    if not (first.is_vehicle and second.is_vehicle):
+        return _strike(first, second, hit)
+    if hit.angle <= np.deg2rad(30.0):
+        return "rear_end" if set(hit.sides) == {"front", "rear"} else "sideswipe"
+    turned = max(left_turned(m, time=time) for m in (first, second))
+    fronts = hit.sides == ("front", "front")
+    if hit.angle >= np.deg2rad(135.0) and fronts:
+        return "left_turn" if turned >= LEFT_TURN_HEAD_ON else "head_on"
+    return "left_turn" if turned >= LEFT_TURN else "angle"
+
+
+def _strike(first: Mover, second: Mover, hit: Impact) -> CollisionKind | None:
+    vehicle = [s for m, s in zip((first, second), hit.speeds, strict=True) if m.is_vehicle]
+    return "pedestrian_strike" if vehicle and vehicle[0] >= STRIKE_SPEED else None
+
+
+def left_turned(mover: Mover, *, time: float) -> float:
+    """How far a vehicle has turned left in its last 30 m before a time [rad], >= 0."""
+    k = mover.index(time)
+    recent = mover.s[: k + 1] >= mover.s[k] - 30.0
+    heading = mover.heading[: k + 1][recent]
+    return float(max(heading[-1] - heading.min(), 0.0))
+
+
+def striking(first: Mover, second: Mover, hit: Impact) -> int:
+    """0 or 1: who strikes. The vehicle; the one whose front is hit; else the faster."""
+    if first.is_vehicle != second.is_vehicle:
+        return 0 if first.is_vehicle else 1
+    front = [side == "front" for side in hit.sides]
+    if front[0] != front[1]:
+        return 0 if front[0] else 1
+    return 0 if hit.speeds[0] >= hit.speeds[1] - 0.1 else 1
+
+
+def cause_of(first: Mover, second: Mover, *, time: float, lights: Lights) -> tuple[str, int] | None:
+    """What led to a collision or near miss, and the id of the agent who did it.
+
+    `red_light_run`: it crossed its stop line, or stepped into the crosswalk, on red before the
+    event. `late_brake`: a vehicle brakes harder than 3.4 m/s^2 in the last 3 s, and half a second
+    before it began to, it had not braked above 1 m/s^2 for a second.
+    """
+    for mover in (first, second):
+        if any(c.time <= time for c in lights.ran_red(mover)):
+            return "red_light_run", mover.id
+    for mover in (first, second):
+        if mover.is_vehicle and _brakes_late(mover, time):
+            return "late_brake", mover.id
+    return None
+
+
+def _brakes_late(mover: Mover, time: float) -> bool:
+    hard = mover.acceleration < -3.4
+    hard &= (mover.times >= time - 3.0) & (mover.times <= time + 1e-6)
+    if not hard.any():
+        return False
+    onset = float(mover.times[int(np.argmax(hard))])
+    before = (mover.times >= onset - 1.5) & (mover.times <= onset - 0.5)
+    return bool(before.any()) and not bool((mover.acceleration[before] < -1.0).any())

@@ -1,0 +1,285 @@
+"""Clearance over time and the first contact of two footprints, in continuous time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker.footprints import (
+    BoolArray,
+    Extent,
+    IntArray,
+    corners,
+    extent,
+    gap,
+)
+from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.planar import Area, geos
+
+TOUCH = 1e-3
+"""Footprints nearer than this are in contact [m]: the rounding of positions in scene files."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """First contact of two movers.
+
+    Attributes:
+        time: [s]; initial: whether they touch already when the second of them appears.
+    """
+
+    time: float
+    initial: bool
+
+
+def common_times(first: Mover, second: Mover) -> FloatArray:
+    """Sample times [s] at which both are present; empty if they never are."""
+    start, end = max(first.start, second.start), min(first.end, second.end)
+    count = max(round((end - start) / STEP) + 1, 0)
+    return np.asarray(start + STEP * np.arange(count), dtype=np.float64)
+
+
+def gap_at(
+    first: Mover, second: Mover, *, times: FloatArray, second_times: FloatArray | None = None
+) -> FloatArray:
+    """Signed distance [m] of footprint first(t) and second(t), or second(t') for other times t'."""
+    xy, heading = first.at(times)
+    other_xy, other_heading = second.at(times if second_times is None else second_times)
+    return gap(
+        xy, heading, extent(first),
+        other_xy=other_xy, other_heading=other_heading, other_size=extent(second),
+    )  # fmt: skip
+
+
+def clearance(first: Mover, second: Mover, *, times: FloatArray) -> FloatArray:
+    """Distance between the two footprints [m], 0 in contact (SEMANTICS section 4, *Clearance*)."""
+    return np.maximum(gap_at(first, second, times=times), 0.0)
+
+
+def first_contact(first: Mover, second: Mover) -> Contact | None:
+    """The first contact of two movers, also between samples; None if they never touch.
+
+    Positions and headings are linear between samples. Within a step the search advances by the gap
+    divided by the fastest possible approach, so it cannot jump over a contact; it ends within 1 mm.
+    """
+    times = common_times(first, second)
+    if len(times) == 0:
+        return None
+    gaps = gap_at(first, second, times=times)
+    if gaps[0] <= TOUCH:
+        return Contact(float(times[0]), True)
+    bound = approach_bound(first, second, times)
+    for k in np.flatnonzero(gaps[:-1] + gaps[1:] <= bound + 2 * TOUCH):
+        time = _advance(first, second, float(times[k]), float(bound[k]))
+        if time is not None:
+            return Contact(time, False)
+    return None
+
+
+def approach_bound(first: Mover, second: Mover, times: FloatArray) -> FloatArray:
+    """[n-1] most that the gap can shrink between successive times [m]."""
+    xy, heading = first.at(times)
+    other_xy, other_heading = second.at(times)
+    shift = np.diff(other_xy - xy, axis=0)
+    turn = first.reach * np.abs(np.diff(heading)) + second.reach * np.abs(np.diff(other_heading))
+    return np.hypot(shift[:, 0], shift[:, 1]) + turn
+
+
+def _advance(first: Mover, second: Mover, start: float, bound: float) -> float | None:
+    part = 0.0
+    for _ in range(200):
+        time = start + part * STEP
+        distance = float(gap_at(first, second, times=np.array([time]))[0])
+        if distance <= TOUCH:
+            return time
+        part += max(distance / max(bound, 1e-9), 1e-3)
+        if part > 1.0:
+            break
+    last = float(gap_at(first, second, times=np.array([start + STEP]))[0])
+    return start + STEP if last <= TOUCH else None
+
+
+def least_clearance(
+    first: Mover, second: Mover, *, within: tuple[float, float] | None = None
+) -> tuple[float, float] | None:
+    """Time [s] and clearance [m] of the closest approach, to 0.01 s; None if never both present."""
+    times = common_times(first, second)
+    if within is not None:
+        times = times[(times >= within[0]) & (times <= within[1])]
+    if len(times) == 0:
+        return None
+    gaps = gap_at(first, second, times=times)
+    best = float(times[int(np.argmin(gaps))])
+    fine = np.clip(best + np.linspace(-STEP, STEP, 21), times[0], times[-1])
+    gaps = gap_at(first, second, times=fine)
+    k = int(np.argmin(gaps))
+    return float(fine[k]), max(float(gaps[k]), 0.0)
+
+
+def meeting_point(first: Mover, second: Mover, *, time: float) -> tuple[float, float]:
+    """Middle of the contact [m]; of the shortest line between the footprints if they are apart."""
+    one, two = _outline(first, time), _outline(second, time)
+    if one.distance(two) > 0.05:
+        line = geos.shortest_line(one, two)
+        middle = line.interpolate(0.5, normalized=True)
+        return float(middle.x), float(middle.y)
+    overlap = one.buffer(0.05, quad_segs=2).intersection(two.buffer(0.05, quad_segs=2))
+    return float(overlap.centroid.x), float(overlap.centroid.y)
+
+
+def _outline(mover: Mover, time: float) -> Area:
+    xy, heading = mover.at(np.array([time]))
+    if not mover.is_vehicle:
+        return geos.Point(xy[0]).buffer(mover.radius)
+    return geos.Polygon(corners(xy, heading, length=mover.length, width=mover.width)[0])
+
+
+def speed_before(mover: Mover, *, time: float) -> FloatArray:
+    """[2] velocity just before a time [m/s].
+
+    Linear extrapolation from the last two whole steps before it, so that an abrupt stop at the
+    contact itself does not blur the impact speed.
+    """
+    k = min(int(np.floor((time - mover.start) / STEP + 1e-6)), len(mover) - 1)
+    if k < 1:
+        return np.asarray(mover.velocity[0])
+    last = (mover.xy[k] - mover.xy[k - 1]) / STEP
+    if k < 2:
+        return np.asarray(last)
+    change = last - (mover.xy[k - 1] - mover.xy[k - 2]) / STEP
+    return np.asarray(last + change * ((time - mover.start) / STEP - k + 0.5))
+
+
+@dataclass(frozen=True, eq=False)
+class Crowd:
+    """All movers on one time grid.
+
+    Attributes:
+        movers: N of them; times: [T] [s].
+        xy: [N, T, 2] and heading: [N, T], held outside of a mover's own time.
+        present: [N, T] bool.
+        pairs: [M, 2] indices of all pairs.
+    """
+
+    movers: tuple[Mover, ...]
+    times: FloatArray
+    xy: FloatArray
+    heading: FloatArray
+    present: BoolArray
+    pairs: IntArray
+
+    def extents(self) -> Extent:
+        """Sizes of all movers, one row each."""
+        sizes = np.array([(m.half_length, m.half_width, m.radius) for m in self.movers])
+        return Extent(sizes[:, 0], sizes[:, 1], sizes[:, 2])
+
+
+def gather(movers: tuple[Mover, ...]) -> Crowd:
+    """Puts movers on one grid from the first start to the last end."""
+    start = min((m.start for m in movers), default=0.0)
+    end = max((m.end for m in movers), default=0.0)
+    count = round((end - start) / STEP) + 1
+    xy, heading = np.zeros((len(movers), count, 2)), np.zeros((len(movers), count))
+    present = np.zeros((len(movers), count), dtype=np.bool_)
+    for n, mover in enumerate(movers):
+        i = round((mover.start - start) / STEP)
+        xy[n, :i], xy[n, i : i + len(mover)], xy[n, i + len(mover) :] = (
+            mover.xy[0], mover.xy, mover.xy[-1],
+        )  # fmt: skip
+        heading[n, :i], heading[n, i + len(mover) :] = mover.heading[0], mover.heading[-1]
+        heading[n, i : i + len(mover)] = mover.heading
+        present[n, i : i + len(mover)] = True
+    pairs = np.stack(np.triu_indices(len(movers), 1), axis=1)
+    times = np.asarray(start + STEP * np.arange(count), dtype=np.float64)
+    return Crowd(movers, times, xy, heading, present, pairs)
+
+
+@dataclass(frozen=True, eq=False)
+class Closeness:
+    """Gaps of all pairs at all times.
+
+    Attributes:
+        gaps: [M, T] signed distance [m], exact below `exact_below`, else a lower bound; inf where
+            one of the two is absent.
+        contacts: first contact of each pair that has one, by row of `Crowd.pairs`.
+    """
+
+    gaps: FloatArray
+    contacts: dict[int, Contact]
+    exact_below = 1.2
+
+
+def closeness(crowd: Crowd) -> Closeness:
+    """Clearances and first contacts of all pairs; exact footprints only where centres are near."""
+    a, b = crowd.pairs[:, 0], crowd.pairs[:, 1]
+    shift = crowd.xy[b] - crowd.xy[a]
+    reach = np.array([m.reach for m in crowd.movers])
+    gaps = np.sqrt(shift[..., 0] ** 2 + shift[..., 1] ** 2)
+    gaps -= (reach[a] + reach[b])[:, None] if len(a) else 0.0
+    gaps[~(crowd.present[a] & crowd.present[b])] = np.inf
+    row, col = np.nonzero(gaps < Closeness.exact_below)
+    if len(row):
+        gaps[row, col] = _exact(crowd, a[row], b[row], col)
+    return Closeness(gaps, _first_contacts(crowd, gaps))
+
+
+def _exact(
+    crowd: Crowd,
+    a: IntArray,
+    b: IntArray,
+    col: IntArray,
+) -> FloatArray:
+    sizes = crowd.extents()
+    one, two = sizes.rows(a), sizes.rows(b)
+    return gap(
+        crowd.xy[a, col], crowd.heading[a, col], one,
+        other_xy=crowd.xy[b, col], other_heading=crowd.heading[b, col], other_size=two,
+    )  # fmt: skip
+
+
+def _first_contacts(crowd: Crowd, gaps: FloatArray) -> dict[int, Contact]:
+    """Pairs that touch at a sample or may touch between two get the continuous search."""
+    touching = (gaps <= TOUCH).any(axis=1)
+    if gaps.shape[1] > 1:
+        bound = _bounds(crowd) + 2 * TOUCH
+        most = bound[crowd.pairs[:, 0]] + bound[crowd.pairs[:, 1]]
+        touching |= _may_touch(crowd, gaps, most)
+    found = {
+        int(m): first_contact(*(crowd.movers[k] for k in crowd.pairs[m]))
+        for m in np.flatnonzero(touching)
+    }
+    return {m: contact for m, contact in found.items() if contact is not None}
+
+
+def _may_touch(crowd: Crowd, gaps: FloatArray, most: FloatArray) -> BoolArray:
+    """Pairs with a step in which the gap may close, after a look at its middle."""
+    row, col = np.nonzero(gaps[:, :-1] + gaps[:, 1:] <= most)
+    result = np.zeros(len(gaps), dtype=np.bool_)
+    if len(row) == 0:
+        return result
+    a, b = crowd.pairs[row, 0], crowd.pairs[row, 1]
+    sizes, half = crowd.extents(), most[row, col] / 2
+    middle = gap(
+        *_halfway(crowd, a, col), sizes.rows(a),
+        **dict(zip(("other_xy", "other_heading"), _halfway(crowd, b, col), strict=True)),
+        other_size=sizes.rows(b),
+    )  # fmt: skip
+    least = np.minimum(gaps[row, col], gaps[row, col + 1])
+    result[row[np.minimum(middle, middle + least - half) <= 0]] = True
+    return result
+
+
+def _halfway(crowd: Crowd, n: IntArray, col: IntArray) -> tuple[FloatArray, FloatArray]:
+    xy = (crowd.xy[n, col] + crowd.xy[n, col + 1]) / 2
+    return xy, (crowd.heading[n, col] + crowd.heading[n, col + 1]) / 2
+
+
+def _bounds(crowd: Crowd) -> FloatArray:
+    """[N, T-1] most that any point of a footprint moves within a step [m]."""
+    shift = np.diff(crowd.xy, axis=1)
+    reach = np.array([m.reach for m in crowd.movers])
+    turn = reach[:, None] * np.abs(np.diff(crowd.heading, axis=1))
+    return np.asarray(np.sqrt(shift[..., 0] ** 2 + shift[..., 1] ** 2) + turn)

@@ -1,0 +1,88 @@
+"""Point in polygon for whole scenes: most points are decided by a raster of 1 m cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.map import IntersectionMap, PolygonWithHoles
+from scenewright.tools.relation_checker.planar import Area, geos
+
+CELL = 1.0
+KERB = 0.1
+"""Walkable areas and crosswalks are widened by this [m], to close the seams between them."""
+
+BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """An area that answers for many points at once.
+
+    Attributes:
+        area: the exact geometry; origin: south-west corner of the raster [m].
+        cells: [rows, columns] 0 outside, 1 inside, 2 cut by the boundary.
+    """
+
+    area: Area
+    origin: FloatArray
+    cells: np.ndarray[tuple[int, ...], np.dtype[np.int8]]
+
+    def contains(self, xy: FloatArray) -> BoolArray:
+        """Which points [n, 2] lie in the area, its edge included."""
+        k = np.floor((xy - self.origin) / CELL).astype(np.intp)
+        inside = (k >= 0).all(axis=1) & (k[:, 0] < self.cells.shape[1])
+        inside &= k[:, 1] < self.cells.shape[0]
+        state = np.zeros(len(xy), dtype=np.int8)
+        state[inside] = self.cells[k[inside, 1], k[inside, 0]]
+        cut = np.flatnonzero(state == 2)
+        result = state == 1
+        result[cut] = geos.intersects_xy(self.area, xy[cut, 0], xy[cut, 1])
+        return np.asarray(result)
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Where vehicles and pedestrians belong: road, walkable (with crosswalks), and both."""
+
+    road: Region
+    walkable: Region
+    anywhere: Region
+
+
+def region(area: Area) -> Region:
+    """Prepares an area for many questions."""
+    geos.prepare(area)
+    if area.is_empty:
+        return Region(area, np.zeros(2), np.zeros((0, 0), dtype=np.int8))
+    west, south, east, north = (float(v) for v in area.bounds)
+    x = np.arange(np.floor(west), np.ceil(east), CELL)
+    y = np.arange(np.floor(south), np.ceil(north), CELL)
+    boxes = geos.box(x, y[:, None], x + CELL, y[:, None] + CELL)
+    cells = np.where(geos.intersects(area, boxes), 2, 0).astype(np.int8)
+    cells[geos.contains_properly(area, boxes)] = 1
+    return Region(area, np.array((x[0], y[0])), cells)
+
+
+_prepared: list[tuple[IntersectionMap, Ground]] = []
+
+
+def ground_of(intersection: IntersectionMap) -> Ground:
+    """The prepared areas of a map; the last four maps are remembered by identity."""
+    for known, ground in _prepared:
+        if known is intersection:
+            return ground
+    road = geos.union_all([_polygon(p) for p in intersection.road])
+    walks = [geos.Polygon(w.polygon) for w in intersection.crosswalks]
+    walkable = geos.union_all([*(_polygon(p) for p in intersection.walkable), *walks])
+    walkable = walkable.buffer(KERB, quad_segs=2)
+    ground = Ground(region(road), region(walkable), region(road.union(walkable)))
+    _prepared[:] = [(intersection, ground), *_prepared[:3]]
+    return ground
+
+
+def _polygon(area: PolygonWithHoles) -> Any:
+    return geos.Polygon(area.exterior, area.holes)

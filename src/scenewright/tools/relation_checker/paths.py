@@ -1,0 +1,150 @@
+"""Paths, swept paths, conflict zones, and when a footprint is in a zone (SEMANTICS section 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker.curve import Path, project
+from scenewright.tools.relation_checker.footprints import angle_between, corners
+from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.planar import Area, geos
+
+SHARED = np.deg2rad(30.0)
+"""Paths within this angle of one another run in one direction [rad]."""
+MERGE_LENGTH = 5.0
+"""So much of a merge or a shared lane is a conflict zone [m]."""
+
+
+def path_of(mover: Mover) -> Path:
+    """The mover's path; a single point where it never moves 0.05 m."""
+    return mover.path
+
+
+def swept_path(mover: Mover) -> Area:
+    """The path widened by half the agent's width [m], ending where the centre does."""
+    known = _swept.get(mover)
+    if known is None:
+        known = _swept[mover] = _sweep(mover)
+    return known
+
+
+_swept: WeakKeyDictionary[Mover, Area] = WeakKeyDictionary()
+
+
+def _sweep(mover: Mover) -> Area:
+    path = path_of(mover)
+    if len(path.s) < 2:
+        return footprint_polygons(mover, np.array([mover.start]))[0]
+    return geos.LineString(path.xy).simplify(0.01).buffer(mover.width / 2, cap_style="flat")
+
+
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """A conflict zone of two paths.
+
+    Attributes:
+        polygon: its area; shared: whether it is the beginning of a merge or shared lane.
+    """
+
+    polygon: Area
+    shared: bool
+
+
+def conflict_zones(first: Mover, second: Mover) -> tuple[Zone, ...]:
+    """Each connected overlap of the two swept paths, in no particular order.
+
+    Where both run in one direction (within 30 degrees) for more than 5 m, only the first 5 m of the
+    overlap; nothing at all where the overlap begins in one lane at the start of a track, for then
+    the two are behind one another from the outset. Vehicles and pedestrians never share a lane.
+    """
+    a, b = (first, second) if first.id <= second.id else (second, first)
+    overlap = swept_path(a).intersection(swept_path(b))
+    parts = [p for p in geos.get_parts(overlap) if p.area > 1e-6]
+    if a.type != b.type:
+        return tuple(Zone(p, False) for p in parts)
+    paths = path_of(a), path_of(b)
+    zones = (_without_shared_lane(p, a, paths) for p in parts)
+    return tuple(z for z in zones if z is not None)
+
+
+def _without_shared_lane(part: Area, mover: Mover, paths: tuple[Path, Path]) -> Zone | None:
+    ring = geos.get_coordinates(geos.segmentize(geos.get_exterior_ring(part), 0.5))
+    one, two = (project(ring, path) for path in paths)
+    parallel = angle_between(one.direction, two.direction) <= SHARED
+    start, length = float(one.s.min()), float(one.s.max() - one.s.min())
+    if length <= MERGE_LENGTH or not parallel.any():
+        return Zone(part, False)
+    first = (one.s < start + 1.0) & parallel
+    if first.any() and (start < 1.0 or float(two.s[first].min()) < 1.0):
+        return None
+    line = geos.LineString(paths[0].xy)
+    piece = geos.ops.substring(line, start, start + MERGE_LENGTH)
+    begin = piece.buffer(mover.width / 2 + 0.5, cap_style="flat").intersection(part)
+    return Zone(begin, True)
+
+
+def footprint_polygons(
+    mover: Mover, times: FloatArray
+) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
+    """Footprints at times [s] as polygons."""
+    xy, heading = mover.at(times)
+    if not mover.is_vehicle:
+        return np.asarray(geos.buffer(geos.points(xy), mover.radius))
+    box = corners(xy, heading, length=mover.length, width=mover.width)
+    return np.asarray(geos.polygons(box))
+
+
+@dataclass(frozen=True)
+class Stay:
+    """When a footprint is in a zone.
+
+    Attributes:
+        enter: first touch [s]; leave: last touch [s].
+        begins_inside: whether it touches at its first sample; ends_inside: at its last.
+    """
+
+    enter: float
+    leave: float
+    begins_inside: bool
+    ends_inside: bool
+
+
+def zone_stay(mover: Mover, polygon: Area) -> Stay | None:
+    """When the mover's footprint first and last touches a polygon, to 0.01 s; None if never."""
+    times = mover.times
+    touching = _touches(mover, polygon, times)
+    hits = np.flatnonzero(touching)
+    if len(hits) == 0:
+        return None
+    first, last = int(hits[0]), int(hits[-1])
+    enter, leave = float(times[first]), float(times[last])
+    if first > 0:
+        fine = enter - STEP + np.linspace(0.0, STEP, 11)
+        enter = float(fine[int(np.argmax(_touches(mover, polygon, fine)))])
+    if last < len(times) - 1:
+        fine = leave + np.linspace(STEP, 0.0, 11)
+        leave = float(fine[int(np.argmax(_touches(mover, polygon, fine)))])
+    return Stay(enter, leave, first == 0, last == len(times) - 1)
+
+
+def _touches(
+    mover: Mover, polygon: Area, times: FloatArray
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    xy, _ = mover.at(times)
+    west, south, east, north = geos.bounds(polygon)
+    near = (
+        (xy[:, 0] > west - mover.reach) & (xy[:, 0] < east + mover.reach)
+        & (xy[:, 1] > south - mover.reach) & (xy[:, 1] < north + mover.reach)
+    )  # fmt: skip
+    result = np.zeros(len(times), dtype=np.bool_)
+    geos.prepare(polygon)
+    if mover.is_vehicle:
+        result[near] = geos.intersects(polygon, footprint_polygons(mover, times[near]))
+    else:
+        result[near] = geos.dwithin(polygon, geos.points(xy[near]), mover.radius)
+    return result

@@ -1,0 +1,283 @@
+"""The verdict on a scene: relations observed, nothing else happened, motion plausible."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.events import Event, Finding, Proof
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import AgentRecord, EventRecord, RelationRecord, SceneRecord
+from scenewright.scene.track import Shape, Track
+from scenewright.tools.relation_checker.certificate import (
+    Roles,
+    interference,
+    is_incidental,
+    wrecks,
+)
+from scenewright.tools.relation_checker.motion import Mover, RoadUser
+from scenewright.tools.relation_checker.observation import Observation, observe
+from scenewright.tools.relation_checker.plausibility import (
+    Licence,
+    extremes,
+    implausible,
+    off_ground,
+)
+from scenewright.tools.relation_checker.signals import Lights
+
+PET_TOLERANCE = 0.15
+TTC_TOLERANCE = 0.3
+IMPACT_TOLERANCE = 1.0
+LABEL_TIME = 0.3
+LABEL_PLACE = 1.5
+RUNNERS = ("running", "runner")
+
+
+def check(scene: SceneRecord, intersection: IntersectionMap | None = None) -> Proof:
+    """Proves a scene from its final tracks (SEMANTICS sections 1, 4 and 5).
+
+    Segments are not looked at; labels (`scene.events`) decide nothing, but one that the tracks
+    contradict is reported as missing. Without a map, ground and signals are not checked.
+
+    Returns:
+        The proof; `verified` if every relation asked for is observed with its roles, nothing else
+        happens, no motion is implausible and nobody unnamed runs a red light.
+
+    Raises:
+        InputError: values that are not finite, an id twice, an empty track, lengths that differ.
+    """
+    users = read_users(scene)
+    known = {a.id for a in scene.agents}
+    asked = tuple(_known_pair(r, known) for r in scene.relations)
+    roles = Roles(
+        frozenset(a.id for a in scene.agents if a.role == "foreground"),
+        frozenset(frozenset(pair) for pair in asked),
+    )
+    seen = observe(
+        users, ground=intersection, signals=scene.signals, asked=asked,
+        detailed=frozenset(n for pair in asked for n in pair),
+    )  # fmt: skip
+    matched, missing = _match(scene.relations, seen.events)
+    return _proof(scene, intersection, seen=seen, roles=roles, matched=matched, missing=missing)
+
+
+def _proof(
+    scene: SceneRecord,
+    intersection: IntersectionMap | None,
+    *,
+    seen: Observation,
+    roles: Roles,
+    matched: frozenset[int],
+    missing: tuple[Finding, ...],
+) -> Proof:
+    missing = (*missing, *_false_labels(scene.events, seen.events))
+    unasked = (
+        *interference(seen, roles, expected=matched),
+        *wrecks(seen, until=scene.meta.duration),
+    )
+    motion = _implausible(scene, seen, intersection)
+    red = _red_crossings(scene, seen, intersection)
+    incidental = [k for k, e in enumerate(seen.events)
+                  if k not in matched and is_incidental(e, roles)]  # fmt: skip
+    return Proof(
+        verified=not (missing or unasked or motion or red),
+        events=tuple(e for k, e in enumerate(seen.events) if k not in incidental),
+        incidental=tuple(seen.events[k] for k in incidental),
+        missing=missing, interference=unasked, implausible=motion, signal_violations=red,
+        figures=_figures(scene, seen, intersection),
+    )  # fmt: skip
+
+
+def read_users(scene: SceneRecord) -> tuple[RoadUser, ...]:
+    """The agents of a scene as road users.
+
+    Raises:
+        InputError: see `check`.
+    """
+    if not (math.isfinite(scene.meta.step) and scene.meta.step > 0):
+        raise InputError(f"meta.step must be a positive number of seconds, got {scene.meta.step}")
+    if not math.isfinite(scene.meta.duration):
+        raise InputError(f"meta.duration must be a number of seconds, got {scene.meta.duration}")
+    return tuple(_read_user(agent, scene.meta.step) for agent in scene.agents)
+
+
+def _read_user(agent: AgentRecord, step: float) -> RoadUser:
+    xy = np.array(agent.trajectory, dtype=np.float64).reshape(-1, 2)
+    heading = np.array(agent.heading, dtype=np.float64)
+    if len(xy) == 0:
+        raise InputError(f"agent {agent.id} has an empty trajectory")
+    if len(xy) != len(heading):
+        raise InputError(
+            f"agent {agent.id} has {len(xy)} positions but {len(heading)} headings; give one each"
+        )
+    if not (np.isfinite(xy).all() and np.isfinite(heading).all()):
+        raise InputError(f"agent {agent.id}: trajectory or heading holds NaN or infinity")
+    if not math.isfinite(agent.spawn_time):
+        raise InputError(f"agent {agent.id}: spawn_time {agent.spawn_time} is not a number")
+    shape = Shape(agent.type, agent.length, agent.width)
+    return RoadUser(agent.id, Track(xy, heading, agent.spawn_time, step), shape)
+
+
+def _known_pair(relation: RelationRecord, known: set[int]) -> tuple[int, int]:
+    pair = relation.from_, relation.to
+    for n in pair:
+        if n not in known:
+            raise InputError(f"relation {relation.type} names agent {n}, which the scene lacks")
+    if pair[0] == pair[1]:
+        raise InputError(f"relation {relation.type} names agent {pair[0]} twice")
+    return pair
+
+
+def _match(
+    relations: Sequence[RelationRecord], events: Sequence[Event]
+) -> tuple[frozenset[int], tuple[Finding, ...]]:
+    """Positions of the events that realise relations, and the relations without one."""
+    used: set[int] = set()
+    missing: list[Finding] = []
+    for relation in relations:
+        failures: list[str] = []
+        for k, event in enumerate(events):
+            if k in used or not _same_roles(relation, event):
+                continue
+            reason = _falls_short(relation, event)
+            if reason is None:
+                used.add(k)
+                break
+            failures.append(reason)
+        else:
+            missing.append(_not_realised(relation, failures, events))
+    return frozenset(used), tuple(missing)
+
+
+def _same_roles(relation: RelationRecord, event: Event) -> bool:
+    asked, seen = (relation.from_, relation.to), (event.from_, event.to)
+    symmetric = relation.type in ("collision", "near_miss")
+    return relation.type == event.type and (asked == seen or (symmetric and asked == seen[::-1]))
+
+
+def _falls_short(relation: RelationRecord, event: Event) -> str | None:
+    """Why an event of the right type and roles is not the one asked for."""
+    if relation.kind is not None and event.kind != relation.kind:
+        return f"kind {event.kind} observed, {relation.kind} asked for"
+    for name, target, seen, tolerance in (
+        ("PET", relation.target_pet, event.evidence.get("pet"), PET_TOLERANCE),
+        ("path TTC", relation.target_ttc, event.evidence.get("path_ttc"), TTC_TOLERANCE),
+        ("impact speed", relation.impact_speed, _impact_speed(relation, event), IMPACT_TOLERANCE),
+    ):
+        if target is not None and (seen is None or abs(seen - target) > tolerance + 1e-6):
+            found = "none" if seen is None else f"{seen:.2f}"
+            return f"{name} {found} observed, {target:.2f} +/- {tolerance} asked for"
+    return None
+
+
+def _impact_speed(relation: RelationRecord, event: Event) -> float | None:
+    """Speed of the striking vehicle; of the relation's `from` where both are vehicles."""
+    striker = event.evidence.get("speed_from")
+    if event.kind == "pedestrian_strike" or relation.from_ == event.from_:
+        return striker
+    return event.evidence.get("speed_to")
+
+
+def _not_realised(
+    relation: RelationRecord, failures: list[str], events: Sequence[Event]
+) -> Finding:
+    pair = {relation.from_, relation.to}
+    others = [f"{e.type} from {e.from_} to {e.to}" for e in events if {e.from_, e.to} == pair]
+    why = "; ".join(failures or [f"observed instead: {o}" for o in others] or ["nothing observed"])
+    return Finding(
+        rule="relation_not_realised", agents=(relation.from_, relation.to),
+        detail=f"{relation.type} from {relation.from_} to {relation.to}: {why}",
+    )  # fmt: skip
+
+
+def _false_labels(labels: Sequence[EventRecord], events: Sequence[Event]) -> tuple[Finding, ...]:
+    """Labels that the tracks contradict: no such event at that time and place."""
+    return tuple(
+        Finding(
+            rule="label_contradicted",
+            agents=tuple(n for n in (label.from_, label.to) if n is not None), time=label.time,
+            detail=f"the label {label.type} of {label.from_} and {label.to} at {label.time} s "
+            "is not borne out by the tracks",
+        )
+        for label in labels
+        if label.type != "normal" and not any(_bears_out(label, e) for e in events)
+    )  # fmt: skip
+
+
+def _bears_out(label: EventRecord, event: Event) -> bool:
+    if label.type != event.type or {label.from_, label.to} != {event.from_, event.to}:
+        return False
+    if label.type in ("yielding", "follow") and label.from_ != event.from_:
+        return False
+    if label.time is not None and abs(label.time - event.time) > LABEL_TIME:
+        return False
+    return label.location is None or math.dist(label.location, event.location) <= LABEL_PLACE
+
+
+def _implausible(
+    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None
+) -> tuple[Finding, ...]:
+    found: list[Finding] = []
+    for agent, mover in zip(scene.agents, seen.movers, strict=True):
+        found += implausible(mover, licence=_licence(agent, seen.events))
+        found += _outside_scene(mover, scene.meta.duration)
+    if intersection is not None:
+        jaywalkers = frozenset(a.id for a in scene.agents if a.movement == "jaywalking")
+        found += off_ground(seen.movers, intersection, jaywalkers=jaywalkers)
+    return tuple(found)
+
+
+def _licence(agent: AgentRecord, events: Sequence[Event]) -> Licence:
+    times = tuple(
+        e.time
+        for e in events
+        if e.type in ("collision", "near_miss") and agent.id in (e.from_, e.to)
+    )
+    return Licence(emergencies=times, running=agent.subtype in RUNNERS)
+
+
+def _outside_scene(mover: Mover, duration: float) -> list[Finding]:
+    if mover.start >= -1e-6 and mover.end <= duration + 0.1 + 1e-6:
+        return []
+    return [
+        Finding(
+            rule="outside_scene", agents=(mover.id,), time=mover.end, limit=duration,
+            detail=f"{mover.type} {mover.id} is present from {mover.start:.1f} to {mover.end:.1f} "
+            f"s; the scene lasts from 0 to {duration:.1f} s",
+        )
+    ]  # fmt: skip
+
+
+def _red_crossings(
+    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None
+) -> tuple[Finding, ...]:
+    if intersection is None or not scene.signals:
+        return ()
+    lights = Lights(scene.signals, intersection)
+    return tuple(
+        Finding(
+            rule="red_crossing", agents=(agent.id,), time=round(crossing.time, 3),
+            detail=f"{agent.type} {agent.id} passes {crossing.light} on red at "
+            f"{crossing.time:.1f} s",
+        )
+        for agent, mover in zip(scene.agents, seen.movers, strict=True)
+        if not (agent.violates_signal or agent.movement == "jaywalking")
+        for crossing in lights.ran_red(mover)
+    )  # fmt: skip
+
+
+def _figures(
+    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None
+) -> dict[str, Any]:
+    pairs = [(r.from_, r.to) for r in scene.relations]
+    pet = {f"{a}-{b}": seen.pet((a, b)) for a, b in pairs}
+    return {
+        "agents": len(scene.agents),
+        "map_checked": intersection is not None,
+        "pet": {k: round(v, 3) for k, v in pet.items() if v is not None},
+        "extremes": extremes(seen.movers),
+    }

@@ -1,0 +1,324 @@
+"""Yielding: who let whom pass, and whether that was the reason (SEMANTICS section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker.curve import curvature, project
+from scenewright.tools.relation_checker.footprints import angle_between
+from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.paths import Stay
+
+COMFORT = 2.0
+"""Acceleration and braking with which free speed is reached [m/s^2]."""
+CURVE_COMFORT = 3.0
+"""Lateral acceleration at free speed [m/s^2]."""
+MAX_PET = 8.0
+RESUME_WITHIN = 4.0
+STANDING = 0.3
+STANDING_TIME = 0.5
+MARGIN = 2.0
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """Class-dependent figures: vehicle or pedestrian."""
+
+    upstream: float
+    approach: float
+    moving: float
+    resumed: float
+    ripple: float
+
+
+LIMITS = {
+    "vehicle": _Limits(20.0, 40.0, 2.0, 1.0, 0.5),
+    "pedestrian": _Limits(5.0, 5.0, 0.5, 0.5, 0.2),
+}
+
+
+@dataclass(frozen=True)
+class Giving:
+    """A yield that was found.
+
+    Attributes:
+        time: of lowest speed, or the start of standstill [s]; place [m].
+        begin: when the agent began to slow [s].
+        lowest, approach: speeds [m/s]; braking: hardest in this spell [m/s^2].
+        enter: when it enters the zone, None if its track ends before.
+        cleared: when the other left the zone [s].
+        arrival: when it would have entered at its free speed [s].
+    """
+
+    time: float
+    place: tuple[float, float]
+    begin: float
+    lowest: float
+    approach: float
+    braking: float
+    enter: float | None
+    cleared: float
+    arrival: float
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What else could hold an agent, asked only when it matters.
+
+    Attributes:
+        red: whether a red or yellow light holds it in a span of time.
+        leader: whether another agent ahead in its lane holds it at a time.
+        bound: whether another bound agent holds it, or a collision ended its track.
+        on_crosswalk: whether the other is on the crosswalk of the zone at a time.
+    """
+
+    red: Callable[[float, float], bool]
+    leader: Callable[[float], bool]
+    excused: Callable[[float], bool]
+    on_crosswalk: Callable[[float], bool]
+
+
+def slowing_begins(speed: FloatArray, lowest: int, *, ripple: float) -> int:
+    """Sample at which the slowing that ends at `lowest` begins.
+
+    Backwards from the lowest speed, as long as speed rises (ripples below `ripple` m/s aside); the
+    last sample within 0.6 ripples of the peak found.
+    """
+    back = speed[lowest::-1]
+    peak = np.maximum.accumulate(back)
+    dips = np.flatnonzero(back < peak - ripple)
+    top = peak[dips[0]] if len(dips) else peak[-1]
+    return lowest - int(np.argmax(back >= top - 0.6 * ripple))
+
+
+def approach_speed(mover: Mover, *, begin: int) -> float:
+    """Largest speed in the 40 m (pedestrian 5 m) up to the sample where slowing begins [m/s]."""
+    distance = LIMITS[mover.type].approach
+    before = mover.s[: begin + 1] >= mover.s[begin] - distance
+    return float(mover.speed[: begin + 1][before].max())
+
+
+@dataclass(frozen=True, eq=False)
+class FreeDrive:
+    """What an agent would have driven for the road alone.
+
+    Attributes:
+        s: [P] arc length [m]; speed: [P] [m/s]; time: [P] of being there [s].
+    """
+
+    s: FloatArray
+    speed: FloatArray
+    time: FloatArray
+
+
+def free_drive(mover: Mover, *, begin: int) -> FreeDrive:
+    """Free speed from the sample where slowing begins to the end of the path.
+
+    min(approach speed, sqrt(3 / |curvature|)), reached with at most 2 m/s^2 either way, starting
+    at the speed driven there.
+    """
+    path = mover.path
+    start = float(mover.s[begin])
+    keep = path.s > start + 1e-6
+    s = np.concatenate(([start], path.s[keep]))
+    bend = np.abs(np.concatenate((curvature(path)[~keep][-1:], curvature(path)[keep])))
+    cap = np.minimum(
+        approach_speed(mover, begin=begin) ** 2, CURVE_COMFORT / np.maximum(bend, 1e-6)
+    )
+    square = _reachable(cap, np.diff(s), float(mover.speed[begin]) ** 2)
+    speed = np.sqrt(np.maximum(square, 0.01))
+    time = np.concatenate(([0.0], np.cumsum(2 * np.diff(s) / (speed[1:] + speed[:-1]))))
+    return FreeDrive(s, speed, mover.times[begin] + time)
+
+
+def _reachable(cap: FloatArray, steps: FloatArray, start: float) -> FloatArray:
+    """Squares of speed under `cap` that change by at most 2 * 2 m/s^2 per metre.
+
+    Both passes are running minima in the variables w -/+ 4 s, so no loop is needed.
+    """
+    climb = np.concatenate(([0.0], np.cumsum(2 * COMFORT * steps)))
+    backward = np.minimum.accumulate((cap + climb)[::-1])[::-1] - climb
+    backward[0] = min(backward[0], start)
+    return np.asarray(np.minimum.accumulate(backward - climb) + climb)
+
+
+@dataclass(frozen=True)
+class Passage:
+    """The giver and the zone that it may have left to the other first.
+
+    Attributes:
+        giver: with a guessed continuation after `real_end`, where that is given.
+        stay, other: when the giver and the other are in the zone.
+        around: what else could hold the giver.
+        real_end: end of the giver's own track [s], if what follows is a guess.
+    """
+
+    giver: Mover
+    stay: Stay
+    other: Stay
+    around: Surroundings
+    real_end: float | None = None
+
+    @property
+    def until(self) -> float:
+        """When the giver's wait is over at the latest: it enters, or its track ends [s]."""
+        return self.stay.enter if self.real_end is None else self.real_end
+
+    @property
+    def s_enter(self) -> float:
+        """Arc length of the giver's centre when it enters [m]."""
+        return float(np.interp(self.stay.enter, self.giver.times, self.giver.s))
+
+
+def find_yield(passage: Passage) -> Giving | None:
+    """Whether the giver let the other pass the zone, and why.
+
+    Returns:
+        The spell of slowing that meets every clause of SEMANTICS section 4 except clearance and
+        PET, which belong to the pair; None if there is none.
+    """
+    stay, other = passage.stay, passage.other
+    if other.ends_inside or stay.begins_inside or other.enter >= stay.enter:
+        return None
+    if passage.real_end is None and other.leave > stay.enter:
+        return None
+    if passage.real_end is not None and other.enter > passage.real_end + MARGIN:
+        return None
+    spells = (_spell(passage, k) for k in _lowest_points(passage.giver, passage.until))
+    return next((s for s in spells if s is not None), None)
+
+
+def _lowest_points(giver: Mover, until: float) -> list[int]:
+    """Samples of lowest speed, one for each spell of slowing, deepest first."""
+    limits, last = LIMITS[giver.type], giver.index(until)
+    speed = giver.speed[: last + 1]
+    upstream = giver.s[last] - limits.upstream - giver.nose
+    peak = np.maximum.accumulate(speed)
+    deep = [
+        k
+        for k in valleys(speed, ripple=limits.ripple)
+        if giver.s[k] >= upstream and speed[k] <= 0.6 * peak[k]
+    ]
+    return sorted(deep, key=lambda k: float(speed[k]))
+
+
+def valleys(speed: FloatArray, *, ripple: float) -> list[int]:
+    """Samples of least speed between rises of at least `ripple` m/s; the first of equal ones."""
+    found: list[int] = []
+    low, high, falling = 0, float(speed[0]), True
+    for k, v in enumerate(speed.tolist()):
+        if falling:
+            low = k if v < speed[low] else low
+            if v > speed[low] + ripple:
+                found.append(low)
+                falling, high = False, v
+        else:
+            high = max(high, v)
+            if v < high - ripple:
+                falling, low = True, k
+    return [*found, low] if falling else found
+
+
+def _spell(passage: Passage, lowest: int) -> Giving | None:
+    giver, other, limits = passage.giver, passage.other, LIMITS[passage.giver.type]
+    begin = slowing_begins(giver.speed, lowest, ripple=limits.ripple)
+    if approach_speed(giver, begin=begin) < limits.moving or giver.times[begin] >= other.leave:
+        return None
+    drive = free_drive(giver, begin=begin)
+    low = _slow_moment(passage, begin, lowest, drive)
+    if low is None:
+        return None
+    arrival, leaving = _free_times(passage, drive)
+    caused = arrival <= other.leave + MARGIN and leaving >= other.enter - MARGIN
+    if not (caused or passage.around.on_crosswalk(float(giver.times[begin]))):
+        return None
+    giving = _giving(passage, begin, low, arrival)
+    if not _resumes(passage, low) or _held_otherwise(giving, passage.around):
+        return None
+    return giving
+
+
+def _slow_moment(passage: Passage, begin: int, lowest: int, drive: FreeDrive) -> int | None:
+    """Start of standstill, or the lowest speed, if either is low enough upstream of the zone."""
+    giver, limits = passage.giver, LIMITS[passage.giver.type]
+    if giver.s[lowest] < passage.s_enter - limits.upstream:
+        return None
+    last = giver.index(passage.until)
+    moving = np.flatnonzero(giver.speed[begin : last + 1] > STANDING) + begin
+    first = max((int(k) + 1 for k in moving[moving < lowest]), default=begin)
+    after = min((int(k) - 1 for k in moving[moving > lowest]), default=last)
+    if giver.speed[lowest] <= STANDING and (after - first) * STEP >= STANDING_TIME - 1e-9:
+        return first
+    free = float(np.interp(giver.s[lowest], drive.s, drive.speed))
+    return lowest if giver.speed[lowest] <= free / 2 else None
+
+
+def _free_times(passage: Passage, drive: FreeDrive) -> tuple[float, float]:
+    """When the giver would have entered and left the zone at its free speed [s]."""
+    giver, stay = passage.giver, passage.stay
+    s = np.interp((stay.enter, stay.leave), giver.times, giver.s)
+    enter, leave = np.interp(s, drive.s, drive.time)
+    return float(enter), float("inf") if stay.ends_inside else float(leave)
+
+
+def _giving(passage: Passage, begin: int, low: int, arrival: float) -> Giving:
+    giver = passage.giver
+    until = max(giver.index(passage.until), low) + 1
+    x, y = giver.xy[low]
+    return Giving(
+        time=float(giver.times[low]), place=(float(x), float(y)),
+        begin=float(giver.times[begin]), lowest=float(giver.speed[low:until].min()),
+        approach=approach_speed(giver, begin=begin),
+        braking=float(-giver.acceleration[begin:until].min()),
+        enter=passage.stay.enter if passage.real_end is None else None,
+        cleared=passage.other.leave, arrival=arrival,
+    )  # fmt: skip
+
+
+def _resumes(passage: Passage, low: int) -> bool:
+    """Moves again within 4 s after the other cleared, or has an excuse not to."""
+    giver, cleared, around = passage.giver, passage.other.leave, passage.around
+    limit = cleared + RESUME_WITHIN
+    end = giver.end if passage.real_end is None else passage.real_end
+    after = (giver.times > giver.times[low]) & (giver.times <= min(limit, end) + 1e-6)
+    after &= giver.times >= cleared
+    if (giver.speed[after] > LIMITS[giver.type].resumed).any():
+        return True
+    return end <= limit + 1e-6 or around.red(cleared, limit) or around.excused(limit)
+
+
+def _held_otherwise(giving: Giving, around: Surroundings) -> bool:
+    """Whether a red light, or a queue in its own lane, explains the slowing."""
+    if around.red(giving.begin, giving.time):
+        return True
+    until = max(giving.time, min(giving.cleared, giving.enter or giving.cleared))
+    return around.leader(giving.time) and around.leader(until)
+
+
+def leads(giver: Mover, other: Mover, *, time: float, before: float) -> bool:
+    """Whether `other` is ahead of `giver` in its lane, near enough to hold it, and no faster.
+
+    Near enough: 5 m, or 3 s at the giver's speed; and not already past arc length `before` [m] of
+    the giver's path, where the zone begins.
+    """
+    if not other.start <= time <= other.end or other.type != giver.type:
+        return False
+    i, j = giver.index(time), other.index(time)
+    away = other.xy[j] - giver.xy[i]
+    if float(np.hypot(*away)) > 3.0 * float(giver.speed[i]) + 5.0 + giver.nose + other.nose:
+        return False
+    foot = project(other.xy[j], giver.path.extended(before=0.0, after=15.0))
+    gap = float(foot.s) - float(giver.s[i]) - giver.nose - other.nose
+    speed = float(giver.speed[i])
+    return bool(
+        -0.5 <= gap <= max(5.0, 3.0 * speed)
+        and float(foot.s) - other.nose <= before + 0.5
+        and foot.lateral < (giver.width + other.width) / 2
+        and angle_between(other.heading[j], foot.direction) <= np.deg2rad(30.0)
+        and other.speed[j] <= speed + 1.0
+    )

@@ -1,0 +1,87 @@
+"""Segment editor: a behavior program turned into motion (paper 3.5, Eq. 6, A.1).
+
+    Keep       the prior as it is
+    Stop       stands at the anchor from the segment's start to its end
+    Proceed    the deferred remainder of the prior
+    Terminate  ends at the anchor
+
+Space is continuous because every segment runs along the one prior path; time has one step; the
+braking before a Stop and the start after it are the agent's own time law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.scene.behavior import Segment
+from scenewright.scene.selection import SelectedAgent, Slowing
+from scenewright.scene.track import STEP, Track
+from scenewright.tools.time_law import Hold, Motion, move, track_of
+
+
+_STAYS_ON = 5.0
+
+
+@dataclass(frozen=True)
+class Editing:
+    """Edits in local time (0 = the agent enters the map)."""
+
+    holds: tuple[Hold, ...]
+    slowings: tuple[Slowing, ...]
+    end: float | None
+
+
+def editing_of(agent: SelectedAgent) -> Editing:
+    """The edits that the solver found for a selected agent."""
+    holds = tuple(Hold(s.s, s.until - agent.enters, s.braking) for s in agent.stops)
+    end = None if agent.contact is None else agent.contact - agent.enters
+    return Editing(holds, agent.slowings, end)
+
+
+def edit(
+    agent: SelectedAgent,
+    segments: tuple[Segment, ...],
+    anchors: dict[str, float],
+    *,
+    duration: float,
+) -> Track | None:
+    """The prior of `agent` edited by its segments, over [0, duration] [s].
+
+    Args:
+        anchors: arc length [m] of every anchor on the agent's path.
+
+    Returns:
+        The track; None if nothing of it falls into the scene.
+    """
+    editing = _editing(agent, segments, anchors, duration)
+    motion = move(agent.candidate, holds=editing.holds, slowings=editing.slowings)
+    if editing.end is not None:
+        motion = terminated(motion, editing.end)
+    return track_of(motion, enters=agent.enters, until=duration)
+
+
+def terminated(motion: Motion, time: float) -> Motion:
+    """The motion cut at the first sample not before local `time` [s]."""
+    return motion.cut(int(np.ceil(time / STEP - 1e-6)))
+
+
+def _editing(
+    agent: SelectedAgent,
+    segments: tuple[Segment, ...],
+    anchors: dict[str, float],
+    duration: float,
+) -> Editing:
+    braking = {round(stop.s, 1): stop.braking for stop in agent.stops}
+    holds = []
+    end = None
+    for segment in segments:
+        if segment.status == "stop":
+            s = anchors[segment.anchor]
+            # Who still stands when the scene ends has not begun to start.
+            lasts = segment.end + (_STAYS_ON if segment.end >= duration - STEP else 0.0)
+            holds.append(Hold(s, lasts - agent.enters, braking.get(round(s, 1))))
+        if segment.status == "terminate":
+            end = segment.start - agent.enters
+    return Editing(tuple(holds), agent.slowings, end)

@@ -1,0 +1,135 @@
+"""The scene's signal plan: colours over time, what agents demand of it, and a feasible offset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.scene.base import Colour, FloatArray
+from scenewright.scene.map import IntersectionMap, SignalProgram
+from scenewright.scene.record import SignalRecord
+
+_RESOLUTION = 0.5
+"""Grid on which offsets of the programme are tried [s]."""
+
+
+@dataclass(frozen=True)
+class Demand:
+    """During [start, end] [s] the light of `group` must show one of `colours`."""
+
+    group: str
+    start: float
+    end: float
+    colours: tuple[Colour, ...]
+
+
+@dataclass(frozen=True)
+class SignalClock:
+    """The programme running with an offset: at scene time t it is at (t + offset) mod cycle."""
+
+    program: SignalProgram
+    offset: float
+
+    def colour(self, group: str, time: float) -> Colour:
+        """What `group` shows at scene time [s]."""
+        left = (time + self.offset) % self.program.cycle
+        for phase in self.program.phases:
+            if left < phase.duration:
+                return phase.colours[group]
+            left -= phase.duration
+        return self.program.phases[-1].colours[group]
+
+    def next_green(self, group: str, time: float) -> float:
+        """First scene time [s] >= `time` at which `group` turns (or is) green; inf if never."""
+        if self.colour(group, time) == "green":
+            return time
+        start = -((time + self.offset) % self.program.cycle)
+        for phase in (*self.program.phases, *self.program.phases):
+            if start >= 0 and phase.colours[group] == "green":
+                return time + start
+            start += phase.duration
+        return float("inf")
+
+    def green_left(self, group: str, time: float) -> float:
+        """How long [s] the green that shows at `time` still lasts; 0 if it is not green."""
+        left = (time + self.offset) % self.program.cycle
+        total = 0.0
+        for phase in (*self.program.phases, *self.program.phases):
+            if left >= phase.duration:
+                left -= phase.duration
+                continue
+            if phase.colours[group] != "green":
+                return total
+            total += phase.duration - left
+            left = 0.0
+        return total
+
+
+def feasible_offsets(program: SignalProgram, demands: tuple[Demand, ...]) -> FloatArray:
+    """All offsets [s] of the programme, on a 0.5 s grid, under which every demand is met."""
+    offsets = np.arange(0.0, program.cycle, _RESOLUTION)
+    good = np.ones(len(offsets), dtype=bool)
+    for demand in demands:
+        count = max(2, int((demand.end - demand.start) / _RESOLUTION) + 2)
+        times = np.linspace(demand.start, demand.end, count)
+        shown = shows(program, demand.group, offsets[:, None] + times, demand.colours)
+        good &= shown.all(axis=1)
+    return offsets[good]
+
+
+def shows(
+    program: SignalProgram, group: str, times: FloatArray, colours: tuple[Colour, ...]
+) -> NDArray[np.bool_]:
+    """Whether `group` shows one of `colours` at times [s] of the programme (any shape)."""
+    edges = np.cumsum([phase.duration for phase in program.phases])
+    fits = np.array([phase.colours[group] in colours for phase in program.phases])
+    index = np.searchsorted(edges, times % program.cycle, side="right")
+    result: NDArray[np.bool_] = fits[np.minimum(index, len(fits) - 1)]
+    return result
+
+
+def plan_records(
+    clock: SignalClock, *, on: IntersectionMap, until: float
+) -> tuple[SignalRecord, ...]:
+    """The plan of scene.json: every stop line's and crosswalk's colours over [0, until]."""
+    records: list[SignalRecord] = []
+    for group, heads in _heads(on).items():
+        for start, end, colour in _stretches(clock, group, until):
+            for key, head in heads:
+                records.append(
+                    SignalRecord.model_validate(
+                        {key: head, "start": start, "end": end, "colour": colour}
+                    )
+                )
+    return tuple(records)
+
+
+def _heads(on: IntersectionMap) -> dict[str, list[tuple[str, str]]]:
+    if on.signals is None:
+        return {}
+    stop_line = {movement.id: movement.stop_line for movement in on.movements}
+    heads: dict[str, list[tuple[str, str]]] = {}
+    for group in on.signals.groups:
+        lines = dict.fromkeys(stop_line[movement] for movement in group.movements)
+        heads[group.id] = [("stop_line", line) for line in lines]
+        heads[group.id] += [("crosswalk", crosswalk) for crosswalk in group.crosswalks]
+    return heads
+
+
+def _stretches(clock: SignalClock, group: str, until: float) -> list[tuple[float, float, Colour]]:
+    """(start, end, colour) over [0, until], neighbouring stretches of one colour joined."""
+    found: list[tuple[float, float, Colour]] = []
+    start = -(clock.offset % clock.program.cycle)
+    while start < until:
+        for phase in clock.program.phases:
+            low, high = max(start, 0.0), min(start + phase.duration, until)
+            colour = phase.colours[group]
+            if high > low:
+                if found and found[-1][2] == colour:
+                    found[-1] = (found[-1][0], round(high, 3), colour)
+                else:
+                    found.append((round(low, 3), round(high, 3), colour))
+            start += phase.duration
+    return found

@@ -1,0 +1,206 @@
+"""How an agent moves along its path: time laws inside the limits of SEMANTICS section 5.
+
+A cubic spline in *time* overshoots and reverses; here the path is a spline (paper Eq. 3) and time
+gets a law of its own. Over w = v^2 the limits are linear in arc length, so that one forward and
+one backward running minimum give the fastest motion within them:
+
+    w' <= w + 2 a ds,   w <= w' + 2 b ds,   w <= a_lat / |curvature|,   w = 0 at a hold.
+
+Between nodes the acceleration is constant, so times and positions are exact. The motion is then
+smoothed by a short symmetric kernel in time, which bounds jerk, keeps every standstill longer
+than the kernel where it was, and leaves constant speed alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray, frozen
+from scenewright.scene.candidates import Candidate, Path, TimeLaw
+from scenewright.scene.selection import Slowing
+from scenewright.scene.track import STEP, Track
+
+_KERNEL = np.convolve(np.ones(5), np.ones(5)) / 25.0
+"""Triangular smoothing over 0.8 s at the output step."""
+
+_HALF = len(_KERNEL) // 2
+_CREEP = 0.05
+"""Least speed between nodes [m/s]; keeps travel times finite next to a hold."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A standstill: the centre stays at arc length `s` [m] until `release`.
+
+    Attributes:
+        release: [s], in the time frame of whoever uses it (local or scene time).
+        braking: deceleration towards it [m/s^2]; None = as comfortable as the time law says.
+    """
+
+    s: float
+    release: float
+    braking: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Arc length over time: a candidate (or an edit of it) in motion.
+
+    Attributes:
+        candidate: whose path it travels.
+        s: [T] arc length of the centre [m] every 0.1 s since it entered the map, never falling.
+        ended: the agent stays where its motion ends (a wreck); else it has left the map.
+    """
+
+    candidate: Candidate
+    s: FloatArray
+    ended: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "s", frozen(self.s))
+
+    @property
+    def path(self) -> Path:
+        """The path travelled."""
+        return self.candidate.path
+
+    @property
+    def speed(self) -> FloatArray:
+        """[T] speed along the path [m/s]."""
+        return np.gradient(self.s, STEP) if len(self.s) > 1 else np.zeros(1)
+
+    def time_at(self, s: float) -> float:
+        """First time [s, local] at which the centre is at arc length `s`; inf if it never is."""
+        index = int(np.searchsorted(self.s, s - 1e-9))
+        if index >= len(self.s):
+            return float("inf")
+        if index == 0:
+            return 0.0
+        low, high = self.s[index - 1], self.s[index]
+        return STEP * (index - 1 + float((s - low) / max(high - low, 1e-9)))
+
+    def position(self, times: FloatArray) -> FloatArray:
+        """Arc length [m] at local times [s]; held at both ends."""
+        return np.interp(times, STEP * np.arange(len(self.s)), self.s)
+
+    def cut(self, steps: int) -> Motion:
+        """The motion up to sample `steps`, where the agent then stays (Terminate)."""
+        return replace(self, s=self.s[: steps + 1], ended=True)
+
+
+def speed_limit(path: Path, law: TimeLaw) -> FloatArray:
+    """[P] squared free speed: the law's speed, less in curves, reached with its own rates."""
+    lateral = law.lateral / np.maximum(np.abs(path.curvature), 1e-6)
+    ceiling = np.minimum(law.speed**2, lateral)
+    return _reach(path.s, ceiling, accelerate=law.acceleration, brake=law.braking)
+
+
+def move(
+    candidate: Candidate, *, holds: tuple[Hold, ...] = (), slowings: tuple[Slowing, ...] = ()
+) -> Motion:
+    """The candidate in motion; hold releases are in local time (0 = enters the map)."""
+    path, law = candidate.path, candidate.time_law
+    ordered = sorted((hold for hold in holds if hold.s < path.length), key=lambda hold: hold.s)
+    s, w = _profile(path, law, ordered, slowings)
+    times = _travel_times(s, w)
+    for hold in ordered:
+        times = _dwell(s, times, hold)
+    return Motion(candidate, _smooth(_sample(s, w, times)))
+
+
+def arrival(candidate: Candidate, hold: Hold, earlier: tuple[Hold, ...] = ()) -> float:
+    """Local time [s] at which the candidate comes to a standstill at `hold`."""
+    path = candidate.path
+    ordered = sorted((*earlier, hold), key=lambda each: each.s)
+    s, w = _profile(path, candidate.time_law, ordered, ())
+    times = _travel_times(s, w)
+    for each in ordered:
+        if each.s < hold.s:
+            times = _dwell(s, times, each)
+    return float(times[np.searchsorted(s, hold.s - 1e-9)])
+
+
+def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
+    """The motion as a track of scene time, cut to [0, until]; None if nothing of it remains.
+
+    Args:
+        enters: scene time [s] of local time 0; a multiple of the output step, may be negative.
+        until: end of the scene [s].
+    """
+    first = max(0, round(-enters / STEP))
+    last = min(len(motion.s) - 1, round((until - enters) / STEP))
+    if last - first < 1:
+        return None
+    s = motion.s[first : last + 1]
+    path = motion.path
+    xy = np.column_stack([np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1)])
+    heading = np.interp(s, path.s, path.heading)
+    return Track(xy=np.round(xy, 3), heading=heading, start=round(enters + first * STEP, 1))
+
+
+def _profile(
+    path: Path, law: TimeLaw, holds: list[Hold], slowings: tuple[Slowing, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Nodes [m] and squared speeds there, every hold and slowing on a node of its own."""
+    extra = [stop.s for stop in (*holds, *slowings)]
+    if not extra:
+        return path.s, speed_limit(path, law)
+    s = np.union1d(path.s, np.clip(extra, 0.0, path.length))
+    w = np.interp(s, path.s, speed_limit(path, law))
+    for hold in holds:
+        w = _approach(s, w, at=hold.s, speed=0.0, braking=hold.braking or law.braking)
+    for slow in slowings:
+        w = _approach(s, w, at=slow.s, speed=slow.speed, braking=slow.braking)
+    return s, _forward(s, w, law.acceleration)
+
+
+def _approach(
+    s: FloatArray, w: FloatArray, *, at: float, speed: float, braking: float
+) -> FloatArray:
+    return np.where(s <= at + 1e-9, np.minimum(w, speed**2 + 2.0 * braking * (at - s)), w)
+
+
+def _reach(s: FloatArray, ceiling: FloatArray, *, accelerate: float, brake: float) -> FloatArray:
+    back = np.minimum.accumulate((ceiling + 2.0 * brake * s)[::-1])[::-1] - 2.0 * brake * s
+    return _forward(s, back, accelerate)
+
+
+def _forward(s: FloatArray, w: FloatArray, acceleration: float) -> FloatArray:
+    reached = np.minimum.accumulate(w - 2.0 * acceleration * s) + 2.0 * acceleration * s
+    return np.maximum(reached, 0.0)
+
+
+def _travel_times(s: FloatArray, w: FloatArray) -> FloatArray:
+    v = np.sqrt(w)
+    dt = 2.0 * np.diff(s) / np.maximum(v[:-1] + v[1:], 2 * _CREEP)
+    return np.concatenate([[0.0], np.cumsum(dt)])
+
+
+def _dwell(s: FloatArray, times: FloatArray, hold: Hold) -> FloatArray:
+    node = int(np.searchsorted(s, hold.s - 1e-9))
+    wait = max(0.0, hold.release - float(times[node]))
+    return np.where(np.arange(len(s)) > node, times + wait, times)
+
+
+def _sample(s: FloatArray, w: FloatArray, times: FloatArray) -> FloatArray:
+    """Arc length every 0.1 s; constant acceleration between nodes, standstill while dwelling."""
+    grid = STEP * np.arange(int(times[-1] / STEP + 1e-9) + 1)
+    cell = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(s) - 2)
+    ds = s[cell + 1] - s[cell]
+    v0, v1 = np.sqrt(w[cell]), np.sqrt(w[cell + 1])
+    moving = 2.0 * ds / np.maximum(v0 + v1, 2 * _CREEP)
+    # A dwell sits at the start of its cell: the cell's own travel comes last.
+    tau = np.maximum(grid - (times[cell + 1] - moving), 0.0)
+    share = np.clip((v0 * tau + 0.5 * (v1 - v0) / moving * tau**2) / ds, 0.0, 1.0)
+    return np.maximum.accumulate(s[cell] + ds * share)
+
+
+def _smooth(s: FloatArray) -> FloatArray:
+    if len(s) < 2 * _HALF + 2:
+        return s
+    steps = np.arange(1, _HALF + 1)
+    before = s[0] - (s[1] - s[0]) * steps[::-1]
+    after = s[-1] + (s[-1] - s[-2]) * steps
+    return np.convolve(np.concatenate([before, s, after]), _KERNEL, mode="valid")

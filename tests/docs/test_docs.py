@@ -1,0 +1,87 @@
+"""What the pages tell a reader to type works, and what they link to is there."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+PAGES += sorted((ROOT / "docs").rglob("*.md"))
+BIN = Path(sys.executable).parent
+LONGEST = 120.0
+"""A documented command may take this long on a busy machine [s]."""
+
+_BLOCK = re.compile(r"^```(?:console|bash)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
+_LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+_MODULE = re.compile(
+    r"`((?:apps|evals|graph|nodes|tools|memory|backends|scene|intersections)/[\w/.-]+)`"
+)
+_VARIABLES_FOR_MODELS = ("API_KEY", "BASE_URL", "TOKEN")
+
+
+def commands(page: Path, program: str) -> list[str]:
+    """The lines of a page's shell blocks that call the program, `\\`-continued ones joined."""
+    lines = "".join(_BLOCK.findall(page.read_text("utf-8"))).replace("\\\n", " ").splitlines()
+    typed = (line.strip().removeprefix("$ ") for line in lines)
+    return [line for line in typed if line.startswith(f"{program} ")]
+
+
+def links(page: Path) -> list[str]:
+    prose = _FENCED.sub("", page.read_text("utf-8"))
+    targets = (target.split("#")[0] for target in _LINK.findall(prose))
+    return [target for target in targets if target and "://" not in target]
+
+
+def offline() -> dict[str, str]:
+    """The environment without keys, and with a proxy that nobody listens at."""
+    kept = {k: v for k, v in os.environ.items() if not k.endswith(_VARIABLES_FOR_MODELS)}
+    nowhere = dict.fromkeys(("http_proxy", "https_proxy", "all_proxy"), "http://127.0.0.1:9")
+    return kept | nowhere
+
+
+def pages_with(program: str) -> list[Path]:
+    return [page for page in PAGES if commands(page, program)]
+
+
+@pytest.mark.parametrize("page", pages_with("scenewright"), ids=lambda page: page.name)
+def test_documented_commands_run(page: Path, tmp_path: Path) -> None:
+    for command in commands(page, "scenewright"):
+        words = shlex.split(command, comments=True)
+        done = subprocess.run(
+            [str(BIN / words[0]), *words[1:]],
+            cwd=tmp_path,
+            env=offline(),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=LONGEST,
+            check=False,
+        )
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+
+
+@pytest.mark.parametrize("page", pages_with("make"), ids=lambda page: page.name)
+def test_documented_targets_exist(page: Path) -> None:
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+    for command in commands(page, "make"):
+        words = [word for word in shlex.split(command, comments=True)[1:] if "=" not in word]
+        assert set(words) <= targets, command
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files(page: Path) -> None:
+    assert [target for target in links(page) if not (page.parent / target).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_modules_that_are_named_exist(page: Path) -> None:
+    named = set(_MODULE.findall(page.read_text("utf-8")))
+    assert [name for name in named if not (ROOT / "src" / "scenewright" / name).exists()] == []
