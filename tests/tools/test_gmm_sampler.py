@@ -27,6 +27,7 @@ from scenewright.tools.gmm_sampler import (
     total_mass,
     waypoint_nll,
 )
+from scenewright.tools.gmm_sampler.bundle import build_bundle
 from scenewright.tools.gmm_sampler.corpus import CorpusHour, Trip, at_equal_length
 from scenewright.tools.gmm_sampler.demand import Demand, derive_demand
 from scenewright.tools.gmm_sampler.fit import FLOOR, counts_of, fit_waypoints
@@ -317,3 +318,16 @@ def test_priors_hold_every_route(place, priors):
     wanted = {route.id for route in place.routes}
     assert set(priors.waypoints) == set(priors.time_laws) == wanted
     assert all(isinstance(law, TimeLawPrior) for law in priors.time_laws.values())
+
+
+def test_building_refuses_what_it_cannot_do(tmp_path):
+    with pytest.raises(InputError, match="no plan"):
+        build_bundle("nowhere", out=tmp_path / "out")
+    with pytest.raises(InputError, match="3 days"):
+        build_bundle(NAME, out=tmp_path / "out", days=1)
+    with pytest.raises(InputError, match="Traffic_Volume"):
+        build_bundle(NAME, out=tmp_path / "out", counts=tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot write"):
+        build_bundle(NAME, out=tmp_path / "file" / "out")
+    assert not (tmp_path / "out").exists()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from functools import wraps
 from typing import Any, TypeVar
 
@@ -48,8 +48,10 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     graph.add_conditional_edges("waypoint_filter", routes.after_waypoint_filter)
     graph.add_conditional_edges("event_reasoner", routes.after_event_reasoner)
     graph.add_edge("trajectory_refiner", "scene_verifier")
-    ends = {name: name for name in ("event_reasoner", "agent_generator", "give_up")}
-    graph.add_conditional_edges("scene_verifier", routes.after_scene_verifier, {**ends, "end": END})
+    ends: dict[Hashable, str] = {
+        name: name for name in ("event_reasoner", "agent_generator", "give_up")
+    }
+    graph.add_conditional_edges("scene_verifier", routes.after_scene_verifier, ends | {"end": END})
     graph.add_edge("give_up", END)
     return graph
 

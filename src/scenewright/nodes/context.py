@@ -47,7 +47,7 @@ class RunContext:
     selection: Mode = "draw"
     draws: int = 16
     budgets: Budgets = field(default_factory=Budgets)
-    tell: Callable[[str, str], None] = lambda stage, message: None
+    tell: Callable[[str, str], None] = lambda _stage, _message: None
 
     @property
     def intersection(self) -> IntersectionMap:

@@ -1,4 +1,4 @@
-"""The two kinds of values: frozen models for what text can write, frozen arrays for numeric code."""
+"""Two kinds of values: frozen models for what text may write, frozen arrays for numbers."""
 
 from __future__ import annotations
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 
-_SLACK = 0.05
-"""Points this close to the walkable area [m] are on it: its parts share edges."""
+geos: Any = import_module("shapely")
+"""Shapely's functions carry no types; one name keeps that in one place."""
 
 
 class Ground:
@@ -24,21 +24,20 @@ class Ground:
 
     def __init__(self, on: IntersectionMap) -> None:
         self.on = on
-        crosswalks = {each.id: shapely.Polygon(each.polygon) for each in on.crosswalks}
+        crosswalks = {each.id: geos.Polygon(each.polygon) for each in on.crosswalks}
         self._crosswalks = crosswalks
         self._road = _union(on.road)
-        self._walkable = shapely.union_all([_union(on.walkable), *crosswalks.values()])
-        self._walkable = self._walkable.buffer(_SLACK)
+        self._walkable = geos.union_all([_union(on.walkable), *crosswalks.values()])
         for area in (self._road, self._walkable, *crosswalks.values()):
-            shapely.prepare(area)
+            geos.prepare(area)
 
     def road_share(self, xy: FloatArray) -> float:
         """Share of points [N, 2] on the road."""
-        return float(shapely.contains_xy(self._road, xy).mean())
+        return float(geos.contains_xy(self._road, xy).mean())
 
     def walkable_share(self, xy: FloatArray) -> float:
         """Share of points [N, 2] on walkable area or a crosswalk."""
-        return float(shapely.contains_xy(self._walkable, xy).mean())
+        return float(geos.contains_xy(self._walkable, xy).mean())
 
     def on_crosswalks(self, xy: FloatArray) -> dict[str, NDArray[np.bool_]]:
         """[N] per crosswalk that any of the points [N, 2] lies on: which do."""
@@ -48,11 +47,11 @@ class Ground:
             x0, y0, x1, y1 = area.bounds
             if x0 > high[0] or y0 > high[1] or x1 < low[0] or y1 < low[1]:
                 continue
-            inside = shapely.contains_xy(area, xy)
+            inside = geos.contains_xy(area, xy)
             if inside.any():
                 found[name] = inside
         return found
 
 
 def _union(areas: tuple[PolygonWithHoles, ...]) -> Any:
-    return shapely.union_all([shapely.Polygon(area.exterior, area.holes) for area in areas])
+    return geos.union_all([geos.Polygon(area.exterior, area.holes) for area in areas])

@@ -40,7 +40,7 @@ def casts(
     *,
     on: IntersectionMap,
     rng: np.random.Generator,
-    weight: RouteWeight = lambda route: 1.0,
+    weight: RouteWeight = lambda _route: 1.0,
 ) -> Iterator[Cast]:
     """Consistent choices of routes and patterns, likelier ones more often early; lazily."""
     order = {key: _shuffled(each, rng, weight) for key, each in grounding.routes.items()}

@@ -20,7 +20,6 @@ from scenewright.scene.selection import SelectedAgent, Slowing
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.time_law import Hold, Motion, move, track_of
 
-
 _STAYS_ON = 5.0
 
 

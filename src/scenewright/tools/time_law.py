@@ -144,7 +144,7 @@ def _profile(
     path: Path, law: TimeLaw, holds: list[Hold], slowings: tuple[Slowing, ...]
 ) -> tuple[FloatArray, FloatArray]:
     """Nodes [m] and squared speeds there, every hold and slowing on a node of its own."""
-    extra = [stop.s for stop in (*holds, *slowings)]
+    extra = [hold.s for hold in holds] + [slow.s for slow in slowings]
     if not extra:
         return path.s, speed_limit(path, law)
     s = np.union1d(path.s, np.clip(extra, 0.0, path.length))

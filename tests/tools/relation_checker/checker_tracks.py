@@ -1,4 +1,4 @@
-"""Hand-made tracks and a hand-made intersection, so that every answer can be worked out on paper."""
+"""Hand-made tracks and a hand-made intersection: every answer can be worked out on paper."""
 
 from __future__ import annotations
 
@@ -68,11 +68,10 @@ def bend(
     start: tuple[float, float],
     angle: float,
     before: float,
-    radius: float,
-    turn: float,
-    after: float,
+    *turning: float,
 ) -> FloatArray:
-    """Points every 5 cm or so: straight, an arc (turn > 0 is left), straight."""
+    """Points every 5 cm or so: straight, an arc (radius, turn > 0 is left), straight."""
+    radius, turn, after = turning
     k, ds = np.sign(turn) / radius, 0.05
     lengths = (before, radius * abs(turn), after)
     curvature = np.concatenate(

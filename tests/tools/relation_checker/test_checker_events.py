@@ -57,7 +57,7 @@ def test_the_striking_agent_is_the_one_with_the_front() -> None:
 
 @pytest.mark.parametrize(("lag", "expected"), [(1.0, 0.355), (2.0, 1.355), (2.2, None)])
 def test_near_miss_by_pet(lag: float, expected: float | None) -> None:
-    # PET = lag - (length + width) / speed
+    # the lag less the time for length and width together
     events = find_events(crossing(lag))
     if expected is None:
         assert events == ()

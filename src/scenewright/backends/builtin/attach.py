@@ -30,7 +30,8 @@ def put(agent: AgentDraft, field: str, value: str) -> None:
     if old is not None and old != value and field not in agent.edited and not _refines(old, value):
         raise Refused(
             "contradictory",
-            f"The {agent.type} would have both {field} {old} and {field} {value}; keep one of them.",
+            f"The {agent.type} would have both {field} {old} and {field} {value}; keep "
+            "one of them.",
         )
     setattr(agent, field, value)
     agent.edited.discard(field)

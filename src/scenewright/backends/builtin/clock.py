@@ -54,20 +54,24 @@ _MILITARY = re.compile(
 )
 _PLAIN = re.compile(
     rf"{_LEAD}\b(?:({_NUMBER})\s*[:h]\s*([0-5]\d)(?::[0-5]\d)?{_SUFFIX}?(?!\w)"
-    rf"|({_NUMBER})(?:[.: ]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?{_SUFFIX}(?!\w))"
+    rf"|({_NUMBER})(?:[.: ]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?"
+    rf"{_SUFFIX}(?!\w))"
 )
 _BARE = re.compile(
-    r"\b(?:at|around)\s+(\d{1,2})(?!\s*(?:\.\d|:|km|kmh|mph|kph|m\b|meters?|metres?|seconds?|s\b|feet|ft|%|degree|"
+    r"\b(?:at|around)\s+(\d{1,2})(?!\s*(?:\.\d|:|km|kmh|mph|kph|m\b|meters?|metres?|"
+    r"seconds?|s\b|feet|ft|%|degree|"
     r"cars?|vehicles?|ped|pedestrians?|people|percent))\b(?=\s*(?:$|[.,;]|a\b|the\b|in\b|with\b))"
 )
 _PET = re.compile(
-    r"\b(pet|ttc|time to collision|post encroachment time)(?: (?:of|is|around|about|approximately|below|under|at|near))*\s*[:=<]?\s*"
+    r"\b(pet|ttc|time to collision|post encroachment time)(?: (?:of|is|around|about|"
+    r"approximately|below|under|at|near))*\s*[:=<]?\s*"
     r"(\d+(?:\.\d+)?|one|two|half a)\s*(?:s|sec|secs|seconds?)?\b"
 )
 _PET_AFTER = re.compile(r"\b(\d+(?:\.\d+)?)\s*(?:s|sec|seconds?)\s*(pet|ttc)\b")
 _SPEED = re.compile(
     r"(?:\bat\s+)?(?:(?:about|around|roughly|over|under|nearly)\s+)*\b(\d+(?:\.\d+)?)\s*"
-    r"(km/h|kmh|kph|km per hour|kilometers per hour|kilometres per hour|mph|miles per hour|m/s|meters per second)"
+    r"(km/h|kmh|kph|km per hour|kilometers per hour|kilometres per hour|mph|"
+    r"miles per hour|m/s|meters per second)"
 )
 _MPS = {"k": 1 / 3.6, "mp": 0.44704, "mi": 0.44704, "m/": 1.0, "me": 1.0}
 
@@ -103,7 +107,8 @@ _TYPICAL = {
 
 @dataclass(frozen=True)
 class Clock:
-    """Explicit figures of the text; times as HH:MM or HH:MM-HH:MM, speed in m/s, PET and TTC in s."""
+    """Explicit figures of the text; times as HH:MM or HH:MM-HH:MM, speed in m/s, PET "
+    "and TTC in s."""
 
     time: str | None = None
     pet: float | None = None
@@ -184,9 +189,9 @@ def _range(match: re.Match[str]) -> str | None:
     if own:
         start = _clock(*first)
     else:
-        start = _clock(*first[:3], second[3], second[4], second[5])
+        start = _clock(first[0], first[1], first[2], second[3], second[4], second[5])
         if start is not None and end is not None and start >= end:
-            start = _clock(*first[:3], "am", None, None)
+            start = _clock(first[0], first[1], first[2], "am", None, None)
     if start is None or end is None:
         return None
     return f"{_text(start)}-{_text(end)}"

@@ -55,7 +55,7 @@ class Discourse:
         self.draft.agents.append(agent)
         return agent
 
-    def _existing(
+    def _existing(  # noqa: PLR0911 - a rule a return
         self, mention: Mention, avoid: Sequence[AgentDraft], same_clause: bool
     ) -> list[AgentDraft] | None:
         if mention.type is None:
@@ -118,16 +118,17 @@ class Discourse:
             return None
         return [max(free, key=lambda agent: (_affinity(agent, mention), self._recency(agent)))]
 
-    def _pronominal(self, mention: Mention, avoid: Sequence[AgentDraft]) -> list[AgentDraft] | None:
+    def _pronominal(self, mention: Mention, avoid: Sequence[AgentDraft]) -> list[AgentDraft] | None:  # noqa: PLR0911
         group = next((g for g in reversed(self.groups) if len(g) > 1), list(self.draft.agents))
         if not group:
             return []
+        described = [agent for agent in self.draft.agents if _affinity(agent, mention) >= 4]
+        if mention.premods and described:
+            return described[-1:]
         if mention.det in _ORDINALS:
             index = _ORDINALS[mention.det]
             return [group[index]] if index < len(group) else self._twin(group[-1])
-        if len(group) == 1 or (
-            mention.det == "one" and avoid and set(map(id, group)) <= set(map(id, avoid))
-        ):
+        if len(group) == 1:
             return (
                 self._twin(group[-1])
                 if mention.det in {"one", "another", "indefinite"}

@@ -13,8 +13,12 @@ from scenewright.backends.builtin.lexicon import Chunk, lexicon
 from scenewright.backends.builtin.normalise import clean, tokenise
 
 _CUE = re.compile(
-    r"^\s*(?:then|and|next|afterwards|finally|ok|okay)\b|\b(instead|now|change|switch|same (?:but|scene|thing|setup|again)|keep|actually|add|remove|drop|delete|swap|replace|also|make (?:it|the|that|him|her|them|this|one)"
-    r"|turn (?:it|that) into|set the|this time|what if|let the|have the|have it|let it|should|more|less|busier|quieter|earlier|later|reverse|other way a?round|but|without|move)\b"
+    r"^\s*(?:then|and|next|afterwards|finally|ok|okay)\b|\b(instead|now|change|switch|"
+    r"same (?:but|scene|thing|setup|again)|keep|actually|add|remove|drop|delete|swap|"
+    r"replace|also|make (?:it|the|that|him|her|them|this|one)"
+    r"|turn (?:it|that) into|set the|this time|what if|let the|have the|have it|let it|"
+    r"should|more|less|busier|quieter|earlier|later|reverse|other way a?round|but|"
+    r"without|move)\b"
 )
 _FULL = re.compile(r"\b(?:new scene|start over|from scratch|forget (?:that|it|the))\b")
 _ADD = re.compile(r"\b(?:add|throw in|include|put in|insert)\b")
@@ -53,10 +57,10 @@ def apply(
     earlier = list(draft.relations)
     draft.relations.clear()
     agents = list(draft.agents)
-    reader = read(rest)
+    read(rest)
     _relations(draft, earlier, rest, known=agents)
     read_context(draft, chunks, clock)
-    _forget(draft, reader)
+    _forget(draft)
 
 
 def _indefinite(chunks: Sequence[Chunk], at: int) -> bool:
@@ -185,7 +189,7 @@ def _implied_only(said: list[RelationDraft], known: list[AgentDraft]) -> bool:
     )
 
 
-def _forget(draft: Draft, reader: Reader) -> None:
+def _forget(draft: Draft) -> None:
     """What an edit changed no longer binds what followed from the old value."""
     for agent in draft.agents:
         agent.edited.clear()

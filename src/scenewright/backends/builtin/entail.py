@@ -27,7 +27,7 @@ def entail(draft: Draft) -> None:
             _relatives(agent, draft)
         for relation in draft.relations:
             _shared_lane(relation)
-            _head_on(relation, draft)
+            _head_on(relation)
     for agent in draft.agents:
         complete(agent)
     for relation in draft.relations:
@@ -49,7 +49,8 @@ def _vehicle(agent: AgentDraft) -> None:
         if exit_ is not None and exit_ != follows:
             raise Refused(
                 "impossible",
-                f"A vehicle from the {entry} with movement {movement} leaves to the {follows}, not to the {exit_}; "
+                f"A vehicle from the {entry} with movement {movement} leaves to the "
+                f"{follows}, not to the {exit_}; "
                 "change its entry, turn or exit.",
             )
         agent.exit = follows
@@ -75,7 +76,8 @@ def _pedestrian(agent: AgentDraft) -> None:
             axis = "east-west" if agent.crosswalk in {"north", "south"} else "north-south"
             raise Refused(
                 "contradictory",
-                f"One walks {axis} on the {agent.crosswalk} crosswalk, so not {field} {side}; change one of them.",
+                f"One walks {axis} on the {agent.crosswalk} crosswalk, so not {field} "
+                f"{side}; change one of them.",
             )
         if getattr(agent, other) is None:
             setattr(agent, other, OPPOSITE[side])
@@ -143,7 +145,8 @@ def _shared_lane(relation: RelationDraft) -> None:
     if first.entry and second.entry and first.entry != second.entry:
         raise Refused(
             "contradictory",
-            f"Vehicles in one lane cannot come from the {first.entry} and the {second.entry}; give them one entry.",
+            f"Vehicles in one lane cannot come from the {first.entry} and the "
+            f"{second.entry}; give them one entry.",
         )
     first.entry = second.entry = first.entry or second.entry
 
@@ -156,7 +159,7 @@ def _left_turn(relation: RelationDraft) -> None:
         free[0].movement = "left"
 
 
-def _head_on(relation: RelationDraft, draft: Draft) -> None:
+def _head_on(relation: RelationDraft) -> None:
     if relation.kind != "head_on" or not (relation.from_.type == relation.to.type == "vehicle"):
         return
     for agent, other in ((relation.from_, relation.to), (relation.to, relation.from_)):
@@ -183,7 +186,8 @@ def _possible(relation: RelationDraft) -> None:
     if relation.type == "follow" and first.type != second.type:
         raise Refused(
             "impossible",
-            "A pedestrian and a vehicle share no lane, so neither follows the other; use two of a kind.",
+            "A pedestrian and a vehicle share no lane, so neither follows the other; "
+            "use two of a kind.",
         )
     if (
         relation.type == "collide_at"
@@ -192,5 +196,6 @@ def _possible(relation: RelationDraft) -> None:
     ):
         raise Refused(
             "impossible",
-            f"Only two vehicles collide as {relation.kind.replace('_', ' ')}; name two vehicles or just a collision.",
+            f"Only two vehicles collide as {relation.kind.replace('_', ' ')}; name two "
+            "vehicles or just a collision.",
         )

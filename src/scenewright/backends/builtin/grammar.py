@@ -105,11 +105,26 @@ def _implied_heads(nodes: list[Node]) -> list[Node]:
         after = nodes[at + 1] if at + 1 < len(nodes) else None
         if isinstance(after, Chunk) and after.has("AGENT"):
             continue
+        if _shares_noun(nodes, at):
+            result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
+            continue
         if _turner(node) or (
             _movement_noun(node) and _bare_bound(nodes, at) and _ends_phrase(after)
         ):
             result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
     return result
+
+
+def _shares_noun(nodes: Sequence[Node], at: int) -> bool:
+    """ "southbound and westbound cars" are two."""
+    if at + 3 >= len(nodes):
+        return False
+    first, link, second, noun = nodes[at : at + 4]
+    directions = all(
+        isinstance(n, Modifier) and n.means in {"bound", "turn"} for n in (first, second)
+    )
+    joined = isinstance(link, Chunk) and link.text == "and"
+    return directions and joined and isinstance(noun, Chunk) and noun.has("AGENT")
 
 
 def _turner(node: Node) -> bool:

@@ -42,7 +42,7 @@ _MENDED_TAGS = [
     "TRAFFIC_NOUN",
 ]
 
-_EXACT_TAGS = frozenset({"IGNORE", "CORRECTION"})
+_EXACT_TAGS = frozenset({"IGNORE", "CORRECTION", "NOBODY"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,8 @@ class Lexicon:
         return hits / len(words) if words else 0.0
 
     def _longest(self, tokens: Sequence[Token], at: int) -> tuple[int, dict[str, str]]:
-        best, tags = 1, {}
+        best = 1
+        tags: dict[str, str] = {}
         layer = [(self.root, at)]
         while layer:
             deeper: list[tuple[_Node, int]] = []

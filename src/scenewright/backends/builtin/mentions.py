@@ -66,6 +66,7 @@ class Mention:
     mass: bool = False
     of_group: int = 0
     first_word: str = ""
+    possessive: bool = False
 
 
 Item = Chunk | Modifier | Mention
@@ -102,7 +103,16 @@ class _NounPhrases:
             if not self._premodifier(mention, node, start, at):
                 break
             at += 1
-        return self._pronominal(start)
+        return self._described(mention, at) or self._pronominal(start)
+
+    def _described(self, mention: Mention, at: int) -> tuple[Mention, int] | None:
+        """ "the northbound one": no noun, but a direction."""
+        before = self.nodes[at - 1] if at else None
+        one = isinstance(before, Chunk) and before.text in {"one", "ones"}
+        if not (one and mention.premods and mention.det in {"definite", "other", "another"}):
+            return None
+        mention.head, mention.count, mention.counted = "one", 1, False
+        return mention, at
 
     def _verbal(self, node: Chunk, at: int) -> bool:
         """ "unit" needs a label; "pedestrian density" is no pedestrian."""
@@ -114,7 +124,7 @@ class _NounPhrases:
             after.has("TRAFFIC_NOUN") or after.tags.get("AGENT") == "traffic"
         )
 
-    def _premodifier(self, mention: Mention, node: Node, start: int, at: int) -> bool:
+    def _premodifier(self, mention: Mention, node: Node, start: int, at: int) -> bool:  # noqa: PLR0911
         if isinstance(node, Modifier):
             return self._modifier(mention, node, start, at)
         opened = mention.det != "bare" or mention.counted or bool(mention.premods)
@@ -153,6 +163,7 @@ class _NounPhrases:
 
     def _determiner(self, mention: Mention, node: Chunk, first: bool) -> bool:
         value = node.tags.get("DET") or "both"
+        mention.possessive = node.text in {"his", "her", "their"}
         if (
             not first
             and mention.det in {"bare", "indefinite"}
@@ -227,7 +238,7 @@ class _NounPhrases:
     ) -> tuple[Mention, int] | None:
         value = node.tags["AGENT"]
         if value == "traffic":
-            return self._traffic(mention, node, at)
+            return self._traffic(mention, at)
         self._name(mention, node)
         at = self._compound(mention, at + 1)
         label = self._label(at)
@@ -246,6 +257,8 @@ class _NounPhrases:
         elif mention.type == "vehicle":
             mention.subtype = extra or None
         mention.jaywalking = extra == "jaywalking"
+        if mention.possessive and mention.type == "pedestrian":
+            mention.det = "another"
         mention.head = node.text
 
     def _compound(self, mention: Mention, at: int) -> int:
@@ -287,7 +300,7 @@ class _NounPhrases:
         if mention.det == "both" and not mention.counted:
             mention.count, mention.counted = 2, True
 
-    def _traffic(self, mention: Mention, node: Chunk, at: int) -> tuple[Mention, int] | None:
+    def _traffic(self, mention: Mention, at: int) -> tuple[Mention, int] | None:
         """ "Oncoming traffic" and "eastbound through traffic" stand for a vehicle."""
         if not self._introduced(at, mention) or not any(
             _gives_direction(premod) for premod in mention.premods

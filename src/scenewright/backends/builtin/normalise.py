@@ -39,7 +39,10 @@ _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\bveh(\d)", r"vehicle \1"),
         (r"\b(car|truck|bus|vehicle|ped|pedestrian|unit|v|p)[ _-]?#?(\d)\b", r"\1 \2"),
         (
-            r"\b(run|runs|ran|running|knock(?:s|ed|ing)?|mow(?:s|ed|ing)?|strik(?:es|ing)|let|lets|letting) ((?:the |a )?(?!and\b|then\b|over\b|down\b|by\b|through\b|into\b|straight\b|off\b|out\b|right\b|past\b)[a-z]+) (over|down|through|by)\b(?! (?:a|the) (?:red|light))",
+            r"\b(run|runs|ran|running|knock(?:s|ed|ing)?|mow(?:s|ed|ing)?|strik(?:es|"
+            r"ing)|let|lets|letting) ((?:the |a )?(?!and\b|then\b|over\b|down\b|by\b|"
+            r"through\b|into\b|straight\b|off\b|out\b|right\b|past\b)[a-z]+) (over|down|"
+            r"through|by)\b(?! (?:a|the) (?:red|light))",
             r"\1 \3 \2",
         ),
         (r"\bj[- ]?walk", "jaywalk"),

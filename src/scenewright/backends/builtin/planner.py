@@ -150,7 +150,7 @@ def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> Non
     _drop_generic(draft)
     for group in list(reader.counted):
         if not any(a.entry or a.exit or a.movement for a in group):
-            reader._to_background(group)
+            reader.to_background(group)
     said = draft.normal or draft.denied or draft.agents
     context = draft.context
     traffic = any(
@@ -196,7 +196,8 @@ def _one_event_per_pair(draft: Draft) -> None:
         if {"collide_at", "yield_to"} <= types:
             raise Refused(
                 "contradictory",
-                "An agent cannot yield to another and hit it in one encounter; keep one of the two.",
+                "An agent cannot yield to another and hit it in one encounter; keep "
+                "one of the two.",
             )
         if relation.type == "near_miss" and types & {"collide_at", "yield_to"}:
             draft.relations.remove(relation)

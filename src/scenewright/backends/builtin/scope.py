@@ -91,11 +91,14 @@ _FOREIGN = frozenset(
     ]
 )
 _QUESTION = re.compile(
-    r"^\s*(?:(?:how (?!about)|what(?!\s+(?:if|about|happens (?:if|when)))|why|who|where|when (?:is|was|did|do|will)|which|tell me|explain|define|translate|summari[sz]e|is it|are there any laws|do i|should i)\b)"
+    r"^\s*(?:(?:how (?!about)|what(?!\s+(?:if|about|happens (?:if|when)))|why|who|where|"
+    r"when (?:is|was|did|do|will)|which|tell me|explain|define|translate|summari[sz]e|"
+    r"is it|are there any laws|do i|should i)\b)"
 )
 _EVIDENCE = (
     "COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "BOUND", "NORMAL", "XWALK", "CROSS", "JAYWALK",
-    "TURN", "STRAIGHT", "UTURN", "COMPASS", "REDRUN", "OPPOSITE", "DENSITY", "TIMEWORD", "LET", "HEAD", "SIGNAL", "ROAD",
+    "TURN", "STRAIGHT", "UTURN", "COMPASS", "REDRUN", "OPPOSITE", "DENSITY",
+    "TIMEWORD", "LET", "HEAD", "SIGNAL", "ROAD",
 )  # fmt: skip
 _EDITS = ("AGENT", "EDIT", "BUSIER", "NOBODY", "BACKGROUND", "LEVEL", "LEFT", "RIGHT")
 _BAD_AGENT = {
@@ -119,7 +122,8 @@ def check_text(text: str) -> None:
     if len(text) > MOST_CHARACTERS:
         raise Refused(
             "out_of_scope",
-            f"The instruction has {len(text)} characters; describe the scene in at most {MOST_CHARACTERS}.",
+            f"The instruction has {len(text)} characters; describe the scene in at most "
+            f"{MOST_CHARACTERS}.",
         )
     if _CONTROL.search(text):
         raise Refused("out_of_scope", "The instruction holds control characters; write plain text.")
@@ -151,7 +155,8 @@ def check_scope(clean: str, chunks: Sequence[Chunk], *, editing: bool = False) -
         if chunk.has("BAD_PLACE") and not _excused(chunks, at):
             raise Refused(
                 "out_of_scope",
-                f"Scenes take place at a four-leg intersection, not at a {chunk.tags['BAD_PLACE']}; move it there.",
+                "Scenes take place at a four-leg intersection, not at a "
+                f"{chunk.tags['BAD_PLACE']}; move it there.",
             )
         if chunk.has("BAD_OBJECT") and _struck(chunks, at):
             raise Refused(
@@ -166,7 +171,8 @@ def check_scope(clean: str, chunks: Sequence[Chunk], *, editing: bool = False) -
         if chunk.has("SIDEWALK") and _drives_there(chunks, at):
             raise Refused(
                 "impossible",
-                "Vehicles stay on the road here, not on the sidewalk; move the vehicle to the road.",
+                "Vehicles stay on the road here, not on the sidewalk; move the vehicle "
+                "to the road.",
             )
     if _QUESTION.search(clean):
         raise _no_traffic()
@@ -183,7 +189,8 @@ def nothing_planned() -> Refused:
 def _no_traffic() -> Refused:
     return Refused(
         "out_of_scope",
-        "The text describes no traffic scene; say which vehicles or pedestrians do what at the intersection.",
+        "The text describes no traffic scene; say which vehicles or pedestrians do "
+        "what at the intersection.",
     )
 
 

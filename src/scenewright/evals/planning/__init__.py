@@ -55,7 +55,7 @@ class PlanningScore:
 
 
 def load(part: Literal["development", "test"]) -> list[dict[str, Any]]:
-    """The labelled instructions that ship with the package: {"id", "text", "previous"?, "expected"}."""
+    """The labelled instructions of the package: {"id", "text", "previous"?, "expected"}."""
     source = files("scenewright.evals.planning").joinpath(f"{part}.jsonl").read_text("utf-8")
     return [json.loads(line) for line in source.splitlines()]
 

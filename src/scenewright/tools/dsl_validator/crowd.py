@@ -9,7 +9,7 @@ broken, so that the optimum is that of the full model without building it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +23,7 @@ from scenewright.tools.dsl_validator.stage import Actor
 from scenewright.tools.encounter import Encounter, Intervals, encounter, meeting_offsets
 from scenewright.tools.time_law import Motion
 
-_NODE = {"vehicle": 0.6, "pedestrian": 0.3}
+_NODE = {"vehicle": 0.6, "pedestrian": 0.25}
 """Distance of path nodes [m]: small beside the clearance that they must not miss."""
 
 _SCALE = 100
@@ -45,7 +45,7 @@ class Separation:
 
 FOREGROUND = Separation(clearance=0.8, gap=1.75)
 BACKGROUND = Separation(clearance=0.8, gap=1.25)
-WALKERS = Separation(clearance=0.25, gap=0.0)
+WALKERS = Separation(clearance=0.15, gap=0.0)
 AFTER_YIELD = Separation(clearance=0.0, gap=2.4)
 """Around where a yielding agent would have been unheld: no second cause for its stop."""
 
@@ -129,7 +129,11 @@ def seat(
 
 @dataclass(frozen=True)
 class _Conflict:
-    """Forbids low < start_i - start_j < high [steps] while both options are taken."""
+    """Forbids low < start_i - start_j < high [steps] while both options are taken.
+
+    Attributes:
+        always: no entry times that the two still have would do.
+    """
 
     i: int
     option_i: int
@@ -137,6 +141,7 @@ class _Conflict:
     option_j: int
     low: int
     high: int
+    always: bool
 
 
 class _Problem:
@@ -148,24 +153,25 @@ class _Problem:
         from ortools.sat.python import cp_model
 
         self._cp = cp_model
-        self._model: Any = cp_model.CpModel()
+        model: Any = cp_model.CpModel()
+        self._model = model
         self.optimal = True
         self._takes: list[list[Any]] = []
         self._starts: list[Any] = []
         costs: list[Any] = []
         for guest in guests:
-            takes = [self._model.NewBoolVar("") for _ in guest.options]
+            takes = [self._model.new_bool_var("") for _ in guest.options]
             self._takes.append(takes)
             self._starts.append(self._start(guest, takes, table))
             if guest.foreground:
-                self._model.AddExactlyOne(takes)
+                self._model.add_exactly_one(takes)
             else:
-                self._model.AddAtMostOne(takes)
+                self._model.add_at_most_one(takes)
             costs += _costs(guest, takes)
         for kind, count in wanted.items():
             crowd = [g for g, guest in enumerate(guests) if _counts(guest, kind)]
-            self._model.Add(sum(take for g in crowd for take in self._takes[g]) == count)
-        self._model.Minimize(sum(costs))
+            self._model.add(sum(take for g in crowd for take in self._takes[g]) == count)
+        self._model.minimize(sum(costs))
 
     def _start(self, guest: Guest, takes: list[Any], table: _Conflicts) -> Any:
         """The guest's entry time; every option already keeps clear of the fixed actors."""
@@ -173,18 +179,18 @@ class _Problem:
         for take, option in zip(takes, guest.options, strict=True):
             free = table.clear_of_fixed(option)
             if not len(free):
-                self._model.Add(take == 0)
+                self._model.add(take == 0)
                 continue
-            domain = self._cp.Domain.FromValues(free.tolist())
+            domain = self._cp.Domain.from_values(free.tolist())
             everything = domain if everything is None else everything.union_with(domain)
         if everything is None:
-            return self._model.NewConstant(0)
-        start = self._model.NewIntVarFromDomain(everything, "")
+            return self._model.new_constant(0)
+        start = self._model.new_int_var_from_domain(everything, "")
         for take, option in zip(takes, guest.options, strict=True):
             free = table.clear_of_fixed(option)
             if len(free):
-                domain = self._cp.Domain.FromValues(free.tolist())
-                self._model.AddLinearExpressionInDomain(start, domain).OnlyEnforceIf(take)
+                domain = self._cp.Domain.from_values(free.tolist())
+                self._model.add_linear_expression_in_domain(start, domain).only_enforce_if(take)
         return start
 
     def solve(self) -> list[Place] | None:
@@ -194,28 +200,31 @@ class _Problem:
         solver.parameters.random_seed = 1
         solver.parameters.max_deterministic_time = _SOLVER_SECONDS
         solver.parameters.cp_model_presolve = False
-        status = solver.Solve(self._model)
+        status = solver.solve(self._model)
         if status not in (self._cp.OPTIMAL, self._cp.FEASIBLE):
             return None
         self.optimal &= status == self._cp.OPTIMAL
         return [
-            (g, k, solver.Value(start))
+            (g, k, solver.value(start))
             for g, (takes, start) in enumerate(zip(self._takes, self._starts, strict=True))
             for k, take in enumerate(takes)
-            if solver.Value(take)
+            if solver.value(take)
         ]
 
     def forbid(self, conflict: _Conflict) -> None:
         """Adds one separation."""
-        difference = self._starts[conflict.i] - self._starts[conflict.j]
-        below, above = self._model.NewBoolVar(""), self._model.NewBoolVar("")
-        self._model.Add(difference <= conflict.low).OnlyEnforceIf(below)
-        self._model.Add(difference >= conflict.high).OnlyEnforceIf(above)
         taken = (
             self._takes[conflict.i][conflict.option_i],
             self._takes[conflict.j][conflict.option_j],
         )
-        self._model.AddBoolOr([below, above, *(each.Not() for each in taken)])
+        either = [~each for each in taken]
+        if not conflict.always:
+            difference = self._starts[conflict.i] - self._starts[conflict.j]
+            below, above = self._model.new_bool_var(""), self._model.new_bool_var("")
+            self._model.add(difference <= conflict.low).only_enforce_if(below)
+            self._model.add(difference >= conflict.high).only_enforce_if(above)
+            either += [below, above]
+        self._model.add_bool_or(either)
 
 
 def _costs(guest: Guest, takes: list[Any]) -> list[Any]:
@@ -255,20 +264,43 @@ class _Conflicts:
         return self._free[key]
 
     def broken(self, guests: Sequence[Guest], solved: list[Place]) -> list[_Conflict]:
-        """Every separation that the solution breaks."""
-        found = []
-        for n, (i, option_i, start_i) in enumerate(solved):
-            for j, option_j, start_j in solved[:n]:
-                strict = guests[i].foreground or guests[j].foreground
-                between = self._between(
-                    guests[j].options[option_j], guests[i].options[option_i], strict
-                )
-                found += [
-                    _Conflict(i, option_i, j, option_j, low, high)
-                    for low, high in between
-                    if low < start_i - start_j < high
-                ]
-        return found
+        """Separations that the solution breaks, and their kin: either option with all others."""
+        found: dict[tuple[int, ...], _Conflict] = {}
+        for n, one in enumerate(solved):
+            for other in solved[:n]:
+                for conflict in self._kin(guests, one, other):
+                    found[astuple(conflict)] = conflict
+        return list(found.values())
+
+    def _kin(self, guests: Sequence[Guest], one: Place, other: Place) -> list[_Conflict]:
+        (i, option_i, start_i), (j, option_j, start_j) = one, other
+        first, second = guests[i].options, guests[j].options
+        strict = guests[i].foreground or guests[j].foreground
+        between = self._between(second[option_j], first[option_i], strict)
+        if not any(low < start_i - start_j < high for low, high in between):
+            return []
+        pairs = [(k, option_j) for k in range(len(first))]
+        pairs += [(option_i, k) for k in range(len(second)) if k != option_j]
+        return [
+            conflict
+            for k, m in pairs
+            for conflict in self._conflicts((i, k, first[k]), (j, m, second[m]), strict)
+        ]
+
+    def _conflicts(
+        self, one: tuple[int, int, Option], other: tuple[int, int, Option], strict: bool
+    ) -> list[_Conflict]:
+        """What the pair of options forbids of the entry times that they still have."""
+        (i, k, a), (j, m, b) = one, other
+        free_a, free_b = self.clear_of_fixed(a), self.clear_of_fixed(b)
+        if not len(free_a) or not len(free_b):
+            return []
+        least, most = int(free_a[0] - free_b[-1]), int(free_a[-1] - free_b[0])
+        return [
+            _Conflict(i, k, j, m, low, high, always=low < least and most < high)
+            for low, high in self._between(b, a, strict)
+            if low < most and least < high
+        ]
 
     def _between(self, a: Option, b: Option, strict: bool) -> list[tuple[int, int]]:
         key = (id(a), id(b))
@@ -339,7 +371,8 @@ def _apart(a: Actor, b: Actor) -> bool:
 def _widened(pair: Encounter, a: Motion, b: Motion, separation: Separation) -> Intervals:
     """C(clearance) and C(0) widened by the time gap."""
     close = meeting_offsets(pair, a, b, c=separation.clearance)
-    touch = meeting_offsets(pair, a, b, c=0.0) + [[-separation.gap, separation.gap]]
+    gap = np.array([[-separation.gap, separation.gap]])
+    touch = meeting_offsets(pair, a, b, c=0.0) + gap
     return np.concatenate([close, touch])
 
 
@@ -353,4 +386,4 @@ def _steps(intervals: Intervals) -> list[tuple[int, int]]:
             joined[-1][1] = max(joined[-1][1], high)
         else:
             joined.append([low, high])
-    return [(int(np.floor(low / STEP)), int(np.ceil(high / STEP))) for low, high in joined]
+    return [(int(np.floor(low / STEP)) - 1, int(np.ceil(high / STEP)) + 1) for low, high in joined]

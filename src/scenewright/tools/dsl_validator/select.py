@@ -30,6 +30,7 @@ from scenewright.scene.constraints import (
     RunsRed,
     SameLane,
     TimeGap,
+    UnaryClause,
 )
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
@@ -49,7 +50,7 @@ Mode = Literal["draw", "map"]
 MAX_SECONDS = 30.0
 _MIN_SECONDS = 20.0
 _FIRST_EVENT = (7.0, 13.0)
-_TUPLES = 48
+_TUPLES = 14
 _STAGINGS_PER_TUPLE = 4
 _GUEST_DRAWS = 2
 _QUEUE = 3
@@ -93,7 +94,7 @@ class _Search:
         self._pool, self._ground, self._rng, self._mode = pool, ground, rng, mode
         self._events = tuple(c for c in program.clauses if isinstance(c, _Event))
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
-        self._unary = [c for c in program.clauses if hasattr(c, "agent")]
+        self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         self._bound = list(dict.fromkeys(bound))
@@ -239,15 +240,15 @@ class _Search:
         return float(self._rng.choice(offsets)) if len(offsets) else None
 
     def _seat(self, staging: Staging, offset: float | None, duration: float) -> Seating | str:
-        """Everybody else around the foreground: near the arrival drawn, else whenever they can."""
+        """Everybody else around the foreground: as drawn; else at other times, and with spares."""
         clock = None
         if offset is not None and self._ground.on.signals is not None:
             clock = SignalClock(self._ground.on.signals, offset)
         seating: Seating | str = "nobody was drawn"
-        for window in (_WINDOW, MAX_SECONDS):
+        for window, spares in ((_WINDOW, False), (MAX_SECONDS, True)):
             guests = []
             for name, draws in self._pool.agents.items():
-                if name in staging.actors:
+                if name in staging.actors or (draws.spare and not spares):
                     continue
                 options = tuple(self._options(draws, _Moment(clock, duration, window)))
                 guests.append(
@@ -271,7 +272,7 @@ class _Search:
             built = self._candidate(draws.name, int(m))
             if built is None:
                 continue
-            ways = tuple(self._ways(draws, int(m), *built, moment))
+            ways = tuple(self._ways(draws, int(m), *built, moment, waits=not taken))
             yield from ways
             taken += bool(ways)
             if self._mode == "draw" and taken >= _GUEST_DRAWS:
@@ -284,6 +285,8 @@ class _Search:
         candidate: Candidate,
         marks: Landmarks,
         moment: _Moment,
+        *,
+        waits: bool,
     ) -> Iterator[Option]:
         """Passing on green at any allowed moment, or waiting at red, first or behind others."""
         motion = move(candidate)
@@ -294,6 +297,8 @@ class _Search:
         starts = _starts(actor, moment, around=around)
         if len(starts):
             yield Option(lambda: actor, m, starts, cost)
+        if not waits:
+            return
         late = float(self._rng.uniform(-moment.window, moment.window))
         lag = float(self._rng.uniform(0.6, 1.3))
         for enters in (around, around + late):

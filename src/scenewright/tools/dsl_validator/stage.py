@@ -39,6 +39,9 @@ from scenewright.tools.time_law import Hold, Motion, arrival, move
 _TRIES = 6
 _SPACING = {"vehicle": 0.25, "pedestrian": 0.12}
 _MERGE_METRES = 5.0
+_LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(45.0)
+"""How far a vehicle must have turned left for its collision to count as a left turn's [rad]."""
+
 _STANDS = 1.6
 """Least standstill of who gives way [s], start and end smoothed away included."""
 
@@ -240,7 +243,7 @@ class Stage:
         if a.contact is not None or b.contact is not None:
             return
         zone = self._encounter(clause.first, clause.second).within(0.0)
-        zone = zone.first_metres(_MERGE_METRES) if _merging(zone, a, b) else zone
+        zone = zone.first_metres(_MERGE_METRES) if _merging(a, b) else zone
         if not len(zone.i):
             return
         for stop in self._stopping_places(a, zone):
@@ -254,9 +257,9 @@ class Stage:
         others = tuple(stop for stop in a.stops if abs(stop.s - hold.s) > 0.5)
         stands = arrival(a.candidate, hold, _holds(others, a.enters))
         b_in, b_out = _passage(b.motion, zone.s_b[zone.j])
-        _, a_out = _passage(a.free, zone.s_a[zone.i])
+        a_in, a_out = _passage(a.free, zone.s_a[zone.i])
         react = float(self._rng.uniform(0.3, 0.8))
-        low = stands + _STANDS - b_out - react
+        low = max(stands + _STANDS - react, a_in - 1.2) - b_out
         high = min(stands + 5.0 - b_out - react, a_out + 1.4 - b_in)
         if not np.isfinite(low + high) or low > high:
             return
@@ -439,21 +442,33 @@ def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
     return FirstContact(
         time=time,
         location=(float(spot[0]), float(spot[1])),
-        kind=_kind(a, b, turned, sides),
+        kind=_kind(a, b, time, turned, sides),
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
         frontal=sides[0] == "front" and a.candidate.route.type == "vehicle",
     )
 
 
-def _kind(a: Actor, b: Actor, turned: float, sides: list[str]) -> CollisionKind:
+def _kind(
+    a: Actor, b: Actor, time: float, turned: float, sides: list[str]
+) -> CollisionKind:
     routes = (a.candidate.route, b.candidate.route)
     if any(route.type == "pedestrian" for route in routes):
         return "pedestrian_strike"
     if turned <= np.radians(30):
         return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"
+    left = max(_turned_left(actor, time) for actor in (a, b))
     if turned >= np.radians(135) and sides == ["front", "front"]:
-        return "head_on"
-    return "left_turn" if any(route.movement == "left" for route in routes) else "angle"
+        return "left_turn" if left >= _LEFT_OF_HEAD_ON else "head_on"
+    return "left_turn" if left >= _LEFT else "angle"
+
+
+def _turned_left(actor: Actor, time: float) -> float:
+    """How far it has turned left over its last 30 m [rad]."""
+    path = actor.candidate.path
+    s = float(actor.motion.position(np.array([time - actor.enters]))[0])
+    recent = (path.s <= s) & (path.s >= s - 30.0)
+    heading = path.heading[recent]
+    return float(heading[-1] - heading.min()) if len(heading) else 0.0
 
 
 def _side(pose: FloatArray, actor: Actor, spot: FloatArray) -> str:
@@ -556,7 +571,7 @@ def _passage(motion: Motion, nodes: FloatArray) -> tuple[float, float]:
     return motion.time_at(float(nodes.min())), motion.time_at(float(nodes.max()))
 
 
-def _merging(zone: Encounter, a: Actor, b: Actor) -> bool:
+def _merging(a: Actor, b: Actor) -> bool:
     """Whether the two go on in one lane after the zone."""
     if "pedestrian" in (a.candidate.route.type, b.candidate.route.type):
         return False
@@ -566,7 +581,7 @@ def _merging(zone: Encounter, a: Actor, b: Actor) -> bool:
 def _shared_times(a: Actor, b: Actor) -> FloatArray | None:
     start, end = max(a.enters, b.enters), min(a.leaves, b.leaves)
     steps = round((end - start) / STEP)
-    return None if steps < 1 else start + STEP * np.arange(steps + 1)
+    return None if steps < 1 else start + STEP * np.arange(steps + 1, dtype=np.float64)
 
 
 def _point(actor: Actor, time: float) -> Point:

@@ -44,6 +44,8 @@ WINDOW = 30.0
 """Length of a scene for p_tod [s]."""
 JAYWALK_SHARE = 0.01
 """Jaywalkers per person who uses the crosswalk; assumed."""
+NEIGHBOURS = 6
+"""p_tod of an hour also sees every so many-th window of its neighbours (chosen on validation)."""
 _COUNT_FLOOR = 0.15
 _MOST_COUNT_COMPONENTS = 4
 
@@ -179,7 +181,14 @@ def counts_of(hour: CorpusHour, window: float) -> FloatArray:
 
 
 def _hour_prior(hours: Sequence[CorpusHour], hour: int, window: float) -> CountPrior:
-    return fit_counts(np.concatenate([counts_of(h, window) for h in hours if h.hour == hour]))
+    """p_tod of an hour, from its windows and a few of the hours before and after.
+
+    An hour of a few days knows too little of how days differ; its neighbours help.
+    """
+    every = {hour: 1, (hour - 1) % HOURS: NEIGHBOURS, (hour + 1) % HOURS: NEIGHBOURS}
+    return fit_counts(
+        np.concatenate([counts_of(h, window)[:: every[h.hour]] for h in hours if h.hour in every])
+    )
 
 
 def fit_counts(counts: FloatArray) -> CountPrior:

@@ -31,7 +31,7 @@ _CASTS = 8
 def hour_of(context: SceneContext, priors: Priors, rng: np.random.Generator) -> float:
     """Time of day [h]: as asked, within the range asked, or drawn by how busy the hours are."""
     if context.time_of_day is None:
-        trips = np.sum([rate for rate in priors.frequency.values()], axis=0)
+        trips = np.sum(list(priors.frequency.values()), axis=0)
         return float(rng.choice(HOURS, p=trips / trips.sum()))
     start, _, end = context.time_of_day.partition("-")
     if not end:
@@ -53,7 +53,7 @@ def cast_foreground(
     from scenewright.tools.map_grounding import casts
 
     def weight(route: Route) -> float:
-        return _rate(priors, route, hour) ** 0.5 + 1e-3
+        return float(np.sqrt(_rate(priors, route, hour))) + 1e-3
 
     drawn = list(itertools.islice(casts(graph, grounding, on=on, rng=rng, weight=weight), _CASTS))
     return min(drawn, key=lambda cast: sum(each.violator is not None for each in cast.patterns))
@@ -74,7 +74,7 @@ def amplify(
         node.id: _draw(node.id, "foreground", cast.routes[node.id], node.subtype, priors, size, rng)
         for node in graph.agents
     }
-    _maneuvers(agents, cast, priors, on=on, rng=rng)
+    _maneuvers(agents, cast, priors, rng=rng)
     counts = background_counts(graph, priors, hour=hour, rng=rng)
     for kind, count in counts.items():
         names = _names(graph, kind, count + _spares(count))
@@ -89,7 +89,7 @@ def background_counts(
     graph: SocialGraph, priors: Priors, *, hour: float, rng: np.random.Generator
 ) -> dict[AgentClass, int]:
     """How many background agents of each class: as asked, by density, or N - |V| of p_tod."""
-    vehicles, pedestrians = sample_count(priors, rng, hour=int(hour) % HOURS)
+    vehicles, pedestrians = sample_count(priors, rng, hour=int(hour) % HOURS, instant=True)
     present = len(graph.agents)
     asked = graph.context.background
     if graph.context.density is not None:
@@ -175,7 +175,6 @@ def _maneuvers(
     cast: Cast,
     priors: Priors,
     *,
-    on: IntersectionMap,
     rng: np.random.Generator,
 ) -> None:
     """Lane changes and drifts over the centre line: waypoints that lead onto another's way."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from scenewright.scene.base import FloatArray
+from scenewright.tools.gmm_sampler.spline import DENSE, dense_curves
 
-_FINE = 200
 _BLEND = (0.22, 0.34)
 """Share of the way over which the lane is left."""
 
@@ -37,14 +37,17 @@ def drift(
 
 
 def _blend(start: FloatArray, end: FloatArray, rng: np.random.Generator) -> FloatArray:
-    from scipy.interpolate import CubicSpline
-
-    knots, fine = np.linspace(0, 1, len(start)), np.linspace(0, 1, _FINE)
-    first, second = CubicSpline(knots, start)(fine), CubicSpline(knots, end)(fine)
+    fine = np.linspace(0, 1, DENSE)
+    first, second = (_curve(each) for each in (start, end))
     begins, lasts = rng.uniform(*_BEGINS), rng.uniform(*_BLEND)
     x = np.clip((fine - begins) / lasts, 0.0, 1.0)
     share = (x**3 * (10 - 15 * x + 6 * x**2))[:, None]
     return _even(first * (1 - share) + second * share, len(start))
+
+
+def _curve(waypoints: FloatArray) -> FloatArray:
+    result: FloatArray = dense_curves(waypoints[None], None)[0]
+    return result
 
 
 def _even(curve: FloatArray, count: int) -> FloatArray:

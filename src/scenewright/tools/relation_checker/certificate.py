@@ -177,6 +177,11 @@ def _near_wreck(
         times = other.times[(other.times > wreck.end + 1e-6) & (other.times <= until + 1e-6)]
         if other.id in involved or len(times) == 0:
             continue
+        away = other.at(times)[0] - wreck.xy[-1]
+        near = np.hypot(away[:, 0], away[:, 1]) < wreck.reach + other.reach + MIN_CLEARANCE
+        if not near.any():
+            continue
+        times = times[near]
         gaps = gap_at(wreck, other, times=times)
         k = int(np.argmin(gaps))
         if gaps[k] < MIN_CLEARANCE - ROUNDING:

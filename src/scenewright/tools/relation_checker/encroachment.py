@@ -131,15 +131,15 @@ def _places(movers: tuple[Mover, ...]) -> _Places:
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
     owner, xy, heading, next_xy, next_heading, arrive, depart, s = columns
     stride = np.hypot(*(next_xy - xy).T) / 2
-    length, width, radius = np.array([(m.half_length, m.half_width, m.radius) for m in movers])[
-        owner
-    ].T
+    table = np.array([(m.half_length, m.half_width, m.radius) for m in movers])
+    length, width, radius = table[owner].T
+    disc = radius > 0
     reach = np.array([m.reach for m in movers])[owner]
     return _Places(
         owner, xy, heading, next_xy, next_heading, arrive, depart, s,
         size=Extent(length, width, radius),
         swept=Extent(
-            np.where(radius > 0, 0.0, length + stride), width, np.where(radius > 0, radius + stride, 0)
+            np.where(disc, 0.0, length + stride), width, np.where(disc, radius + stride, 0.0)
         ),
         slack=reach * np.abs(next_heading - heading) + TOUCH,
         reach=reach + stride, origin=np.array(origin),

@@ -18,6 +18,8 @@ from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Shape, Track
 from scenewright.tools.relation_checker.curve import Path, curve
 
+IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
+
 
 @dataclass(frozen=True, eq=False)
 class RoadUser:
@@ -145,6 +147,11 @@ class Mover:
     def index(self, time: float) -> int:
         """The sample nearest to a time, within the track."""
         return int(np.clip(round((time - self.start) / STEP), 0, len(self.xy) - 1))
+
+    def indices(self, times: FloatArray) -> IntArray:
+        """The samples nearest to times, within the track."""
+        k = np.rint((times - self.start) / STEP).astype(np.intp)
+        return np.asarray(np.clip(k, 0, len(self.xy) - 1))
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions [..., 2] and headings [...] at times [s], linear in between, held outside."""

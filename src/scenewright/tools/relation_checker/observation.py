@@ -376,7 +376,7 @@ class _Search:
         self, row: int, first: Mover, second: Mover
     ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         times = common_times(first, second)
-        i, j = (np.round((times - m.start) / 0.1).astype(np.intp) for m in (first, second))
+        i, j = first.indices(times), second.indices(times)
         hard = np.minimum(first.acceleration[i], second.acceleration[j]) < -NEAR_MISS_BRAKING
         k = np.round((times - self.crowd.times[0]) / 0.1).astype(np.intp)
         reach = (first.speed[i] + second.speed[j]) * NEAR_MISS_TTC + 1.0
@@ -407,7 +407,7 @@ def _closest(first: Mover, second: Mover, begin: float, end: float) -> tuple[flo
 def _measures(first: Mover, second: Mover, *, until: float) -> dict[str, float | None]:
     """Least path TTC and 2-D TTC, largest DRAC, in the 6 s before a time."""
     times = common_times(first, second)
-    times = times[(times >= until - 6.0) & (times <= until + 1e-6)][::2]
+    times = times[(times >= until - 6.0) & (times <= until + 1e-6)]
     if len(times) == 0:
         return {}
     along = float(path_ttc(first, second, times=times).min())

@@ -11,6 +11,8 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import angle_between
 from scenewright.tools.relation_checker.ground import ground_of
 from scenewright.tools.relation_checker.motion import Mover
@@ -32,6 +34,7 @@ STEP_FACTOR = 1.2
 STEP_MARGIN = 0.05
 HELD = np.deg2rad(5.0)
 ON_ROAD = 0.98
+LONGEST = 30.0
 ROUNDING = 0.02
 """Allowance for positions kept to 1 mm, in m/s and m/s^2 alike."""
 
@@ -48,6 +51,28 @@ class Licence:
     emergencies: tuple[float, ...] = ()
     running: bool = False
     jaywalking: bool = False
+
+
+def odd_form(scene: SceneRecord) -> tuple[Finding, ...]:
+    """Time step, duration and sizes that SEMANTICS section 1 and 5 do not know."""
+    found = []
+    if abs(scene.meta.step - STEP) > 1e-9:
+        detail = f"the time step is {scene.meta.step} s; it must be {STEP} s"
+        found.append(Finding(rule="step", agents=(), measured=scene.meta.step, detail=detail))
+    if scene.meta.duration > LONGEST + 1e-6:
+        detail = f"the scene lasts {scene.meta.duration:.1f} s; at most {LONGEST:.0f} s"
+        found.append(Finding(rule="duration", agents=(), limit=LONGEST, detail=detail))
+    for agent in scene.agents:
+        if not _usual_size(agent):
+            detail = f"{agent.type} {agent.id} measures {agent.length:g} x {agent.width:g} m"
+            found.append(Finding(rule="size", agents=(agent.id,), detail=detail))
+    return tuple(found)
+
+
+def _usual_size(agent: AgentRecord) -> bool:
+    if agent.type == "pedestrian":
+        return max(abs(agent.length - 0.6), abs(agent.width - 0.6)) < 0.01
+    return 1.5 <= agent.length <= 20.0 and 0.5 <= agent.width <= 3.0
 
 
 def implausible(mover: Mover, *, licence: Licence) -> tuple[Finding, ...]:

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.base import Colour
-from scenewright.scene.map import Crosswalk, IntersectionMap, StopLine
+from scenewright.scene.events import Finding
+from scenewright.scene.map import Crosswalk, IntersectionMap, SignalProgram, StopLine
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.motion import Mover, extended
 from scenewright.tools.relation_checker.planar import geos
 
+CROSSING = 2.0
+"""Who walks less than this across the street in a crosswalk [m] only rounds its corner."""
 RED_TOLERANCE = 0.1
 """A crossing this shortly after the light turned red [s] is one sample's doubt, no violation."""
 
@@ -110,8 +113,66 @@ def _towards(step: np.ndarray[tuple[int], np.dtype[np.float64]], outward: float)
     return bool(step[0] * np.cos(outward) + step[1] * np.sin(outward) < 0)
 
 
+def plan_contradictions(
+    records: Sequence[SignalRecord], ground: IntersectionMap
+) -> tuple[Finding, ...]:
+    """A plan that is missing, or that is the map's programme at no offset whatever."""
+    if ground.signals is None:
+        return ()
+    if not records:
+        detail = "the map has signals, but the scene has no signal plan"
+        return (Finding(rule="no_signal_plan", agents=(), detail=detail),)
+    shown = _shown(records, _groups(ground))
+    if any(_fits(shown, ground.signals, 0.1 * k) for k in range(round(ground.signals.cycle * 10))):
+        return ()
+    detail = "the signal plan is the programme of the map at no offset"
+    return (Finding(rule="signal_plan", agents=(), detail=detail),)
+
+
+def _groups(ground: IntersectionMap) -> dict[str, str]:
+    """Signal group of every stop line and crosswalk that belongs to exactly one."""
+    owners: dict[str, set[str]] = {}
+    for group in ground.signals.groups if ground.signals else ():
+        lines = (m.stop_line for m in ground.movements if m.id in group.movements)
+        for light in (*lines, *group.crosswalks):
+            owners.setdefault(light, set()).add(group.id)
+    return {light: next(iter(ids)) for light, ids in owners.items() if len(ids) == 1}
+
+
+def _shown(
+    records: Sequence[SignalRecord], groups: dict[str, str]
+) -> set[tuple[str, float, Colour]]:
+    """Group, time and colour in the middle, and near both ends, of every stretch of the plan."""
+    return {
+        (groups[light], round(time, 3), r.colour)
+        for r in records
+        for light in (r.stop_line, r.crosswalk)
+        if light in groups and light is not None and r.end - r.start > 0.4
+        for time in (r.start + 0.2, (r.start + r.end) / 2, r.end - 0.2)
+    }
+
+
+def _fits(shown: set[tuple[str, float, Colour]], program: SignalProgram, offset: float) -> bool:
+    ends = np.cumsum([phase.duration for phase in program.phases])
+    for group, time, colour in shown:
+        k = int(np.searchsorted(ends, (time + offset) % program.cycle, side="right"))
+        if program.phases[min(k, len(ends) - 1)].colours.get(group, colour) != colour:
+            return False
+    return True
+
+
 def _entries(mover: Mover, walk: Crosswalk) -> list[float]:
-    """Times at which a pedestrian's centre comes into the crosswalk."""
-    polygon = geos.Polygon(walk.polygon)
-    inside = geos.contains_xy(polygon, mover.xy[:, 0], mover.xy[:, 1])
-    return [float(mover.times[k + 1]) for k in np.flatnonzero(~inside[:-1] & inside[1:])]
+    """Times at which a pedestrian steps into the crosswalk and walks at least 2 m across."""
+    ring = np.array(walk.polygon)
+    low, high = mover.xy.min(axis=0), mover.xy.max(axis=0)
+    if (low > ring.max(axis=0)).any() or (high < ring.min(axis=0)).any():
+        return []
+    inside = geos.contains_xy(geos.Polygon(ring), mover.xy[:, 0], mover.xy[:, 1])
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(np.int8)))
+    across = np.subtract(*np.array(walk.centreline)[::-1])
+    along = mover.xy @ (across / max(float(np.hypot(*across)), 1e-9))
+    return [
+        float(mover.times[i])
+        for i, j in edges.reshape(-1, 2)
+        if i > 0 and float(np.ptp(along[i:j])) >= CROSSING
+    ]

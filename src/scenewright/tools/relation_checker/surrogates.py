@@ -44,7 +44,7 @@ def ttc_2d(first: Mover, second: Mover, *, times: FloatArray, horizon: float = 5
     states = []
     for mover in (first, second):
         xy, heading = mover.at(times)
-        k = np.array([mover.index(float(t)) for t in times], dtype=np.intp)
+        k = mover.indices(times)
         moved = xy[:, None] + ahead[:, None] * mover.velocity[k][:, None]
         states.append((moved, np.broadcast_to(heading[:, None], moved.shape[:2])))
     (xy, heading), (other_xy, other_heading) = states
@@ -62,7 +62,7 @@ def drac(first: Mover, second: Mover, *, times: FloatArray) -> FloatArray:
     velocity (Cooper and Ferguson 1976, in two dimensions).
     """
     ttc = np.maximum(ttc_2d(first, second, times=times), 1e-3)
-    k, j = ([m.index(float(t)) for t in times] for m in (first, second))
+    k, j = (m.indices(times) for m in (first, second))
     relative = first.velocity[k] - second.velocity[j]
     return np.asarray(np.hypot(relative[:, 0], relative[:, 1]) / (2 * ttc))
 
@@ -70,7 +70,7 @@ def drac(first: Mover, second: Mover, *, times: FloatArray) -> FloatArray:
 def _along_path(
     mover: Mover, times: FloatArray, ahead: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    k = np.array([mover.index(float(t)) for t in times], dtype=np.intp)
+    k = mover.indices(times)
     s = mover.s[k][:, None] + mover.speed[k][:, None] * ahead
     xy, heading = at_distance(mover.path, s)
     still = mover.speed[k] < 0.1

@@ -25,9 +25,10 @@ from scenewright.tools.relation_checker.plausibility import (
     Licence,
     extremes,
     implausible,
+    odd_form,
     off_ground,
 )
-from scenewright.tools.relation_checker.signals import Lights
+from scenewright.tools.relation_checker.signals import Lights, plan_contradictions
 
 PET_TOLERANCE = 0.15
 TTC_TOLERANCE = 0.3
@@ -54,7 +55,7 @@ def check(scene: SceneRecord, intersection: IntersectionMap | None = None) -> Pr
     known = {a.id for a in scene.agents}
     asked = tuple(_known_pair(r, known) for r in scene.relations)
     roles = Roles(
-        frozenset(a.id for a in scene.agents if a.role == "foreground"),
+        frozenset(a.id for a in scene.agents if a.role == "foreground").union(*asked),
         frozenset(frozenset(pair) for pair in asked),
     )
     seen = observe(
@@ -79,8 +80,8 @@ def _proof(
         *interference(seen, roles, expected=matched),
         *wrecks(seen, until=scene.meta.duration),
     )
-    motion = _implausible(scene, seen, intersection)
-    red = _red_crossings(scene, seen, intersection)
+    motion = (*odd_form(scene), *_implausible(scene, seen, intersection, roles))
+    red = _red_crossings(scene, seen, intersection, roles)
     incidental = [k for k, e in enumerate(seen.events)
                   if k not in matched and is_incidental(e, roles)]  # fmt: skip
     return Proof(
@@ -219,14 +220,14 @@ def _bears_out(label: EventRecord, event: Event) -> bool:
 
 
 def _implausible(
-    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None
+    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None, roles: Roles
 ) -> tuple[Finding, ...]:
     found: list[Finding] = []
     for agent, mover in zip(scene.agents, seen.movers, strict=True):
         found += implausible(mover, licence=_licence(agent, seen.events))
         found += _outside_scene(mover, scene.meta.duration)
     if intersection is not None:
-        jaywalkers = frozenset(a.id for a in scene.agents if a.movement == "jaywalking")
+        jaywalkers = frozenset(a.id for a in scene.agents if _jaywalks(a, roles))
         found += off_ground(seen.movers, intersection, jaywalkers=jaywalkers)
     return tuple(found)
 
@@ -252,20 +253,29 @@ def _outside_scene(mover: Mover, duration: float) -> list[Finding]:
     ]  # fmt: skip
 
 
+def _jaywalks(agent: AgentRecord, roles: Roles) -> bool:
+    """Only what was asked for is allowed, and nobody asks for anything of the background."""
+    return agent.movement == "jaywalking" and agent.id in roles.foreground
+
+
 def _red_crossings(
-    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None
+    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None, roles: Roles
 ) -> tuple[Finding, ...]:
-    if intersection is None or not scene.signals:
+    if intersection is None:
         return ()
+    plan = plan_contradictions(scene.signals, intersection)
+    if not scene.signals:
+        return plan
     lights = Lights(scene.signals, intersection)
-    return tuple(
+    return plan + tuple(
         Finding(
             rule="red_crossing", agents=(agent.id,), time=round(crossing.time, 3),
             detail=f"{agent.type} {agent.id} passes {crossing.light} on red at "
             f"{crossing.time:.1f} s",
         )
         for agent, mover in zip(scene.agents, seen.movers, strict=True)
-        if not (agent.violates_signal or agent.movement == "jaywalking")
+        if not (agent.violates_signal and agent.id in roles.foreground)
+        and not _jaywalks(agent, roles)
         for crossing in lights.ran_red(mover)
     )  # fmt: skip
 

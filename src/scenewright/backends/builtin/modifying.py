@@ -1,0 +1,305 @@
+"""Modifiers and properties find the agents they belong to."""
+
+from __future__ import annotations
+
+from scenewright.backends.builtin.attach import (
+    IGNORED,
+    PEDESTRIAN_ONLY,
+    VEHICLE_ONLY,
+    attach,
+    cross,
+    put,
+)
+from scenewright.backends.builtin.coreference import OPPOSITE
+from scenewright.backends.builtin.cursor import (
+    Group,
+    can_hold,
+    kind_can_hold,
+)
+from scenewright.backends.builtin.draft import AgentDraft, Refused
+from scenewright.backends.builtin.grammar import Modifier
+from scenewright.backends.builtin.lexicon import Chunk
+from scenewright.backends.builtin.mentions import Mention
+from scenewright.backends.builtin.settling import Settling
+
+_TOUCHES = {
+    "from": {"entry"},
+    "from_to": {"entry", "exit"},
+    "cross_from_to": {"entry", "exit"},
+    "to": {"exit"},
+    "head_to": {"entry", "exit"},
+    "bound": {"entry"},
+    "cross_bound": {"entry"},
+    "turn": {"movement"},
+    "uturn": {"movement"},
+    "straight": {"movement"},
+    "crosswalk": {"crosswalk", "movement"},
+    "on_crosswalk": {"movement"},
+    "leg": {"entry", "crosswalk"},
+}
+
+
+class Modifying(Settling):
+    """Attaches directions, turns, crosswalks and properties."""
+
+    def _modifier(self, at: int, modifier: Modifier) -> None:
+        if modifier.means in IGNORED:
+            return
+        if modifier.means.startswith("cross"):
+            self.crossing = True
+        if modifier.means == "side":
+            self._sided(modifier)
+            return
+        finite = self._is_finite(modifier)
+        if modifier.means in {"crosswalk", "on_crosswalk"} and self._kept_off(at):
+            return
+        targets = self._targets(at, modifier, finite=finite)
+        if isinstance(self._item(at - 1), Modifier) and modifier.means in {
+            "from",
+            "to",
+            "from_to",
+            "leg",
+        }:
+            targets = [agent for agent in self.modified if can_hold(agent, modifier)] or targets
+        self.modified = targets
+        if not targets:
+            self._only_vehicles_turn(at, modifier)
+            self.fronted.append(modifier)
+            return
+        if finite:
+            self.verb_seen = True
+        for agent in targets:
+            self._reopen(agent, modifier)
+        if modifier.means == "from_to" and self._along_with():
+            targets = targets + [a for a in self.subject if a not in targets and a.entry is None]
+        attach(modifier, targets, crossing=self.crossing)
+        self._reconcile(targets)
+
+    def _only_vehicles_turn(self, at: int, modifier: Modifier) -> None:
+        turns = modifier.means in {"turn", "uturn"} and not modifier.first.startswith(
+            ("left", "right", "a")
+        )
+        if (
+            turns
+            and isinstance(self._item(at - 1), Mention)
+            and self.last
+            and self.last[0].type == "pedestrian"
+        ):
+            raise Refused(
+                "impossible",
+                "Pedestrians cross or jaywalk here, only vehicles turn; give the turn "
+                "to a vehicle.",
+            )
+
+    def _along_with(self) -> bool:
+        """ "A follows B from south to north": both go that way."""
+        relation = self.awaiting
+        return relation is not None and relation.type == "follow" and relation.object is self.last
+
+    def _sided(self, modifier: Modifier) -> None:
+        for agent in self.last or self.subject:
+            self._side(agent, "map_" + modifier.values[0])
+
+    def _kept_off(self, at: int) -> bool:
+        before = self._item(at - 1)
+        return isinstance(before, Chunk) and before.has("NEARBY")
+
+    def _targets(self, at: int, modifier: Modifier, *, finite: bool) -> Group:
+        prefer = (
+            self.subject
+            if (finite and not self._made_way_for()) or self._after_while(at)
+            else self.last
+        )
+        if modifier.means in {"turn", "straight", "uturn"} and self._nominal_turn(at):
+            prefer = self.subject or self.last
+        fits = [agent for agent in prefer if can_hold(agent, modifier)]
+        if fits:
+            return fits
+        for _, group in reversed(self.sentence):
+            fits = [agent for agent in group if can_hold(agent, modifier)]
+            if fits:
+                return fits
+        if not self._mentions_follow(at, modifier):
+            kinds = [a for a in self.draft.agents if can_hold(a, modifier)]
+            if len(kinds) == 1 and (
+                modifier.means in VEHICLE_ONLY | PEDESTRIAN_ONLY or len(self.draft.agents) == 1
+            ):
+                return kinds
+        return []
+
+    def _made_way_for(self) -> bool:
+        """ "lets B turn left": the verb belongs to B."""
+        relation = self.awaiting
+        return (
+            relation is not None
+            and relation.tag in {"LET", "WAIT"}
+            and relation.object is self.last
+            and not self.boundary
+        )
+
+    def _mentions_follow(self, at: int, modifier: Modifier) -> bool:
+        for item in self.items[at + 1 :]:
+            if isinstance(item, Chunk) and item.mark in {".", ";", "!", "?"}:
+                return False
+            if isinstance(item, Mention) and (
+                item.type is None or kind_can_hold(item.type, modifier)
+            ):
+                return True
+        return False
+
+    def _nominal_turn(self, at: int) -> bool:
+        before = self._item(at - 1)
+        return isinstance(before, Chunk) and before.has("WHILE", "BY")
+
+    def _reopen(self, agent: AgentDraft, modifier: Modifier) -> None:
+        if not self.editing:
+            return
+        agent.edited |= _TOUCHES.get(modifier.means, set())
+
+    def _reconcile(self, agents: Group) -> None:
+        """A crosswalk named anew outlives the sides that do not go with it."""
+        for agent in agents:
+            along = (
+                {"north", "south"} if agent.crosswalk in {"north", "south"} else {"east", "west"}
+            )
+            if self.editing and agent.crosswalk and agent.entry in along:
+                agent.entry = agent.exit = None
+
+    def _bare_turn(self, at: int, chunk: Chunk) -> None:
+        before, after = self._item(at - 1), self._item(at + 1)
+        closed = after is None or (isinstance(after, Chunk) and (after.mark or after.has("AND")))
+        follows = isinstance(before, Chunk) and bool(before.mark)
+        vehicles = [agent for agent in self.last if agent.type == "vehicle"]
+        if chunk.has("THROUGH"):
+            noun = isinstance(after, Chunk) and after.has("COLLIDE", "NEAR", "YIELD", "AND")
+            bound = isinstance(before, Modifier) and before.means == "bound"
+            vs = isinstance(before, Mention)
+            if (closed or noun) and (bound or follows or vs):
+                for agent in vehicles:
+                    put(agent, "movement", "straight")
+        elif closed and follows:
+            for agent in vehicles:
+                put(agent, "movement", "left" if chunk.has("LEFT") else "right")
+
+    def _property(self, at: int, chunk: Chunk) -> None:
+        if chunk.has("SIGNAL") and not chunk.has("REDRUN"):
+            self.signal = True
+            return
+        if chunk.has("CROSS"):
+            self.crossing = True
+        finite = (
+            chunk.has("CROSS", "REDRUN", "JAYWALK")
+            and not chunk.words[0].endswith("ing")
+            and chunk.words[0] not in {"across", "mid", "midblock", "outside"}
+        )
+        prefer = (
+            self.subject
+            if (finite and not self._made_way_for()) or self._after_while(at)
+            else self.last
+        )
+        fits = [agent for agent in prefer if can_hold(agent, chunk)]
+        if not fits and finite and chunk.has("CROSS"):
+            fits = [agent for agent in self.last if can_hold(agent, chunk)]
+        if not fits and not (finite and prefer and chunk.has("CROSS")):
+            fits = next(
+                (
+                    [a for a in g if can_hold(a, chunk)]
+                    for _, g in reversed(self.sentence)
+                    if any(can_hold(a, chunk) for a in g)
+                ),
+                [],
+            )
+        if (
+            not fits
+            and chunk.has("JAYWALK", "CROSS")
+            and (chunk.has("JAYWALK") or not finite)
+            and not self._peds_follow(at)
+        ):
+            ped = self.discourse.recent("pedestrian")
+            fits = [ped] if ped is not None and chunk.has("JAYWALK") else []
+        if fits:
+            self._mark(fits, chunk)
+            if chunk.has("CROSS") and self._next_text(at) == "there":
+                self._cross_there(fits)
+        elif chunk.has("JAYWALK") and finite and self.subject and not self._peds_follow(at):
+            raise Refused(
+                "impossible", "Only pedestrians jaywalk; give the crossing to a pedestrian."
+            )
+        elif chunk.has("JAYWALK", "REDRUN", "OPPOSITE", "OF_OTHER") or (
+            chunk.has("CROSS") and not self.sentence
+        ):
+            self.fronted.append(chunk)
+        if finite:
+            self.verb_seen = True
+
+    def _cross_there(self, agents: Group) -> None:
+        leg = next(
+            (a.exit for a in reversed(self.draft.agents) if a.type == "vehicle" and a.exit), None
+        )
+        for agent in agents:
+            agent.crosswalk = agent.crosswalk or leg
+
+    def _peds_follow(self, at: int) -> bool:
+        return any(isinstance(i, Mention) and i.type == "pedestrian" for i in self.items[at + 1 :])
+
+    def _mark(self, agents: Group, chunk: Chunk) -> None:
+        for agent in agents:
+            if chunk.has("JAYWALK") and agent.type == "pedestrian":
+                if self.editing:
+                    agent.crosswalk = None
+                agent.movement = "jaywalking"
+            elif chunk.has("CROSS"):
+                cross(agent)
+            elif chunk.has("OPPOSITE"):
+                if agent.type == "pedestrian" and chunk.tags["OPPOSITE"] == "mutual":
+                    continue
+                if self.editing and chunk.tags["OPPOSITE"] == "opposite" and agent.entry:
+                    self._turn_round(agent)
+                    continue
+                self._relate(
+                    agent, "opposite" if chunk.tags["OPPOSITE"] == "opposite" else "mutual"
+                )
+            elif chunk.has("OF_OTHER"):
+                self._side(agent, chunk.tags["OF_OTHER"])
+            elif chunk.has("SAME") and chunk.tags["SAME"] == "same":
+                self._relate(agent, "same")
+            elif chunk.has("REDRUN") and agent.type == "vehicle":
+                agent.runs_red = True
+
+    def _turn_round(self, agent: AgentDraft) -> None:
+        agent.entry = OPPOSITE[agent.entry] if agent.entry else None
+        agent.exit = OPPOSITE[agent.exit] if agent.exit else None
+
+    def _side(self, agent: AgentDraft, side: str) -> None:
+        others = [a for a in self.draft.agents if a is not agent and a.entry is not None]
+        if side.startswith("map_") and not others:
+            put(agent, "entry", {"map_left": "west", "map_right": "east"}[side])
+            return
+        self._relate(agent, "of_" + side.removeprefix("map_"))
+
+    def _relate(self, agent: AgentDraft, word: str) -> None:
+        other = next((a for a in self.subject if a is not agent and a.type == "vehicle"), None)
+        if other is None:
+            for _, group in reversed(self.sentence):
+                other = next((a for a in group if a is not agent and a.type == "vehicle"), None)
+                if other is not None:
+                    break
+        agent.relatives.append((word, other))
+
+    def _spread_hints(self) -> None:
+        """Directions said of nobody in particular hold for everyone who can have them."""
+        for hint in self.hints:
+            fits = [a for a in self.draft.agents if can_hold(a, hint)]
+            if isinstance(hint, Modifier):
+                open_ = [
+                    a for a in fits if hint.means not in {"bound", "from", "leg"} or a.entry is None
+                ]
+                vehicles = [a for a in open_ if a.type == "vehicle"]
+                single = hint.means in VEHICLE_ONLY
+                attach(
+                    hint,
+                    (vehicles[:1] if single else vehicles) or open_[:1],
+                    crossing=self.crossing,
+                )
+            else:
+                self._mark(fits[:1], hint)

@@ -1,0 +1,416 @@
+"""Mentions and pronouns take their place: subject, object, coordination, background."""
+
+from __future__ import annotations
+
+from scenewright.backends.builtin.attach import (
+    attach,
+    cross,
+    put,
+)
+from scenewright.backends.builtin.cursor import (
+    Group,
+    OpenRelation,
+    can_hold,
+    words_of,
+)
+from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.grammar import Modifier
+from scenewright.backends.builtin.lexicon import Chunk
+from scenewright.backends.builtin.mentions import Item, Mention
+from scenewright.backends.builtin.relating import Relating
+
+
+def _is_verb(item: Item | None) -> bool:
+    return isinstance(item, Modifier) or (isinstance(item, Chunk) and item.has("BE", "WAIT"))
+
+
+class Naming(Relating):
+    """Places mentions and pronouns in the clause."""
+
+    def _mention(self, at: int, mention: Mention) -> None:
+        if mention.det == "no":
+            self._count_background(mention, 0)
+            return
+        if self._is_background(at, mention):
+            self._count_background(mention, mention.count)
+            return
+        group = self._resolve(at, mention)
+        if not group:
+            return
+        self._premodify(group, mention)
+        self.last = group
+        self.sentence.append((at, group))
+        self._front(group)
+        self._place(at, group[:1] if mention.of_group else group)
+        if mention.counted and self._before_is(at, "WITH"):
+            self.counted.append(group)
+        self.boundary = self.linked = False
+
+    def _resolve(self, at: int, mention: Mention) -> Group:
+        avoid = self._actors()
+        if isinstance(self._item(at - 1), Chunk) and self._apposition(at, mention):
+            return self.last
+        if self._ahead_of(at) and mention.type is None:
+            led = next((r.to for r in reversed(self.draft.relations) if r.type == "follow"), None)
+            if led is not None:
+                return [led]
+        if mention.type is not None and mention.det == "definite" and self._ahead_of(at):
+            mention.det = "another"
+        if mention.type is not None and mention.det == "definite" and self._behind(at):
+            mention.det = "another"
+        if mention.head in {"one", "car", "vehicle"} and self._of_group(at, mention):
+            return []
+        again = (
+            mention.det == "bare"
+            and not mention.counted
+            and (
+                (self._follows_comma(at) and self._verb_follows(at))
+                or self._takes_object()
+                or self._echoes(at, mention)
+            )
+        )
+        same_clause = bool(self.sentence) and not again
+        return self.discourse.resolve(mention, avoid=avoid, same_clause=same_clause)
+
+    def _echoes(self, at: int, mention: Mention) -> bool:
+        """ "..., truck at fault": a bare noun that names a known agent once more."""
+        after = self._item(at + 1)
+        told = any(r.object for r in self.open) and self._follows_comma(at)
+        if told and not mention.premods and self._only_namesake(mention):
+            return True
+        plain = (
+            isinstance(after, Chunk)
+            and not after.mark
+            and not after.has("AND", "TO", "BETWEEN", "WITH", "COLLIDE", "NEAR")
+        )
+        return (
+            plain
+            and not mention.premods
+            and any(agent.head == mention.head for agent in self.draft.agents)
+        )
+
+    def _only_namesake(self, mention: Mention) -> bool:
+        return sum(agent.head == mention.head for agent in self.draft.agents) == 1
+
+    def _apposition(self, at: int, mention: Mention) -> bool:
+        """ "Unit 1, a sedan heading east" is one agent."""
+        comma, named = self._item(at - 1), self._item(at - 2)
+        if not (
+            isinstance(comma, Chunk) and comma.mark in {",", "("} and isinstance(named, Mention)
+        ):
+            return False
+        after, verb = self._item(at + 1), self._item(at + 2)
+        inserted = isinstance(after, Chunk) and after.mark == "," and _is_verb(verb)
+        generic = inserted and named.head in {"vehicle", "motorist"}
+        if not (named.label or generic) or mention.det != "indefinite" or mention.type is None:
+            return False
+        agent = self.last[0]
+        agent.type, agent.subtype, agent.head = mention.type, mention.subtype, mention.head
+        self._premodify([agent], mention)
+        return True
+
+    def _of_group(self, at: int, mention: Mention) -> bool:
+        """ "one of two cars": the group comes next; the first of it is meant."""
+        after, then = self._item(at + 1), self._item(at + 2)
+        if mention.head != "one" or mention.det != "one":
+            return False
+        if not (isinstance(after, Chunk) and after.text == "of" and isinstance(then, Mention)):
+            return False
+        then.of_group = 1
+        return then.type is not None
+
+    def _premodify(self, group: Group, mention: Mention) -> None:
+        for premod in mention.premods:
+            if isinstance(premod, Modifier):
+                for agent in group:
+                    self._reopen(agent, premod)
+                attach(premod, group, crossing=premod.means == "crosswalk")
+            else:
+                self._adjective(group, premod)
+
+    def _adjective(self, group: Group, chunk: Chunk) -> None:
+        for agent in group:
+            if chunk.has("JAYWALK"):
+                agent.movement = "jaywalking"
+            elif chunk.has("CROSS", "XWALK"):
+                cross(agent)
+            elif chunk.has("OPPOSITE"):
+                self._relate(agent, "opposite")
+            elif chunk.has("THROUGH", "STRAIGHT") and agent.type == "vehicle":
+                put(agent, "movement", "straight")
+            elif chunk.has("UTURN") and agent.type == "vehicle":
+                put(agent, "movement", "uturn")
+            elif chunk.has("REDRUN"):
+                agent.runs_red = True
+
+    def _front(self, group: Group) -> None:
+        kept: list[Modifier | Chunk] = []
+        for waiting in self.fronted:
+            fits = [agent for agent in group if can_hold(agent, waiting)]
+            if not fits:
+                kept.append(waiting)
+            elif isinstance(waiting, Modifier):
+                attach(waiting, fits, crossing=self.crossing)
+            else:
+                self._mark(fits, waiting)
+        self.fronted = kept
+
+    def _place(self, at: int, group: Group) -> None:
+        """Decide whether the mention is object, coordinated, or the subject of a new clause."""
+        relation = self.awaiting
+        if self.caused:
+            self.subject, self.caused = group, False
+            return
+        if relation is not None and self._accepts(relation, at):
+            self._give_object(relation, group)
+            return
+        if self.gap is not None and self.relative and self.boundary:
+            self.subject, self.verb_seen = group, False
+            return
+        last = self.open[-1] if self.open else None
+        coordinates = self.linked and self._joins(at)
+        if coordinates and last is not None and self._joins_object(last, at):
+            last.object = (last.object or []) + group
+            return
+        comma = isinstance(before := self._item(at - 1), Chunk) and before.mark == ","
+        if (
+            coordinates
+            and self.subject
+            and not self.verb_seen
+            and not (comma and self._verb_follows(at))
+        ):
+            self.subject = self.subject + [a for a in group if a not in self.subject]
+            self.discourse.groups.append(self.subject)
+            return
+        if not self.subject or (self.boundary and self._verb_follows(at)):
+            self.subject, self.verb_seen = group, False
+
+    def _accepts(self, relation: OpenRelation, at: int) -> bool:
+        if relation.closed:
+            return False
+        if relation.between:
+            return len(relation.object or []) < 2
+        if relation.object is not None:
+            return False
+        if relation.passive and not relation.by:
+            return False
+        if self.boundary and relation.tag != "WAIT" and self._complete(relation):
+            return False
+        return not (
+            self.boundary
+            and relation.tag not in {"WAIT", "LET"}
+            and not relation.nominal
+            and self._verb_follows(at)
+        )
+
+    def _give_object(self, relation: OpenRelation, group: Group) -> None:
+        if relation.between:
+            relation.object = (relation.object or []) + group
+            return
+        if relation.nominal and relation.subject is None:
+            relation.object = (relation.object or []) + group
+            relation.between = True
+            return
+        relation.object = group
+
+    def _joins(self, at: int) -> bool:
+        before = self._item(at - 1)
+        if not isinstance(before, Chunk):
+            return False
+        return before.mark == "," or (
+            before.has("AND") and before.text in {"and", "plus", "n", "as well as", "or"}
+        )
+
+    def _joins_object(self, relation: OpenRelation, at: int) -> bool:
+        if relation.object is None or self._verb_follows(at) or relation.weak:
+            return False
+        before = self._item(at - 1)
+        return isinstance(before, Chunk) and before.has("AND") and self.last is not None
+
+    def _pronoun(self, at: int, chunk: Chunk) -> None:
+        value = chunk.tags["PRONOUN"]
+        if value == "self":
+            self._reflexive()
+            return
+        if value == "each":
+            self._mutual()
+            return
+        group = self._antecedent(at, value, chunk.text)
+        if not group:
+            return
+        before = self._item(at - 1)
+        if (
+            isinstance(before, Mention)
+            and self.last
+            and not self._takes_object()
+            and not self.boundary
+        ):
+            self.gap = self.last
+            self.relative.append((self.subject, self.verb_seen))
+            self.subject, self.verb_seen = group, False
+            return
+        self.discourse.groups.append(group)
+        self.last = group
+        self.sentence.append((at, group))
+        self._place_pronoun(at, group)
+        self.boundary = self.linked = False
+
+    def _place_pronoun(self, at: int, group: Group) -> None:
+        relation = self.awaiting
+        if relation is not None and self._accepts(relation, at):
+            relation.object = group
+        elif (
+            (self.gap is not None and self.relative and self.boundary)
+            or not self.subject
+            or self.boundary
+        ):
+            self.subject, self.verb_seen = group, False
+
+    def _antecedent(self, at: int, value: str, text: str) -> Group:
+        avoid = self._actors()
+        if value == "me":
+            return self._speaker(at)
+        if value == "it":
+            return self._it(avoid)
+        if value == "he":
+            ped = self.discourse.recent("pedestrian", avoid=avoid)
+            vehicle = self.discourse.recent("vehicle", avoid=avoid)
+            found = ped or vehicle
+            return [found] if found else []
+        plural = next(
+            (g for g in reversed(self.discourse.groups) if len(g) > 1 and g[0] not in avoid), None
+        )
+        if self._takes_object() or text == "them":
+            ped = self.discourse.recent("pedestrian", avoid=avoid)
+            if plural is not None and (ped is None or ped in plural):
+                return plural
+            return [ped] if ped else [a for a in self.draft.agents if a not in avoid][-1:]
+        return plural or self.draft.agents[-2:]
+
+    def _it(self, avoid: Group) -> Group:
+        if not self._takes_object():
+            for group in (self.subject, self.previous_subject):
+                if len(group) == 1 and group[0].type == "vehicle" and group[0] not in avoid:
+                    return group
+        found = self.discourse.recent("vehicle", avoid=avoid)
+        return [found] if found else []
+
+    def _speaker(self, at: int) -> Group:
+        known = [agent for agent in self.draft.agents if agent.label == "me"]
+        after = [self._item(at + step) for step in (1, 2)]
+        drives = any("driv" in words_of(item) or "rid" in words_of(item) for item in after if item)
+        if not known and not (
+            drives and self._item(at) is not None and "i" in words_of(self.items[at]).split()
+        ):
+            return []
+        if known:
+            return known
+        agent = self.discourse.create("vehicle", head="car")
+        agent.label = "me"
+        return [agent]
+
+    def _reflexive(self) -> None:
+        if self.awaiting is not None and self.awaiting.object is None and self.awaiting.subject:
+            raise Refused("impossible", "An agent cannot do this to itself; name a second agent.")
+
+    def _mutual(self) -> None:
+        if self.awaiting is not None and self.awaiting.object is None:
+            subject = self.awaiting.subject or []
+            if len(subject) < 2:
+                others = [a for _, g in self.sentence for a in g if a not in subject]
+                self.awaiting.object = others[:1] or None
+            self.awaiting.closed = True
+            self.awaiting = None
+
+    def _plural_subject(self) -> None:
+        group = next(
+            (g for g in reversed(self.discourse.groups) if len(g) > 1), self.draft.agents[-2:]
+        )
+        if len(group) > 1:
+            relation = self.awaiting
+            if (
+                relation is not None
+                and relation.object is None
+                and relation.tag in {"WAIT", "YIELD", "LET"}
+            ):
+                relation.object = [a for a in group if a not in (relation.subject or [])]
+            else:
+                self.subject, self.verb_seen = list(group), False
+            self.last = list(group)
+
+    def _is_background(self, at: int, mention: Mention) -> bool:
+        if mention.type is None or mention.of_group or mention.mass:
+            return False
+        marked = any(isinstance(p, Chunk) and p.has("BACKGROUND") for p in mention.premods)
+        if marked and (mention.counted or mention.plural):
+            return mention.counted
+        if not mention.counted:
+            return False
+        if mention.count > 6 or self._background_follows(at):
+            return True
+        others = mention.det in {"other"} or (mention.first_word and self._says_other(mention))
+        return bool(others) and not self._takes_object()
+
+    def _says_other(self, mention: Mention) -> bool:
+        return mention.det == "other"
+
+    def _background_follows(self, at: int) -> bool:
+        for step in range(1, 6):
+            item = self._item(at + step)
+            if isinstance(item, Chunk) and item.has("BACKGROUND"):
+                return True
+            if isinstance(item, Mention):
+                if not item.counted:
+                    return False
+                continue
+            if (
+                item is None
+                or isinstance(item, Modifier)
+                or (item.tags and not item.has("AND", "WITH", "LEG") and item.text != "in")
+            ):
+                return False
+        return False
+
+    def _count_background(self, mention: Mention, count: int) -> None:
+        if mention.type is None:
+            return
+        context = self.draft.context
+        if count > 20:
+            raise Refused(
+                "impossible", f"{count} background agents are too many; ask for at most 20."
+            )
+        if mention.type == "vehicle":
+            context.vehicles = count
+        else:
+            context.pedestrians = count
+        self.last = self.last or []
+
+    def _bound(self, group: Group) -> bool:
+        """Some relation has taken one of the agents already."""
+        bound = [
+            agent
+            for r in self.open + self.deferred
+            for agent in (r.subject or []) + (r.object or [])
+        ]
+        bound += [agent for edge in self.draft.relations for agent in (edge.from_, edge.to)]
+        bound += [agent for edge in self.failed for agent in (edge.from_, edge.to)]
+        return any(agent in bound for agent in group) or self.counted.count(group) == 0
+
+    def to_background(self, group: Group) -> None:
+        """Take the agents of a counted mention out of the scene; they are background."""
+        if self._bound(group):
+            return
+        for agent in group:
+            if agent in self.draft.agents:
+                self.draft.agents.remove(agent)
+        self.discourse.groups = [g for g in self.discourse.groups if g is not group]
+        self.sentence = [(at, g) for at, g in self.sentence if g is not group]
+        kind = group[0].type
+        if kind == "vehicle":
+            self.draft.context.vehicles = len(group)
+        else:
+            self.draft.context.pedestrians = len(group)
+        self.counted.remove(group)
+        self.last = self.sentence[-1][1] if self.sentence else []
+        if self.subject is group:
+            self.subject = []

@@ -1,0 +1,363 @@
+"""Predicates: voice, negation, nouns and verbs; waiting for and letting pass."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from scenewright.backends.builtin.cursor import (
+    NOUNS,
+    Group,
+    OpenRelation,
+    is_pronoun,
+    words_of,
+)
+from scenewright.backends.builtin.grammar import Modifier
+from scenewright.backends.builtin.lexicon import Chunk
+from scenewright.backends.builtin.mentions import Mention
+from scenewright.backends.builtin.modifying import Modifying
+
+_RELATION_TAGS = {
+    "COLLIDE": "collide_at", "NEAR": "near_miss", "YIELD": "yield_to", "FOLLOW": "follow",
+    "WAIT": "yield_to", "LET": "yield_to",
+}  # fmt: skip
+
+_WAIT_FOR = frozenset(
+    {"for", "until", "till", "while", "as", "so", "when", "before", "because", "once"}
+)
+
+_PRIORITY = frozenset(["way", "priority", "precedence", "room", "space", "ahead"])
+
+
+class Relating(Modifying):
+    """Opens relations where a predicate stands."""
+
+    def _relation(self, at: int, chunk: Chunk, tag: str) -> None:
+        value = chunk.tags[tag]
+        kind = value if tag == "COLLIDE" and value != "any" else None
+        negated, almost = self._polarity(at)
+        negated = negated and self._governs(at, chunk)
+        type_ = _RELATION_TAGS[tag]
+        if tag == "COLLIDE" and almost and not (negated and almost == "avoid"):
+            type_, negated = "near_miss", False
+            if almost == "avoid":
+                almost = "avoided"
+        elif tag == "COLLIDE" and negated and almost == "avoid":
+            negated = False
+        if tag == "FOLLOW" and value == "chain":
+            self._chain()
+            return
+        relation = OpenRelation(
+            type_,
+            kind,
+            at,
+            None,
+            negated=negated,
+            tag=tag,
+            reverse=value == "reverse",
+            avoided=almost == "avoided",
+        )
+        self._voice(relation, at, chunk)
+        if relation.nominal:
+            self._heading(at)
+        if tag == "FOLLOW" and chunk.text == "behind":
+            relation.subject = self.last if self.sentence else None
+        self._start(relation)
+
+    def _heading(self, at: int) -> None:
+        """ "Vehicle-pedestrian collision: a cab ..." announces agents that are named later."""
+        before = self._item(at - 1)
+        if not (isinstance(before, Mention) and before.det == "bare" and not before.counted):
+            return
+        self._announce(at - 1)
+        for back in (2, 3):
+            item = self._item(at - back)
+            if isinstance(item, Mention) and item.det == "bare" and not item.counted:
+                self._announce(at - back)
+            elif not (
+                isinstance(item, Chunk)
+                and (item.has("TO") or item.text in {"on", "vs", "versus", "and"})
+            ):
+                return
+
+    def _announce(self, at: int) -> None:
+        for place, group in self.sentence:
+            if place == at:
+                for agent in group:
+                    agent.announced = True
+
+    def _start(self, relation: OpenRelation) -> None:
+        if (self.gap is not None and relation.subject and self.gap is not relation.subject) or (
+            self.relative and self.gap is not None
+        ):
+            relation.object = self.gap
+        relation.sentence = self.sentence
+        self.open.append(relation)
+        self.awaiting = relation
+        self.verb_seen = True
+        self.boundary = self.linked = False
+
+    def _voice(self, relation: OpenRelation, at: int, chunk: Chunk) -> None:
+        surface = chunk.words[0]
+        be = self._be_before(at)
+        by = self._by_ahead(at)
+        participle = not surface.endswith(("ing", "s")) or surface in {"t", "rear"}
+        relation.passive = participle and (be or by) and not (be and surface.endswith("ing"))
+        reduced = relation.passive and not be
+        if self._is_nominal(at, chunk) and not relation.passive:
+            relation.nominal = True
+            follows = self._item(at + 1)
+            relation.between = (
+                isinstance(follows, Chunk)
+                and follows.has("BETWEEN")
+                and follows.text not in {"for"}
+            )
+            relation.subject = (
+                None if relation.between or not self._light_verb(at) else self.subject
+            )
+            return
+        attributive = (
+            surface.endswith("ing")
+            and not be
+            and not self._follows_comma(at)
+            and not self._after_while(at)
+            and not self._negated_near(at)
+        )
+        if (reduced or attributive) and self.last and self._touches_mention(at):
+            relation.subject = self.last
+        else:
+            if (
+                self.relative
+                and self.awaiting is not None
+                and self.awaiting.object is not None
+                and not self.boundary
+                and self.gap is None
+            ):
+                self._leave_relative()
+            relation.subject = self.subject or None
+            if (
+                relation.subject is None
+                and not self.sentence
+                and not surface.endswith("ing")
+                and self.previous_subject
+                and self._and_before(at)
+            ):
+                relation.subject = self.previous_subject
+
+    def _is_nominal(self, at: int, chunk: Chunk) -> bool:
+        before, after = self._item(at - 1), self._item(at + 1)
+        if isinstance(after, Chunk) and after.text in {"between", "involving", "among"}:
+            return True
+        noun = chunk.words[-1] in NOUNS
+        determined = isinstance(before, Chunk) and (
+            before.has("DET") or before.text in {"a", "the"}
+        )
+        if isinstance(before, Modifier) and noun and before.chunks[0].text in {"a", "the", "an"}:
+            determined = True
+        back = 2
+        while (
+            not determined
+            and noun
+            and isinstance(before, Chunk)
+            and not before.has("BE", "AGENT", "NEGATION")
+            and not before.mark
+            and back < 5
+        ):
+            before = self._item(at - back)
+            determined = isinstance(before, Chunk) and before.has("DET")
+            back += 1
+        if determined and (noun or not chunk.has("COLLIDE")):
+            return not (isinstance(after, Chunk) and after.text in {"into", "to"})
+        finite_object = isinstance(after, Mention)
+        return (
+            noun
+            and chunk.words[-1]
+            in {
+                "collision",
+                "accident",
+                "yielding",
+                "miss",
+                "call",
+                "shave",
+                "contact",
+                "encounter",
+                "bender",
+                "run",
+                "crash",
+            }
+            and not finite_object
+            and not (isinstance(after, Chunk) and after.has("TO"))
+        )
+
+    def _light_verb(self, at: int) -> bool:
+        """ "is involved in a collision with", "has a near miss with"."""
+        after = self._item(at + 1)
+        return bool(self.subject) and isinstance(after, Chunk) and after.has("WITH")
+
+    def _avoids(self, at: int) -> bool:
+        """ "barely avoids a jogger": an object, and no collision between."""
+        after = self._item(at + 1)
+        return self._mention_ahead(at) and (isinstance(after, Mention) or is_pronoun(after))
+
+    def _by(self) -> None:
+        if self.awaiting is not None and self.awaiting.passive:
+            self.awaiting.by = True
+            self.boundary = False
+        else:
+            passive = next((r for r in reversed(self.open) if r.passive and r.object is None), None)
+            if passive is not None:
+                passive.by, self.awaiting = True, passive
+
+    def _chain(self) -> None:
+        group = next((g for g in (self.last, self.subject) if len(g) > 1), None)
+        group = group or [a for _, g in self.sentence for a in g] or list(self.draft.agents)
+        vehicles = [agent for agent in group if agent.type == "vehicle"]
+        if len(vehicles) < 2:
+            self.deferred.append(OpenRelation("follow", None, 0, None, nominal=True))
+            return
+        for first, second in pairwise(vehicles):
+            self._add("follow", first, second)
+
+    def _wait(self, at: int, chunk: Chunk) -> None:
+        before = self._item(at - 1)
+        if isinstance(before, Chunk) and (before.has("DET") or before.has("FROM")):
+            return
+        if self._next_is(at, ("LET", "YIELD", "NEAR")) or self._stops_at_signal(at):
+            self.verb_seen = True
+            return
+        negated, almost = self._polarity(at)
+        if almost == "almost":
+            return
+        target = self._waits_for(at)
+        relation = OpenRelation(
+            "yield_to",
+            None,
+            at,
+            self._wait_subject(at, chunk),
+            negated=negated,
+            tag="WAIT",
+            weak=target is None,
+        )
+        if target is None:
+            relation.closed = True
+            relation.sentence = self.sentence
+            if self.causer and self.subject and self.causer is not self.subject and not self.signal:
+                relation.object, relation.weak = self.causer, False
+            self.open.append(relation)
+            self.verb_seen = True
+            if self.gap is not None and self._next_text(at) == "for":
+                relation.object, relation.weak = self.gap, False
+            return
+        self._start(relation)
+
+    def _wait_subject(self, at: int, chunk: Chunk) -> Group | None:
+        if (
+            chunk.words[0].endswith("ing")
+            and not self._be_before(at)
+            and self._touches_mention(at)
+            and not self._follows_comma(at)
+        ):
+            return self.last or None
+        return self.subject or None
+
+    def _waits_for(self, at: int) -> int | None:  # noqa: PLR0911
+        """Index of the one waited for; None where the text names nobody."""
+        marker = turning = False
+        for step in range(1, 12):
+            item = self._item(at + step)
+            if item is None:
+                return None
+            if isinstance(item, Mention):
+                return at + step if marker and item.det != "no" else None
+            if isinstance(item, Modifier):
+                turning = True
+                continue
+            if item.has("PRONOUN") and marker and item.tags["PRONOUN"] not in {"self", "each"}:
+                return at + step
+            if item.has("BOTH") and marker:
+                return at + step
+            if item.mark or item.has("SIGNAL", "COLLIDE", "NEAR", "ALMOST"):
+                return None
+            if item.has("LET", "FOLLOW"):
+                return None
+            if item.words[0] in _WAIT_FOR:
+                marker = not (turning and item.words[0] == "when")
+            elif item.has("AND") and item.text not in {"so", "before"}:
+                return None
+        return None
+
+    def _stops_at_signal(self, at: int) -> bool:
+        for step in range(1, 5):
+            item = self._item(at + step)
+            if isinstance(item, Chunk) and item.has("SIGNAL"):
+                self.signal = True
+                return True
+            if isinstance(item, Mention) or item is None or (isinstance(item, Chunk) and item.mark):
+                return False
+        return False
+
+    def _lets(self, at: int, chunk: Chunk) -> bool:
+        """ "lets B pass", "gives B the right of way", "is allowed to go first by"."""
+        giving = chunk.words[0] in {
+            "give",
+            "gives",
+            "gave",
+            "given",
+            "giving",
+            "grant",
+            "grants",
+            "granted",
+            "wave",
+            "waves",
+        }
+        if (
+            self._be_before(at)
+            and chunk.words[0] in {"given", "granted", "let", "allowed", "permitted", "waved"}
+            and self._goes_first(at, giving=giving)
+        ):
+            relation = OpenRelation(
+                "yield_to", None, at, self.subject or None, passive=True, tag="LET"
+            )
+            self._start(relation)
+            return True
+        fronting = chunk.words[0].endswith("ing")
+        if not self.subject and not self.gap and not self._continues(at) and not fronting:
+            return False
+        target = next(
+            (
+                s
+                for s in range(1, 4)
+                if isinstance(self._item(at + s), Mention) or is_pronoun(self._item(at + s))
+            ),
+            None,
+        )
+        if target is None or not self._goes_first(at + target, giving=giving):
+            return False
+        subject = self.subject or (None if fronting else self.previous_subject)
+        negated, _ = self._polarity(at)
+        self._start(OpenRelation("yield_to", None, at, subject or None, negated=negated, tag="LET"))
+        return True
+
+    def _continues(self, at: int) -> bool:
+        return bool(self.previous_subject) and self._and_before(at)
+
+    def _goes_first(self, at: int, *, giving: bool) -> bool:
+        for step in range(1, 10):
+            item = self._item(at + step)
+            if item is None or (isinstance(item, Chunk) and item.mark in {".", ";"}):
+                return False
+            words = set(words_of(item).split())
+            if giving:
+                if words & _PRIORITY:
+                    return True
+            elif (
+                isinstance(item, Chunk)
+                and item.has("GO_FIRST", "CROSS", "TURN", "STRAIGHT", "HEAD")
+            ) or (
+                isinstance(item, Modifier)
+                and not isinstance(item, Mention)
+                and (words & {"cross", "crossing", "turn", "go", "pass", "through", "make", "walk"})
+            ):
+                return True
+            if isinstance(item, Mention):
+                return False
+        return False

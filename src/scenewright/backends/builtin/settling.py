@@ -1,0 +1,244 @@
+"""Relations get both their agents: at the end of a sentence, or of the text."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from scenewright.backends.builtin.attach import (
+    PEDESTRIAN_ONLY,
+)
+from scenewright.backends.builtin.cursor import (
+    NOUNS,
+    SYMMETRIC,
+    Cursor,
+    Group,
+    OpenRelation,
+)
+from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraft
+from scenewright.backends.builtin.grammar import Modifier
+from scenewright.backends.builtin.lexicon import Chunk
+
+_HALTS = frozenset({"wai", "sto", "bra", "slo", "pau", "hal", "dec"})
+
+
+def _needs_pedestrian(hint: Modifier | Chunk) -> bool:
+    if isinstance(hint, Modifier):
+        return hint.means in PEDESTRIAN_ONLY or hint.means.startswith("cross")
+    return hint.has("JAYWALK", "CROSS")
+
+
+def _unique(agents: object) -> Group:
+    return list(dict.fromkeys(agents))  # type: ignore[call-overload]
+
+
+class Settling(Cursor):
+    """Closes relations into edges of the draft."""
+
+    def _close(self, relation: OpenRelation) -> None:
+        subject, object_ = relation.subject, relation.object
+        if relation.weak and object_ is None:
+            self._close_weak(relation)
+            return
+        if relation.nominal or subject is None:
+            pair = self._nominal_pair(relation)
+            if pair is None:
+                self._defer(relation)
+            else:
+                self._settle(relation, *self._by_right_of_way(relation, pair))
+            return
+        if (
+            object_ is None
+            and relation.type in SYMMETRIC
+            and len(subject) > 1
+            and not relation.passive
+        ):
+            self._settle_group(relation, subject)
+            return
+        if object_ is None:
+            object_ = self._missing_object(relation, subject)
+        if object_ is None:
+            self._defer(relation)
+        else:
+            self._settle(relation, subject, object_)
+
+    def _by_right_of_way(
+        self, relation: OpenRelation, pair: tuple[Group, Group]
+    ) -> tuple[Group, Group]:
+        """Where a noun names no direction, the vehicle yields, else the one named first."""
+        first, second = pair
+        after = self._item(relation.at + 1)
+        if relation.type != "yield_to" or (isinstance(after, Chunk) and after.has("TO")):
+            return pair
+        order = self.draft.agents
+        late = order.index(first[0]) > order.index(second[0])
+        mixed = first[0].type != second[0].type
+        if (mixed and first[0].type == "pedestrian") or (
+            not mixed and late and not relation.passive
+        ):
+            return second, first
+        return pair
+
+    def _close_weak(self, relation: OpenRelation) -> None:
+        halts = isinstance(chunk := self._item(relation.at), Chunk) and chunk.words[0][:3] in _HALTS
+        if relation.subject and halts and not self.signal:
+            relation.sentence = list(self.sentence)
+            self.deferred.append(relation)
+
+    def _defer(self, relation: OpenRelation) -> None:
+        if relation.negated:
+            if relation.nominal or relation.type in SYMMETRIC:
+                self.draft.denied.add(relation.type)
+            return
+        self.deferred.append(relation)
+
+    def _nominal_pair(self, relation: OpenRelation) -> tuple[Group, Group] | None:  # noqa: PLR0911
+        object_ = relation.object or []
+        if relation.subject and object_:
+            return relation.subject, object_
+        if len(object_) >= 2:
+            return object_[:1], object_[1:2]
+        agents = [(at, agent) for at, group in self.sentence for agent in group]
+        before = _unique(agent for at, agent in agents if at < relation.at and agent not in object_)
+        after = _unique(agent for at, agent in agents if at > relation.at and agent not in object_)
+        earlier = next(
+            (
+                r
+                for r in reversed(self.open)
+                if r is not relation and r.at < relation.at and r.subject and r.object
+            ),
+            None,
+        )
+        if not object_ and earlier is not None and earlier.subject and earlier.object:
+            return (
+                (earlier.object, earlier.subject)
+                if earlier.passive
+                else (earlier.subject, earlier.object)
+            )
+        if object_:
+            other = before[-1:] or after[:1]
+            return (other, object_) if other else None
+        if len(before) >= 2:
+            return before[-2:-1], before[-1:]
+        if before and after:
+            return before[:1], after[:1]
+        return (after[:1], after[1:2]) if len(after) >= 2 else None
+
+    def _missing_object(self, relation: OpenRelation, subject: Group) -> Group | None:
+        agents = [(at, a) for at, group in self.sentence for a in group if a not in subject]
+        after = _unique(a for at, a in agents if at > relation.at)
+        before = _unique(a for at, a in agents if at < relation.at)
+        if relation.type == "follow" and not after:
+            before = [a for a in before if a.type == subject[0].type]
+        found = (before[-1:] or after[:1]) if relation.passive else (after[:1] or before[-1:])
+        if found:
+            return found
+        if (
+            relation.type == "follow"
+            and relation.tag == "FOLLOW"
+            and not relation.negated
+            and not found
+        ):
+            return None
+        if relation.negated:
+            return [a for a in self.draft.agents if a not in subject][-1:] or None
+        return None
+
+    def _settle_group(self, relation: OpenRelation, group: Group) -> None:
+        for first, second in pairwise(group):
+            self._settle(relation, [first], [second])
+
+    def _settle(self, relation: OpenRelation, subject: Group, object_: Group) -> None:
+        swap = relation.passive != relation.reverse
+        actors, targets = (object_, subject) if swap else (subject, object_)
+        for actor in actors:
+            for target in targets:
+                if actor is target:
+                    continue
+                edge = RelationDraft(relation.type, actor, target, relation.kind)
+                if relation.negated:
+                    self.failed.append(edge)
+                elif relation.avoided and any(
+                    r.pair() == edge.pair() for r in self.draft.relations
+                ):
+                    continue
+                else:
+                    self._edge(edge)
+
+    def _add(self, type_: str, first: AgentDraft, second: AgentDraft | None) -> None:
+        if second is not None and first is not second:
+            self._edge(RelationDraft(type_, first, second))
+
+    def _edge(self, edge: RelationDraft) -> None:
+        for known in self.draft.relations:
+            if known.type == edge.type and known.pair() == edge.pair():
+                if edge.type in {"yield_to", "follow"} and known.from_ is not edge.from_:
+                    raise Refused(
+                        "contradictory",
+                        "Two agents cannot each give way to, or follow, the other; say who does.",
+                    )
+                known.kind = known.kind or edge.kind
+                return
+        self.draft.relations.append(edge)
+
+    def _settle_deferred(self) -> None:
+        strong = [r for r in self.deferred if not r.weak]
+        for relation in strong:
+            known = [r for r in self.draft.relations if r.type == relation.type]
+            if known:
+                known[0].kind = known[0].kind or relation.kind
+                continue
+            self._about_traffic(relation)
+            self._settle(relation, *self._whole_text_pair(relation))
+        if self.draft.relations or self.draft.normal:
+            return
+        for relation in self.deferred:
+            others = [a for a in self.draft.agents if a not in (relation.subject or [])]
+            together = len(others) == 1 or {a.type for a in others} == {"pedestrian"}
+            if relation.weak and relation.subject and others and together:
+                self._settle(relation, relation.subject, others)
+                return
+
+    def _about_traffic(self, relation: OpenRelation) -> None:
+        """ "two galaxies collide": the verb's subject is nobody we know."""
+        chunk = self._item(relation.at)
+        verb = (
+            isinstance(chunk, Chunk)
+            and chunk.words[-1] not in NOUNS
+            and not chunk.has("YIELD", "FOLLOW")
+        )
+        if not self.draft.agents and relation.kind is None and verb:
+            raise Refused(
+                "out_of_scope", "The text names no vehicle and no pedestrian; say who takes part."
+            )
+
+    def _whole_text_pair(self, relation: OpenRelation) -> tuple[Group, Group]:
+        agents = list(self.draft.agents)
+        subject = (relation.subject or relation.object or [])[:1]
+        others = [a for a in agents if a not in subject]
+        if subject:
+            first, second = (
+                subject[0],
+                (others[0] if others else self._partner(relation, subject[0])),
+            )
+        elif len(agents) >= 2:
+            first, second = agents[0], agents[1]
+        elif agents:
+            first, second = agents[0], self._partner(relation, agents[0])
+        else:
+            first = self.discourse.create("vehicle")
+            second = self._partner(relation, first)
+        if (
+            relation.type == "yield_to"
+            and not subject
+            and first.type != second.type
+            and first.type == "pedestrian"
+        ):
+            first, second = second, first
+        return [first], [second]
+
+    def _partner(self, relation: OpenRelation, agent: AgentDraft) -> AgentDraft:
+        pedestrian = agent.type == "vehicle" and (
+            (relation.type == "yield_to" and not relation.passive)
+            or any(_needs_pedestrian(h) for h in self.fronted + self.hints)
+        )
+        return self.discourse.create("pedestrian" if pedestrian else "vehicle")
