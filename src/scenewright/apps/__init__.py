@@ -1,1 +1,1 @@
-"""scenewright."""
+"""What people and machines run: the command line."""

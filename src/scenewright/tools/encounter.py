@@ -109,24 +109,44 @@ def footprint_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Sh
     return _between_boxes(a, b, shapes)
 
 
-def meeting_offsets(
-    pair: Encounter, a: Motion, b: Motion, *, c: float, exact: bool = False
-) -> Intervals:
-    """C(c) as disjoint intervals of delta = o_b - o_a [s].
+@dataclass(frozen=True, eq=False)
+class Meetings:
+    """Differences delta = o_b - o_a [s] that bring close pairs of nodes together.
+
+    Attributes:
+        low, high: [N] ends of the interval of each pair; clearance: [N] how close it is [m].
+    """
+
+    low: FloatArray
+    high: FloatArray
+    clearance: FloatArray
+
+    def within(self, c: float) -> Intervals:
+        """C(c) as disjoint intervals."""
+        close = self.clearance <= c
+        return _merge(self.low[close], self.high[close])
+
+
+def meetings(pair: Encounter, a: Motion, b: Motion, *, exact: bool = False) -> Meetings:
+    """When two motions would be at their close nodes.
 
     Args:
         exact: nodes count as points (for measuring a PET); else as the stretch around them,
             which never misses a meeting between nodes.
     """
-    close = pair.within(c)
-    if not len(close.i):
-        return np.empty((0, 2))
     half = 0.0 if exact else 0.5
-    a_in, a_out = _occupancy(close.s_a, a, half)
-    b_in, b_out = _occupancy(close.s_b, b, half)
-    reached = np.isfinite(a_in[close.i]) & np.isfinite(b_in[close.j])
-    i, j = close.i[reached], close.j[reached]
-    return _merge(a_in[i] - b_out[j], a_out[i] - b_in[j])
+    a_in, a_out = _occupancy(pair.s_a, a, half)
+    b_in, b_out = _occupancy(pair.s_b, b, half)
+    reached = np.isfinite(a_in[pair.i]) & np.isfinite(b_in[pair.j])
+    i, j = pair.i[reached], pair.j[reached]
+    return Meetings(a_in[i] - b_out[j], a_out[i] - b_in[j], pair.clearance[reached])
+
+
+def meeting_offsets(
+    pair: Encounter, a: Motion, b: Motion, *, c: float, exact: bool = False
+) -> Intervals:
+    """C(c) as disjoint intervals of delta = o_b - o_a [s]; `exact` as in `meetings`."""
+    return meetings(pair, a, b, exact=exact).within(c)
 
 
 def gap_to(intervals: Intervals, delta: float) -> float:

@@ -23,6 +23,7 @@ from checker_tracks import (
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Proof
+from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram, VehicleMovement
 from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.scene.track import Track
 from scenewright.tools.relation_checker import RoadUser, check
@@ -228,6 +229,39 @@ class TestSignals:
         car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 8.0)))
         plan = (light("green", 0.0, 4.0), light("yellow", 4.0, 7.0), light("red", 7.0, 30.0))
         assert check(scene([car], signals=plan), MAP).verified
+
+
+def test_the_plan_must_be_the_programme_of_the_map() -> None:
+    movement = VehicleMovement(
+        id="m", entry="west", exit="east", turn="straight", lanelets=(), stop_line="west:stop",
+        centreline=(), signal_group="g",
+    )  # fmt: skip
+    phases = (
+        SignalPhase(duration=20.0, colours={"g": "green"}),
+        SignalPhase(duration=25.0, colours={"g": "red"}),
+    )
+    program = SignalProgram(groups=(SignalGroup(id="g", movements=("m",)),), phases=phases)
+    ground = MAP.model_copy(update={"signals": program, "movements": (movement,)})
+    honest = (light("red", 0.0, 12.0), light("green", 12.0, 30.0))
+    forged = (light("green", 0.0, 12.0), light("red", 12.0, 14.0), light("green", 14.0, 30.0))
+    assert rules(check(scene([], signals=honest), ground)) == set()
+    assert rules(check(scene([], signals=forged), ground)) == {"signal_plan"}
+    assert rules(check(scene([]), ground)) == {"no_signal_plan"}
+
+
+def test_labels_give_no_licence_to_the_background() -> None:
+    walker = walk(1, (-40.0, -6.0), NORTH, distance(1.4, (0.0, 8.0)))
+    record = scene([walker], background=(1,), movement="jaywalking")
+    assert rules(check(record, MAP)) == {"off_walkable"}
+    car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 8.0)))
+    record = scene([car], background=(1,), signals=TestSignals.RED, violates_signal=True)
+    assert rules(check(record, MAP)) == {"red_crossing"}
+
+
+def test_a_shrunken_footprint_is_found_out() -> None:
+    record = yield_scene(("yielding", 1, 2))
+    agents = (record.agents[0], record.agents[1].model_copy(update={"width": 0.2}))
+    assert rules(check(record.model_copy(update={"agents": agents}), MAP)) >= {"size"}
 
 
 def test_a_yield_that_the_end_of_the_scene_cuts_short() -> None:

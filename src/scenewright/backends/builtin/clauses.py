@@ -72,9 +72,7 @@ class Reader(Naming):
         self._spread_hints()
         present = self.draft.agents
         self.draft.relations[:] = [
-            edge
-            for edge in self.draft.relations
-            if edge.from_ in present and edge.to in present
+            edge for edge in self.draft.relations if edge.from_ in present and edge.to in present
         ]
 
     def _chunk(self, at: int, chunk: Chunk) -> None:
@@ -134,7 +132,7 @@ class Reader(Naming):
             self.verb_seen = True
 
     def _end_sentence(self) -> None:
-        for relation in self.open:
+        for relation in sorted(self.open, key=lambda each: each.nominal and not each.explicit):
             self._close(relation)
         if self.subject:
             self.previous_subject = self.subject
@@ -149,8 +147,22 @@ class Reader(Naming):
             self._leave_relative()
         self.boundary = True
         self.linked = True
+        self._elaborates(at)
         if self.awaiting and self.awaiting.object is not None:
             self.awaiting.closed = True
+
+    def _elaborates(self, at: int) -> None:
+        """ "two vehicles: a bus and a taxi" names two agents, not four."""
+        group, then = self._item(at - 1), self._item(at + 1)
+        mark = self._item(at)
+        if not (
+            isinstance(group, Mention) and isinstance(then, Mention) and isinstance(mark, Chunk)
+        ):
+            return
+        general = mark.mark in {":", "("} or group.head == "vehicles"
+        if group.counted and group.count > 1 and general and then.det == "indefinite" and self.last:
+            for agent in self.last:
+                agent.announced = True
 
     def _then_follows(self, at: int) -> bool:
         after = self._item(at + 1)

@@ -55,7 +55,7 @@ class Discourse:
         self.draft.agents.append(agent)
         return agent
 
-    def _existing(  # noqa: PLR0911 - a rule a return
+    def _existing(
         self, mention: Mention, avoid: Sequence[AgentDraft], same_clause: bool
     ) -> list[AgentDraft] | None:
         if mention.type is None:
@@ -118,7 +118,7 @@ class Discourse:
             return None
         return [max(free, key=lambda agent: (_affinity(agent, mention), self._recency(agent)))]
 
-    def _pronominal(self, mention: Mention, avoid: Sequence[AgentDraft]) -> list[AgentDraft] | None:  # noqa: PLR0911
+    def _pronominal(self, mention: Mention, avoid: Sequence[AgentDraft]) -> list[AgentDraft] | None:
         group = next((g for g in reversed(self.groups) if len(g) > 1), list(self.draft.agents))
         if not group:
             return []

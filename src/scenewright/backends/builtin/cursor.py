@@ -63,6 +63,7 @@ class OpenRelation:
     closed: bool = False
     reverse: bool = False
     between: bool = False
+    explicit: bool = False
     avoided: bool = False
     tag: str = ""
     sentence: list[tuple[int, Group]] = field(default_factory=list)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from scenewright.scene.base import AgentClass
 
 
-class Refused(Exception):  # noqa: N818 - a verdict on its way to the planner, not an error
+class Refused(Exception):
     """The text cannot become a scene; carries the Refusal's code and reason."""
 
     def __init__(self, code: str, reason: str) -> None:

@@ -109,7 +109,7 @@ class _NounPhrases:
         """ "the northbound one": no noun, but a direction."""
         before = self.nodes[at - 1] if at else None
         one = isinstance(before, Chunk) and before.text in {"one", "ones"}
-        if not (one and mention.premods and mention.det in {"definite", "other", "another"}):
+        if not (one and mention.premods and mention.det in {"definite", "indefinite", "other", "another"}):
             return None
         mention.head, mention.count, mention.counted = "one", 1, False
         return mention, at
@@ -124,7 +124,7 @@ class _NounPhrases:
             after.has("TRAFFIC_NOUN") or after.tags.get("AGENT") == "traffic"
         )
 
-    def _premodifier(self, mention: Mention, node: Node, start: int, at: int) -> bool:  # noqa: PLR0911
+    def _premodifier(self, mention: Mention, node: Node, start: int, at: int) -> bool:
         if isinstance(node, Modifier):
             return self._modifier(mention, node, start, at)
         opened = mention.det != "bare" or mention.counted or bool(mention.premods)

@@ -70,6 +70,9 @@ class Modifying(Settling):
             self.verb_seen = True
         for agent in targets:
             self._reopen(agent, modifier)
+        if modifier.means in {"from_two", "bound_two"}:
+            self._one_each(modifier, targets)
+            return
         if modifier.means == "from_to" and self._along_with():
             targets = targets + [a for a in self.subject if a not in targets and a.entry is None]
         attach(modifier, targets, crossing=self.crossing)
@@ -90,6 +93,16 @@ class Modifying(Settling):
                 "Pedestrians cross or jaywalk here, only vehicles turn; give the turn "
                 "to a vehicle.",
             )
+
+    def _one_each(self, modifier: Modifier, targets: Group) -> None:
+        """ "two cars from the north and the west": a side each; one agent cannot have both."""
+        single = "from" if modifier.means == "from_two" else "bound"
+        sides = [Modifier(single, (value,), modifier.chunks) for value in modifier.values]
+        for agent, side in zip(
+            targets if len(targets) == 2 else targets[:1] * 2, sides, strict=False
+        ):
+            self._reopen(agent, side)
+            attach(side, [agent])
 
     def _along_with(self) -> bool:
         """ "A follows B from south to north": both go that way."""

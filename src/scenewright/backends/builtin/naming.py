@@ -24,6 +24,14 @@ def _is_verb(item: Item | None) -> bool:
     return isinstance(item, Modifier) or (isinstance(item, Chunk) and item.has("BE", "WAIT"))
 
 
+_BESIDES = ("besides", "in addition", "apart from", "elsewhere", "in the background")
+
+
+def _trails(mention: Mention) -> bool:
+    """ "the following car" is not the car ahead of it."""
+    return any(premod.text in {"following", "trailing"} for premod in mention.premods)
+
+
 class Naming(Relating):
     """Places mentions and pronouns in the clause."""
 
@@ -58,6 +66,8 @@ class Naming(Relating):
             mention.det = "another"
         if mention.type is not None and mention.det == "definite" and self._behind(at):
             mention.det = "another"
+        if mention.det in {"definite", "bare"} and _trails(mention):
+            mention.det = "another"
         if mention.head in {"one", "car", "vehicle"} and self._of_group(at, mention):
             return []
         again = (
@@ -70,7 +80,17 @@ class Naming(Relating):
             )
         )
         same_clause = bool(self.sentence) and not again
-        return self.discourse.resolve(mention, avoid=avoid, same_clause=same_clause)
+        near = self._behind(at) or self._ahead_of(at)
+        group = self.discourse.resolve(mention, avoid=avoid, same_clause=same_clause)
+        if near and mention.type == "vehicle" and self._same_lane(at):
+            for agent in group:
+                self._relate(agent, "same")
+        return group
+
+    def _same_lane(self, at: int) -> bool:
+        """ "the bus behind it", not "a bus in front of a pedestrian"."""
+        after = self._item(at + 2)
+        return not (isinstance(after, Chunk) and after.text == "of")
 
     def _echoes(self, at: int, mention: Mention) -> bool:
         """ "..., truck at fault": a bare noun that names a known agent once more."""
@@ -346,13 +366,27 @@ class Naming(Relating):
             return mention.counted
         if not mention.counted:
             return False
-        if mention.count > 6 or self._background_follows(at):
+        if mention.count > 6 or self._background_follows(at) or self._background_before(at):
             return True
         others = mention.det in {"other"} or (mention.first_word and self._says_other(mention))
         return bool(others) and not self._takes_object()
 
     def _says_other(self, mention: Mention) -> bool:
         return mention.det == "other"
+
+    def _background_before(self, at: int) -> bool:
+        """ "besides them there are two buses and five pedestrians"."""
+        for back in range(1, 9):
+            item = self._item(at - back)
+            if (
+                isinstance(item, Chunk)
+                and item.has("BACKGROUND")
+                and item.text.startswith(_BESIDES)
+            ):
+                return True
+            if item is None or (isinstance(item, Chunk) and item.mark in {".", ";"}):
+                return False
+        return False
 
     def _background_follows(self, at: int) -> bool:
         for step in range(1, 6):

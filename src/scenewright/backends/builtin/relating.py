@@ -111,6 +111,7 @@ class Relating(Modifying):
                 and follows.has("BETWEEN")
                 and follows.text not in {"for"}
             )
+            relation.explicit = relation.between
             relation.subject = (
                 None if relation.between or not self._light_verb(at) else self.subject
             )
@@ -259,7 +260,7 @@ class Relating(Modifying):
             return self.last or None
         return self.subject or None
 
-    def _waits_for(self, at: int) -> int | None:  # noqa: PLR0911
+    def _waits_for(self, at: int) -> int | None:
         """Index of the one waited for; None where the text names nobody."""
         marker = turning = False
         for step in range(1, 12):

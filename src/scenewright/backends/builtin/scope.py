@@ -42,8 +42,7 @@ _FOREIGN = frozenset(
         "gli",
         "het",
         "een",
-        "van",
-        "voor",
+                "voor",
         "met",
         "op",
         "pas",
@@ -86,8 +85,7 @@ _FOREIGN = frozenset(
         "peatón",
         "coche",
         "voiture",
-        "auto",
-        "wagen",
+            "wagen",
     ]
 )
 _QUESTION = re.compile(

@@ -36,6 +36,9 @@ class Settling(Cursor):
 
     def _close(self, relation: OpenRelation) -> None:
         subject, object_ = relation.subject, relation.object
+        if relation.nominal and not relation.explicit and self._told_by_verb(relation):
+            self._lend_kind(relation)
+            return
         if relation.weak and object_ is None:
             self._close_weak(relation)
             return
@@ -60,6 +63,21 @@ class Settling(Cursor):
             self._defer(relation)
         else:
             self._settle(relation, subject, object_)
+
+    def _told_by_verb(self, relation: OpenRelation) -> bool:
+        """ "a yielding scene: the car yields ..." asks for one yield."""
+        return any(
+            other.type == relation.type
+            and not other.nominal
+            and not other.negated
+            and other.subject
+            for other in self.open
+        )
+
+    def _lend_kind(self, relation: OpenRelation) -> None:
+        for edge in self.draft.relations:
+            if edge.type == relation.type:
+                edge.kind = edge.kind or relation.kind
 
     def _by_right_of_way(
         self, relation: OpenRelation, pair: tuple[Group, Group]
@@ -91,7 +109,7 @@ class Settling(Cursor):
             return
         self.deferred.append(relation)
 
-    def _nominal_pair(self, relation: OpenRelation) -> tuple[Group, Group] | None:  # noqa: PLR0911
+    def _nominal_pair(self, relation: OpenRelation) -> tuple[Group, Group] | None:
         object_ = relation.object or []
         if relation.subject and object_:
             return relation.subject, object_

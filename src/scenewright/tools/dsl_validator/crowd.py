@@ -20,7 +20,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.candidates import Candidate, Path
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.stage import Actor
-from scenewright.tools.encounter import Encounter, Intervals, encounter, meeting_offsets
+from scenewright.tools.encounter import Encounter, Intervals, encounter, meeting_offsets, meetings
 from scenewright.tools.time_law import Motion
 
 _NODE = {"vehicle": 0.6, "pedestrian": 0.25}
@@ -118,10 +118,13 @@ def seat(
         solved = problem.solve()
         if solved is None:
             return f"no arrangement of {sum(wanted.values())} further agents keeps everybody apart"
-        broken = table.broken(guests, solved)
+        barred = table.barred(guests, solved)
+        for guest, option in barred:
+            problem.bar(guest, option)
+        broken = [] if barred else table.broken(guests, solved)
         for conflict in broken:
             problem.forbid(conflict)
-        if not broken:
+        if not barred and not broken:
             chosen = {guests[i].name: (guests[i].options[k], start) for i, k, start in solved}
             return Seating(chosen, problem.optimal, rounds, table.evaluated)
     return "the search for an arrangement ran out of rounds"
@@ -174,10 +177,10 @@ class _Problem:
         self._model.minimize(sum(costs))
 
     def _start(self, guest: Guest, takes: list[Any], table: _Conflicts) -> Any:
-        """The guest's entry time; every option already keeps clear of the fixed actors."""
+        """The guest's entry time; options with a choice of it already keep clear of the fixed."""
         everything: Any = None
         for take, option in zip(takes, guest.options, strict=True):
-            free = table.clear_of_fixed(option)
+            free = table.open_starts(option)
             if not len(free):
                 self._model.add(take == 0)
                 continue
@@ -187,7 +190,7 @@ class _Problem:
             return self._model.new_constant(0)
         start = self._model.new_int_var_from_domain(everything, "")
         for take, option in zip(takes, guest.options, strict=True):
-            free = table.clear_of_fixed(option)
+            free = table.open_starts(option)
             if len(free):
                 domain = self._cp.Domain.from_values(free.tolist())
                 self._model.add_linear_expression_in_domain(start, domain).only_enforce_if(take)
@@ -210,6 +213,10 @@ class _Problem:
             for k, take in enumerate(takes)
             if solver.value(take)
         ]
+
+    def bar(self, guest: int, option: int) -> None:
+        """Takes an option out of the choice."""
+        self._model.add(self._takes[guest][option] == 0)
 
     def forbid(self, conflict: _Conflict) -> None:
         """Adds one separation."""
@@ -263,6 +270,16 @@ class _Conflicts:
             self._free[key] = free
         return self._free[key]
 
+    def open_starts(self, option: Option) -> NDArray[np.int64]:
+        """Entry times to choose among; a single one is checked only once it is chosen."""
+        return option.starts if len(option.starts) == 1 else self.clear_of_fixed(option)
+
+    def barred(self, guests: Sequence[Guest], solved: list[Place]) -> list[tuple[int, int]]:
+        """(guest, option) of options chosen that meet a fixed actor after all."""
+        return [
+            (g, k) for g, k, _ in solved if not len(self.clear_of_fixed(guests[g].options[k]))
+        ]
+
     def broken(self, guests: Sequence[Guest], solved: list[Place]) -> list[_Conflict]:
         """Separations that the solution breaks, and their kin: either option with all others."""
         found: dict[tuple[int, ...], _Conflict] = {}
@@ -279,8 +296,9 @@ class _Conflicts:
         between = self._between(second[option_j], first[option_i], strict)
         if not any(low < start_i - start_j < high for low, high in between):
             return []
-        pairs = [(k, option_j) for k in range(len(first))]
-        pairs += [(option_i, k) for k in range(len(second)) if k != option_j]
+        pairs = [(k, option_j) for k in range(len(first)) if _flexible(first[k])]
+        pairs += [(option_i, k) for k in range(len(second)) if _flexible(second[k])]
+        pairs = list(dict.fromkeys([(option_i, option_j), *pairs]))
         return [
             conflict
             for k, m in pairs
@@ -292,7 +310,7 @@ class _Conflicts:
     ) -> list[_Conflict]:
         """What the pair of options forbids of the entry times that they still have."""
         (i, k, a), (j, m, b) = one, other
-        free_a, free_b = self.clear_of_fixed(a), self.clear_of_fixed(b)
+        free_a, free_b = self.open_starts(a), self.open_starts(b)
         if not len(free_a) or not len(free_b):
             return []
         least, most = int(free_a[0] - free_b[-1]), int(free_a[-1] - free_b[0])
@@ -311,6 +329,10 @@ class _Conflicts:
     def _forbidden(self, a: Actor, b: Actor, *, strict: bool) -> list[tuple[int, int]]:
         self.evaluated += 1
         return forbidden_offsets(a, b, strict=strict, geometry=self._geometry)
+
+
+def _flexible(option: Option) -> bool:
+    return len(option.starts) > 1
 
 
 class Geometry:
@@ -370,10 +392,9 @@ def _apart(a: Actor, b: Actor) -> bool:
 
 def _widened(pair: Encounter, a: Motion, b: Motion, separation: Separation) -> Intervals:
     """C(clearance) and C(0) widened by the time gap."""
-    close = meeting_offsets(pair, a, b, c=separation.clearance)
+    found = meetings(pair, a, b)
     gap = np.array([[-separation.gap, separation.gap]])
-    touch = meeting_offsets(pair, a, b, c=0.0) + gap
-    return np.concatenate([close, touch])
+    return np.concatenate([found.within(separation.clearance), found.within(0.0) + gap])
 
 
 def _steps(intervals: Intervals) -> list[tuple[int, int]]:

@@ -245,12 +245,15 @@ class _Search:
         if offset is not None and self._ground.on.signals is not None:
             clock = SignalClock(self._ground.on.signals, offset)
         seating: Seating | str = "nobody was drawn"
-        for window, spares in ((_WINDOW, False), (MAX_SECONDS, True)):
+        for moment, spares in (
+            (_Moment(clock, duration, _WINDOW, draws=1), False),
+            (_Moment(clock, duration, MAX_SECONDS, draws=_GUEST_DRAWS), True),
+        ):
             guests = []
             for name, draws in self._pool.agents.items():
                 if name in staging.actors or (draws.spare and not spares):
                     continue
-                options = tuple(self._options(draws, _Moment(clock, duration, window)))
+                options = tuple(self._options(draws, moment))
                 guests.append(
                     Guest(
                         name,
@@ -275,7 +278,7 @@ class _Search:
             ways = tuple(self._ways(draws, int(m), *built, moment, waits=not taken))
             yield from ways
             taken += bool(ways)
-            if self._mode == "draw" and taken >= _GUEST_DRAWS:
+            if self._mode == "draw" and taken >= moment.draws:
                 return
 
     def _ways(
@@ -369,11 +372,12 @@ class _Search:
 
 @dataclass(frozen=True)
 class _Moment:
-    """When agents may come: lights, scene length [s], freedom about the arrival drawn [s]."""
+    """When agents may come: lights, scene length [s], freedom about the arrival drawn [s], candidates."""
 
     clock: SignalClock | None
     duration: float
     window: float
+    draws: int
 
 
 @dataclass(frozen=True, eq=False)

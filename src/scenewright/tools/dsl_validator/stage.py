@@ -283,6 +283,12 @@ class Stage:
         turning = a.candidate.route.movement in ("left", "right", "uturn")
         short = first - float(self._rng.uniform(*((0.9, 2.0) if kind == "vehicle" else (0.6, 1.1))))
         places: list[tuple[str, float]] = []
+        waits = [s for s in a.stops if s.reason == "gives_way"]
+        for stop in waits:
+            if 0.3 <= first - stop.s < _UPSTREAM[kind]:
+                yield stop.anchor, Hold(stop.s, 0.0, stop.braking)
+        if waits:
+            return
         if line is not None and line - STOP_GAP <= short and first - line < _UPSTREAM[kind]:
             anchor = "stop_line" if kind == "vehicle" else "kerb"
             places = [(anchor, line - min(STOP_GAP, 0.3 if kind == "pedestrian" else STOP_GAP))]
@@ -368,13 +374,17 @@ class Stage:
 
 @dataclass(frozen=True)
 class FirstContact:
-    """When [s], where and how two actors first touch."""
+    """When [s], where and how two actors first touch.
+
+    Attributes:
+        closing: relative speed; speed: of the first actor [m/s].
+    """
 
     time: float
     location: Point
     kind: CollisionKind
     closing: float
-    frontal: bool
+    speed: float
 
 
 def first_contact(a: Actor, b: Actor) -> FirstContact | None:
@@ -444,7 +454,7 @@ def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
         location=(float(spot[0]), float(spot[1])),
         kind=_kind(a, b, time, turned, sides),
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
-        frontal=sides[0] == "front" and a.candidate.route.type == "vehicle",
+        speed=float(np.hypot(*velocity[0])),
     )
 
 
@@ -523,7 +533,7 @@ def _contains(points: FloatArray, pose: FloatArray, actor: Actor) -> FloatArray:
 def _wanted(found: FirstContact, clause: Contact) -> bool:
     if clause.kind not in (None, found.kind):
         return False
-    if clause.speed is not None and abs(found.closing - clause.speed) > 0.9:
+    if clause.speed is not None and abs(found.speed - clause.speed) > 0.9:
         return False
     least = 2.5 if found.kind == "pedestrian_strike" else 1.3
     return found.closing >= least

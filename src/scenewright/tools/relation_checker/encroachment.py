@@ -165,7 +165,7 @@ def _candidates(
         arrive, depart = places.arrive[begin], places.depart[end - 1] + STEP
         soon = np.maximum(arrive[i] - depart[j], arrive[j] - depart[i]) <= horizon
         i, j = i[soon], j[soon]
-    return _expanded(places, middle, (begin[i], end[i]), (begin[j], end[j]))
+    return _expanded(places, middle, begin, end, np.stack((i, j)))
 
 
 def _block_pairs(
@@ -192,21 +192,18 @@ def _disjoint(one: tuple[float, ...], two: tuple[float, ...]) -> bool:
 
 
 def _expanded(
-    places: _Places,
-    middle: FloatArray,
-    one: tuple[IntArray, IntArray],
-    two: tuple[IntArray, IntArray],
+    places: _Places, middle: FloatArray, begin: IntArray, end: IntArray, pairs: IntArray
 ) -> tuple[IntArray, IntArray]:
-    """Pairs of places of pairs of blocks whose own circles overlap."""
-    offset = np.arange(BLOCK)
-    p, q = np.broadcast_arrays(
-        one[0][:, None, None] + offset[:, None], two[0][:, None, None] + offset
-    )
-    inside = (p < one[1][:, None, None]) & (q < two[1][:, None, None])
-    p, q = p[inside], q[inside]
-    x, y, reach = middle[:, 0], middle[:, 1], places.reach
-    near = np.square(x[p] - x[q]) + np.square(y[p] - y[q]) <= np.square(reach[p] + reach[q])
-    return p[near], q[near]
+    """Pairs of places of pairs of blocks [2, n] whose own circles overlap."""
+    member = begin[:, None] + np.arange(BLOCK)
+    k = np.minimum(member, len(middle) - 1)
+    x, y, reach = middle[k, 0], middle[k, 1], places.reach[k]
+    x[member >= end[:, None]] = np.nan
+    i, j = pairs
+    away = np.square(x[i][:, :, None] - x[j][:, None, :])
+    away += np.square(y[i][:, :, None] - y[j][:, None, :])
+    row, one, two = np.nonzero(away <= np.square(reach[i][:, :, None] + reach[j][:, None, :]))
+    return member[i[row], one], member[j[row], two]
 
 
 def _touching(places: _Places, p: IntArray, q: IntArray, *, horizon: float | None = None) -> _Cells:
@@ -215,10 +212,23 @@ def _touching(places: _Places, p: IntArray, q: IntArray, *, horizon: float | Non
     if horizon is not None:
         soon = lag <= horizon
         p, q, lag = p[soon], q[soon], lag[soon]
-    lengthened = pose((places.xy + places.next_xy) / 2, places.heading, places.swept)
+    middle = np.ascontiguousarray(((places.xy + places.next_xy) / 2).T)
+    lengthened = pose(middle.T, places.heading, places.swept)
+    beside = _beside(places, lengthened, p, q)
+    p, q, lag = p[beside], q[beside], lag[beside]
     slack = places.slack[p] + places.slack[q]
     near = touch(lengthened.rows(p), lengthened.rows(q), tolerance=slack)
     return _Cells(p[near], q[near], np.maximum(lag[near], 0.0))
+
+
+def _beside(places: _Places, at: Pose, p: IntArray, q: IntArray) -> BoolArray:
+    """Cheap and necessary: q reaches the strip that p drives in."""
+    sin, cos = at.sin[p], at.cos[p]
+    across = np.abs(cos * (at.y[q] - at.y[p]) - sin * (at.x[q] - at.x[p]))
+    strip = np.asarray(at.size.width) + at.size.radius + places.slack
+    turned = np.abs(cos * at.sin[q] - sin * at.cos[q])
+    length = np.asarray(at.size.length)
+    return np.asarray(across <= strip[p] + strip[q] + turned * length[q])
 
 
 def _without_lanes(places: _Places, movers: tuple[Mover, ...], cells: _Cells) -> _Cells:

@@ -123,10 +123,19 @@ def plan_contradictions(
         detail = "the map has signals, but the scene has no signal plan"
         return (Finding(rule="no_signal_plan", agents=(), detail=detail),)
     shown = _shown(records, _groups(ground))
-    if any(_fits(shown, ground.signals, 0.1 * k) for k in range(round(ground.signals.cycle * 10))):
+    if any(_fits(shown, ground.signals, k) for k in _offsets(records, ground.signals)):
         return ()
     detail = "the signal plan is the programme of the map at no offset"
     return (Finding(rule="signal_plan", agents=(), detail=detail),)
+
+
+def _offsets(records: Sequence[SignalRecord], program: SignalProgram) -> list[float]:
+    """Offsets at which a change of the plan falls on a change of the programme; else all."""
+    change = next((r.start for r in records if r.start > 0.1), None)
+    if change is None:
+        return [0.1 * k for k in range(round(program.cycle * 10))]
+    ends = np.cumsum([phase.duration for phase in program.phases])
+    return [float(end - change) for end in ends]
 
 
 def _groups(ground: IntersectionMap) -> dict[str, str]:

@@ -1,0 +1,8 @@
+"""`python -m scenewright`: the same as the command."""
+
+import sys
+
+from scenewright.apps.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

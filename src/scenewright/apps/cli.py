@@ -1,0 +1,290 @@
+"""The command line. Results go to stdout, progress and words for people to stderr.
+
+Exit codes: 0 done, 1 a scene is not verified (`verify` alone), 2 the input or the place to write
+cannot be used, 3 understood but cannot be satisfied, 4 the backend failed for good, 70 a fault in
+scenewright itself, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from scenewright.apps.console import (
+    ReaderGoneError,
+    abandon_stdout,
+    one_line,
+    progress,
+    put,
+    put_json,
+    say,
+)
+from scenewright.apps.faults import (
+    INTERRUPTED,
+    NOT_VERIFIED,
+    READER_GONE,
+    TERMINATED,
+    UNUSABLE,
+    Fault,
+    fault_of,
+)
+
+app = typer.Typer(
+    name="scenewright",
+    help="An instruction in plain language in, a verified traffic scene out.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+intersections = typer.Typer(
+    name="intersections", help="The intersections that scenes can be made at."
+)
+app.add_typer(intersections)
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
+Backend = Annotated[str, typer.Option(help="Who plans and reasons.")]
+
+
+@app.callback(invoke_without_command=True)
+def _start(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if version:
+        import scenewright
+
+        put(f"scenewright {scenewright.__version__}\n")
+    elif context.invoked_subcommand is None:
+        put(context.get_help() + "\n")
+
+
+@app.command()
+def make(
+    text: Annotated[str, typer.Argument(help="What shall happen; `-` reads it from stdin.")],
+    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
+    backend: Backend = "builtin",
+    seed: Annotated[int, typer.Option(help="The same seed makes the same scene.")] = 0,
+    refiner: Annotated[str, typer.Option(help="Learned refinement of the tracks.")] = "none",
+    selection: Annotated[
+        Literal["draw", "map"],
+        typer.Option(help="Draw among the combinations that fit, or take the likeliest."),
+    ] = "draw",
+    out: Annotated[
+        str | None, typer.Option(help="Folder to write; scenes/ID if none is named.")
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write into a folder that holds other files, too.")
+    ] = False,
+    gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False,
+    no_picture: Annotated[bool, typer.Option("--no-picture", help="No scene.png.")] = False,
+    no_recording: Annotated[bool, typer.Option("--no-recording", help="No scene.rrd.")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make a verified scene from an instruction and write it to a folder."""
+    from scenewright.apps.making import Request, make_scene, read_instruction
+
+    request = Request(
+        text=read_instruction(text),
+        intersection=intersection,
+        backend=backend,
+        seed=seed,
+        refiner=refiner,
+        selection=selection,
+        out=out,
+        force=force,
+        picture=not no_picture,
+        recording=not no_recording,
+        gif=gif,
+    )
+    with progress(quiet=quiet) as tell:
+        made = make_scene(request, tell=tell)
+    for warning in made.warnings:
+        say(f"warning: {warning}")
+    if not quiet:
+        _tell_what_was_made(made.summary())
+    if as_json:
+        put_json(made.to_json())
+    else:
+        put(f"{made.folder}\n")
+
+
+def _tell_what_was_made(lines: list[str]) -> None:
+    for line in lines:
+        say(one_line(line) if not line.startswith(" ") else "  " + one_line(line))
+
+
+@app.command()
+def plan(
+    rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows; `-` is stdin.")],
+    out: Annotated[str, typer.Option(help="File to write; `-` is stdout.")] = "-",
+    backend: Backend = "builtin",
+    as_json: Json = False,
+) -> None:
+    """Read instructions, one JSON row each, and write what was understood, one row each."""
+    from scenewright.apps.planning import check_out, plan_rows, read_rows, write_rows
+    from scenewright.backends import load_backend
+
+    if as_json and out == "-":
+        raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
+    check_out(out)
+    speaker = load_backend(backend)
+    planned = list(plan_rows(read_rows(rows), speaker))
+    write_rows(out, planned)
+    refused = sum(row["refused"] for row in planned)
+    say(f"{len(planned)} rows, {refused} refused")
+    if as_json:
+        put_json({"ok": True, "rows": len(planned), "refused": refused, "out": out})
+    elif out != "-":
+        put(f"{out}\n")
+
+
+@app.command()
+def verify(
+    paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="scene.json, or folders.")],
+    intersection: Annotated[
+        str | None, typer.Option(help="Check against this map, not the one the scene names.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Check scenes: exit code 0 if all are verified, 1 if one is not, 2 if one is unusable."""
+    from scenewright.apps.checking import check_paths, report
+
+    checked = check_paths(paths, intersection=intersection)
+    unusable = [each for each in checked if each.error is not None]
+    good = all(each.proof is not None and each.proof.verified for each in checked)
+    if as_json:
+        put_json({"ok": good, "scenes": [each.to_json() for each in checked]})
+    elif len(unusable) < len(checked):
+        put(report(checked))
+    for each in unusable:
+        say(f"scenewright: {each.error}")
+    if not good:
+        raise typer.Exit(UNUSABLE if unusable else NOT_VERIFIED)
+
+
+@app.command()
+def show(
+    scene: Annotated[str, typer.Argument(help="A scene's folder, or its scene.rrd.")],
+) -> None:
+    """Open a scene's recording in the rerun viewer."""
+    from scenewright.graph.recorder import open_recording
+
+    open_recording(scene)
+
+
+@intersections.command("list")
+def list_all(as_json: Json = False) -> None:
+    """List the intersections there are."""
+    from scenewright.apps.places import overview, overview_table
+
+    rows = overview()
+    if as_json:
+        put_json({"ok": True, "intersections": rows})
+    else:
+        put(overview_table(rows))
+
+
+@intersections.command("show")
+def show_one(
+    name: Annotated[str, typer.Argument(help="Its name.")],
+    png: Annotated[str | None, typer.Option(metavar="F", help="Draw the map to this file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Say what an intersection has: legs, movements, crosswalks, signals."""
+    from scenewright.apps.places import details, details_text
+
+    facts = details(name)
+    if png is not None:
+        from scenewright.graph.picture.intersection import draw_intersection
+        from scenewright.intersections import load_map
+
+        draw_intersection(png, intersection=load_map(name))
+        facts = {**facts, "png": png}
+    if as_json:
+        put_json({"ok": True, **facts})
+    else:
+        put(details_text(facts))
+
+
+@intersections.command("build")
+def build(
+    name: Annotated[str, typer.Argument(help="Its name.")],
+    out: Annotated[
+        str | None, typer.Option(help="Folder to write; intersections/NAME if none is named.")
+    ] = None,
+    counts: Annotated[
+        str | None, typer.Option(help="Folder of raw counts to derive the demand from.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the simulation.")] = 0,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Simulate an intersection's traffic and fit its priors (needs the extra `simulate`)."""
+    from scenewright.tools.gmm_sampler.bundle import build_bundle
+
+    if seed < 0:
+        raise typer.BadParameter(f"a seed is a whole number from 0, got {seed}")
+    with progress(quiet=quiet) as tell:
+        folder = build_bundle(
+            name,
+            # A name that there is no plan for is refused before anything is written.
+            out=Path(out or Path("intersections") / name),
+            counts=None if counts is None else Path(counts),
+            seed=seed,
+            progress=lambda line: tell("building", line),
+        )
+    if as_json:
+        put_json({"ok": True, "name": name, "folder": str(folder)})
+    else:
+        put(f"{folder}\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code; no exception but a bug's, if asked for.
+
+    Args:
+        argv: the words after the program's name; None takes the process's own.
+    """
+    if argv is None:
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        code = typer.main.get_command(app).main(words, "scenewright", standalone_mode=False)
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
+        _flush()
+        return code or 0
+    except ReaderGoneError:
+        return READER_GONE
+    except (Exception, KeyboardInterrupt) as error:
+        return _report(fault_of(error), error, as_json="--json" in words)
+
+
+def _flush() -> None:
+    """Whatever typer printed must be out, or the interpreter complains at its end."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        abandon_stdout()
+        raise
+
+
+def _report(fault: Fault, error: BaseException, *, as_json: bool) -> int:
+    if fault.code == "internal_error" and os.environ.get("SCENEWRIGHT_TRACEBACK"):
+        raise error
+    say(f"scenewright: {fault.reason}")
+    if as_json:
+        try:
+            put_json(fault.to_json())
+        except (OSError, ReaderGoneError):
+            return fault.exit_code
+    return fault.exit_code

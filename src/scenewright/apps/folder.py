@@ -1,0 +1,143 @@
+"""An output folder that appears whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from scenewright.errors import InputError
+
+SCENE_FILES = (
+    "provenance.json",
+    "proof.json",
+    "scene.png",
+    "scene.gif",
+    "scene.rrd",
+    "scene.json",
+)
+"""What a run may write, scene.json last: where it is, the rest is."""
+
+
+def target_folder(path: str, *, force: bool) -> Path:
+    """The folder to write, checked before any work is done.
+
+    Raises:
+        InputError: no usable path, a file is in the way, or the folder holds other things.
+    """
+    if not path.strip() or "\0" in path:
+        raise InputError("--out must name a folder")
+    target = Path(os.path.realpath(path))
+    try:
+        _check(target, force=force)
+    except OSError as error:
+        raise InputError(f"cannot use {target}: {error.strerror or error}") from error
+    return target
+
+
+def _check(target: Path, *, force: bool) -> None:
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target} is a file; --out must name a folder")
+    if target.is_dir() and not force and not _replaceable(target):
+        raise InputError(
+            f"{target} holds other files; choose another --out, or add --force to keep them "
+            "and write the scene beside them"
+        )
+    nearest = next(each for each in (target, *target.parents) if each.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
+        raise InputError(f"cannot write in {nearest}: no permission, or not a folder")
+
+
+def _replaceable(target: Path) -> bool:
+    """Empty, or nothing but an earlier scene."""
+    found = {entry.name for entry in target.iterdir()}
+    return not found or ("scene.json" in found and found <= set(SCENE_FILES))
+
+
+@contextmanager
+def whole_folder(target: Path) -> Iterator[Path]:
+    """A folder to fill, moved to `target` once the block is through, else removed.
+
+    A folder that holds an earlier scene is replaced; other files in it are kept.
+
+    Raises:
+        InputError: `target` cannot be written; nothing is left behind.
+    """
+    made: list[Path] = []
+    part: Path | None = None
+    try:
+        made = _make_parents(target)
+        part = _staging(target)
+        yield part
+        _publish(part, target)
+        made = []
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    except InputError as error:
+        if isinstance(error.__cause__, OSError):
+            raise _unwritable(target, error.__cause__) from error
+        raise
+    finally:
+        if part is not None:
+            shutil.rmtree(part, ignore_errors=True)
+        for folder in reversed(made):
+            with suppress(OSError):
+                folder.rmdir()
+
+
+def _unwritable(target: Path, error: OSError) -> InputError:
+    return InputError(f"cannot write {target}: {error.strerror or error}")
+
+
+def _make_parents(target: Path) -> list[Path]:
+    """The parents that were missing, outermost first."""
+    missing = [each for each in target.parents if not each.exists()][::-1]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    return missing
+
+
+def _staging(target: Path) -> Path:
+    """A new folder beside the target, or inside it where its parent cannot be written."""
+    name = f".{target.name[:80]}.{secrets.token_hex(4)}.part"
+    beside = target.parent / name
+    try:
+        beside.mkdir()
+    except OSError:
+        if not target.is_dir():
+            raise
+        beside = target / name
+        beside.mkdir()
+    return beside
+
+
+def _publish(part: Path, target: Path) -> None:
+    if not target.exists():
+        part.rename(target)
+    elif part.parent == target or target == Path.cwd() or not _replaceable(target):
+        _fill(part, target)
+    else:
+        _swap(part, target)
+
+
+def _swap(part: Path, target: Path) -> None:
+    """Puts the new folder in the place of the old one, which is gone only after that."""
+    old = part.with_suffix(".old")
+    target.rename(old)
+    try:
+        part.rename(target)
+    except BaseException:
+        old.rename(target)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _fill(part: Path, target: Path) -> None:
+    """Moves the files into a folder that must stay, each whole."""
+    for name in SCENE_FILES:
+        if (part / name).exists():
+            os.replace(part / name, target / name)
+        else:
+            (target / name).unlink(missing_ok=True)

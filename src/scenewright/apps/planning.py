@@ -1,0 +1,116 @@
+"""`scenewright plan`: rows of text in, rows of social graphs out."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from scenewright.apps.console import put
+from scenewright.backends import Backend, Question
+from scenewright.errors import InputError, Rejected
+from scenewright.scene.plan_row import plan_to_row
+from scenewright.scene.social import Plan, Refusal
+
+ATTEMPTS = 3
+LEGS = ("north", "east", "south", "west")
+"""Rows are planned for no particular map."""
+
+
+def read_rows(path: str) -> list[Any]:
+    """The JSON values of a file of lines, in order; `-` is stdin. Blank lines are none.
+
+    Raises:
+        InputError: unreadable, not UTF-8, or a line that is not JSON; says which.
+    """
+    name = "standard input" if path == "-" else path
+    try:
+        data = _stdin() if path == "-" else Path(path).read_bytes()
+        text = data.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot read {name}: {reason}") from error
+    lines = enumerate(text.split("\n"), start=1)
+    return [_parse(line, f"{name}, line {number}") for number, line in lines if line.strip()]
+
+
+def _stdin() -> bytes:
+    return sys.stdin.buffer.read() if sys.stdin is not None else b""
+
+
+def _parse(line: str, where: str) -> Any:
+    try:
+        return json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: not JSON: {error}") from error
+
+
+def plan_rows(rows: list[Any], backend: Backend) -> Iterator[dict[str, Any]]:
+    """One row out per row in, in order; a row that cannot be planned is a refusal.
+
+    Raises:
+        BackendFault: the backend failed for good.
+    """
+    for row in rows:
+        fault = _fault_in(row)
+        given = row if isinstance(row, dict) else {}
+        plan = refusal(fault) if fault else ask_for_plan(given, backend)
+        yield {**plan_to_row("", plan), "id": given.get("id")}
+
+
+def _fault_in(row: Any) -> str | None:
+    """What is wrong with a row, if anything."""
+    if not isinstance(row, dict):
+        return "A row is an object with 'id' and 'text'."
+    for key in ("id", "text"):
+        if not isinstance(row.get(key), str):
+            return f"The row needs {key!r} as a string."
+    if not isinstance(row.get("previous"), str | None):
+        return "'previous' must be a string, the text of the earlier turn."
+    return None
+
+
+def refusal(reason: str) -> Refusal:
+    """A row's no."""
+    return Refusal(code="out_of_scope", reason=reason)
+
+
+def ask_for_plan(row: dict[str, Any], backend: Backend) -> Plan:
+    """The backend's plan; told what was wrong, it may mend a malformed one."""
+    from scenewright.nodes.ask import ask
+    from scenewright.nodes.scene_planner import PlanReply
+
+    facts = {"instruction": row["text"], "previous": row.get("previous"), "legs": list(LEGS)}
+    wrong: list[str] = []
+    for _ in range(1 if backend.deterministic else ATTEMPTS):
+        question = Question(task="plan", facts=facts, rejections=tuple(wrong))
+        try:
+            return ask(backend, question, PlanReply, stage="scene_planner").root
+        except Rejected as error:
+            wrong.append(error.rejection.detail)
+    return refusal(f"The backend gave no usable plan: {wrong[-1]}")
+
+
+def write_rows(path: str, rows: list[dict[str, Any]]) -> None:
+    """The rows as lines of JSON, the file whole or not at all; `-` is stdout.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from scenewright.graph.atomic import write_atomically
+
+    lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
+    data = lines.encode("utf-8", "backslashreplace")
+    if path == "-":
+        put(data.decode("utf-8"))
+    else:
+        write_atomically(path, data)
+
+
+def check_out(path: str) -> None:
+    """InputError, before any work, where the file clearly cannot be written."""
+    target = Path(path)
+    if path != "-" and (target.is_dir() or not target.parent.is_dir() or not path.strip()):
+        raise InputError(f"cannot write {path!r}: --out must name a file in a folder that exists")
