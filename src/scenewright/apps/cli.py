@@ -8,7 +8,6 @@ scenewright itself, 130 interrupted.
 from __future__ import annotations
 
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,11 +28,11 @@ from scenewright.apps.faults import (
     INTERRUPTED,
     NOT_VERIFIED,
     READER_GONE,
-    TERMINATED,
     UNUSABLE,
     Fault,
     fault_of,
 )
+from scenewright.apps.interrupts import watched_signals
 
 app = typer.Typer(
     name="scenewright",
@@ -253,9 +252,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Args:
         argv: the words after the program's name; None takes the process's own.
     """
-    if argv is None:
-        signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     words = list(sys.argv[1:] if argv is None else argv)
+    with watched_signals():
+        return _run(words)
+
+
+def _run(words: list[str]) -> int:
     try:
         code = typer.main.get_command(app).main(words, "scenewright", standalone_mode=False)
         if code == INTERRUPTED:

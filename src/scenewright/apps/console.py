@@ -10,13 +10,16 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
+from scenewright.apps.interrupts import stop_if_asked
+
 if TYPE_CHECKING:
     from rich.table import Table
 
     from scenewright.graph.run import Tell
 
 LONGEST_LINE = 600
-PIPED_WIDTH = 160
+PIPED_WIDTH = 4000
+"""Wide enough for any row: what reads a pipe can cut lines, but cannot mend them."""
 _STAGES = {
     "scene_planner": "planning",
     "agent_generator": "drawing agents",
@@ -106,14 +109,40 @@ def is_terminal(stream: TextIO | None) -> bool:
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Tell]:
-    """Tells how a run goes: a changing line on a terminal, plain lines elsewhere."""
+    """Tells how a run goes: a changing line on a terminal, plain lines elsewhere.
+
+    Every line is also a moment at which a run that shall stop does.
+    """
     if quiet:
-        yield lambda stage, line: None
+        yield _heeding(lambda *_: None)
     elif is_terminal(sys.stderr):
         with _spinner() as tell:
-            yield tell
+            yield _heeding(tell)
     else:
-        yield lambda stage, line: say(f"{_STAGES.get(stage, stage)}: {one_line(line)}")
+        yield _heeding(_Lines())
+
+
+def _heeding(tell: Tell) -> Tell:
+    def heed(stage: str, line: str) -> None:
+        stop_if_asked()
+        tell(stage, line)
+
+    return heed
+
+
+class _Lines:
+    """Says what happens, a refusal only if the run goes on: the last one is the run's answer."""
+
+    def __init__(self) -> None:
+        self._held: str | None = None
+
+    def __call__(self, stage: str, line: str) -> None:
+        words = f"{_STAGES.get(stage, stage)}: {one_line(line)}"
+        if self._held is not None:
+            say(self._held)
+        self._held = words if line.startswith("refused") else None
+        if self._held is None:
+            say(words)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scenewright.apps.console import one_line
+from scenewright.apps.interrupts import was_stopped, was_terminated
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 
 NOT_VERIFIED = 1
@@ -54,6 +55,9 @@ class Fault:
 
 def fault_of(error: BaseException) -> Fault:
     """The fault that an exception amounts to; one that nobody foresaw is `internal_error`."""
+    if isinstance(error, KeyboardInterrupt) or was_stopped():
+        code = TERMINATED if was_terminated() else INTERRUPTED
+        return Fault("interrupted", code, "interrupted; nothing was written")
     match error:
         case Unsatisfiable():
             return _unsatisfiable(error)
@@ -65,8 +69,6 @@ def fault_of(error: BaseException) -> Fault:
             return Fault("out_of_memory", UNUSABLE, "there is not enough memory for this")
         case OSError():
             return Fault("unusable_input", UNUSABLE, _system(error))
-        case KeyboardInterrupt():
-            return Fault("interrupted", INTERRUPTED, "interrupted; nothing was written")
     return _usage(error) or _internal(error)
 
 

@@ -6,11 +6,13 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from scenewright.apps.console import one_line
 from scenewright.apps.folder import target_folder, whole_folder
+from scenewright.apps.interrupts import stop_if_asked
 from scenewright.errors import InputError, ScenewrightError
 
 if TYPE_CHECKING:
@@ -105,6 +107,7 @@ def make_scene(request: Request, *, tell: Tell) -> Made:
         scene.save(part)
         warnings = _add_views(scene, part, request, tell)
         files = tuple(sorted(entry.name for entry in part.iterdir()))
+        stop_if_asked()
     return Made(scene, _shown(target), files, warnings)
 
 
@@ -144,7 +147,7 @@ def _add_views(scene: Scene, folder: Path, request: Request, tell: Tell) -> tupl
     for wanted, name, write in views:
         if wanted:
             tell("writing", name)
-            warnings += _attempt(lambda name=name, write=write: write(scene, folder / name), name)  # type: ignore[misc]
+            warnings += _attempt(partial(write, scene, folder / name), name)
     return tuple(warnings)
 
 
@@ -155,6 +158,7 @@ def _attempt(write: Callable[[], None], name: str) -> list[str]:
     except (ScenewrightError, MemoryError):
         raise
     except Exception as error:  # a library or its environment; the scene stands without it
+        stop_if_asked()
         return [one_line(f"no {name}: {type(error).__name__}: {error}", limit=300)]
     return []
 

@@ -74,6 +74,7 @@ def overview_table(rows: list[dict[str, Any]]) -> str:
 def details_text(facts: dict[str, Any]) -> str:
     """The facts on one intersection as lines."""
     signals = facts["signals"]
+    lights = "none" if signals is None else f"cycle of {signals['cycle']:g} s"
     ways: dict[str, list[str]] = {}
     for each in facts["movements"]:
         way = f"{each['turn']} to {each['exit']}"
@@ -82,7 +83,7 @@ def details_text(facts: dict[str, Any]) -> str:
     lines = [
         f"{facts['name']}: {facts['title']}",
         f"traffic: {'right' if facts['right_hand_traffic'] else 'left'}-hand",
-        f"signals: {'none' if signals is None else 'cycle of %g s' % signals['cycle']}",
+        f"signals: {lights}",
         f"priors: {'fitted' if facts['priors'] else 'none'}",
         f"crosswalks: {', '.join(facts['crosswalks']) or 'none'}",
         *(f"{leg['name']} leg: {leg['road']}" for leg in facts["legs"]),

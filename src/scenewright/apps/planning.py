@@ -57,7 +57,12 @@ def plan_rows(rows: list[Any], backend: Backend) -> Iterator[dict[str, Any]]:
         fault = _fault_in(row)
         given = row if isinstance(row, dict) else {}
         plan = refusal(fault) if fault else ask_for_plan(given, backend)
-        yield {**plan_to_row("", plan), "id": given.get("id")}
+        yield {**plan_to_row("", plan), "id": _echo(given.get("id"))}
+
+
+def _echo(identity: Any) -> str | int | None:
+    """The id that a row came with, right or wrong, as far as one can be told from it."""
+    return identity if isinstance(identity, str | int) else None
 
 
 def _fault_in(row: Any) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from itertools import pairwise
 
 from scenewright.apps.console import one_line
 from scenewright.scene.base import Point
@@ -79,7 +80,7 @@ def place(spot: Point, on: IntersectionMap) -> str:
 def _gap(spot: Point, lanelet: Lanelet) -> float:
     line = lanelet.centreline
     return min(
-        (_to_segment(spot, a, b) for a, b in zip(line[:-1], line[1:], strict=True)),
+        (_to_segment(spot, a, b) for a, b in pairwise(line)),
         default=math.inf,
     )
 

@@ -22,6 +22,7 @@ from scenewright.nodes.context import RefinerName, RunContext
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
+from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.dsl_validator.select import Mode
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.ground import Ground
@@ -226,7 +227,7 @@ def _provenance(
         "refinement": state["refinement"],
         "intersection": context.intersection.name,
         "versions": _versions(),
-        "constraints": [each.clause for each in state["constraints"].clauses],
+        "constraints": [format_clause(each) for each in state["constraints"].clauses],
         "patterns": [each.pattern for each in state["candidates"].cast.patterns],
         "rejections": [each.model_dump(mode="json") for each in state.get("rejections", [])],
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},

@@ -125,7 +125,7 @@ class Headway(_Pair):
 
 
 class Contact(_Pair):
-    """The two touch; `kind` restricts how, `speed` asks for that speed of `first` at contact [m/s]."""
+    """The two touch; `kind` restricts how, `speed` [m/s] is that of `first` at contact."""
 
     clause: Literal["contact"] = "contact"
     kind: CollisionKind | None = None

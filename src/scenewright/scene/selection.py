@@ -80,7 +80,8 @@ class Selection:
         duration: of the scene [s].
         signal_offset: scene time 0 in the signal programme [s]; None where unsignalised.
         nll: summed -log p_wp of the chosen candidates [nats] (Eq. 4).
-        optimal: whether no surviving combination of the pool has a smaller sum.
+        cost: the same plus -log density of the time laws [nats]; what `map` minimises.
+        optimal: whether no surviving combination of the pool costs less.
         figures: how the search went (counts).
     """
 
@@ -89,5 +90,6 @@ class Selection:
     duration: float
     signal_offset: float | None
     nll: float
+    cost: float
     optimal: bool
     figures: Mapping[str, float] = field(default_factory=dict)

@@ -28,6 +28,9 @@ FOREVER = 1e4
 _JOIN = 0.3
 """Intervals closer than this [s] are one meeting seen through two nodes."""
 
+_RESTS = 1e-4
+"""Less way than this in one step [m] is standing."""
+
 IntArray = NDArray[np.intp]
 Intervals = FloatArray
 """[N, 2] disjoint closed intervals [s], ascending."""
@@ -228,7 +231,19 @@ def _occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, 
     leave = np.where(np.isinf(come), np.inf, leave)
     if motion.ended:
         leave = np.where(s + reach >= last - 1e-3, np.where(np.isinf(come), np.inf, FOREVER), leave)
-    return come, leave
+    return (come, leave) if half else _with_rests(s, motion, come, leave)
+
+
+def _with_rests(
+    s: FloatArray, motion: Motion, come: FloatArray, leave: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Nodes as points miss whoever rests between two of them: the nearest stands in for it."""
+    rests = np.nonzero(np.diff(motion.s) < _RESTS)[0]
+    node = np.minimum(np.rint(motion.s[rests] / (s[1] - s[0])).astype(np.intp), len(s) - 1)
+    np.minimum.at(come, node, STEP * rests)
+    leave = np.where(np.isinf(leave), -np.inf, leave)
+    np.maximum.at(leave, node, STEP * (rests + 1))
+    return come, np.where(np.isinf(come), np.inf, leave)
 
 
 def _merge(low: FloatArray, high: FloatArray) -> Intervals:

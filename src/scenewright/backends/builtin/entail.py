@@ -14,7 +14,7 @@ TURNS = {
     "straight": OPPOSITE,
     "uturn": {side: side for side in OPPOSITE},
 }
-_VEHICLE_TAKES = frozenset({"rear_end", "sideswipe", "head_on", "left_turn", "angle"})
+_VEHICLE_TAKES = frozenset({"rear_end", "sideswipe", "head_on", "angle"})
 
 
 def entail(draft: Draft) -> None:
@@ -189,13 +189,16 @@ def _possible(relation: RelationDraft) -> None:
             "A pedestrian and a vehicle share no lane, so neither follows the other; "
             "use two of a kind.",
         )
-    if (
-        relation.type == "collide_at"
-        and first.type != second.type
-        and relation.kind in _VEHICLE_TAKES
-    ):
+    if relation.type == "collide_at" and first.type != second.type:
+        _strike(relation)
+
+
+def _strike(relation: RelationDraft) -> None:
+    """A car may hit a pedestrian head-on; a pedestrian rear-ends nobody."""
+    if relation.kind in _VEHICLE_TAKES and relation.from_.type == "pedestrian":
         raise Refused(
             "impossible",
             f"Only two vehicles collide as {relation.kind.replace('_', ' ')}; name two "
             "vehicles or just a collision.",
         )
+    relation.kind = None

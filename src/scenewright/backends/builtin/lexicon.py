@@ -139,6 +139,9 @@ def _nearest(word: str, targets: tuple[str, ...]) -> str | None:
     if not ranked:
         return None
     distance, other_initial, _, target = ranked[0]
+    slip = sorted(word) == sorted(target) or word[:3] == target[:3]
+    if len(word) <= 5 and len(target) == len(word) and not slip:
+        return None  # "stack" is no typo of "smack": short words differ by slips, not letters
     return None if other_initial and distance > 1 else target
 
 

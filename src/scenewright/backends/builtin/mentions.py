@@ -12,6 +12,7 @@ from scenewright.scene.base import AgentClass
 
 _PREMODIFIER_RULES = frozenset({"bound", "uturn", "straight", "from", "leg", "crosswalk"})
 _ADJECTIVE_TAGS = [
+    "YIELD",
     "OPPOSITE",
     "JAYWALK",
     "TURN",
@@ -33,6 +34,9 @@ _ADJECTIVE_TAGS = [
     "NEAR",
     "FROM",
 ]
+_PARTICIPLES = frozenset(
+    {"lead", "following", "leading", "trailing", "stopped", "waiting", "turning", "yielding"}
+)
 _DRIVERS = frozenset({"driver", "drivers", "motorist", "rider"})
 _IN_VEHICLE = frozenset(
     {"in", "of", "on", "driving", "drives", "drove", "riding", "steering", "piloting", "operating"}
@@ -109,7 +113,11 @@ class _NounPhrases:
         """ "the northbound one": no noun, but a direction."""
         before = self.nodes[at - 1] if at else None
         one = isinstance(before, Chunk) and before.text in {"one", "ones"}
-        if not (one and mention.premods and mention.det in {"definite", "indefinite", "other", "another"}):
+        if not (
+            one
+            and mention.premods
+            and mention.det in {"definite", "indefinite", "other", "another"}
+        ):
             return None
         mention.head, mention.count, mention.counted = "one", 1, False
         return mention, at
@@ -193,12 +201,7 @@ class _NounPhrases:
             "elsewhere",
         }:
             return True
-        if (
-            node.text
-            in {"lead", "following", "leading", "trailing", "stopped", "waiting", "turning"}
-            and isinstance(after, Chunk)
-            and after.has("AGENT")
-        ):
+        if node.text in _PARTICIPLES and isinstance(after, Chunk) and after.has("AGENT"):
             return True
         if node.has("WAIT", "FOLLOW", "HEAD", "EXIT", "NEAR", "FROM", "SAME"):
             return opened and last.endswith(("ing", "ed")) and len(last) > 4

@@ -162,6 +162,8 @@ class Naming(Relating):
                 put(agent, "movement", "uturn")
             elif chunk.has("REDRUN"):
                 agent.runs_red = True
+        if chunk.has("YIELD"):
+            self.deferred.append(OpenRelation("yield_to", None, 0, group, weak=True))
 
     def _front(self, group: Group) -> None:
         kept: list[Modifier | Chunk] = []
@@ -334,6 +336,11 @@ class Naming(Relating):
             raise Refused("impossible", "An agent cannot do this to itself; name a second agent.")
 
     def _mutual(self) -> None:
+        if self.awaiting is not None and self.awaiting.type == "follow":
+            self.open.remove(self.awaiting)
+            self.awaiting = None
+            self._chain()
+            return
         if self.awaiting is not None and self.awaiting.object is None:
             subject = self.awaiting.subject or []
             if len(subject) < 2:

@@ -298,18 +298,7 @@ class Relating(Modifying):
 
     def _lets(self, at: int, chunk: Chunk) -> bool:
         """ "lets B pass", "gives B the right of way", "is allowed to go first by"."""
-        giving = chunk.words[0] in {
-            "give",
-            "gives",
-            "gave",
-            "given",
-            "giving",
-            "grant",
-            "grants",
-            "granted",
-            "wave",
-            "waves",
-        }
+        giving = chunk.words[0].startswith(("giv", "gave", "grant"))
         if (
             self._be_before(at)
             and chunk.words[0] in {"given", "granted", "let", "allowed", "permitted", "waved"}
@@ -356,7 +345,20 @@ class Relating(Modifying):
             ) or (
                 isinstance(item, Modifier)
                 and not isinstance(item, Mention)
-                and (words & {"cross", "crossing", "turn", "go", "pass", "through", "make", "walk"})
+                and (
+                    words
+                    & {
+                        "cross",
+                        "across",
+                        "crossing",
+                        "turn",
+                        "go",
+                        "pass",
+                        "through",
+                        "make",
+                        "walk",
+                    }
+                )
             ):
                 return True
             if isinstance(item, Mention):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
+from importlib.resources import files
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.lexicon import Chunk, lexicon
@@ -11,83 +13,6 @@ from scenewright.backends.builtin.normalise import Token
 
 MOST_CHARACTERS = 2_000
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-_FOREIGN = frozenset(
-    [
-        "un",
-        "une",
-        "uno",
-        "una",
-        "le",
-        "les",
-        "el",
-        "los",
-        "las",
-        "der",
-        "die",
-        "das",
-        "ein",
-        "eine",
-        "einen",
-        "einem",
-        "et",
-        "und",
-        "y",
-        "ein",
-        "de",
-        "des",
-        "du",
-        "en",
-        "il",
-        "lo",
-        "gli",
-        "het",
-        "een",
-                "voor",
-        "met",
-        "op",
-        "pas",
-        "por",
-        "para",
-        "con",
-        "que",
-        "qui",
-        "est",
-        "ist",
-        "nicht",
-        "nao",
-        "uma",
-        "um",
-        "dos",
-        "ao",
-        "na",
-        "och",
-        "ett",
-        "att",
-        "med",
-        "til",
-        "som",
-        "nie",
-        "jest",
-        "w",
-        "na",
-        "przez",
-        "ve",
-        "bir",
-        "di",
-        "che",
-        "al",
-        "del",
-        "della",
-        "auf",
-        "mit",
-        "dans",
-        "sur",
-        "peatón",
-        "coche",
-        "voiture",
-            "wagen",
-    ]
-)
 _QUESTION = re.compile(
     r"^\s*(?:(?:how (?!about)|what(?!\s+(?:if|about|happens (?:if|when)))|why|who|where|"
     r"when (?:is|was|did|do|will)|which|tell me|explain|define|translate|summari[sz]e|"
@@ -134,9 +59,17 @@ def check_language(text: str, tokens: Sequence[Token]) -> None:
     if not letters or latin < 0.8 * len(letters):
         raise _not_english()
     words = [token.text for token in tokens if token.text.isalpha()]
-    foreign = sum(word in _FOREIGN for word in words)
+    foreign_words = _foreign_words()
+    foreign = sum(word in foreign_words for word in words)
     if not words or not _familiar(tokens) or (foreign >= 2 and foreign >= 0.2 * len(words)):
         raise _not_english()
+
+
+@lru_cache(maxsize=1)
+def _foreign_words() -> frozenset[str]:
+    """Function words that betray another language."""
+    source = files("scenewright.backends.builtin").joinpath("foreign.txt")
+    return frozenset(source.read_text("utf-8").split())
 
 
 def _familiar(tokens: Sequence[Token]) -> bool:

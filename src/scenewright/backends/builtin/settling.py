@@ -36,7 +36,8 @@ class Settling(Cursor):
 
     def _close(self, relation: OpenRelation) -> None:
         subject, object_ = relation.subject, relation.object
-        if relation.nominal and not relation.explicit and self._told_by_verb(relation):
+        unasked = relation.nominal and not (relation.explicit or relation.negated)
+        if unasked and self._told_by_verb(relation):
             self._lend_kind(relation)
             return
         if relation.weak and object_ is None:
@@ -49,6 +50,8 @@ class Settling(Cursor):
             else:
                 self._settle(relation, *self._by_right_of_way(relation, pair))
             return
+        if object_ is not None and relation.type in SYMMETRIC:
+            object_ = [agent for agent in object_ if agent not in subject] or None
         if (
             object_ is None
             and relation.type in SYMMETRIC
@@ -206,6 +209,10 @@ class Settling(Cursor):
                 known[0].kind = known[0].kind or relation.kind
                 continue
             self._about_traffic(relation)
+            vehicles = [agent for agent in self.draft.agents if agent.type == "vehicle"]
+            if relation.type == "follow" and relation.nominal and len(vehicles) > 2:
+                self._settle_group(relation, vehicles)
+                continue
             self._settle(relation, *self._whole_text_pair(relation))
         if self.draft.relations or self.draft.normal:
             return

@@ -67,7 +67,7 @@ def _problem(
 
 
 def _below(value: float, limit: float, what: str) -> str | None:
-    return None if value >= limit else f"only {value:.2f} {what}, at least {limit:g}"
+    return None if value >= limit else f"only {value:.3g} {what}, at least {limit:g}"
 
 
 def _passes(candidate: Candidate, clause: PassesThrough, marks: Landmarks) -> bool:

@@ -1,5 +1,11 @@
 """Everybody else in time: candidate and entry time of agents that no relation binds.
 
+Two ways. In turn (`seat_in_turn`): each agent takes the first of its options that keeps clear of
+those seated before it, as near to the time it was drawn for as may be; who finds no room makes way
+for a spare. That is a draw among the surviving combinations, one agent after the other.
+
+At once (`seat`), the least-cost combination, exactly:
+
 Lazy CP-SAT (ARCHITECTURE section 4). One Boolean per option (a candidate with a time law and
 edits), one integer entry time per agent; the summed NLL is least subject to the certificate of no
 other interaction. Pair constraints are added only for options actually chosen, until none is
@@ -8,7 +14,7 @@ broken, so that the optimum is that of the full model without building it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import Any
@@ -29,7 +35,7 @@ _NODE = {"vehicle": 0.6, "pedestrian": 0.25}
 _SCALE = 100
 """Objective units per nat."""
 
-_SOLVER_SECONDS = 2.0
+_SOLVER_SECONDS = 0.5
 _MAX_ROUNDS = 40
 _SPARE_COST = 5.0
 """Nats that a spare guest costs: those drawn first go first."""
@@ -61,12 +67,14 @@ class Option:
         make: builds candidate and motion, entering at time 0, when first looked at.
         starts: [N] allowed entry times in steps of 0.1 s, ascending.
         cost: -log density of it [nats].
+        wish: entry time [steps] that it was drawn for.
     """
 
     make: Callable[[], Actor]
     index: int
     starts: NDArray[np.int64]
     cost: float
+    wish: int = 0
 
     @cached_property
     def actor(self) -> Actor:
@@ -104,15 +112,13 @@ Place = tuple[int, int, int]
 """Guest, option and entry time [steps]."""
 
 
-def seat(
-    guests: Sequence[Guest], fixed: Mapping[str, Actor], wanted: Mapping[AgentClass, int]
-) -> Seating | str:
+def seat(guests: Sequence[Guest], table: Table, wanted: Mapping[AgentClass, int]) -> Seating | str:
     """The least-cost seating around the fixed actors, or why there is none.
 
     Args:
+        table: of the fixed actors; knows what earlier seatings around them found out.
         wanted: how many background guests of each class take part.
     """
-    table = _Conflicts(list(fixed.values()))
     problem = _Problem(guests, table, wanted)
     for rounds in range(1, _MAX_ROUNDS + 1):
         solved = problem.solve()
@@ -121,13 +127,60 @@ def seat(
         barred = table.barred(guests, solved)
         for guest, option in barred:
             problem.bar(guest, option)
-        broken = [] if barred else table.broken(guests, solved)
+        settled = [place for place in solved if place[:2] not in barred]
+        broken = table.broken(guests, settled)
         for conflict in broken:
             problem.forbid(conflict)
         if not barred and not broken:
             chosen = {guests[i].name: (guests[i].options[k], start) for i, k, start in solved}
             return Seating(chosen, problem.optimal, rounds, table.evaluated)
     return "the search for an arrangement ran out of rounds"
+
+
+def seat_in_turn(
+    guests: Sequence[Guest], table: Table, wanted: Mapping[AgentClass, int]
+) -> Seating | str:
+    """Guests seated in the order given until every class has as many as wanted."""
+    left = dict(wanted)
+    seated: list[tuple[Guest, Option, int]] = []
+    for guest in sorted(guests, key=lambda each: not each.foreground):
+        if not guest.foreground and left[guest.type] <= 0:
+            continue
+        found = _first_room(guest, seated, table)
+        if found is not None:
+            seated.append((guest, *found))
+            left[guest.type] -= not guest.foreground
+        elif guest.foreground:
+            return f"{guest.name} finds no moment at which it would not interact"
+    if any(left.values()):
+        return f"no room for {sum(left.values())} of {sum(wanted.values())} further agents"
+    chosen = {guest.name: (option, start) for guest, option, start in seated}
+    return Seating(chosen, optimal=False, rounds=1, pairs=table.evaluated)
+
+
+def _first_room(
+    guest: Guest, seated: list[tuple[Guest, Option, int]], table: Table
+) -> tuple[Option, int] | None:
+    """The guest's cheapest option with room, and its entry time nearest to the one wished for."""
+    for option in sorted(guest.options, key=lambda each: each.cost):
+        free = table.clear_of_fixed(option)
+        for other, taken, start in seated:
+            if not len(free):
+                break
+            strict = guest.foreground or other.foreground
+            free = _outside(free, start, table.between(taken, option, strict))
+        if len(free):
+            return option, int(free[np.argmin(np.abs(free - option.wish))])
+    return None
+
+
+def _outside(
+    free: NDArray[np.int64], start: int, forbidden: list[tuple[int, int]]
+) -> NDArray[np.int64]:
+    """Entry times whose difference from `start` lies in none of the open intervals."""
+    for low, high in forbidden:
+        free = free[(free - start <= low) | (free - start >= high)]
+    return free
 
 
 @dataclass(frozen=True)
@@ -151,7 +204,7 @@ class _Problem:
     """The CP-SAT model, growing by one round of pair constraints at a time."""
 
     def __init__(
-        self, guests: Sequence[Guest], table: _Conflicts, wanted: Mapping[AgentClass, int]
+        self, guests: Sequence[Guest], table: Table, wanted: Mapping[AgentClass, int]
     ) -> None:
         from ortools.sat.python import cp_model
 
@@ -176,7 +229,7 @@ class _Problem:
             self._model.add(sum(take for g in crowd for take in self._takes[g]) == count)
         self._model.minimize(sum(costs))
 
-    def _start(self, guest: Guest, takes: list[Any], table: _Conflicts) -> Any:
+    def _start(self, guest: Guest, takes: list[Any], table: Table) -> Any:
         """The guest's entry time; options with a choice of it already keep clear of the fixed."""
         everything: Any = None
         for take, option in zip(takes, guest.options, strict=True):
@@ -248,11 +301,15 @@ def _counts(guest: Guest, kind: AgentClass) -> bool:
     return guest.type == kind and not guest.foreground
 
 
-class _Conflicts:
-    """Forbidden differences of entry times, computed once per pair of options that meet."""
+class Table:
+    """Forbidden differences of entry times, computed once per pair of options that meet.
 
-    def __init__(self, fixed: list[Actor]) -> None:
-        self._fixed = fixed
+    Args:
+        fixed: actors whose times are settled. Options are known by identity: keep them alive.
+    """
+
+    def __init__(self, fixed: Iterable[Actor]) -> None:
+        self._fixed = list(fixed)
         self._free: dict[int, NDArray[np.int64]] = {}
         self._pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
         self._geometry = Geometry()
@@ -265,8 +322,7 @@ class _Conflicts:
             free = option.starts
             for actor in self._fixed if len(free) else ():
                 shift = round(actor.enters / STEP)
-                for low, high in self._forbidden(actor, option.actor, strict=True):
-                    free = free[(free - shift <= low) | (free - shift >= high)]
+                free = _outside(free, shift, self._forbidden(actor, option.actor, strict=True))
             self._free[key] = free
         return self._free[key]
 
@@ -275,9 +331,13 @@ class _Conflicts:
         return option.starts if len(option.starts) == 1 else self.clear_of_fixed(option)
 
     def barred(self, guests: Sequence[Guest], solved: list[Place]) -> list[tuple[int, int]]:
-        """(guest, option) of options chosen that meet a fixed actor after all."""
+        """(guest, option) that meet a fixed actor after all: of each guest whose choice does."""
+        wrong = [g for g, k, _ in solved if not len(self.clear_of_fixed(guests[g].options[k]))]
         return [
-            (g, k) for g, k, _ in solved if not len(self.clear_of_fixed(guests[g].options[k]))
+            (g, k)
+            for g in wrong
+            for k, option in enumerate(guests[g].options)
+            if len(option.starts) == 1 and not len(self.clear_of_fixed(option))
         ]
 
     def broken(self, guests: Sequence[Guest], solved: list[Place]) -> list[_Conflict]:
@@ -293,7 +353,7 @@ class _Conflicts:
         (i, option_i, start_i), (j, option_j, start_j) = one, other
         first, second = guests[i].options, guests[j].options
         strict = guests[i].foreground or guests[j].foreground
-        between = self._between(second[option_j], first[option_i], strict)
+        between = self.between(second[option_j], first[option_i], strict)
         if not any(low < start_i - start_j < high for low, high in between):
             return []
         pairs = [(k, option_j) for k in range(len(first)) if _flexible(first[k])]
@@ -316,11 +376,12 @@ class _Conflicts:
         least, most = int(free_a[0] - free_b[-1]), int(free_a[-1] - free_b[0])
         return [
             _Conflict(i, k, j, m, low, high, always=low < least and most < high)
-            for low, high in self._between(b, a, strict)
+            for low, high in self.between(b, a, strict)
             if low < most and least < high
         ]
 
-    def _between(self, a: Option, b: Option, strict: bool) -> list[tuple[int, int]]:
+    def between(self, a: Option, b: Option, strict: bool) -> list[tuple[int, int]]:
+        """What the two options forbid of the difference of their entry times [steps]."""
         key = (id(a), id(b))
         if key not in self._pairs:
             self._pairs[key] = self._forbidden(a.actor, b.actor, strict=strict)
@@ -384,10 +445,12 @@ def _separation(a: Actor, b: Actor, strict: bool) -> Separation:
 
 
 def _apart(a: Actor, b: Actor) -> bool:
-    """Whether the two paths never come within 8 m (bounding boxes)."""
+    """Whether the two paths never come near one another (bounding boxes)."""
+    shapes = (a.candidate.shape, b.candidate.shape)
+    reach = sum(np.hypot(each.length, each.width) / 2 for each in shapes) + FOREGROUND.clearance
     low_a, high_a = a.candidate.path.xy.min(axis=0), a.candidate.path.xy.max(axis=0)
     low_b, high_b = b.candidate.path.xy.min(axis=0), b.candidate.path.xy.max(axis=0)
-    return bool((low_a > high_b + 8.0).any() or (low_b > high_a + 8.0).any())
+    return bool((low_a > high_b + reach).any() or (low_b > high_a + reach).any())
 
 
 def _widened(pair: Encounter, a: Motion, b: Motion, separation: Separation) -> Intervals:

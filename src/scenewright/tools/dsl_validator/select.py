@@ -9,9 +9,11 @@ the foreground by lazy CP-SAT (`crowd`).
 from __future__ import annotations
 
 import heapq
+import itertools
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
@@ -21,6 +23,7 @@ from scenewright.errors import Rejected
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet
 from scenewright.scene.constraints import (
+    Before,
     ConstraintProgram,
     Contact,
     GivesWay,
@@ -36,9 +39,17 @@ from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.check import check
-from scenewright.tools.dsl_validator.crowd import Guest, Option, Seating, forbidden_offsets, seat
+from scenewright.tools.dsl_validator.crowd import (
+    Guest,
+    Option,
+    Seating,
+    Table,
+    forbidden_offsets,
+    seat,
+    seat_in_turn,
+)
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.dsl_validator.stage import Actor, Stage, Staging, demands
+from scenewright.tools.dsl_validator.stage import Actor, Stage, Staging, demands, passes_first
 from scenewright.tools.encounter import encounter
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import STOP_GAP, Landmarks, landmarks
@@ -49,19 +60,31 @@ Mode = Literal["draw", "map"]
 
 MAX_SECONDS = 30.0
 _MIN_SECONDS = 20.0
-_FIRST_EVENT = (7.0, 13.0)
+_FIRST_EVENT = (6.5, 17.0)
 _TUPLES = 14
+_MAP_TUPLES = 400
 _STAGINGS_PER_TUPLE = 4
-_GUEST_DRAWS = 2
+_GUEST_DRAWS = 1
+"""Candidates of a background agent that are looked at: one, as the prior drew it (`draw`)."""
+
 _QUEUE = 3
 _QUEUE_COST = 4.0
 """Nats that a place farther back in the queue costs: nobody queues behind nobody."""
 
 _SEATINGS = 3
-"""Seatings tried before everybody is drawn afresh."""
+"""Seatings tried before everybody is drawn afresh (`draw`)."""
 
 _WINDOW = 6.0
-"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]."""
+"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]..."""
+
+_STUCK_COST = 8.0
+"""Nats that it costs to stand on at green because of a wreck."""
+
+_WAITING_ALREADY = 4.0
+"""How long before the scene begins [s] one who is already waiting then came about."""
+
+_FAR_COST = 2.0
+"""... before it costs nats to have it come at another time altogether."""
 
 _Event = (Contact, TimeGap, Headway, GivesWay)
 
@@ -94,6 +117,7 @@ class _Search:
         self._pool, self._ground, self._rng, self._mode = pool, ground, rng, mode
         self._events = tuple(c for c in program.clauses if isinstance(c, _Event))
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
+        self._before = tuple(c for c in program.clauses if isinstance(c, Before))
         self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
         bound = [name for c in self._events for name in (c.first, str(c.second))]
@@ -103,13 +127,46 @@ class _Search:
         self._unseated = 0
 
     def run(self) -> Selection:
-        for tried, choice in enumerate(self._tuples()):
-            if tried >= _TUPLES or self._unseated >= _SEATINGS:
-                break
+        found = self._least() if self._mode == "map" else self._first()
+        if found is None:
+            raise Rejected(self._rejection())
+        return found
+
+    def _first(self) -> Selection | None:
+        """The first surviving combination in the order drawn."""
+        for tried, choice in enumerate(itertools.islice(self._tuples(), _TUPLES), start=1):
             selection = self._try(choice)
             if selection is not None:
-                return replace(selection, figures={**selection.figures, "tuples": tried + 1})
-        raise Rejected(self._rejection())
+                return replace(selection, figures={**selection.figures, "tuples": tried})
+            if self._unseated >= _SEATINGS:
+                return None
+        return None
+
+    def _least(self) -> Selection | None:
+        """The combination of least cost: tuples by ascending cost, until none can be better.
+
+        A tuple costs at least its own sum plus the cheapest option of everybody else.
+        """
+        others = sum(
+            float((draws.nll + draws.time_nll).min())
+            for name, draws in self._pool.agents.items()
+            if name not in self._bound and not draws.spare
+        )
+        best: Selection | None = None
+        for tried, choice in enumerate(self._tuples(), start=1):
+            bound = others + sum(self._cost(name, m) for name, m in choice.items())
+            if best is not None and bound >= best.cost:
+                return replace(best, figures=_figures(best, tried))
+            if tried > _MAP_TUPLES:
+                break
+            selection = self._try(choice)
+            if selection is not None and (best is None or selection.cost < best.cost):
+                best = selection
+        return None if best is None else replace(best, optimal=False)
+
+    def _cost(self, name: str, m: int) -> float:
+        draws = self._pool.agents[name]
+        return float(draws.nll[m] + draws.time_nll[m])
 
     def _tuples(self) -> Iterator[dict[str, int]]:
         """Choices of one candidate per bound agent."""
@@ -144,7 +201,8 @@ class _Search:
             if selection is not None:
                 return selection
             count += 1
-            if count >= _STAGINGS_PER_TUPLE or self._unseated >= _SEATINGS:
+            spent = self._mode == "draw" and self._unseated >= _SEATINGS
+            if count >= _STAGINGS_PER_TUPLE or spent:
                 return None
         if not count:
             self._failures[_text(self._events)] += 1
@@ -182,6 +240,8 @@ class _Search:
         """In scene time, with lights and everybody else; None if one of these does not fit."""
         timed = self._timed(staging)
         if timed is None or not self._strangers_apart(timed):
+            return None
+        if not self._in_order(timed):
             return None
         staging, duration = timed, self._duration(timed)
         offset = self._signal_offset(staging, duration)
@@ -227,6 +287,14 @@ class _Search:
                         return False
         return True
 
+    def _in_order(self, staging: Staging) -> bool:
+        for clause in self._before:
+            first, second = staging.actors.get(clause.first), staging.actors.get(clause.second)
+            if first is None or second is None or not passes_first(first, second):
+                self._failures[format_clause(clause)] += 1
+                return False
+        return True
+
     def _signal_offset(self, staging: Staging, duration: float) -> float | None:
         program = self._ground.on.signals
         if program is None:
@@ -240,35 +308,26 @@ class _Search:
         return float(self._rng.choice(offsets)) if len(offsets) else None
 
     def _seat(self, staging: Staging, offset: float | None, duration: float) -> Seating | str:
-        """Everybody else around the foreground: as drawn; else at other times, and with spares."""
+        """Everybody else around the foreground; spares stand in for those who find no room."""
         clock = None
         if offset is not None and self._ground.on.signals is not None:
             clock = SignalClock(self._ground.on.signals, offset)
-        seating: Seating | str = "nobody was drawn"
-        for moment, spares in (
-            (_Moment(clock, duration, _WINDOW, draws=1), False),
-            (_Moment(clock, duration, MAX_SECONDS, draws=_GUEST_DRAWS), True),
-        ):
-            guests = []
-            for name, draws in self._pool.agents.items():
-                if name in staging.actors or (draws.spare and not spares):
-                    continue
-                options = tuple(self._options(draws, moment))
-                guests.append(
-                    Guest(
-                        name,
-                        draws.route.type,
-                        draws.role == "foreground",
-                        options,
-                        spare=draws.spare,
-                    )
-                )
-            seating = seat(guests, staging.actors, self._pool.background)
-            if isinstance(seating, Seating):
-                return seating
-        return seating
+        blocked = any(actor.contact is not None for actor in staging.actors.values())
+        moment = _Moment(clock, duration, blocked)
+        everybody = [
+            _Invitation(draws, partial(self._options, draws, moment))
+            for name, draws in self._pool.agents.items()
+            if name not in staging.actors
+        ]
+        table = Table(actor.until(duration) for actor in staging.actors.values())
+        if self._mode == "map":
+            invited = [each.guest for each in everybody if not each.draws.spare]
+            return seat(invited, table, self._pool.background)
+        return seat_in_turn([each.guest for each in everybody], table, self._pool.background)
 
-    def _options(self, draws: AgentDraws, moment: _Moment) -> Iterator[Option]:
+    def _options(self, draws: AgentDraws, moment: _Moment) -> tuple[Option, ...]:
+        options: list[Option] = []
+        wanted = _GUEST_DRAWS if self._mode == "draw" else len(draws.nll)
         order = np.argsort(draws.nll) if self._mode == "map" else np.arange(len(draws.nll))
         taken = 0
         for m in order:
@@ -276,10 +335,11 @@ class _Search:
             if built is None:
                 continue
             ways = tuple(self._ways(draws, int(m), *built, moment, waits=not taken))
-            yield from ways
+            options += ways
             taken += bool(ways)
-            if self._mode == "draw" and taken >= moment.draws:
-                return
+            if taken >= wanted:
+                break
+        return tuple(options)
 
     def _ways(
         self,
@@ -297,19 +357,27 @@ class _Search:
         cost = float(draws.nll[m] + draws.time_nll[m])
         arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
         around = arrives - STEP * len(motion.s) / 2
-        starts = _starts(actor, moment, around=around)
-        if len(starts):
-            yield Option(lambda: actor, m, starts, cost)
+        starts, wish = _starts(actor, moment), round(around / STEP)
+        near = starts[np.abs(STEP * starts - around) <= _WINDOW]
+        if len(near):
+            yield Option(lambda: actor, m, near, cost, wish)
+        if len(starts) > len(near):
+            yield Option(lambda: actor, m, starts, cost + _FAR_COST, wish)
         if not waits:
             return
-        late = float(self._rng.uniform(-moment.window, moment.window))
+        late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
         lag = float(self._rng.uniform(0.6, 1.3))
-        for enters in (around, around + late):
+        waiting = -STEP * len(motion.s) / 2 - _WAITING_ALREADY
+        for enters in (around, *(around + each for each in late), waiting):
             for place in range(_QUEUE):
-                red = _RedLight(actor, moment.clock, round(enters, 1), place, lag)
-                if red.holds and red.enters <= moment.duration - 4.0:
-                    step = np.array([round(red.enters / STEP)], dtype=np.int64)
-                    yield Option(red.actor, m, step, cost + _QUEUE_COST * place)
+                red = _RedLight(actor, moment, round(enters, 1), place, lag)
+                if not red.holds:
+                    continue
+                step = np.array([round(red.enters / STEP)], dtype=np.int64)
+                yield Option(red.actor, m, step, cost + _QUEUE_COST * place)
+                if moment.blocked and red.release < moment.duration:
+                    stuck = replace(red, stays=True)
+                    yield Option(stuck.actor, m, step, cost + _STUCK_COST + _QUEUE_COST * place)
 
     def _selection(
         self,
@@ -355,6 +423,7 @@ class _Search:
             duration=duration,
             signal_offset=offset,
             nll=nll,
+            cost=sum(self._cost(name, agent.index) for name, agent in agents.items()),
             optimal=self._mode == "map" and seating.optimal,
             figures={"rounds": seating.rounds, "pairs": seating.pairs},
         )
@@ -370,25 +439,44 @@ class _Search:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Invitation:
+    """An agent and its options, built when first looked at and kept for another try."""
+
+    draws: AgentDraws
+    options: Callable[[], tuple[Option, ...]]
+
+    @cached_property
+    def guest(self) -> Guest:
+        """The agent as the seating wants it."""
+        draws = self.draws
+        foreground = draws.role == "foreground"
+        return Guest(draws.name, draws.route.type, foreground, self.options(), draws.spare)
+
+
 @dataclass(frozen=True)
 class _Moment:
-    """When agents may come: lights, scene length [s], freedom about the arrival drawn [s], candidates."""
+    """When agents may come: lights, scene length [s], whether a wreck will stand in the way."""
 
     clock: SignalClock | None
     duration: float
-    window: float
-    draws: int
+    blocked: bool
 
 
 @dataclass(frozen=True, eq=False)
 class _RedLight:
-    """An agent that comes upon red and waits, `place` others ahead of it in the queue."""
+    """An agent that comes upon red and waits, `place` others ahead of it in the queue.
+
+    Attributes:
+        lag: from green to its start [s]; stays: a wreck ahead keeps it there for good.
+    """
 
     free: Actor
-    clock: SignalClock | None
+    moment: _Moment
     enters: float
     place: int
     lag: float
+    stays: bool = False
 
     @property
     def s(self) -> float:
@@ -406,18 +494,20 @@ class _RedLight:
     @property
     def holds(self) -> bool:
         """Whether there is a red light to wait at, seen in the scene, and room to stand."""
-        group = self.free.marks.group
-        if self.clock is None or self.free.marks.line is None or group is None or self.s < 3.0:
+        group, clock = self.free.marks.group, self.moment.clock
+        if clock is None or self.free.marks.line is None or group is None or self.s < 3.0:
             return False
-        colours = [self.clock.colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
+        if self.enters > self.moment.duration - 4.0:
+            return False
+        colours = [clock.colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
         return "green" not in colours and self.release > 4.0
 
     @property
     def release(self) -> float:
         """Scene time [s] at which it starts again."""
-        if self.clock is None:
-            return 0.0
-        green = self.clock.next_green(str(self.free.marks.group), self.reaches)
+        if self.moment.clock is None or self.stays:
+            return self.moment.duration + 10.0
+        green = self.moment.clock.next_green(str(self.free.marks.group), self.reaches)
         return green + self.lag + 1.2 * self.place
 
     def actor(self) -> Actor:
@@ -427,15 +517,14 @@ class _RedLight:
         until = max(self.release - self.enters, start)
         anchor = "kerb" if walks else "stop_line"
         name = anchor if not self.place else "queue"
-        return self.free.edited(stops=(Stop(name, self.s, start, until, "red_light"),))
+        held = self.free.edited(stops=(Stop(name, self.s, start, until, "red_light"),))
+        return held.until(self.moment.duration - self.enters)
 
 
-def _starts(actor: Actor, moment: _Moment, *, around: float) -> NDArray[np.int64]:
-    """Entry times [steps] near `around` at which the agent is seen for 4 s and obeys its light."""
-    last = moment.duration - 4.0
-    first = 4.0 - STEP * len(actor.motion.s)
-    low, high = max(first, around - moment.window), min(last, around + moment.window)
-    steps = np.arange(int(np.ceil(low / STEP)), int(high / STEP) + 1, dtype=np.int64)
+def _starts(actor: Actor, moment: _Moment) -> NDArray[np.int64]:
+    """Entry times [steps] at which the agent is seen for 4 s and obeys its light."""
+    first, last = 4.0 - STEP * len(actor.motion.s), moment.duration - 4.0
+    steps = np.arange(int(np.ceil(first / STEP)), int(last / STEP) + 1, dtype=np.int64)
     line, group, clock = actor.marks.line, actor.marks.group, moment.clock
     if clock is None or line is None or group is None or not len(steps):
         return steps
@@ -462,6 +551,10 @@ def _best_first(draws: list[AgentDraws]) -> Iterator[dict[str, int]]:
             if rank + 1 < len(orders[axis]) and step not in seen:
                 seen.add(step)
                 heapq.heappush(heap, (_sum(costs, step), step))
+
+
+def _figures(best: Selection, tried: int) -> dict[str, float]:
+    return {**best.figures, "tuples": tried}
 
 
 def _sum(costs: list[FloatArray], ranks: tuple[int, ...]) -> float:

@@ -102,6 +102,11 @@ class Actor:
         enters = round(self.enters + seconds, 1)
         return replace(self, enters=enters, stops=stops, contact=contact)
 
+    def until(self, time: float) -> Actor:
+        """What of it falls before scene time `time`; nothing later can meet anybody."""
+        steps = max(int((time - self.enters) / STEP + 1e-6), 1)
+        return replace(self, motion=replace(self.motion, s=self.motion.s[: steps + 1]))
+
     def ended(self, time: float) -> Actor:
         """Cut at the first sample not before scene time `time`, where it stays as a wreck."""
         steps = int(np.ceil((time - self.enters) / STEP - 1e-6))
@@ -218,6 +223,8 @@ class Stage:
         meetings = self._meetings(clause, a, b)
         for delta in self._outside(meetings, clause.low, clause.high):
             placed_a, placed_b = _place(clause, a, b, delta, staging)
+            if not _in_range(clause, gap_to(meetings, placed_b.enters - placed_a.enters)):
+                continue
             clearance, time, place = least_clearance(placed_a, placed_b)
             if clearance <= 0.05 or self._too_soon(time, clause, staging):
                 continue
@@ -231,6 +238,8 @@ class Stage:
             return
         for gap in self._rng.uniform(clause.low, clause.high, _TRIES):
             placed_a, placed_b = _place(clause, a, b, float(meetings[0, 0] - gap), staging)
+            if not _in_range(clause, meetings[0, 0] - (placed_b.enters - placed_a.enters)):
+                continue
             begins = max(placed_a.enters, placed_b.enters)
             if min(placed_a.leaves, placed_b.leaves) - begins < 5.0:
                 continue
@@ -378,6 +387,7 @@ class FirstContact:
 
     Attributes:
         closing: relative speed; speed: of the first actor [m/s].
+        frontal: it is the front of the first actor that touches.
     """
 
     time: float
@@ -385,6 +395,7 @@ class FirstContact:
     kind: CollisionKind
     closing: float
     speed: float
+    frontal: bool
 
 
 def first_contact(a: Actor, b: Actor) -> FirstContact | None:
@@ -422,6 +433,16 @@ def post_encroachment(a: Actor, b: Actor) -> float:
     return gap_to(meetings, b.enters - a.enters)
 
 
+def passes_first(first: Actor, second: Actor) -> bool:
+    """Whether `first` has left the pair's conflict zone before `second` enters it."""
+    a, b = first.candidate, second.candidate
+    spacing = (_SPACING[a.route.type], _SPACING[b.route.type])
+    pair = encounter(a.path, b.path, shapes=(a.shape, b.shape), reach=0.1, spacing=spacing)
+    meetings = meeting_offsets(pair, first.motion, second.motion, c=0.0, exact=True)
+    delta = second.enters - first.enters
+    return bool(len(meetings) and delta >= meetings[:, 1].max())
+
+
 def demands(actor: Actor, *, violates: bool, until: float) -> tuple[Demand, ...]:
     """What the signal plan must show for this actor: to obey it, or to run its red light."""
     line, group = actor.marks.line, actor.marks.group
@@ -455,12 +476,11 @@ def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
         kind=_kind(a, b, time, turned, sides),
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
         speed=float(np.hypot(*velocity[0])),
+        frontal=sides[0] == "front",
     )
 
 
-def _kind(
-    a: Actor, b: Actor, time: float, turned: float, sides: list[str]
-) -> CollisionKind:
+def _kind(a: Actor, b: Actor, time: float, turned: float, sides: list[str]) -> CollisionKind:
     routes = (a.candidate.route, b.candidate.route)
     if any(route.type == "pedestrian" for route in routes):
         return "pedestrian_strike"
@@ -533,10 +553,17 @@ def _contains(points: FloatArray, pose: FloatArray, actor: Actor) -> FloatArray:
 def _wanted(found: FirstContact, clause: Contact) -> bool:
     if clause.kind not in (None, found.kind):
         return False
+    if clause.kind == "rear_end" and not found.frontal:
+        return False  # the leader ran into the follower
     if clause.speed is not None and abs(found.speed - clause.speed) > 0.9:
         return False
     least = 2.5 if found.kind == "pedestrian_strike" else 1.3
     return found.closing >= least
+
+
+def _in_range(clause: TimeGap | Headway, gap: float) -> bool:
+    """Whether the gap is as asked, to the step; one between two already placed may not be."""
+    return clause.low - STEP <= gap <= clause.high + STEP
 
 
 def _passes_well(held: Actor, other: Actor, zone: Encounter) -> bool:

@@ -1,0 +1,52 @@
+"""Ctrl-C and SIGTERM end a run at its next step, even where a library swallows the exception."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+_received: list[int] = []
+
+
+@contextmanager
+def watched_signals() -> Iterator[None]:
+    """Takes note of the signals; those that are ignored or handled by others are left alone."""
+    _received.clear()
+    before = {
+        signal.SIGINT: signal.default_int_handler,
+        signal.SIGTERM: signal.SIG_DFL,
+    }
+    ours = threading.current_thread() is threading.main_thread()
+    taken = [number for number in before if ours and signal.getsignal(number) == before[number]]
+    for number in taken:
+        signal.signal(number, _note)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, before[number])
+
+
+def _note(number: int, frame: FrameType | None) -> None:
+    del frame
+    _received.append(number)
+    raise KeyboardInterrupt
+
+
+def stop_if_asked() -> None:
+    """Raises KeyboardInterrupt again if one has come and got lost."""
+    if _received:
+        raise KeyboardInterrupt
+
+
+def was_stopped() -> bool:
+    """Whether a signal has come."""
+    return bool(_received)
+
+
+def was_terminated() -> bool:
+    """Whether the signal was SIGTERM."""
+    return signal.SIGTERM in _received

@@ -1,0 +1,116 @@
+"""The graph as a LangGraph server runs it: plain JSON in, plain JSON out.
+
+A server knows no `RunContext`, so the pipeline is a node of a small graph that makes one from the
+request. Whatever the stages say is streamed as `custom` events.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NotRequired
+
+from langgraph.config import get_stream_writer
+from langgraph.graph import END, START, StateGraph
+from langgraph.graph.state import CompiledStateGraph
+from typing_extensions import TypedDict
+
+from scenewright.errors import InputError, Unsatisfiable
+from scenewright.graph.run import DEFAULT_INTERSECTION, Scene, synthesize
+
+
+class MakeRequest(TypedDict):
+    """What a client sends.
+
+    Attributes:
+        instruction: what shall happen, in plain language.
+        seed: the same seed makes the same scene; 0 if none is given.
+        intersection: name of a bundle.
+    """
+
+    instruction: str
+    seed: NotRequired[int]
+    intersection: NotRequired[str]
+
+
+class Refused(TypedDict):
+    """Why there is no scene.
+
+    Attributes:
+        code: `unusable_input`, or `unsatisfiable` for a sane request that cannot be met.
+        rejections: every refusal on the way, oldest first.
+    """
+
+    code: str
+    reason: str
+    rejections: list[dict[str, Any]]
+
+
+class MakeReply(TypedDict):
+    """What a client gets: a scene and its proof as in the files of those names, or a refusal."""
+
+    scene: dict[str, Any] | None
+    proof: dict[str, Any] | None
+    refusal: Refused | None
+
+
+class MakeState(MakeRequest, MakeReply):
+    """Request and reply."""
+
+
+def make_graph() -> CompiledStateGraph[MakeState, None, MakeRequest, MakeReply]:
+    """The graph that langgraph.json names: an instruction in, a verified scene out.
+
+    A request that is refused is an answer with `refusal`; a backend that fails is an error of the
+    run (BackendFault).
+    """
+    graph: StateGraph[MakeState, None, MakeRequest, MakeReply] = StateGraph(
+        MakeState, input_schema=MakeRequest, output_schema=MakeReply
+    )
+    graph.add_node("make", make)
+    graph.add_edge(START, "make")
+    graph.add_edge("make", END)
+    return graph.compile(name="make")
+
+
+def make(state: MakeRequest) -> MakeReply:
+    """One run of the pipeline."""
+    write = get_stream_writer()
+    try:
+        scene = synthesize(
+            _text(state),
+            seed=_seed(state),
+            intersection=state.get("intersection") or DEFAULT_INTERSECTION,
+            tell=lambda stage, line: write({"stage": stage, "line": line}),
+        )
+    except (InputError, Unsatisfiable) as error:
+        return {"scene": None, "proof": None, "refusal": _refused(error)}
+    return _reply(scene)
+
+
+def _text(request: MakeRequest) -> str:
+    text: object = request.get("instruction")
+    if not isinstance(text, str):
+        raise InputError("a request needs an instruction, as a string")
+    return text
+
+
+def _seed(request: MakeRequest) -> int:
+    seed: object = request.get("seed")
+    if seed is None:
+        return 0
+    if not isinstance(seed, int) or isinstance(seed, bool):
+        raise InputError("a seed is a whole number")
+    return seed
+
+
+def _reply(scene: Scene) -> MakeReply:
+    proof = scene.proof.model_dump(mode="json", by_alias=True)
+    return {"scene": scene.record.to_json(), "proof": proof, "refusal": None}
+
+
+def _refused(error: InputError | Unsatisfiable) -> Refused:
+    rejections = error.rejections if isinstance(error, Unsatisfiable) else ()
+    return {
+        "code": "unsatisfiable" if isinstance(error, Unsatisfiable) else "unusable_input",
+        "reason": str(error),
+        "rejections": [each.model_dump(mode="json") for each in rejections],
+    }

@@ -1,0 +1,259 @@
+"""Keep, Stop, Proceed and Terminate (paper Eq. 6), and the summary that they are reasoned from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from solver_actors import (
+    EAST,
+    SOUTH,
+    WALK_NORTH,
+    WESTBOUND,
+    bend,
+    candidate,
+    law,
+    straight,
+    walker,
+)
+
+from scenewright.intersections import load_map
+from scenewright.scene.behavior import Segment
+from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Slowing, Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.event_summary import summarise
+from scenewright.tools.ground import Ground
+from scenewright.tools.segment_editor import edit, terminated
+from scenewright.tools.time_law import Hold, arrival, move, track_of
+
+ROAD = candidate(straight((0.0, 0.0), EAST, 200.0))
+BEND = candidate(bend(80.0, 15.0, 60.0), time_law=law(9.0))
+GROUND = Ground(load_map("amsterdam_120"))
+DURATION = 30.0
+SMOOTHED = 0.4
+
+TENTHS = st.integers(-150, 80).map(lambda n: round(n * STEP, 1))
+
+
+def selected(of, *, enters=0.0, name="vehicle-1", **more) -> SelectedAgent:
+    return SelectedAgent(name, "foreground", of, 0, enters, **more)
+
+
+def segment(start, end, anchor, status) -> Segment:
+    return Segment(start=max(start, 0.0), end=max(end, 0.0), anchor=anchor, status=status)
+
+
+def edited(agent, *segments, **anchors):
+    return edit(agent, segments, {"goal": agent.candidate.path.length, **anchors}, duration=DURATION)
+
+
+def along(track, of):
+    """Arc length of every sample, and how far off the path it is."""
+    gaps = np.hypot(*(track.xy[:, None] - of.path.xy[None]).transpose(2, 0, 1))
+    return of.path.s[gaps.argmin(axis=1)], gaps.min(axis=1)
+
+
+@given(st.sampled_from([ROAD, BEND]), TENTHS)
+def test_keep_is_the_prior(of, enters):
+    track = edited(selected(of, enters=enters), segment(enters, DURATION, "goal", "keep"))
+    prior = track_of(move(of), enters=enters, until=DURATION)
+    assert (track.xy == prior.xy).all()
+    assert (track.heading == prior.heading).all()
+    assert (track.start, track.step) == (prior.start, STEP)
+
+
+@st.composite
+def stops(draw):
+    """A stop on either path: where, since when at the earliest, for how long."""
+    of = draw(st.sampled_from([ROAD, BEND]))
+    enters = draw(TENTHS)
+    s = draw(st.floats(30.0, 120.0))
+    start = enters + arrival(of, Hold(s, 0.0))
+    until = start + draw(st.floats(1.5, 10.0))
+    assume(0.0 < until < DURATION - STEP)
+    return of, enters, s, start, until
+
+
+def stopped(case):
+    of, enters, s, start, until = case
+    planned = Stop("yield_point", s, start, until, "gives_way")
+    agent = selected(of, enters=enters, stops=(planned,))
+    return edited(
+        agent,
+        segment(enters, start, "here", "keep"),
+        segment(start, until, "here", "stop"),
+        segment(until, DURATION, "goal", "proceed"),
+        here=s,
+    )
+
+
+@given(stops())
+def test_stop_never_moves_while_it_stands(case):
+    of, _, s, start, until = case
+    track = stopped(case)
+    standing = (track.times > start + SMOOTHED + STEP) & (track.times < until - SMOOTHED - STEP)
+    spot = [np.interp(s, of.path.s, of.path.xy[:, axis]) for axis in (0, 1)]
+    assert track.xy[standing] == pytest.approx(np.tile(spot, (standing.sum(), 1)), abs=6e-4)
+    assert np.ptp(track.heading[standing]) < 1e-9 if standing.any() else True
+
+
+@given(stops())
+def test_proceed_resumes_the_deferred_remainder(case):
+    """Back at the prior's speed, it goes where the prior went, later by one constant delay."""
+    of, enters, s, start, until = case
+    prior = move(of)
+    agent = selected(of, enters=enters, stops=(Stop("p", s, start, until, "gives_way"),))
+    hold = Hold(s, until - enters)
+    motion = move(of, holds=(hold,))
+    resumed = of.path.length - 40.0
+    delays = [motion.time_at(x) - prior.time_at(x) for x in np.linspace(resumed, resumed + 35, 9)]
+    if s + 30.0 < resumed:
+        assert np.ptp(delays) < 0.02
+        assert delays[0] > until - start
+    track = stopped(case)
+    expected = track_of(motion, enters=agent.enters, until=DURATION)
+    assert (track.xy == expected.xy).all()
+
+
+@given(stops())
+def test_before_the_braking_nothing_changes(case):
+    of, enters, s, _, _ = case
+    track = stopped(case)
+    prior = track_of(move(of), enters=enters, until=DURATION)
+    braking = s - of.time_law.speed**2 / (2 * of.time_law.braking)
+    early = along(prior, of)[0] < braking - 0.5 * of.time_law.speed - 1.0
+    assert (track.xy[: early.sum()] == prior.xy[early]).all()
+
+
+@given(stops())
+def test_an_edited_track_is_continuous_and_has_one_time_step(case):
+    of = case[0]
+    track = stopped(case)
+    assert track.step == STEP
+    assert track.start >= 0.0
+    assert track.end <= DURATION
+    assert np.round(track.start / STEP) == pytest.approx(track.start / STEP)
+    steps = np.hypot(*np.diff(track.xy, axis=0).T)
+    assert steps.max() <= of.time_law.speed * STEP + 0.01
+    assert along(track, of)[1].max() <= 0.26
+    assert (np.diff(along(track, of)[0]) >= 0).all()
+
+
+@given(st.sampled_from([ROAD, BEND]), TENTHS, st.floats(1.0, 14.0))
+def test_terminate_ends_within_a_tenth_of_a_second(of, enters, after):
+    contact = max(enters, 0.0) + after
+    agent = selected(of, enters=enters, contact=contact)
+    track = edited(
+        agent,
+        segment(enters, contact, "contact", "keep"),
+        segment(contact, contact, "contact", "terminate"),
+    )
+    prior = track_of(move(of), enters=enters, until=DURATION)
+    if contact > prior.end:
+        return
+    assert contact - 1e-6 <= track.end <= contact + STEP
+    assert (track.xy == prior.xy[: len(track.xy)]).all()
+
+
+def test_who_stands_when_the_scene_ends_has_not_begun_to_start():
+    agent = selected(ROAD)
+    track = edited(
+        agent,
+        segment(0.0, 12.0, "here", "keep"),
+        segment(12.0, DURATION, "here", "stop"),
+        here=100.0,
+    )
+    assert track.xy[track.times > 12.5] == pytest.approx(np.tile([100.0, 0.0], (175, 1)))
+
+
+def test_who_leaves_before_the_scene_begins_has_no_track():
+    assert edited(selected(ROAD, enters=-40.0), segment(0.0, 1.0, "goal", "keep")) is None
+
+
+def test_slowings_of_the_selection_are_kept():
+    agent = selected(ROAD, slowings=(Slowing(100.0, 4.0, 3.0),))
+    track = edited(agent, segment(0.0, DURATION, "goal", "keep"))
+    assert np.hypot(*np.diff(track.xy, axis=0).T).min() / STEP == pytest.approx(4.4, abs=0.1)
+
+
+def test_terminated_is_cut_at_the_first_sample_not_before():
+    motion = move(ROAD)
+    assert len(terminated(motion, 3.0).s) == 31
+    assert len(terminated(motion, 3.01).s) == 32
+
+
+SOUTHWARDS = candidate(straight((-4.95, 49.5), SOUTH, 99.0))
+ACROSS = walker(straight((-14.0, 8.6), EAST, 28.0), route=WALK_NORTH)
+
+
+def summary_of(*agents, duration=20.0, events=()):
+    selection = Selection(
+        agents={each.name: each for each in agents},
+        events=events,
+        duration=duration,
+        signal_offset=None,
+        nll=0.0,
+        cost=0.0,
+        optimal=True,
+    )
+    return summarise(selection, ground=GROUND)
+
+
+def test_anchors_lie_in_order_and_are_timed_by_the_prior():
+    [summary] = summary_of(selected(SOUTHWARDS, enters=1.0)).agents
+    assert [anchor.id for anchor in summary.anchors] == [
+        "north:stop",
+        "north:crosswalk:entry",
+        "north:crosswalk:exit",
+        "south:crosswalk:entry",
+        "south:crosswalk:exit",
+        "goal",
+    ]
+    arc = [anchor.s for anchor in summary.anchors]
+    assert arc == sorted(arc)
+    assert arc[0] == pytest.approx(49.5 - 11.8 - 2.3, abs=1e-3)
+    for anchor in summary.anchors:
+        assert anchor.time == pytest.approx(1.0 + anchor.s / 10.0, abs=0.01)
+    assert (summary.enters, summary.leaves, summary.contact) == (1.0, 10.9, None)
+
+
+@given(TENTHS, st.floats(5.0, 60.0), st.floats(1.0, 8.0), st.sampled_from([SOUTHWARDS, ACROSS]))
+def test_anchors_are_always_in_order_and_name_every_stay(enters, s, stays, of):
+    s = min(s, of.path.length - 5.0)
+    start = enters + arrival(of, Hold(s, 0.0))
+    stop = Stop("yield_point", s, start, start + stays, "gives_way")
+    [summary] = summary_of(selected(of, enters=enters, stops=(stop,))).agents
+    arc = [anchor.s for anchor in summary.anchors]
+    names = [anchor.id for anchor in summary.anchors]
+    assert arc == sorted(arc)
+    assert len(set(names)) == len(names)
+    [stay] = summary.stays
+    assert dict(zip(names, arc, strict=True))[stay.anchor] == pytest.approx(s, abs=1e-3)
+    assert (stay.start, stay.until) == pytest.approx((start, start + stays), abs=1e-3)
+    assert all(anchor.time is None or 0 <= anchor.time <= 20.0 for anchor in summary.anchors)
+
+
+def test_stop_lines_and_kerbs_carry_the_maps_names():
+    stop = Stop("stop_line", 34.8, 6.0, 9.0, "red_light")
+    kerb = Stop("kerb", 4.3, 3.0, 9.0, "gives_way")
+    summary = summary_of(
+        selected(SOUTHWARDS, stops=(stop,)),
+        selected(ACROSS, name="pedestrian-1", stops=(kerb,)),
+    )
+    car, person = summary.agents
+    assert car.stays[0].anchor == "north:stop"
+    assert [anchor.id for anchor in car.anchors].count("north:stop") == 1
+    assert person.stays[0].anchor == "north:kerb:west"
+
+
+def test_a_contact_ends_the_way_and_events_are_evidence():
+    event = PlannedEvent("contact(vehicle-1, vehicle-2)", ("vehicle-1", "vehicle-2"), 5.0, (1.0, 2.0))
+    summary = summary_of(
+        selected(SOUTHWARDS, contact=5.0),
+        selected(candidate(straight((49.5, 1.75), np.pi, 99.0), route=WESTBOUND), name="vehicle-2"),
+        events=(event,),
+    )
+    assert summary.agents[0].leaves == 5.0
+    assert summary.agents[1].leaves == pytest.approx(9.9)
+    assert summary.evidence[0]["clause"] == event.clause
