@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 _received: list[int] = []
 
@@ -15,7 +16,7 @@ _received: list[int] = []
 def watched_signals() -> Iterator[None]:
     """Takes note of the signals; those that are ignored or handled by others are left alone."""
     _received.clear()
-    before = {
+    before: dict[signal.Signals, Any] = {
         signal.SIGINT: signal.default_int_handler,
         signal.SIGTERM: signal.SIG_DFL,
     }

@@ -29,9 +29,14 @@ def ground(graph: SocialGraph, *, on: IntersectionMap) -> Grounding:
     for agent in graph.agents:
         if not routes[agent.id]:
             raise Rejected(_no_route(agent, on))
-    if next(casts(graph, Grounding(routes=routes), on=on, rng=np.random.default_rng(0)), None):
-        return Grounding(routes=routes)
-    raise Rejected(_no_cast(graph, Grounding(routes=routes), on))
+    grounding = Grounding(routes=routes)
+    # One by one first: the search over all of them is exhaustive where one cannot be played.
+    for edge in graph.relations:
+        if not _playable(graph.model_copy(update={"relations": (edge,)}), grounding, on):
+            raise Rejected(_never_meet(edge, on))
+    if not _playable(graph, grounding, on):
+        raise Rejected(_not_together(graph.relations[-1]))
+    return grounding
 
 
 def casts(
@@ -262,17 +267,20 @@ def _no_route(agent: AgentNode, on: IntersectionMap) -> Rejection:
     return Rejection(stage="scene_planner", code="ungroundable", agents=(agent.id,), detail=detail)
 
 
-def _no_cast(graph: SocialGraph, grounding: Grounding, on: IntersectionMap) -> Rejection:
-    """Names the first relation that alone cannot be played on the map."""
-    for edge in graph.relations:
-        alone = graph.model_copy(update={"relations": (edge,)})
-        if next(casts(alone, grounding, on=on, rng=np.random.default_rng(0)), None) is None:
-            return _relation_fails(
-                edge,
-                f"the routes of {edge.from_} and {edge.to} do not meet "
-                f"so that '{_words(edge)}' could happen at {on.title}",
-            )
-    edge = graph.relations[-1]
+def _playable(graph: SocialGraph, grounding: Grounding, on: IntersectionMap) -> bool:
+    found = casts(graph, grounding, on=on, rng=np.random.default_rng(0))
+    return next(found, None) is not None
+
+
+def _never_meet(edge: RelationEdge, on: IntersectionMap) -> Rejection:
+    return _relation_fails(
+        edge,
+        f"the routes of {edge.from_} and {edge.to} do not meet "
+        f"so that '{_words(edge)}' could happen at {on.title}",
+    )
+
+
+def _not_together(edge: RelationEdge) -> Rejection:
     return _relation_fails(edge, f"'{_words(edge)}' does not fit together with the other relations")
 
 

@@ -14,6 +14,7 @@ from scenewright.nodes.context import RunContext
 from scenewright.scene.behavior import AgentSummary, BehaviorProgram, EventSummary, Segment
 from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.selection import Selection
+from scenewright.scene.track import STEP
 from scenewright.tools.event_summary import facts_of, summarise
 
 
@@ -53,12 +54,16 @@ def _validate(agent: AgentSummary, segments: tuple[Segment, ...] | None) -> None
     """Every agent has segments, on anchors that exist, in order of time."""
     if not segments:
         raise _refused("malformed_reply", agent, "has no segments")
-    known = {anchor.id for anchor in agent.anchors} | {"contact"}
+    known = {anchor.id for anchor in agent.anchors}
     for segment in segments:
-        if segment.anchor not in known:
+        # A contact is a moment: one may go until it or end at it, but not wait there.
+        at_contact = segment.anchor == "contact" and segment.status != "stop"
+        if segment.anchor not in known and not at_contact:
             raise _refused("unknown_anchor", agent, f"has no anchor {segment.anchor!r}")
         if segment.end < segment.start:
             raise _refused("times_not_increasing", agent, f"ends before {segment.start:g} s")
+        if segment.status == "terminate" and segment.start < max(agent.enters, 0.0) + 2 * STEP:
+            raise _refused("times_not_increasing", agent, "ends before it has been seen")
     for before, after in pairwise(segments):
         if after.start < before.end - 1e-6:
             raise _refused("times_not_increasing", agent, f"overlaps at {after.start:g} s")

@@ -18,8 +18,9 @@ from scenewright.scene.rejection import Rejection
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import Landmarks
 
-_ON_GROUND = 0.999
-"""Stricter than the 98 % of SEMANTICS section 5: a standstill weighs a spot many times."""
+_ON_ROAD, _ON_WALKABLE = 0.988, 0.999
+"""Stricter than the 98 % of SEMANTICS section 5: a standstill weighs a spot many times, most of
+all a pedestrian's. A vehicle's path may end beyond the edge of the map."""
 
 _JUNCTION_RADIUS = 6.0
 
@@ -47,14 +48,14 @@ def _problem(
     xy = candidate.path.xy
     match clause:
         case OnRoad():
-            return _below(ground.road_share(xy), _ON_GROUND, "of its path on the road")
+            return _below(ground.road_share(xy), _ON_ROAD, "of its path on the road")
         case OnWalkable():
             strays = [name for name, _, _ in marks.crosswalks if name != marks.own_crosswalk]
             if strays:
                 return f"strays onto the {strays[0]}"
             if marks.steps_on > 1:
                 return "steps onto its crosswalk more than once"
-            return _below(ground.walkable_share(xy), _ON_GROUND, "of its path on walkable area")
+            return _below(ground.walkable_share(xy), _ON_WALKABLE, "of its path on walkable area")
         case MinLength():
             return _below(candidate.path.length, clause.metres, "m of path")
         case SpeedBetween():

@@ -241,7 +241,7 @@ class Stage:
             if not _in_range(clause, meetings[0, 0] - (placed_b.enters - placed_a.enters)):
                 continue
             begins = max(placed_a.enters, placed_b.enters)
-            if min(placed_a.leaves, placed_b.leaves) - begins < 5.0:
+            if not _follows(placed_a, placed_b):
                 continue
             time = begins + 4.0
             happening = Happening(clause, time, begins, time, _point(placed_a, time))
@@ -424,15 +424,6 @@ def least_clearance(a: Actor, b: Actor) -> tuple[float, float, Point]:
     return float(clearance[index]), float(times[index]), (float(middle[0]), float(middle[1]))
 
 
-def post_encroachment(a: Actor, b: Actor) -> float:
-    """PET [s] of two placed actors (SEMANTICS 4); inf if their swept paths never overlap."""
-    ca, cb = a.candidate, b.candidate
-    spacing = (_SPACING[ca.route.type], _SPACING[cb.route.type])
-    pair = encounter(ca.path, cb.path, shapes=(ca.shape, cb.shape), reach=0.1, spacing=spacing)
-    meetings = meeting_offsets(pair, a.motion, b.motion, c=0.0, exact=True)
-    return gap_to(meetings, b.enters - a.enters)
-
-
 def passes_first(first: Actor, second: Actor) -> bool:
     """Whether `first` has left the pair's conflict zone before `second` enters it."""
     a, b = first.candidate, second.candidate
@@ -441,6 +432,23 @@ def passes_first(first: Actor, second: Actor) -> bool:
     meetings = meeting_offsets(pair, first.motion, second.motion, c=0.0, exact=True)
     delta = second.enters - first.enters
     return bool(len(meetings) and delta >= meetings[:, 1].max())
+
+
+def _follows(a: Actor, b: Actor) -> bool:
+    """Whether `a` drives behind `b` at a headway of 0.7-3.6 s for 3.6 s on end."""
+    times = _shared_times(a, b)
+    if times is None:
+        return False
+    ahead = b.at(times)[:, :2] - a.at(times)[:, :2]
+    gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
+    clock = STEP * np.arange(len(a.motion.s))
+    speed = np.maximum(np.interp(times - a.enters, clock, a.motion.speed), 0.5)
+    fits = (gap / speed > 0.7) & (gap / speed < 3.4)
+    run = longest = 0
+    for each in fits:
+        run = run + 1 if each else 0
+        longest = max(longest, run)
+    return longest >= 36
 
 
 def demands(actor: Actor, *, violates: bool, until: float) -> tuple[Demand, ...]:

@@ -1,0 +1,105 @@
+"""Every retry edge: where a refusal leads, and when it is given up."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from scenewright.graph import routes
+from scenewright.memory.state import SceneState
+from scenewright.nodes.context import Budgets
+from scenewright.scene.rejection import Rejection, RejectionCode, Stage
+
+BUDGETS = Budgets(planner=2, filter=2, reasoner=2, generator=4)
+AFTER: dict[Stage, Any] = {
+    "scene_planner": routes.after_scene_planner,
+    "waypoint_filter": routes.after_waypoint_filter,
+    "event_reasoner": routes.after_event_reasoner,
+    "scene_verifier": routes.after_scene_verifier,
+}
+
+
+def led(stage: Stage, refusals: list[tuple[Stage, RejectionCode]], *, model: bool) -> str:
+    """Where the run goes on after the last of the refusals, or after success if there is none."""
+    found = [Rejection(stage=who, code=code, detail="so") for who, code in refusals]
+    last = found[-1] if found and found[-1].stage == stage else None
+    state: SceneState = {"refused": last, "rejections": found}
+    context = SimpleNamespace(backend=SimpleNamespace(deterministic=not model), budgets=BUDGETS)
+    return str(AFTER[stage](state, SimpleNamespace(context=context)))
+
+
+@pytest.mark.parametrize(
+    ("stage", "onwards"),
+    [
+        ("scene_planner", "agent_generator"),
+        ("waypoint_filter", "event_reasoner"),
+        ("event_reasoner", "trajectory_refiner"),
+        ("scene_verifier", "end"),
+    ],
+)
+@pytest.mark.parametrize("model", [False, True])
+def test_what_is_not_refused_goes_on(stage: Stage, onwards: str, *, model: bool) -> None:
+    assert led(stage, [], model=model) == onwards
+    other: Stage = "agent_generator"
+    assert led(stage, [(other, "no_surviving_combination")], model=model) == onwards
+
+
+@pytest.mark.parametrize("code", ["out_of_scope", "contradictory"])
+@pytest.mark.parametrize("model", [False, True])
+def test_what_cannot_be_meant_is_not_asked_again(code: RejectionCode, *, model: bool) -> None:
+    assert led("scene_planner", [("scene_planner", code)], model=model) == "give_up"
+
+
+def test_a_model_may_mend_a_plan_and_a_rule_may_not() -> None:
+    once: list[tuple[Stage, RejectionCode]] = [("scene_planner", "ungroundable")]
+    assert led("scene_planner", once, model=True) == "scene_planner"
+    assert led("scene_planner", once, model=False) == "give_up"
+
+
+STAGES: list[tuple[Stage, RejectionCode, int]] = [
+    ("scene_planner", "malformed_reply", 2),
+    ("waypoint_filter", "malformed_program", 2),
+    ("waypoint_filter", "malformed_reply", 2),
+]
+
+
+@pytest.mark.parametrize(("stage", "code", "budget"), STAGES)
+def test_a_malformed_reply_is_repaired_within_the_budget(
+    stage: Stage, code: RejectionCode, budget: int
+) -> None:
+    for count in range(1, budget + 1):
+        assert led(stage, [(stage, code)] * count, model=True) == stage
+    assert led(stage, [(stage, code)] * (budget + 1), model=True) == "give_up"
+
+
+def test_a_rule_that_writes_a_malformed_program_is_not_asked_again() -> None:
+    refused: list[tuple[Stage, RejectionCode]] = [("waypoint_filter", "malformed_program")]
+    assert led("waypoint_filter", refused, model=False) == "give_up"
+
+
+@pytest.mark.parametrize("model", [False, True])
+def test_what_finds_no_room_is_sampled_afresh_until_the_budget_is_spent(*, model: bool) -> None:
+    none: tuple[Stage, RejectionCode] = ("waypoint_filter", "no_surviving_combination")
+    for count in range(1, BUDGETS.generator + 1):
+        assert led("waypoint_filter", [none] * count, model=model) == "agent_generator"
+    assert led("waypoint_filter", [none] * (BUDGETS.generator + 1), model=model) == "give_up"
+
+
+@pytest.mark.parametrize(
+    ("stage", "code"),
+    [("event_reasoner", "unknown_anchor"), ("scene_verifier", "implausible_motion")],
+)
+def test_a_model_reasons_again_before_all_is_sampled_afresh(
+    stage: Stage, code: RejectionCode
+) -> None:
+    tries = [led(stage, [(stage, code)] * count, model=True) for count in range(1, 6)]
+    assert tries == ["event_reasoner"] * 2 + ["agent_generator"] * 2 + ["give_up"]
+    assert led(stage, [(stage, code)], model=False) == "agent_generator"
+
+
+def test_the_planners_refusals_cost_no_sample() -> None:
+    refused: list[tuple[Stage, RejectionCode]] = [("scene_planner", "malformed_reply")] * 9
+    refused += [("scene_verifier", "background_interferes")]
+    assert led("scene_verifier", refused, model=False) == "agent_generator"

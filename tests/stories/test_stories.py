@@ -1,0 +1,205 @@
+"""Whole runs, offline: from a sentence to a proven scene, or to the reason why not."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scenewright import synthesize, verify
+from scenewright.backends import Question, Task, load_backend
+from scenewright.errors import BackendFault, InputError, Unsatisfiable
+from scenewright.graph.run import scene_bytes
+
+EXAMPLES = (Path(__file__).parents[2] / "examples" / "instructions.txt").read_text("utf-8")
+YIELD = "A vehicle yields to a pedestrian on the north crosswalk at 5 am"
+
+STORIES = {
+    "yielding": "A car from the south yields to a pedestrian on the north crosswalk.",
+    "collision": "A truck from the east runs a red light and hits a northbound sedan.",
+    "near_miss": "A cab from the north narrowly misses a pedestrian on the south crosswalk.",
+    "follow": "An SUV follows a bus from the south through the intersection at noon.",
+}
+
+
+@pytest.mark.parametrize(("event", "text"), STORIES.items(), ids=STORIES)
+def test_what_was_asked_for_happens_and_nothing_else(event: str, text: str) -> None:
+    scene = synthesize(text, seed=1)
+    agents = {agent.id: agent for agent in scene.record.agents}
+    assert [each.type for each in scene.record.events] == [event]
+    (seen,) = scene.proof.events
+    assert {agents[seen.from_].role, agents[seen.to].role} == {"foreground"}
+    assert agents[seen.from_].name == "vehicle-1"
+    assert scene.proof == verify(scene)
+    assert scene.proof.verified
+
+
+def test_nothing_happens_where_nothing_shall() -> None:
+    scene = synthesize("Ordinary traffic during the morning rush, nothing happens.", seed=1)
+    (row,) = scene.record.events
+    assert (row.type, row.from_, row.to, row.time) == ("normal", None, None, None)
+    assert scene.proof.verified
+    assert len(scene.record.agents) >= 5
+
+
+def test_a_saved_scene_is_the_scene(tmp_path: Path) -> None:
+    scene = synthesize(YIELD, seed=1)
+    folder = scene.save(tmp_path / "scene")
+    assert (folder / "scene.json").read_bytes() == scene_bytes(scene.record)
+    assert verify(folder) == scene.proof
+    assert verify(folder / "scene.json") == scene.proof
+
+
+@pytest.mark.parametrize("text", EXAMPLES.splitlines())
+def test_every_example_ends_verified(text: str) -> None:
+    scene = synthesize(text, seed=0)
+    assert scene.proof.verified
+
+
+def bytes_of(request: tuple[str, int]) -> bytes:
+    text, seed = request
+    return scene_bytes(synthesize(text, seed=seed).record)
+
+
+def test_same_seed_same_bytes_on_any_number_of_workers() -> None:
+    requests = [(STORIES["collision"], 2), (YIELD, 5), (STORIES["follow"], 3)]
+    here = [bytes_of(request) for request in requests]
+    assert [bytes_of(request) for request in reversed(requests)] == here[::-1]
+    spawn = multiprocessing.get_context("spawn")
+    for workers in (1, 2):
+        with ProcessPoolExecutor(workers, mp_context=spawn) as pool:
+            assert list(pool.map(bytes_of, requests)) == here
+
+
+def test_another_seed_is_another_scene() -> None:
+    assert bytes_of((YIELD, 1)) != bytes_of((YIELD, 2))
+
+
+@pytest.mark.parametrize("text", ["", "Write me a poem.", "asdf qwer"])
+def test_what_is_no_request_is_refused_as_input(text: str) -> None:
+    with pytest.raises(InputError):
+        synthesize(text)
+
+
+def test_a_contradiction_is_named() -> None:
+    with pytest.raises(Unsatisfiable, match="north") as caught:
+        synthesize("A car turns left from the north and leaves to the north.")
+    assert [each.stage for each in caught.value.rejections] == ["scene_planner"]
+
+
+Answer = Callable[[Question], dict[str, Any]]
+
+
+class Scripted:
+    """A backend that gives the answers it is handed for a task, then those of the builtin one.
+
+    The last answer is repeated if `forever`.
+    """
+
+    name = "scripted"
+    deterministic = False
+
+    def __init__(self, task: Task, *answers: Answer, forever: bool = False) -> None:
+        self._task, self._answers, self._forever = task, list(answers), forever
+        self._builtin = load_backend("builtin")
+        self.asked: list[Question] = []
+
+    def answer(self, question: Question) -> dict[str, Any]:
+        if question.task == self._task:
+            self.asked.append(question)
+            if self._answers:
+                last = self._forever and len(self._answers) == 1
+                answer = self._answers[0] if last else self._answers.pop(0)
+                return answer(question)
+        return self._builtin.answer(question)
+
+
+def nonsense(_: Question) -> dict[str, Any]:
+    return {"agents": [{"id": "the blue one", "type": "vehicle"}]}
+
+
+def bad_program(_: Question) -> dict[str, Any]:
+    return {"program": "collide please(vehicle-1)"}
+
+
+def bad_segments(question: Question) -> dict[str, Any]:
+    segment = {"start": 0.0, "end": 4.0, "anchor": "the_moon", "status": "keep"}
+    return {"segments": {agent["agent"]: [segment] for agent in question.facts["agents"]}}
+
+
+def unreachable(_: Question) -> dict[str, Any]:
+    raise BackendFault("the model cannot be reached")
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No waiting between attempts."""
+    monkeypatch.setattr(time, "sleep", lambda _: None)
+
+
+@pytest.mark.parametrize(
+    ("task", "wrong", "stage", "code"),
+    [
+        ("plan", nonsense, "scene_planner", "malformed_reply"),
+        ("constraints", nonsense, "waypoint_filter", "malformed_reply"),
+        ("constraints", bad_program, "waypoint_filter", "malformed_program"),
+        ("behavior", nonsense, "event_reasoner", "malformed_reply"),
+        ("behavior", bad_segments, "event_reasoner", "unknown_anchor"),
+    ],
+)
+def test_a_model_that_errs_once_is_told_and_mends_it(
+    task: Task, wrong: Answer, stage: str, code: str
+) -> None:
+    backend = Scripted(task, wrong)
+    scene = synthesize(YIELD, backend=backend, seed=1)
+    first = scene.provenance["rejections"][0]
+    assert (first["stage"], first["code"]) == (stage, code)
+    assert backend.asked[0].rejections == ()
+    assert backend.asked[1].rejections == (first["detail"],)
+    assert scene.proof.verified
+
+
+@pytest.mark.parametrize(
+    ("task", "wrong", "stage", "asked"),
+    [
+        ("plan", nonsense, "scene_planner", 3),
+        ("constraints", bad_program, "waypoint_filter", 3),
+        ("behavior", bad_segments, "event_reasoner", 17),
+    ],
+)
+def test_a_model_that_never_mends_it_is_given_up(
+    task: Task, wrong: Answer, stage: str, asked: int
+) -> None:
+    backend = Scripted(task, wrong, forever=True)
+    with pytest.raises(Unsatisfiable) as caught:
+        synthesize(YIELD, backend=backend, seed=1)
+    assert len(backend.asked) == asked
+    assert [each.stage for each in caught.value.rejections] == [stage] * asked
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_backend_that_fails_once_is_asked_again() -> None:
+    backend = Scripted("plan", unreachable)
+    assert synthesize(YIELD, backend=backend, seed=1).proof.verified
+    assert len(backend.asked) == 2
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_backend_that_keeps_failing_is_a_fault() -> None:
+    backend = Scripted("plan", unreachable, forever=True)
+    with pytest.raises(BackendFault, match="cannot be reached"):
+        synthesize(YIELD, backend=backend)
+    assert len(backend.asked) == 3
+
+
+def test_a_bug_in_a_backend_is_not_hidden() -> None:
+    def broken(_: Question) -> dict[str, Any]:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        synthesize(YIELD, backend=Scripted("plan", broken))
