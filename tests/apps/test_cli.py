@@ -16,6 +16,7 @@ import pytest
 
 from scenewright.apps import making
 from scenewright.apps.cli import main
+from scenewright.backends import Question
 from scenewright.errors import BackendFault, Unsatisfiable
 
 QUICK = "Light traffic at dawn, no incidents."
@@ -357,6 +358,42 @@ def test_plan_from_stdin_to_stdout(
         done = run("plan", "-")
     assert json.loads(done.out)["id"] == "b"
     assert done.err == "1 rows, 0 refused\n"
+
+
+class Oracle:
+    """A backend that breaks on one text and cannot be reached for another."""
+
+    name, deterministic = "oracle", False
+
+    def answer(self, question: Question) -> dict[str, Any]:
+        match question.facts["instruction"]:
+            case "bug":
+                raise KeyError("bug")
+            case "gone":
+                raise BackendFault("the model cannot be reached")
+            case "mends" if not question.rejections:
+                return {"agents": 3}
+        return {"agents": [{"id": "vehicle-1", "type": "vehicle"}]}
+
+
+def test_plan_survives_a_bug_in_one_row(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scenewright.backends.load_backend", lambda _: Oracle())
+    rows = [{"id": text, "text": text} for text in ("bug", "mends", "plain")]
+    (tmp_path / "in.jsonl").write_text("\n".join(map(json.dumps, rows)))
+    done = run("plan", "in.jsonl", "--backend", "oracle")
+    assert [json.loads(line)["refused"] for line in done.out.splitlines()] == [True, False, False]
+    assert done.err.startswith("warning: row 'bug': this is a fault in scenewright: KeyError")
+
+
+def test_plan_stops_where_the_backend_fails(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scenewright.backends.load_backend", lambda _: Oracle())
+    (tmp_path / "in.jsonl").write_text('{"id": "a", "text": "gone"}')
+    assert run("plan", "in.jsonl", "--out", "out.jsonl").code == 4
+    assert everything_in(tmp_path) == ["in.jsonl"]
 
 
 BAD_FILES = {

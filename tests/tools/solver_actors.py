@@ -90,18 +90,27 @@ def actor(of: Candidate, *, enters=0.0, marks=BARE) -> Actor:
     return Actor(of, marks, enters, motion, motion)
 
 
-def draws(name, options: list[Candidate], *, nll=None, role="foreground", arrival=None, spare=False):
+def draws(
+    name,
+    options: list[Candidate],
+    *,
+    nll=None,
+    time_nll=None,
+    role="foreground",
+    arrival=None,
+    spare=False,
+):
     """A pool entry that offers ready-made candidates."""
-    nll = np.zeros(len(options)) if nll is None else np.asarray(nll, dtype=float)
+    nothing = np.zeros(len(options))
     first = options[0]
     return AgentDraws(
         name=name,
         role=role,
         route=first.route,
         waypoints=np.stack([each.waypoints for each in options]),
-        nll=nll,
+        nll=nothing if nll is None else np.asarray(nll, dtype=float),
         time_laws=tuple(each.time_law for each in options),
-        time_nll=np.zeros(len(options)),
+        time_nll=nothing if time_nll is None else np.asarray(time_nll, dtype=float),
         shape=first.shape,
         subtype=first.subtype,
         build=options.__getitem__,
@@ -142,9 +151,7 @@ def brute_offsets(a: Actor, b: Actor, *, within=0.0, step=0.05):
     reach = within + 0.5 * sum(
         np.hypot(each.candidate.shape.length, each.candidate.shape.width) for each in (a, b)
     )
-    gap = np.hypot(
-        at_a[:, None, 0] - at_b[None, :, 0], at_a[:, None, 1] - at_b[None, :, 1]
-    )
+    gap = np.hypot(at_a[:, None, 0] - at_b[None, :, 0], at_a[:, None, 1] - at_b[None, :, 1])
     i, j = np.nonzero(gap <= reach)
     close = distances(at_a[i], at_b[j], (a.candidate.shape, b.candidate.shape)) <= within
     return t_a[i[close]] - t_b[j[close]]

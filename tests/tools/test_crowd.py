@@ -108,9 +108,7 @@ GUEST = st.tuples(st.lists(OPTION, min_size=1, max_size=3), st.booleans(), st.bo
 @st.composite
 def parties(draw):
     guests = []
-    for n, (options, foreground, spare) in enumerate(
-        draw(st.lists(GUEST, min_size=2, max_size=4))
-    ):
+    for n, (options, foreground, spare) in enumerate(draw(st.lists(GUEST, min_size=2, max_size=4))):
         road = options[0][0]
         of_one_kind = [o for o in options if (o[0] == 3) == (road == 3)]
         built = [option(ROADS[r], k, s, c) for k, (r, s, c) in enumerate(of_one_kind)]

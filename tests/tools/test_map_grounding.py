@@ -65,10 +65,7 @@ def drawn(graph, count=40, seed=0):
         ),
         (
             pedestrian(crosswalk="north", entry="west"),
-            {
-                f"pedestrian:north:west>east:{a}>{b}"
-                for a, b in product(("along", "leg"), repeat=2)
-            },
+            {f"pedestrian:north:west>east:{a}>{b}" for a, b in product(("along", "leg"), repeat=2)},
         ),
         (
             pedestrian(movement="jaywalking", crosswalk="east"),
@@ -99,7 +96,10 @@ def test_no_such_way_is_told_in_words():
     ("agents", "relation", "words"),
     [
         (
-            (vehicle(entry="north", movement="right"), vehicle(OTHER, entry="south", movement="right")),
+            (
+                vehicle(entry="north", movement="right"),
+                vehicle(OTHER, entry="south", movement="right"),
+            ),
             edge("near_miss", CAR, OTHER),
             f"{CAR} near miss {OTHER}",
         ),
@@ -198,9 +198,9 @@ def test_likelier_routes_come_first_more_often():
         return 50.0 if route.movement == "straight" else 1.0
 
     first = Counter(
-        next(
-            casts(graph, grounding, on=ON, rng=np.random.default_rng(seed), weight=weight)
-        ).routes[CAR].movement
+        next(casts(graph, grounding, on=ON, rng=np.random.default_rng(seed), weight=weight))
+        .routes[CAR]
+        .movement
         for seed in range(100)
     )
     assert first["straight"] >= 85

@@ -45,7 +45,9 @@ def segment(start, end, anchor, status) -> Segment:
 
 
 def edited(agent, *segments, **anchors):
-    return edit(agent, segments, {"goal": agent.candidate.path.length, **anchors}, duration=DURATION)
+    return edit(
+        agent, segments, {"goal": agent.candidate.path.length, **anchors}, duration=DURATION
+    )
 
 
 def along(track, of):
@@ -248,7 +250,9 @@ def test_stop_lines_and_kerbs_carry_the_maps_names():
 
 
 def test_a_contact_ends_the_way_and_events_are_evidence():
-    event = PlannedEvent("contact(vehicle-1, vehicle-2)", ("vehicle-1", "vehicle-2"), 5.0, (1.0, 2.0))
+    event = PlannedEvent(
+        "contact(vehicle-1, vehicle-2)", ("vehicle-1", "vehicle-2"), 5.0, (1.0, 2.0)
+    )
     summary = summary_of(
         selected(SOUTHWARDS, contact=5.0),
         selected(candidate(straight((49.5, 1.75), np.pi, 99.0), route=WESTBOUND), name="vehicle-2"),

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from scenewright.apps.console import put
+from scenewright.apps.console import one_line, put, say
+from scenewright.apps.faults import fault_of
+from scenewright.apps.interrupts import stop_if_asked
 from scenewright.backends import Backend, Question
-from scenewright.errors import InputError, Rejected
+from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
 
@@ -56,8 +59,23 @@ def plan_rows(rows: list[Any], backend: Backend) -> Iterator[dict[str, Any]]:
     for row in rows:
         fault = _fault_in(row)
         given = row if isinstance(row, dict) else {}
-        plan = refusal(fault) if fault else ask_for_plan(given, backend)
+        plan = refusal(fault) if fault else _plan(given, backend)
+        stop_if_asked()
         yield {**plan_to_row("", plan), "id": _echo(given.get("id"))}
+
+
+def _plan(row: dict[str, Any], backend: Backend) -> Plan:
+    """The row's plan. A bug that one text brings out must not cost all the other rows."""
+    try:
+        return ask_for_plan(row, backend)
+    except BackendFault:
+        raise
+    except Exception as error:
+        if os.environ.get("SCENEWRIGHT_TRACEBACK"):
+            raise
+        fault = fault_of(error)
+        say(f"warning: row {one_line(row['id'], limit=60)!r}: {fault.reason}")
+        return refusal(fault.reason)
 
 
 def _echo(identity: Any) -> str | int | None:

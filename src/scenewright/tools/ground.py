@@ -9,10 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Path
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 
 geos: Any = import_module("shapely")
 """Shapely's functions carry no types; one name keeps that in one place."""
+
+
+_SHORTEST = 4
+"""Fewest points of a path."""
 
 
 class Ground:
@@ -30,6 +35,15 @@ class Ground:
         self._walkable = geos.union_all([_union(on.walkable), *crosswalks.values()])
         for area in (self._road, self._walkable, *crosswalks.values()):
             geos.prepare(area)
+
+    def trimmed(self, path: Path) -> Path:
+        """The path without the ends that lie beyond the edge of the map."""
+        inside = np.nonzero(np.abs(path.xy).max(axis=1) <= self.on.extent)[0]
+        if len(inside) < _SHORTEST or len(inside) == len(path.s):
+            return path
+        keep = slice(inside[0], inside[-1] + 1)
+        s = path.s[keep] - path.s[inside[0]]
+        return Path(path.xy[keep], s, path.heading[keep], path.curvature[keep])
 
     def road_share(self, xy: FloatArray) -> float:
         """Share of points [N, 2] on the road."""

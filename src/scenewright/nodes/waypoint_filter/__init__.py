@@ -8,14 +8,15 @@ from langgraph.runtime import Runtime
 from pydantic import BaseModel, ConfigDict
 
 from scenewright.backends import Question
+from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, earlier
 from scenewright.nodes.context import RunContext
 from scenewright.scene.candidates import CandidateSet
-from scenewright.scene.constraints import ConstraintProgram
+from scenewright.scene.constraints import ConstraintProgram, UnaryClause
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.dsl_validator.parse import parse
+from scenewright.tools.dsl_validator.parse import format_clause, parse
 from scenewright.tools.dsl_validator.select import select
 
 
@@ -54,6 +55,7 @@ def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> Fil
     )
     reply = ask(context.backend, question, ProgramReply, stage="waypoint_filter")
     program = parse(reply.program)
+    _refuse_strangers(program, state["candidates"])
     selection = select(
         program,
         state["candidates"],
@@ -63,6 +65,24 @@ def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> Fil
     )
     context.tell("waypoint_filter", f"nll {selection.nll:.1f}, figures {dict(selection.figures)}")
     return {"constraints": program, "selection": selection}
+
+
+def _refuse_strangers(program: ConstraintProgram, pool: CandidateSet) -> None:
+    """Every agent that a clause names takes part."""
+    for clause in program.clauses:
+        named = (
+            (clause.agent,) if isinstance(clause, UnaryClause) else (clause.first, clause.second)
+        )
+        for name in named:
+            if name is not None and name not in pool.agents:
+                raise Rejected(
+                    Rejection(
+                        stage="waypoint_filter",
+                        code="malformed_program",
+                        agents=(name,),
+                        detail=f"{format_clause(clause)}: there is no {name} in the scene",
+                    )
+                )
 
 
 def _facts(instruction: str, graph: SocialGraph, pool: CandidateSet) -> dict[str, object]:

@@ -18,9 +18,9 @@ from scenewright.scene.rejection import Rejection
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import Landmarks
 
-_ON_ROAD, _ON_WALKABLE = 0.988, 0.999
+_ON_ROAD, _ON_WALKABLE = 0.995, 0.999
 """Stricter than the 98 % of SEMANTICS section 5: a standstill weighs a spot many times, most of
-all a pedestrian's. A vehicle's path may end beyond the edge of the map."""
+all a pedestrian's."""
 
 _JUNCTION_RADIUS = 6.0
 

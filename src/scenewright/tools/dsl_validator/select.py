@@ -211,7 +211,8 @@ class _Search:
     def _candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
         """The m-th candidate of an agent, once; None if a unary clause fails on it."""
         if (name, m) not in self._built:
-            candidate = self._pool.agents[name].build(m)
+            drawn = self._pool.agents[name].build(m)
+            candidate = replace(drawn, path=self._ground.trimmed(drawn.path))
             marks = landmarks(candidate, ground=self._ground)
             refused = [
                 rejection

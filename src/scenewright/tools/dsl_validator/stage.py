@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.candidates import Candidate
+from scenewright.scene.candidates import Candidate, TimeLaw
 from scenewright.scene.constraints import Contact, GivesWay, Headway, PairClause, TimeGap
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.social import CollisionKind
@@ -45,12 +45,21 @@ _LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(45.0)
 _STANDS = 1.6
 """Least standstill of who gives way [s], start and end smoothed away included."""
 
+_CAUSE = 1.2
+"""How far [s] from the other's time in the zone it would have been there unheld (SEMANTICS: 2 s)."""
+
+_FREE = {"acceleration": 2.0, "braking": 2.0, "lateral": 3.0}
+"""Free speed as SEMANTICS section 4 defines it."""
+
+_LINGERS = 2.5
+"""How much later than it could a leader starts that is hit from behind [s]."""
+
 _RED = 12.0
 """How long the leader of a rear-end would have stood at its red light [s]."""
 _UPSTREAM = {"vehicle": 18.0, "pedestrian": 4.3}
 """Farthest before the zone that giving way counts (SEMANTICS 4: 20 m and 5 m, less a margin)."""
 
-_SLOWS = 3.0
+_SLOWS = 5.5
 """How long before a stop [s] the light must not explain it."""
 
 Pairing = tuple[str, str]
@@ -208,11 +217,10 @@ class Stage:
         for delta in self._inside(self._meetings(clause, a, b)):
             placed_a, placed_b = _place(clause, a, b, delta, staging)
             found = first_contact(placed_a, placed_b)
-            if (
-                found is None
-                or not _wanted(found, clause)
-                or self._too_soon(found.time, clause, staging)
-            ):
+            if found is None or not _wanted(found, clause):
+                continue
+            earliest, latest = self._window(clause, b, staging)
+            if not earliest <= found.time <= latest:
                 continue
             end_a, end_b = placed_a.ended(found.time), placed_b.ended(found.time)
             happening = Happening(clause, found.time, found.time - 3.0, found.time, found.location)
@@ -266,10 +274,10 @@ class Stage:
         others = tuple(stop for stop in a.stops if abs(stop.s - hold.s) > 0.5)
         stands = arrival(a.candidate, hold, _holds(others, a.enters))
         b_in, b_out = _passage(b.motion, zone.s_b[zone.j])
-        a_in, a_out = _passage(a.free, zone.s_a[zone.i])
+        a_in, a_out = _unheld(a, hold, stands, zone.s_a[zone.i])
         react = float(self._rng.uniform(0.3, 0.8))
-        low = max(stands + _STANDS - react, a_in - 1.2) - b_out
-        high = min(stands + 5.0 - b_out - react, a_out + 1.4 - b_in)
+        low = max(stands + _STANDS - react, a_in - _CAUSE) - b_out
+        high = min(stands + 5.0 - b_out - react, a_out + _CAUSE - b_in)
         if not np.isfinite(low + high) or low > high:
             return
         for delta in self._rng.uniform(low, high, 3):
@@ -311,8 +319,6 @@ class Stage:
 
     def _brakes_at_light(self, b: Actor) -> Actor | None:
         """The leader of a rear-end: stands at its red light."""
-        if b.stops:
-            return b
         if b.marks.line is None or b.marks.group is None:
             return None
         hold = Hold(b.marks.line - STOP_GAP, 0.0)
@@ -322,7 +328,7 @@ class Stage:
 
     def _rear_end(self, a: Actor, b: Actor, clause: Contact) -> tuple[Actor, Actor] | None:
         """The follower brakes hard, but too late to stop behind the standing leader."""
-        leader = self._brakes_at_light(b)
+        leader = _lingering(b) if b.stops else self._brakes_at_light(b)
         if leader is None:
             return None
         follower = self._brakes_late(a, leader, clause)
@@ -375,6 +381,18 @@ class Stage:
         kept = [delta for delta in found if gap_to(meetings, delta) >= low - 1e-6]
         self._rng.shuffle(kept)
         return kept
+
+    def _window(self, clause: Contact, b: Actor, staging: Staging) -> tuple[float, float]:
+        """When [s] the contact may come: after what its agents did before.
+
+        A leader that gives way is hit where it stands, once the other has passed.
+        """
+        if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in b.stops):
+            until = b.stops[-1].until
+            passed = until - _LINGERS - 0.2
+            return max(staging.busy_until(clause.first) + 0.5, passed), until + 0.2
+        busy = max(staging.busy_until(name) for name in _pair(clause))
+        return busy + 0.5, float("inf")
 
     def _too_soon(self, time: float, clause: PairClause, staging: Staging) -> bool:
         """A later relation of an agent comes after its earlier ones."""
@@ -614,6 +632,37 @@ def _holds(stops: tuple[Stop, ...], enters: float) -> tuple[Hold, ...]:
 def _passage(motion: Motion, nodes: FloatArray) -> tuple[float, float]:
     """Local times [s] of reaching the first and leaving the last of the nodes."""
     return motion.time_at(float(nodes.min())), motion.time_at(float(nodes.max()))
+
+
+def _unheld(a: Actor, hold: Hold, stands: float, nodes: FloatArray) -> tuple[float, float]:
+    """Local times [s] of reaching and leaving the zone, free from where it began to slow.
+
+    It began at the last moment at which it still drove its approach speed (less 0.3 m/s).
+    """
+    motion = move(a.candidate, holds=(replace(hold, release=stands + 9.0),))
+    until = int(stands / STEP)
+    speed, s = motion.speed[: until + 1], motion.s[: until + 1]
+    reach = 40.0 if a.candidate.route.type == "vehicle" else 5.0
+    approach = float(speed[s >= hold.s - 1.5 * reach].max())
+    begin = int(np.nonzero(speed >= approach - min(0.3, 0.3 * approach))[0][-1])
+    law = TimeLaw(speed=approach, **_FREE)
+    free = move(replace(a.candidate, time_law=law))
+    shift = STEP * begin - free.time_at(float(s[begin]))
+    first, last = _passage(free, nodes)
+    return first + shift, last + shift
+
+
+def _lingering(leader: Actor) -> Actor | None:
+    """A leader slow to start after giving way; one that waits at red stays as it is.
+
+    None for one that waits far from the zone: hit there, it could have waited for anybody.
+    """
+    last = leader.stops[-1]
+    if last.reason != "gives_way":
+        return leader
+    if last.anchor == "stop_line" and leader.candidate.route.movement != "straight":
+        return None
+    return leader.edited(stops=(*leader.stops[:-1], replace(last, until=last.until + _LINGERS)))
 
 
 def _merging(a: Actor, b: Actor) -> bool:

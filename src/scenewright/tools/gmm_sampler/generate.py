@@ -25,7 +25,7 @@ DENSITIES: dict[str, tuple[int, int]] = {"low": (1, 4), "medium": (5, 10), "high
 
 _MOST_BACKGROUND = 20
 _SECONDS = 30.0
-_CASTS = 8
+_CASTS = 4
 
 
 def hour_of(context: SceneContext, priors: Priors, rng: np.random.Generator) -> float:
@@ -37,7 +37,8 @@ def hour_of(context: SceneContext, priors: Priors, rng: np.random.Generator) -> 
     if not end:
         return _hours(start)
     span = (_hours(end) - _hours(start)) % 24.0
-    return float((_hours(start) + round(rng.uniform(0.0, span) * 4) / 4) % 24.0)
+    quarter = round(rng.uniform(0.0, span) * 4) / 4
+    return float((_hours(start) + min(quarter, span)) % 24.0)
 
 
 def cast_foreground(
@@ -55,7 +56,7 @@ def cast_foreground(
     def weight(route: Route) -> float:
         return float(np.sqrt(_rate(priors, route, hour))) + 1e-3
 
-    drawn = list(itertools.islice(casts(graph, grounding, on=on, rng=rng, weight=weight), _CASTS))
+    drawn = [next(casts(graph, grounding, on=on, rng=rng, weight=weight)) for _ in range(_CASTS)]
     return min(drawn, key=lambda cast: sum(each.violator is not None for each in cast.patterns))
 
 

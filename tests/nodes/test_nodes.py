@@ -1,0 +1,290 @@
+"""Each stage by itself: what it asks, what it accepts, and how it says no."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from scenewright import synthesize
+from scenewright.backends import Question, load_backend
+from scenewright.errors import Rejected
+from scenewright.intersections import load_map
+from scenewright.nodes.agent_generator import generate_agents
+from scenewright.nodes.ask import ask, earlier
+from scenewright.nodes.context import RunContext
+from scenewright.nodes.event_reasoner import reason_events
+from scenewright.nodes.scene_planner import plan_scene
+from scenewright.nodes.scene_verifier import verify_scene
+from scenewright.nodes.scene_verifier.assemble import assemble, scene_id
+from scenewright.nodes.trajectory_refiner import refine_trajectories
+from scenewright.nodes.waypoint_filter import filter_waypoints
+from scenewright.scene.behavior import BehaviorProgram, Segment
+from scenewright.scene.rejection import Rejection
+from scenewright.tools.gmm_sampler import load_priors
+from scenewright.tools.ground import Ground
+
+GROUND = Ground(load_map("amsterdam_120"))
+PRIORS = load_priors("amsterdam_120")
+TEXT = "A car from the north turning left yields to an oncoming car, nobody else around, at noon."
+CAR, OTHER = "vehicle-1", "vehicle-2"
+
+
+class Scripted:
+    """Answers every question with one reply and remembers what was asked."""
+
+    name = "scripted"
+    deterministic = False
+
+    def __init__(self, reply: Any) -> None:
+        self.reply = reply
+        self.asked: list[Question] = []
+
+    def answer(self, question: Question) -> Any:
+        self.asked.append(question)
+        return self.reply
+
+
+def runtime(backend=None, *, told=None, **more):
+    context = RunContext(
+        backend=backend or load_backend("builtin"),
+        ground=GROUND,
+        priors=PRIORS,
+        seed=3,
+        tell=(lambda stage, line: told.append((stage, line))) if told is not None else _nothing,
+        **more,
+    )
+    return SimpleNamespace(context=context)
+
+
+def _nothing(stage: str, line: str) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def run() -> dict[str, Any]:
+    """Every product of one run."""
+    return dict(synthesize(TEXT, seed=3).state)
+
+
+def refused(node, state, backend) -> Rejection:
+    with pytest.raises(Rejected) as error:
+        node(state, runtime=runtime(backend))
+    return error.value.rejection
+
+
+class Reply(BaseModel):
+    number: int
+
+
+def test_an_answer_becomes_the_reply_model():
+    backend = Scripted({"number": 4})
+    question = Question(task="plan", facts={})
+    assert ask(backend, question, Reply, stage="scene_planner").number == 4
+    assert backend.asked == [question]
+
+
+def test_a_malformed_answer_is_refused_with_the_first_fault():
+    with pytest.raises(Rejected) as error:
+        ask(Scripted({"number": "x"}), Question("plan", {}), Reply, stage="event_reasoner")
+    rejection = error.value.rejection
+    assert (rejection.stage, rejection.code) == ("event_reasoner", "malformed_reply")
+    assert rejection.detail.startswith("number: ")
+
+
+def test_a_stage_is_told_its_own_faults_only():
+    rejections = [
+        Rejection(stage="scene_planner", code="malformed_reply", detail="one"),
+        Rejection(stage="event_reasoner", code="malformed_reply", detail="two"),
+    ]
+    assert earlier(rejections, "scene_planner") == ("one",)
+
+
+def test_every_stage_and_attempt_has_randomness_of_its_own():
+    context = runtime().context
+    once = Rejection(stage="scene_verifier", code="implausible_motion", detail="x")
+
+    def first(stage, rejections) -> float:
+        return float(context.rng(stage, rejections).random())
+
+    assert first("agent_generator", []) == first("agent_generator", [])
+    drawn = {first("agent_generator", []), first("waypoint_filter", [])}
+    drawn |= {first("agent_generator", [once]), first("agent_generator", [once, once])}
+    assert len(drawn) == 4
+
+
+def test_the_planner_asks_with_the_maps_legs_and_earlier_faults():
+    plan = {"agents": [{"id": CAR, "type": "vehicle"}]}
+    backend = Scripted(plan)
+    fault = Rejection(stage="scene_planner", code="malformed_reply", detail="agents: missing")
+    state = {"instruction": "a car", "previous": None, "rejections": [fault]}
+    written = plan_scene(state, runtime=runtime(backend))
+    [question] = backend.asked
+    assert question.facts["legs"] == ["north", "east", "south", "west"]
+    assert question.rejections == ("agents: missing",)
+    assert [agent.id for agent in written["social_graph"].agents] == [CAR]
+    assert len(written["grounding"].routes[CAR]) == 12
+
+
+@pytest.mark.parametrize(
+    ("reply", "code"),
+    [
+        ({"code": "out_of_scope", "reason": "no traffic"}, "out_of_scope"),
+        ({"code": "contradictory", "reason": "left and right"}, "contradictory"),
+        ({"code": "impossible", "reason": "no such leg"}, "ungroundable"),
+        ({"agents": [{"id": "car", "type": "vehicle"}]}, "malformed_reply"),
+        (
+            {"agents": [{"id": CAR, "type": "vehicle", "entry": "north", "exit": "north"}]},
+            "ungroundable",
+        ),
+    ],
+)
+def test_a_plan_that_cannot_be_is_refused(reply, code):
+    state = {"instruction": "x", "previous": None, "rejections": []}
+    rejection = refused(plan_scene, state, Scripted(reply))
+    assert (rejection.stage, rejection.code) == ("scene_planner", code)
+
+
+def test_a_program_that_is_none_is_refused(run):
+    rejection = refused(filter_waypoints, run, Scripted({"program": "gives_way(vehicle-1)"}))
+    assert rejection.code == "malformed_program"
+    rejection = refused(filter_waypoints, run, Scripted({"clauses": []}))
+    assert rejection.code == "malformed_reply"
+
+
+def test_a_program_about_somebody_who_is_not_there_is_refused(run):
+    for program in (f"contact({CAR}, vehicle-99)", "on_road(vehicle-99)"):
+        rejection = refused(filter_waypoints, run, Scripted({"program": program}))
+        assert rejection.code == "malformed_program"
+        assert rejection.detail == f"{program}: there is no vehicle-99 in the scene"
+
+
+def test_the_filter_names_agents_relations_and_patterns(run):
+    backend = Scripted({"program": f"gives_way({CAR}, {OTHER})"})
+    filter_waypoints(run, runtime=runtime(backend))
+    [question] = backend.asked
+    assert {"id": CAR, "type": "vehicle", "movement": "left"} in question.facts["agents"]
+    [relation] = question.facts["relations"]
+    assert (relation["from"], relation["to"], relation["type"]) == (CAR, OTHER, "yield_to")
+    assert relation["pattern"] == "left_turn_yields_to_oncoming"
+
+
+def segments_of(run, agent, *segments) -> dict[str, Any]:
+    own = {name: list(each) for name, each in run["behavior"].segments.items()}
+    own[agent] = [Segment(**dict(zip(FIELDS, each, strict=True))) for each in segments]
+    return BehaviorProgram(segments=own).model_dump(mode="json")
+
+
+FIELDS = ("start", "end", "anchor", "status")
+
+
+@pytest.mark.parametrize(
+    ("segments", "code", "detail"),
+    [
+        ([], "malformed_reply", "has no segments"),
+        ([(0, 5, "moon", "keep")], "unknown_anchor", "no anchor 'moon'"),
+        ([(0, 5, "contact", "stop")], "unknown_anchor", "no anchor 'contact'"),
+        ([(5, 4, "goal", "keep")], "times_not_increasing", "ends before 5 s"),
+        ([(0, 5, "goal", "keep"), (4, 9, "goal", "keep")], "times_not_increasing", "overlaps"),
+        ([(0, 0, "contact", "terminate")], "times_not_increasing", "before it has been seen"),
+    ],
+)
+def test_segments_that_cannot_be_edited_are_refused(run, segments, code, detail):
+    reply = segments_of(run, CAR, *segments)
+    rejection = refused(reason_events, run, Scripted(reply))
+    assert (rejection.stage, rejection.code) == ("event_reasoner", code)
+    assert rejection.agents == (CAR,)
+    assert detail in rejection.detail
+
+
+def test_the_reasoner_sees_anchors_and_stays(run):
+    backend = Scripted(run["behavior"].model_dump(mode="json"))
+    written = reason_events(run, runtime=runtime(backend))
+    assert written["behavior"] == run["behavior"]
+    [question] = backend.asked
+    car = next(each for each in question.facts["agents"] if each["agent"] == CAR)
+    assert car["stays"][0]["reason"] == "gives_way"
+    assert {"goal"} <= {anchor["id"] for anchor in car["anchors"]}
+
+
+def test_keep_stop_proceed_is_what_a_yield_becomes(run):
+    assert [each.status for each in run["behavior"].segments[CAR]] == ["keep", "stop", "proceed"]
+    assert [each.status for each in run["behavior"].segments[OTHER]] == ["keep"]
+
+
+def test_without_a_refiner_the_edited_priors_are_final(run):
+    assert run["refined"] is run["edited"]
+    assert "no learned model ran" in run["refinement"]
+    for name, agent in run["selection"].agents.items():
+        track = run["edited"][name]
+        path = agent.candidate.path.xy
+        off = np.hypot(*(track.xy[:, None] - path[None]).transpose(2, 0, 1)).min(axis=1)
+        assert off.max() <= 0.3
+
+
+def test_the_verifier_writes_the_events_that_it_found(run):
+    [event] = run["scene"].events
+    assert (event.type, event.from_, event.to) == ("yielding", 1, 2)
+    assert run["proof"].verified
+    assert event.time == run["proof"].events[0].time
+
+
+def test_the_verifier_refuses_what_is_not_the_scene_asked_for(run):
+    """Without the stop, nobody yields."""
+    segments = dict(run["behavior"].segments)
+    segments[CAR] = (Segment(start=0, end=run["selection"].duration, anchor="goal", status="keep"),)
+    state = run | {"behavior": BehaviorProgram(segments=segments)}
+    state |= refine_trajectories(state, runtime=runtime())
+    rejection = refused(verify_scene, state, load_backend("builtin"))
+    assert rejection.code == "relation_not_realised"
+    assert set(rejection.agents) == {CAR, OTHER}
+
+
+def test_a_record_holds_what_the_stages_made(run):
+    scene = run["scene"]
+    assert [agent.name for agent in scene.agents][:2] == [CAR, OTHER]
+    assert [agent.id for agent in scene.agents] == list(range(1, len(scene.agents) + 1))
+    assert scene.meta.user_prompt == TEXT
+    assert scene.meta.time_of_day == "12:00"
+    for agent in scene.agents:
+        track = run["refined"][agent.name]
+        assert agent.spawn_time == track.start
+        assert np.array(agent.trajectory) == pytest.approx(track.xy, abs=1e-9)
+        assert len(agent.heading) == len(agent.trajectory)
+    lights = {each.stop_line or each.crosswalk for each in scene.signals}
+    assert len(lights) == 8
+
+
+def test_a_scene_without_events_says_normal_in_one_row(run):
+    state = run | {"social_graph": run["social_graph"].model_copy(update={"relations": ()})}
+    bare = assemble(
+        TEXT,
+        state["social_graph"],
+        run["candidates"],
+        run["selection"],
+        run["behavior"],
+        {},
+        on=GROUND.on,
+        seed=0,
+    )
+    assert bare.agents == ()
+    assert bare.events == ()
+    empty = state | {"refined": {}}
+    written = verify_scene(empty, runtime=runtime())
+    [row] = written["scene"].events
+    assert (row.type, row.from_, row.to) == ("normal", None, None)
+
+
+def test_a_scenes_name_depends_on_its_request_alone():
+    assert scene_id("a", "m", 1) == scene_id("a", "m", 1)
+    assert len({scene_id("a", "m", 1), scene_id("b", "m", 1), scene_id("a", "m", 2)}) == 3
+    assert scene_id("\ud800", "m", 1)
+
+
+def test_stages_say_what_they_did(run):
+    told: list[tuple[str, str]] = []
+    generate_agents(run, runtime=runtime(told=told))
+    assert told == [("agent_generator", "2 + 0 agents at 12.00 h")]
