@@ -63,7 +63,8 @@ def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> Fil
         rng=context.rng("waypoint_filter", rejections),
         mode=context.selection,
     )
-    context.tell("waypoint_filter", f"nll {selection.nll:.1f}, figures {dict(selection.figures)}")
+    tried = int(selection.figures["tuples"])
+    context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")
     return {"constraints": program, "selection": selection}
 
 

@@ -253,6 +253,7 @@ class _Problem:
         """Who takes part, how and when; None if there is no arrangement."""
         solver: Any = self._cp.CpSolver()
         solver.parameters.num_workers = 1
+        solver.parameters.catch_sigint_signal = False
         solver.parameters.random_seed = 1
         solver.parameters.max_deterministic_time = _SOLVER_SECONDS
         solver.parameters.cp_model_presolve = False

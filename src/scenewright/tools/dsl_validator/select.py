@@ -87,6 +87,7 @@ _FAR_COST = 2.0
 """... before it costs nats to have it come at another time altogether."""
 
 _Event = (Contact, TimeGap, Headway, GivesWay)
+_EventClause = Contact | TimeGap | Headway | GivesWay
 
 
 def select(
@@ -115,7 +116,7 @@ class _Search:
         mode: Mode,
     ) -> None:
         self._pool, self._ground, self._rng, self._mode = pool, ground, rng, mode
-        self._events = tuple(c for c in program.clauses if isinstance(c, _Event))
+        self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
         self._before = tuple(c for c in program.clauses if isinstance(c, Before))
         self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
@@ -532,6 +533,17 @@ def _starts(actor: Actor, moment: _Moment) -> NDArray[np.int64]:
     crosses = STEP * steps + actor.motion.time_at(line) + clock.offset
     green = shows(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
     return steps[green.all(axis=0)]
+
+
+def _in_playing_order(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
+    """Followers come last, behind whatever their leader does; but before a rear-end of the two."""
+    later: list[_EventClause] = []
+    for clause in clauses:
+        pair = {clause.first, str(clause.second)}
+        hits = any(isinstance(c, Contact) and {c.first, c.second} == pair for c in clauses)
+        if isinstance(clause, Headway) and not hits:
+            later.append(clause)
+    return (*(clause for clause in clauses if clause not in later), *later)
 
 
 def _best_first(draws: list[AgentDraws]) -> Iterator[dict[str, int]]:

@@ -51,6 +51,12 @@ _CAUSE = 1.2
 _FREE = {"acceleration": 2.0, "braking": 2.0, "lateral": 3.0}
 """Free speed as SEMANTICS section 4 defines it."""
 
+_FOR_GOOD = 60.0
+"""Longer than any scene [s]."""
+
+_SUDDEN, _SUDDEN_BRAKING = (0.62, 0.82), 3.2
+"""Where on its way (share of it) a leader stops for no light, and how hard it brakes [m/s^2]."""
+
 _LINGERS = 2.5
 """How much later than it could a leader starts that is hit from behind [s]."""
 
@@ -127,13 +133,15 @@ class Happening:
     """An event that the staging brings about: when [s] and where.
 
     Attributes:
-        begins, ends: [s] the span that must be seen, and until which its agents are busy with it.
+        begins, ends: [s] the span that must be seen, and until which `first` is busy with it.
+        freed: [s] until when `second` is busy with it.
     """
 
     clause: PairClause
     time: float
     begins: float
     ends: float
+    freed: float
     location: Point
 
     def shifted(self, seconds: float) -> Happening:
@@ -143,6 +151,7 @@ class Happening:
             time=self.time + seconds,
             begins=self.begins + seconds,
             ends=self.ends + seconds,
+            freed=self.freed + seconds,
         )
 
 
@@ -155,10 +164,9 @@ class Staging:
 
     def busy_until(self, name: str) -> float:
         """Until when [s] the agent is busy with events so far; -inf if with none."""
-        return max(
-            (each.ends for each in self.happenings if name in _pair(each.clause)),
-            default=-float("inf"),
-        )
+        first = [each.ends for each in self.happenings if name == each.clause.first]
+        second = [each.freed for each in self.happenings if name == each.clause.second]
+        return max([*first, *second], default=-float("inf"))
 
     def with_event(self, happening: Happening, a: Actor, b: Actor) -> Staging:
         """One event more, and its two actors as they are now."""
@@ -209,21 +217,22 @@ class Stage:
         a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
         if a.contact is not None or b.contact is not None:
             return
-        if clause.kind == "rear_end":
-            pair = self._rear_end(a, b, clause)
-            if pair is None:
-                return
-            a, b = pair
+        pairs = self._rear_ends(a, b, clause) if clause.kind == "rear_end" else iter([(a, b)])
+        for first, second in pairs:
+            yield from self._touching(clause, staging, first, second)
+
+    def _touching(self, clause: Contact, staging: Staging, a: Actor, b: Actor) -> Iterator[Staging]:
         for delta in self._inside(self._meetings(clause, a, b)):
             placed_a, placed_b = _place(clause, a, b, delta, staging)
             found = first_contact(placed_a, placed_b)
             if found is None or not _wanted(found, clause):
                 continue
-            earliest, latest = self._window(clause, b, staging)
+            earliest, latest = self._window(clause, placed_b, staging)
             if not earliest <= found.time <= latest:
                 continue
             end_a, end_b = placed_a.ended(found.time), placed_b.ended(found.time)
-            happening = Happening(clause, found.time, found.time - 3.0, found.time, found.location)
+            time = found.time
+            happening = Happening(clause, time, time - 3.0, time, time, found.location)
             yield staging.with_event(happening, end_a, end_b)
 
     def _time_gap(self, clause: TimeGap, staging: Staging) -> Iterator[Staging]:
@@ -236,24 +245,46 @@ class Stage:
             clearance, time, place = least_clearance(placed_a, placed_b)
             if clearance <= 0.05 or self._too_soon(time, clause, staging):
                 continue
-            happening = Happening(clause, time, time - 4.0, time + 1.0, place)
+            happening = Happening(clause, time, time - 4.0, time + 1.0, time + 1.0, place)
             yield staging.with_event(happening, placed_a, placed_b)
 
     def _headway(self, clause: Headway, staging: Staging) -> Iterator[Staging]:
         a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
-        meetings = self._meetings(clause, a, b)
+        pair = self._encounter(*_pair(clause))
+        meetings = meeting_offsets(pair, a.free, b.free, c=0.0, exact=True)
         if not len(meetings):
             return
         for gap in self._rng.uniform(clause.low, clause.high, _TRIES):
             placed_a, placed_b = _place(clause, a, b, float(meetings[0, 0] - gap), staging)
             if not _in_range(clause, meetings[0, 0] - (placed_b.enters - placed_a.enters)):
                 continue
+            placed_a = self._queued(placed_a, placed_b, pair)
             begins = max(placed_a.enters, placed_b.enters)
             if not _follows(placed_a, placed_b):
                 continue
             time = begins + 4.0
-            happening = Happening(clause, time, begins, time, _point(placed_a, time))
+            happening = Happening(clause, time, begins, time, time, _point(placed_a, time))
             yield staging.with_event(happening, placed_a, placed_b)
+
+    def _queued(self, a: Actor, b: Actor, pair: Encounter) -> Actor:
+        """The follower with a standstill behind every one of its leader's, its wreck included."""
+        stands = [(stop.s, stop.start, stop.until) for stop in b.stops]
+        if b.contact is not None:
+            last = float(b.motion.s[-1])
+            stands = [each for each in stands if each[0] < last - 1.0]
+            stands.append((last, b.contact, b.contact + _FOR_GOOD))
+        stops = list(a.stops)
+        for s, start, until in stands:
+            beside = np.abs(pair.s_b[pair.j] - s) < 0.3
+            if not beside.any():
+                continue
+            behind = float(pair.s_a[pair.i[beside]].min()) - float(self._rng.uniform(1.8, 3.0))
+            if behind > 2.0 and all(abs(stop.s - behind) > 1.0 for stop in stops):
+                lag = float(self._rng.uniform(0.7, 1.3))
+                stops.append(Stop("queue", behind, start, until + lag, "queue"))
+        if len(stops) == len(a.stops):
+            return a
+        return a.edited(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
 
     def _gives_way(self, clause: GivesWay, staging: Staging) -> Iterator[Staging]:
         a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
@@ -289,7 +320,9 @@ class Stage:
             if not _passes_well(held, placed_b, zone):
                 continue
             enters = placed_a.enters + held.motion.time_at(float(zone.s_a[zone.i].min()))
-            happening = Happening(clause, start, start - 5.0, enters, _point(held, start))
+            passed = placed_b.enters + b_out
+            spot = _point(held, start)
+            happening = Happening(clause, start, start - 5.0, enters, passed, spot)
             yield staging.with_event(happening, held, placed_b)
 
     def _stopping_places(self, a: Actor, zone: Encounter) -> Iterator[tuple[str, Hold]]:
@@ -326,13 +359,29 @@ class Stage:
         stop = Stop("stop_line", hold.s, start, start + _RED, "red_light")
         return b.edited(stops=(stop,))
 
-    def _rear_end(self, a: Actor, b: Actor, clause: Contact) -> tuple[Actor, Actor] | None:
-        """The follower brakes hard, but too late to stop behind the standing leader."""
-        leader = _lingering(b) if b.stops else self._brakes_at_light(b)
-        if leader is None:
-            return None
-        follower = self._brakes_late(a, leader, clause)
-        return None if follower is None else (follower, leader)
+    def _rear_ends(self, a: Actor, b: Actor, clause: Contact) -> Iterator[tuple[Actor, Actor]]:
+        """The leader stands, and the follower brakes hard but too late to stop behind it."""
+        for leader in self._standing_leaders(b):
+            follower = self._brakes_late(a, leader, clause)
+            if follower is not None:
+                yield follower, leader
+
+    def _standing_leaders(self, b: Actor) -> Iterator[Actor]:
+        """Where it stands already; else at its red light; else braked to a stop on its way."""
+        if b.stops:
+            lingering = _lingering(b)
+            if lingering is not None:
+                yield lingering
+            return
+        at_light = self._brakes_at_light(b)
+        if at_light is not None:
+            yield at_light
+        for share in self._rng.uniform(*_SUDDEN, 2):
+            hold = Hold(share * b.candidate.path.length, 0.0, _SUDDEN_BRAKING)
+            start = b.enters + arrival(b.candidate, hold)
+            until = start + _FOR_GOOD
+            stop = Stop("stopping_point", hold.s, start, until, "brakes", _SUDDEN_BRAKING)
+            yield b.edited(stops=(stop,))
 
     def _brakes_late(self, a: Actor, b: Actor, clause: Contact) -> Actor | None:
         shared = self._encounter(clause.first, clause.second).within(0.0)
