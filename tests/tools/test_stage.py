@@ -94,13 +94,26 @@ def test_contact_begins_when_it_says_and_not_before(seed):
 def test_a_pedestrian_is_struck_by_a_moving_car():
     clause = Contact(first=CAR_1, second=WALKER, kind="pedestrian_strike")
     for staging in stagings([clause], {CAR_1: EASTWARDS, WALKER: ON_FOOT}):
-        found = first_contact(
-            actor(EASTWARDS, enters=staging.actors[CAR_1].enters),
-            actor(ON_FOOT, enters=staging.actors[WALKER].enters),
-        )
-        assert found.kind == "pedestrian_strike"
-        assert found.closing == pytest.approx(np.hypot(10.0, 1.4), abs=0.1)
-        assert found.time == pytest.approx(staging.happenings[0].time, abs=0.02)
+        a, b = staging.actors[CAR_1], staging.actors[WALKER]
+        time = staging.happenings[0].time
+        times, apart = clearances(a, b, step=0.01)
+        assert (apart[times < time - 0.03] > 0).all()
+        assert (apart[times > time + 0.01] <= 0).all()
+        speed = np.ptp(a.at(np.array([time - 0.1, time]))[:, 0]) / 0.1
+        assert 2.0 <= speed <= 10.0 + 1e-6
+
+
+def test_a_first_contact_is_described_as_seen():
+    """The walker is in the middle of the lane as the car comes there, at its own speed."""
+    car = actor(EASTWARDS)
+    person = actor(ON_FOOT, enters=round(car.motion.time_at(63.0) - 12.0 / 1.4, 1))
+    found = first_contact(car, person)
+    assert found.kind == "pedestrian_strike"
+    assert found.frontal
+    assert found.speed == pytest.approx(10.0, abs=0.01)
+    assert found.closing == pytest.approx(np.hypot(10.0, 1.4), abs=0.1)
+    times, apart = clearances(car, person, step=0.01)
+    assert found.time == pytest.approx(times[np.argmax(apart <= 0)], abs=0.02)
 
 
 def test_a_wish_for_a_speed_out_of_reach_stages_nothing():
@@ -115,20 +128,21 @@ def test_a_wish_for_a_speed_out_of_reach_stages_nothing():
     stagings([wanted], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS})
 
 
-def test_a_rear_end_is_the_follower_running_into_a_leader_at_its_light():
+def test_a_rear_end_is_the_follower_running_into_a_leader_that_stops():
     clause = Contact(first=CAR_1, second=CAR_2, kind="rear_end")
     marks = {CAR_1: AT_LIGHT, CAR_2: AT_LIGHT}
-    seen_standing = 0
-    for staging in stagings([clause], {CAR_1: BEHIND, CAR_2: EASTWARDS}, marks=marks, most=12):
+    seen_standing, reasons = 0, set()
+    for staging in stagings([clause], {CAR_1: BEHIND, CAR_2: EASTWARDS}, marks=marks, most=40):
         a, b = staging.actors[CAR_1], staging.actors[CAR_2]
         time = staging.happenings[0].time
-        assert b.stops[0].reason == "red_light"
+        reasons.add(b.stops[0].reason)
         around = np.array([time - 0.1, time])
         front, rear = a.at(around)[:, 0] + CAR.length / 2, b.at(around)[:, 0] - CAR.length / 2
         assert front[1] == pytest.approx(rear[1], abs=0.15)
         assert (np.ptp(front) - np.ptp(rear)) / 0.1 >= 1.2
         seen_standing += np.ptp(rear) < 1e-6
     assert seen_standing
+    assert reasons == {"red_light", "brakes"}
 
 
 @given(st.floats(0.4, 3.0), st.floats(0.05, 0.6), st.integers(0, 99))

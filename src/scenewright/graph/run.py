@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -103,6 +104,7 @@ def synthesize(
         ground=ground_of(intersection),
         priors=load_priors(intersection),
         seed=seed,
+        entropy=zlib.crc32(instruction.encode("utf-8", "surrogatepass")),
         refiner=cast(RefinerName, refiner),
         selection=selection,
         tell=note,

@@ -34,7 +34,8 @@ class RunContext:
     """The world of one run.
 
     Attributes:
-        seed: root of all randomness of this scene.
+        seed, entropy: roots of all randomness of this scene; the latter comes from its text, so
+            that different requests with one seed share nothing.
         draws: M, candidates per agent (paper 3.2).
         tell: called with a short line whenever a stage has something to say.
     """
@@ -43,6 +44,7 @@ class RunContext:
     ground: Ground
     priors: Priors
     seed: int
+    entropy: int = 0
     refiner: RefinerName = "none"
     selection: Mode = "draw"
     draws: int = 16
@@ -56,5 +58,5 @@ class RunContext:
 
     def rng(self, stage: Stage, rejections: list[Rejection]) -> np.random.Generator:
         """A generator of this stage's own, fresh at every attempt, the same for the same run."""
-        key = (self.seed, zlib.crc32(stage.encode()), len(rejections))
+        key = (self.seed, self.entropy, zlib.crc32(stage.encode()), len(rejections))
         return np.random.default_rng(np.random.SeedSequence(key))

@@ -53,7 +53,10 @@ def _program(facts: dict[str, Any]) -> str:
 
 def _clauses(pattern: Pattern, relation: dict[str, Any]) -> list[str]:
     names = {"from": relation["from"], "to": relation["to"]}
-    lines = [line.format(**names) for line in pattern.constraints]
+    struck = {"from": relation["striker"], "to": relation["struck"]}
+    lines = [
+        line.format(**(struck if _names_striker(line) else names)) for line in pattern.constraints
+    ]
     pair = f"({relation['from']}, {relation['to']}"
     if relation["type"] == "near_miss" and relation["target_pet"] is not None:
         low, high = max(relation["target_pet"] - 0.05, 0.0), relation["target_pet"] + 0.05
@@ -65,6 +68,13 @@ def _clauses(pattern: Pattern, relation: dict[str, Any]) -> list[str]:
             for line in lines
         ]
     return lines
+
+
+def _names_striker(line: str) -> bool:
+    """Contacts in which one drives into the other, whoever plays which role of the pattern."""
+    return line.startswith("contact(") and not any(
+        kind in line for kind in ("rear_end", "sideswipe", "head_on")
+    )
 
 
 def _segments(agent: dict[str, Any], duration: float) -> list[dict[str, Any]]:

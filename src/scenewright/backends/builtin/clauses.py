@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from scenewright.backends.builtin.cursor import (
     OpenRelation,
+    is_pronoun,
 )
 from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.lexicon import Chunk
@@ -97,6 +98,8 @@ class Reader(Naming):
             return
         if tag is not None and not chunk.has("SIGNAL"):
             self._relation(at, chunk, tag)
+        elif chunk.text == "into" and self._turned_into(at):
+            self._start(OpenRelation("collide_at", None, at, self.subject or None, tag="COLLIDE"))
         elif chunk.has("LATE"):
             self.said.append("late_brake")
             self.verb_seen = True
@@ -112,6 +115,12 @@ class Reader(Naming):
             self._by()
         else:
             self._minor(at, chunk)
+
+    def _turned_into(self, at: int) -> bool:
+        """ "turned left into a bus", not "into the path of" or "into the avenue"."""
+        before, after = self._item(at - 1), self._item(at + 1)
+        turn = isinstance(before, Modifier) and before.means in {"turn", "straight", "uturn"}
+        return turn and (isinstance(after, Mention) or is_pronoun(after))
 
     def _minor(self, at: int, chunk: Chunk) -> None:
         if chunk.has("BOTH"):

@@ -49,6 +49,14 @@ _PAST = re.compile(
     rf"{_LEAD}\b(a quarter|quarter|half|five|ten|twenty five|twenty|\d{{1,2}})(?: minutes?)?"
     rf" (past|to|after|before|till) ({_NUMBER})\b{_SUFFIX}?"
 )
+_COUNTED = r"(?!\s+(?:other |more |background )*(?:cars?|vehicles?|people|ped|trucks?|bus|lanes?))"
+_TO = re.compile(
+    rf"(?<!from )(?<!between )(\b(?:at|around|about|by|before|nearly|almost)\s+(?:\w+ly |about )?)?"
+    rf"\b(a quarter|quarter|five|ten|twenty five|twenty|5|10|15|20|25)( minutes?)?"
+    rf" (?:to|till|before) ({_NUMBER})\b{_COUNTED}{_SUFFIX}?"
+)
+_OFF_CLOCK = re.compile(r"\b(?:[3-9]\d|2[4-9]):\d\d\b|\b\d{1,2}:[6-9]\d\b")
+_YEAR = re.compile(r"\b(?:a|an|the|in|of|his|her|their|my|model)\s+$")
 _MILITARY = re.compile(
     r"(?:\bat\s+)?\b([01]\d|2[0-3])([0-5]\d)\s*(?:hours|hrs|hr|h)?\b(?!\s*(?:m|km)\b)"
 )
@@ -125,6 +133,7 @@ def read_clock(text: str) -> tuple[str, Clock]:
         text = _cut(text, match)
     times: list[str] = []
     for pattern, reader in (
+        (_TO, _to),
         (_RANGE, _range),
         (_PAST, _past),
         (_PLAIN, _plain),
@@ -132,6 +141,8 @@ def read_clock(text: str) -> tuple[str, Clock]:
         (_BARE, _bare),
     ):
         text = _collect(text, pattern, reader, times)
+    if impossible := _OFF_CLOCK.search(text):
+        raise Refused("impossible", f"{impossible[0]} is no time of day; use 00:00 to 23:59.")
     if len(set(times)) > 1:
         raise Refused(
             "contradictory", f"The text names several times ({', '.join(times)}); keep one."
@@ -197,6 +208,17 @@ def _range(match: re.Match[str]) -> str | None:
     return f"{_text(start)}-{_text(end)}"
 
 
+def _to(match: re.Match[str]) -> str | None:
+    """ "ten to nine" is a clock time where a preposition or a part of the day says so."""
+    lead, amount, minutes, hour = match.groups()[:4]
+    suffix = match.groups()[4:7]
+    spelt = minutes is not None or not amount.isdigit()
+    if not (lead or minutes or (spelt and any(suffix))):
+        return None
+    before = _MINUTES.get(amount) or int(amount)
+    return _text(((_clock(hour, None, None, *suffix) or 0) - before) % _DAY)
+
+
 def _past(match: re.Match[str]) -> str | None:
     amount = _MINUTES.get(match[1]) or (int(match[1]) if match[1].isdigit() else 0)
     hour = _clock(match[3], None, None, match[4], match[5], match[6])
@@ -217,6 +239,8 @@ def _plain(match: re.Match[str]) -> str | None:
 
 def _military(match: re.Match[str]) -> str | None:
     plain = match[0].strip().isdigit()
+    if plain and match[1] in {"19", "20"} and _YEAR.search(match.string[: match.start()]):
+        return None
     if plain and not match[1].startswith("0") and int(match[2]) % 5:
         return None
     return f"{match[1]}:{match[2]}"

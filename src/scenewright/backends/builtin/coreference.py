@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused
 from scenewright.backends.builtin.grammar import Modifier
+from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.backends.builtin.mentions import Mention
 from scenewright.scene.base import AgentClass
 
@@ -14,7 +15,39 @@ OPPOSITE = {
     "northeast": "southwest", "southwest": "northeast",
     "northwest": "southeast", "southeast": "northwest",
 }  # fmt: skip
-_ORDINALS = {"first": 0, "second": 1, "third": 2}
+_ORDINALS = {"first": 0, "second": 1, "third": 2, "middle": 1, "last": -1}
+_COLOURS = frozenset(
+    [
+        "red",
+        "blue",
+        "green",
+        "white",
+        "black",
+        "yellow",
+        "silver",
+        "grey",
+        "gray",
+        "brown",
+        "orange",
+        "purple",
+        "pink",
+        "beige",
+        "gold",
+        "maroon",
+        "tan",
+        "dark",
+    ]
+)
+_SAME_THING = (
+    frozenset({"taxi", "cab", "taxicab", "cabbie", "minicab"}),
+    frozenset({"pickup", "truck"}),
+    frozenset({"motorcycle", "motorbike", "motorcyclist", "biker", "moped", "rider"}),
+    frozenset(
+        {"truck", "lorry", "trucker", "semi", "rig", "trailer", "wheeler", "tanker", "engine"}
+    ),
+    frozenset({"bus", "coach", "shuttle", "minibus"}),
+    frozenset({"ambulance", "vehicle"}),
+)
 _ANY_VEHICLE = frozenset({"vehicle", "driver", "motorist", "vehicles", "drivers"})
 MOST_AGENTS = 8
 
@@ -80,6 +113,12 @@ class Discourse:
             return same_class
         return self._singular(mention, same_class, avoid, same_clause)
 
+    def _met(self, agent: AgentDraft) -> bool:
+        """The agent comes towards another one."""
+        entries = {other.entry for other in self.draft.agents if other is not agent}
+        told = any(word in {"opposite", "mutual"} for word, _ in agent.relatives)
+        return told or (agent.entry is not None and OPPOSITE[agent.entry] in entries)
+
     def _named_at_last(self, group: list[AgentDraft], mention: Mention) -> list[AgentDraft]:
         for agent in group:
             agent.announced = False
@@ -96,9 +135,11 @@ class Discourse:
         same_clause: bool,
     ) -> list[AgentDraft] | None:
         fitting = [agent for agent in same_class if _compatible(agent, mention)]
+        if any(isinstance(premod, Chunk) and premod.has("OPPOSITE") for premod in mention.premods):
+            fitting = [agent for agent in fitting if self._met(agent)]
         if mention.det in _ORDINALS:
             index = _ORDINALS[mention.det]
-            pool = same_class if len(same_class) > index else []
+            pool = same_class if len(same_class) > max(index, 0) else []
             return (
                 [pool[index]]
                 if pool and not (mention.premods and pool[index] not in fitting)
@@ -123,11 +164,15 @@ class Discourse:
         if not group:
             return []
         described = [agent for agent in self.draft.agents if _affinity(agent, mention) >= 4]
-        if mention.premods and described:
+        told = mention.premods or mention.words or mention.post
+        if told and described and mention.det != "one":
             return described[-1:]
         if mention.det in _ORDINALS:
             index = _ORDINALS[mention.det]
             return [group[index]] if index < len(group) else self._twin(group[-1])
+        if len(group) == 1 and group[0].generic and mention.det == "one":
+            group[0].generic = False
+            return group
         if len(group) == 1:
             return (
                 self._twin(group[-1])
@@ -174,6 +219,7 @@ class Discourse:
             agent = self.create(mention.type, head=mention.head)
             agent.subtype = mention.subtype  # checked against the social graph's list on output
             agent.label = mention.label
+            agent.words, agent.role = frozenset(mention.words), mention.role
             agent.generic = (
                 mention.plural and not mention.counted and mention.det in {"bare", "indefinite"}
             )
@@ -192,11 +238,17 @@ class Discourse:
 
 
 def _compatible(agent: AgentDraft, mention: Mention) -> bool:
+    colours, known = _COLOURS.intersection(mention.words), _COLOURS & agent.words
+    if (colours and known and not colours & known) or (agent.role and mention.role != agent.role):
+        return False
+    if not all(_agrees(agent, modifier) for modifier in mention.post):
+        return False
     if (
         mention.subtype
         and mention.head != "car"
         and agent.subtype
         and agent.subtype != mention.subtype
+        and not _same_word(agent.head, mention.head)
     ):
         return False
     if mention.head == "car" and agent.subtype not in {None, "car"}:
@@ -208,9 +260,17 @@ def _compatible(agent: AgentDraft, mention: Mention) -> bool:
 
 
 def _same_word(first: str, second: str) -> bool:
-    return not first or first.rsplit(maxsplit=1)[-1].rstrip("s") == second.rsplit(maxsplit=1)[
-        -1
-    ].rstrip("s")
+    """ "the pickup" can be the pickup truck, "the cab" the taxi."""
+    if not first:
+        return True
+    ours, theirs = _singulars(first), _singulars(second)
+    return bool(ours & theirs) or any(ours & same and theirs & same for same in _SAME_THING)
+
+
+def _singulars(head: str) -> set[str]:
+    return {
+        word if word.endswith("ss") or word == "bus" else word.rstrip("s") for word in head.split()
+    }
 
 
 def _agrees(agent: AgentDraft, premod: Modifier) -> bool:
@@ -222,12 +282,23 @@ def _agrees(agent: AgentDraft, premod: Modifier) -> bool:
         return agent.movement in {None, premod.values[0]}
     if premod.means == "straight":
         return agent.movement in {None, "straight"}
+    if premod.means == "from_to":
+        return agent.entry in {None, premod.values[0]}
     return True
 
 
 def _affinity(agent: AgentDraft, mention: Mention) -> int:
     score = 2 * (agent.head == mention.head) + (agent.subtype == mention.subtype)
-    for premod in mention.premods:
+    score += 4 * bool(_COLOURS.intersection(mention.words) & agent.words)
+    for premod in [*mention.premods, *mention.post]:
+        if isinstance(premod, Modifier) and premod.means in {"from", "from_to"}:
+            score += 4 * (agent.entry == premod.values[0])
+        if (
+            isinstance(premod, Modifier)
+            and premod.means == "straight"
+            and agent.movement == "straight"
+        ):
+            score += 4
         if (
             isinstance(premod, Modifier)
             and premod.means == "bound"

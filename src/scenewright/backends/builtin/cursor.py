@@ -27,7 +27,9 @@ NOUNS = frozenset(
         "miss",
         "misses",
         "call",
+        "calls",
         "shave",
+        "shaves",
         "escape",
         "encounter",
         "strike",
@@ -283,7 +285,7 @@ class Cursor:
             if item is None:
                 break
             if isinstance(item, Mention):
-                if not self._without_before(at - back):
+                if item.det != "neither" and not self._without_before(at - back):
                     break
                 return True, almost
             if isinstance(item, Modifier):

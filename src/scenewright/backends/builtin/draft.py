@@ -25,6 +25,8 @@ class AgentDraft:
         head: the noun it was introduced with.
         announced: named by a heading only, so far.
         generic: introduced by a bare plural.
+        words: plain words it was described with, such as colours.
+        role: leader or follower, where the text calls it so.
     """
 
     type: AgentClass
@@ -40,6 +42,8 @@ class AgentDraft:
     turned: bool = False
     generic: bool = False
     announced: bool = False
+    words: frozenset[str] = frozenset()
+    role: str | None = None
     edited: set[str] = field(default_factory=set)
 
 

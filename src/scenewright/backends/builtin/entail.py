@@ -189,8 +189,25 @@ def _possible(relation: RelationDraft) -> None:
             "A pedestrian and a vehicle share no lane, so neither follows the other; "
             "use two of a kind.",
         )
+    if relation.type != "follow" and first.type != second.type:
+        _meets(*((first, second) if first.type == "vehicle" else (second, first)))
     if relation.type == "collide_at" and first.type != second.type:
         _strike(relation)
+
+
+def _meets(vehicle: AgentDraft, pedestrian: AgentDraft) -> None:
+    """A vehicle drives over the crosswalks of its entry and its exit, and no other."""
+    legs, crosswalk = (vehicle.entry, vehicle.exit), pedestrian.crosswalk
+    if (
+        crosswalk in OPPOSITE
+        and all(leg in TURNS["left"] for leg in legs)
+        and crosswalk not in legs
+    ):
+        raise Refused(
+            "impossible",
+            f"A vehicle from the {legs[0]} to the {legs[1]} never gets to the {crosswalk} "
+            "crosswalk; change its way or the crosswalk.",
+        )
 
 
 def _strike(relation: RelationDraft) -> None:

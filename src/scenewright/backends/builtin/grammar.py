@@ -116,15 +116,24 @@ def _implied_heads(nodes: list[Node]) -> list[Node]:
 
 
 def _shares_noun(nodes: Sequence[Node], at: int) -> bool:
-    """ "southbound and westbound cars" are two."""
-    if at + 3 >= len(nodes):
+    """ "southbound and westbound cars" and "one southbound and one westbound car" are two."""
+    following = list(nodes[at : at + 5])
+    if len(following) > 3 and _counts_one(following[2]):
+        del following[2]
+    if len(following) < 4:
         return False
-    first, link, second, noun = nodes[at : at + 4]
+    first, link, second, noun = following[:4]
     directions = all(
         isinstance(n, Modifier) and n.means in {"bound", "turn"} for n in (first, second)
     )
     joined = isinstance(link, Chunk) and link.text == "and"
     return directions and joined and isinstance(noun, Chunk) and noun.has("AGENT")
+
+
+def _counts_one(node: Node) -> bool:
+    return isinstance(node, Chunk) and (
+        node.tags.get("NUMBER") == "1" or node.tags.get("DET") == "indefinite"
+    )
 
 
 def _turner(node: Node) -> bool:
@@ -145,6 +154,8 @@ def _bare_bound(nodes: Sequence[Node], at: int) -> bool:
     if not (isinstance(before, Modifier) and before.means == "bound" and len(before.chunks) == 1):
         return False
     opener = nodes[at - 2] if at >= 2 else None
+    if isinstance(opener, Chunk) and len(opener.text) == 1 and at >= 3 and _is_agent(nodes[at - 3]):
+        return False
     return not (
         isinstance(opener, Chunk)
         and (

@@ -86,7 +86,7 @@ class Lexicon:
             length, tags = self._longest(mended, at)
             result.append(_chunk(mended[at : at + length], tags))
             at += length
-        return result
+        return [part for at, chunk in enumerate(result) for part in _parts(result, at) or [chunk]]
 
     def mend(self, tokens: Sequence[Token]) -> list[Token]:
         """The tokens with the typos of known words put right."""
@@ -153,6 +153,30 @@ def _chunk(tokens: Sequence[Token], tags: dict[str, str]) -> Chunk:
     if not tags and first.text.isdigit() and len(first.text) <= 3:
         return Chunk(words, {"NUMBER": first.text})
     return Chunk(words, tags)
+
+
+def _parts(chunks: Sequence[Chunk], at: int) -> list[Chunk]:
+    """Phrases that mean something else before a road user: "by the taxi", "no background cars"."""
+    chunk = chunks[at]
+    if chunk.text == "by the" and _agent_in(chunks[at + 1 : at + 5]):
+        return [Chunk(("by",), {"BY": "by"}), Chunk(("the",), {"DET": "definite"})]
+    if chunk.text in {"no background", "zero background"} and _agent_in(chunks[at + 1 : at + 2]):
+        return [Chunk(("no",), {"DET": "no"}), Chunk(("background",), {"BACKGROUND": "background"})]
+    if chunk.text in {"cross traffic", "crossing traffic"}:
+        return [
+            Chunk(("cross", "street"), {"ACROSS": "cross_street"}),
+            Chunk(("traffic",), {"AGENT": "traffic"}),
+        ]
+    return []
+
+
+def _agent_in(chunks: Sequence[Chunk]) -> bool:
+    for chunk in chunks:
+        if chunk.has("AGENT"):
+            return True
+        if chunk.mark or chunk.has("XWALK", "ROAD", "CORNER", "DET"):
+            return False
+    return False
 
 
 @lru_cache(maxsize=1)

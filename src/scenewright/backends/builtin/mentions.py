@@ -37,10 +37,15 @@ _ADJECTIVE_TAGS = [
 _PARTICIPLES = frozenset(
     {"lead", "following", "leading", "trailing", "stopped", "waiting", "turning", "yielding"}
 )
-_DRIVERS = frozenset({"driver", "drivers", "motorist", "rider"})
+_ROLES = {
+    "leader": "leader", "lead": "leader", "leading": "leader",
+    "follower": "follower", "following": "follower", "trailing": "follower",
+}  # fmt: skip
+_DRIVERS = frozenset({"driver", "drivers", "motorist", "rider", "operator"})
 _IN_VEHICLE = frozenset(
     {"in", "of", "on", "driving", "drives", "drove", "riding", "steering", "piloting", "operating"}
 )
+_SIDES = frozenset({"north", "east", "south", "west"})
 _LABELLED = re.compile(r"\b(?:car|vehicle|truck|bus|cab|taxi|driver|unit|agent|pedestrian)\s+b\b")
 
 
@@ -54,6 +59,10 @@ class Mention:
         det: indefinite, definite, another, other, first, second, third, no, both, bare.
         premods: modifiers and adjectives before the noun.
         background: the phrase counts background agents.
+        words: plain words before the noun, such as colours.
+        role: leader or follower, where the noun or a participle says so.
+        post: directions and turns that follow the noun.
+        owner: "my" or "our", where said.
     """
 
     type: AgentClass | None
@@ -71,6 +80,10 @@ class Mention:
     of_group: int = 0
     first_word: str = ""
     possessive: bool = False
+    words: tuple[str, ...] = ()
+    role: str | None = None
+    post: list[Modifier] = field(default_factory=list)
+    owner: str = ""
 
 
 Item = Chunk | Modifier | Mention
@@ -115,7 +128,7 @@ class _NounPhrases:
         one = isinstance(before, Chunk) and before.text in {"one", "ones"}
         if not (
             one
-            and mention.premods
+            and (mention.premods or mention.words)
             and mention.det in {"definite", "indefinite", "other", "another"}
         ):
             return None
@@ -148,13 +161,12 @@ class _NounPhrases:
                 return False
             mention.premods.append(node)
             return True
-        if opened and (
-            not node.tags
-            or node.has("IGNORE", "EDIT", "NORMAL", "DRIVING")
-            or node.has("LEG", "ROAD")
-        ):
-            return node.text not in {"in", "of", "on"} and self._plain_run(at) <= 3
-        return False
+        if not opened or not _plain_adjective(node):
+            return False
+        if node.text in {"in", "of", "on"} or self._plain_run(at) > 3:
+            return False
+        mention.words += node.words
+        return True
 
     def _modifier(self, mention: Mention, node: Modifier, start: int, at: int) -> bool:
         turning = node.means == "turn" and node.first in {"left", "right", "a", "the", "an"}
@@ -171,6 +183,9 @@ class _NounPhrases:
 
     def _determiner(self, mention: Mention, node: Chunk, first: bool) -> bool:
         value = node.tags.get("DET") or "both"
+        if not first and mention.det not in {"bare", "indefinite"} and value == "indefinite":
+            return False
+        mention.owner = node.text if node.text in {"my", "our"} else ""
         mention.possessive = node.text in {"his", "her", "their"}
         if (
             not first
@@ -225,7 +240,7 @@ class _NounPhrases:
         run = 0
         while at + run < len(self.nodes):
             node = self.nodes[at + run]
-            if isinstance(node, Modifier) or node.has("AGENT"):
+            if isinstance(node, Modifier) or node.has("AGENT") or node.text in {"one", "ones"}:
                 break
             run += 1
             if node.tags and not node.has(
@@ -260,6 +275,8 @@ class _NounPhrases:
         elif mention.type == "vehicle":
             mention.subtype = extra or None
         mention.jaywalking = extra == "jaywalking"
+        said = {node.text, *(premod.text for premod in mention.premods)}
+        mention.role = next((role for word, role in _ROLES.items() if word in said), None)
         if mention.possessive and mention.type == "pedestrian":
             mention.det = "another"
         mention.head = node.text
@@ -346,13 +363,18 @@ class _NounPhrases:
         after = self.nodes[start + 1] if start + 1 < len(self.nodes) else None
         one = isinstance(after, Chunk) and after.text in {"one", "ones"}
         if node.text == "one" or (
-            det in {"other", "another", "first", "second", "third", "definite", "indefinite"}
+            det
+            in {"other", "another", "first", "second", "third", "last", "middle"}
+            | {"definite", "indefinite"}
             and one
         ):
             det = "one" if node.text == "one" else det
             return Mention(None, None, det, 1, "one", first_word=node.text), start + (
                 2 if one and node.text != "one" else 1
             )
+        gapped = det in {"other", "first", "second", "third"} and node.words[0] == "the"
+        if gapped and _opens_phrase(after):
+            return Mention(None, None, det, 1, "one", first_word=node.text), start + 1
         ordinal = det in {"first", "second", "third"} and self._predicated(after)
         if ordinal or (
             det in {"other", "another"} and node.text != "other" and self._predicated(after)
@@ -366,6 +388,19 @@ class _NounPhrases:
         return not after.has(
             "DET", "AGENT", "NUMBER", "PRONOUN", "TIMEWORD", "XWALK", "LEG", "ROAD", "BACKGROUND"
         ) and bool(after.tags)
+
+
+def _opens_phrase(node: Node | None) -> bool:
+    """ "the other a taxi"."""
+    if isinstance(node, Modifier):
+        return node.first in {"a", "an"}
+    return node is not None and node.tags.get("DET") == "indefinite"
+
+
+def _plain_adjective(node: Chunk) -> bool:
+    if node.has("NORMAL"):
+        return len(node.words) == 1
+    return not node.tags or node.has("IGNORE", "EDIT", "DRIVING", "LEG", "ROAD")
 
 
 def _gives_direction(premod: Node) -> bool:
@@ -385,8 +420,19 @@ def _merge_drivers(items: list[Item]) -> list[Item]:
                 del result[-length:]
                 item.det, item.premods = owner.det, owner.premods + item.premods
                 item.count, item.counted, item.plural = owner.count, owner.counted, owner.plural
-        result.append(item)
+        result.append(_heading(item, result))
     return result
+
+
+def _heading(item: Item, before: list[Item]) -> Item:
+    """ "driving an SUV north", "walking her dog west": a compass word with nothing to name."""
+    if not (isinstance(item, Chunk) and item.has("COMPASS") and item.text in _SIDES and before):
+        return item
+    last = before[-1]
+    free = isinstance(last, Mention) or (
+        isinstance(last, Chunk) and not last.mark and (not last.tags or last.has("IGNORE"))
+    )
+    return Modifier("bound", (item.tags["COMPASS"],), (item,)) if free else item
 
 
 def _person_before(items: list[Item]) -> tuple[Mention, int] | None:

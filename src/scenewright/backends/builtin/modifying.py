@@ -22,6 +22,15 @@ from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.backends.builtin.mentions import Mention
 from scenewright.backends.builtin.settling import Settling
 
+_ANYBODY = frozenset(
+    (
+        "guy dude man woman lady fellow bloke chap someone somebody person individual teenager "
+        "tourist commuter gentleman female male lad customer mother father parent student senior "
+        "officer worker nurse doctor"
+    ).split()
+    + ["old man", "old woman", "old lady", "young man", "young woman", "elderly man"]
+    + ["elderly woman", "elderly lady"]
+)
 _TOUCHES = {
     "from": {"entry"},
     "from_to": {"entry", "exit"},
@@ -53,6 +62,8 @@ class Modifying(Settling):
         finite = self._is_finite(modifier)
         if modifier.means in {"crosswalk", "on_crosswalk"} and self._kept_off(at):
             return
+        if modifier.means in VEHICLE_ONLY:
+            self._at_the_wheel(finite=finite)
         targets = self._targets(at, modifier, finite=finite)
         if isinstance(self._item(at - 1), Modifier) and modifier.means in {
             "from",
@@ -77,6 +88,14 @@ class Modifying(Settling):
             targets = targets + [a for a in self.subject if a not in targets and a.entry is None]
         attach(modifier, targets, crossing=self.crossing)
         self._reconcile(targets)
+
+    def _at_the_wheel(self, *, finite: bool) -> None:
+        """ "some guy turned left", "a man ran the light": whoever does that is driving."""
+        group = (self.subject if finite else self.last) or self.last
+        for agent in group if len(group) == 1 else []:
+            on_foot = agent.movement or agent.crosswalk or agent.head not in _ANYBODY
+            if agent.type == "pedestrian" and not on_foot:
+                agent.type = "vehicle"
 
     def _only_vehicles_turn(self, at: int, modifier: Modifier) -> None:
         turns = modifier.means in {"turn", "uturn"} and not modifier.first.startswith(
@@ -180,6 +199,7 @@ class Modifying(Settling):
 
     def _bare_turn(self, at: int, chunk: Chunk) -> None:
         before, after = self._item(at - 1), self._item(at + 1)
+        self._both_ways(at, chunk)
         closed = after is None or (isinstance(after, Chunk) and (after.mark or after.has("AND")))
         follows = isinstance(before, Chunk) and bool(before.mark)
         vehicles = [agent for agent in self.last if agent.type == "vehicle"]
@@ -192,6 +212,19 @@ class Modifying(Settling):
                     put(agent, "movement", "straight")
         elif closed and follows:
             for agent in vehicles:
+                put(agent, "movement", "left" if chunk.has("LEFT") else "right")
+
+    def _both_ways(self, at: int, chunk: Chunk) -> None:
+        """ "turns left and right": one vehicle cannot do both."""
+        link, turn = self._item(at - 1), self._item(at - 2)
+        joined = isinstance(link, Chunk) and link.text == "and"
+        if (
+            joined
+            and isinstance(turn, Modifier)
+            and turn.means == "turn"
+            and len(self.subject) == 1
+        ):
+            for agent in self.modified:
                 put(agent, "movement", "left" if chunk.has("LEFT") else "right")
 
     def _property(self, at: int, chunk: Chunk) -> None:
@@ -210,6 +243,12 @@ class Modifying(Settling):
             if (finite and not self._made_way_for()) or self._after_while(at)
             else self.last
         )
+        if (
+            chunk.has("REDRUN")
+            and finite
+            and chunk.words[0] not in {"against", "on", "in", "through"}
+        ):
+            self._at_the_wheel(finite=True)
         fits = [agent for agent in prefer if can_hold(agent, chunk)]
         if not fits and finite and chunk.has("CROSS"):
             fits = [agent for agent in self.last if can_hold(agent, chunk)]

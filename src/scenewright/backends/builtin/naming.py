@@ -13,11 +13,12 @@ from scenewright.backends.builtin.cursor import (
     can_hold,
     words_of,
 )
-from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.draft import AgentDraft, Refused
 from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.backends.builtin.mentions import Item, Mention
 from scenewright.backends.builtin.relating import Relating
+from scenewright.scene.base import AgentClass
 
 
 def _is_verb(item: Item | None) -> bool:
@@ -36,6 +37,8 @@ class Naming(Relating):
     """Places mentions and pronouns in the clause."""
 
     def _mention(self, at: int, mention: Mention) -> None:
+        if mention.det == "neither":
+            return
         if mention.det == "no":
             self._count_background(mention, 0)
             return
@@ -56,8 +59,19 @@ class Naming(Relating):
 
     def _resolve(self, at: int, mention: Mention) -> Group:
         avoid = self._actors()
-        if isinstance(self._item(at - 1), Chunk) and self._apposition(at, mention):
+        if not self.editing:
+            mention.post = self._described_after(at)
+        if self._apposition(at, mention):
             return self.last
+        if self._one_behind(at, mention):
+            pair = next((g for g in reversed(self.discourse.groups) if len(g) > 1), None)
+            if pair is not None:
+                return pair[:1]
+        if self._one_behind(at, mention) or self._one_ahead(at, mention):
+            twin = self.discourse.create("vehicle", head="vehicle")
+            self.discourse.groups.append([twin])
+            self._relate(twin, "same")
+            return [twin]
         if self._ahead_of(at) and mention.type is None:
             led = next((r.to for r in reversed(self.draft.relations) if r.type == "follow"), None)
             if led is not None:
@@ -80,12 +94,27 @@ class Naming(Relating):
             )
         )
         same_clause = bool(self.sentence) and not again
+        mine = self._mine(mention)
+        if mine:
+            return mine
         near = self._behind(at) or self._ahead_of(at)
         group = self.discourse.resolve(mention, avoid=avoid, same_clause=same_clause)
         if near and mention.type == "vehicle" and self._same_lane(at):
             for agent in group:
                 self._relate(agent, "same")
         return group
+
+    def _mine(self, mention: Mention) -> Group:
+        """ "my car" is the speaker's, before or after the speaker turns up."""
+        if mention.owner != "my" or mention.type != "vehicle":
+            return []
+        known = [agent for agent in self.draft.agents if agent.label == "me"]
+        if known:
+            return known if known[0].type == "vehicle" else []
+        agent = self.discourse.create("vehicle", head=mention.head)
+        agent.label, agent.subtype = "me", mention.subtype
+        self.discourse.groups.append([agent])
+        return [agent]
 
     def _same_lane(self, at: int) -> bool:
         """ "the bus behind it", not "a bus in front of a pedestrian"."""
@@ -113,7 +142,12 @@ class Naming(Relating):
         return sum(agent.head == mention.head for agent in self.draft.agents) == 1
 
     def _apposition(self, at: int, mention: Mention) -> bool:
-        """ "Unit 1, a sedan heading east" is one agent."""
+        """ "Unit 1, a sedan heading east" and "the other is a bus" are one agent each."""
+        if not self.last or mention.type is None or (mention.counted and mention.count > 1):
+            return False
+        if self._predicate(at, mention):
+            self._rename(self.last[0], mention)
+            return True
         comma, named = self._item(at - 1), self._item(at - 2)
         if not (
             isinstance(comma, Chunk) and comma.mark in {",", "("} and isinstance(named, Mention)
@@ -122,12 +156,65 @@ class Naming(Relating):
         after, verb = self._item(at + 1), self._item(at + 2)
         inserted = isinstance(after, Chunk) and after.mark == "," and _is_verb(verb)
         generic = inserted and named.head in {"vehicle", "motorist"}
-        if not (named.label or generic) or mention.det != "indefinite" or mention.type is None:
+        if not (named.label or generic) or mention.det != "indefinite":
             return False
-        agent = self.last[0]
-        agent.type, agent.subtype, agent.head = mention.type, mention.subtype, mention.head
-        self._premodify([agent], mention)
+        self._rename(self.last[0], mention)
         return True
+
+    def _rename(self, agent: AgentDraft, mention: Mention) -> None:
+        if mention.type is not None:
+            agent.type = mention.type
+        agent.subtype, agent.head = mention.subtype, mention.head
+        agent.words = agent.words | frozenset(mention.words)
+        agent.generic = agent.announced = False
+        self._premodify([agent], mention)
+
+    def _predicate(self, at: int, mention: Mention) -> bool:
+        """ "Vehicle 1 is a bus", "the other a taxi", "leader: a bus"."""
+        link = self._item(at - 1)
+        plain = mention.det == "indefinite"
+        if isinstance(link, Mention):
+            return plain and (link.type is None or bool(link.role)) and not self._takes_object()
+        named = self._item(at - 2)
+        if not (isinstance(link, Chunk) and isinstance(named, Mention)):
+            return False
+        if named.counted and named.count > 1:
+            return False
+        if link.mark == ":":
+            told = named.label or named.role or named.head in {"vehicle", "pedestrian", "one"}
+            return bool(told) and mention.det in {"indefinite", "bare"} and not mention.label
+        before = self._item(at - 3)
+        place = isinstance(before, Chunk) and (
+            before.has("SAME", "FOLLOW", "NEARBY", "TO", "OF_OTHER") or before.text == "of"
+        )
+        same = named.type in {None, mention.type} or bool(named.label)
+        return plain and link.text in {"is", "was", "being"} and same and not place
+
+    def _one_behind(self, at: int, mention: Mention) -> bool:
+        """ "the one behind", "the driver behind it"."""
+        person = mention.type is None and mention.head == "one"
+        return person and self._behind(at) and bool(self.draft.agents)
+
+    def _one_ahead(self, at: int, mention: Mention) -> bool:
+        """ "the one in front of it", where the text knows one vehicle only."""
+        vehicles = [agent for agent in self.draft.agents if agent.type == "vehicle"]
+        return mention.type is None and self._ahead_of(at) and len(vehicles) == 1
+
+    def _described_after(self, at: int) -> list[Modifier]:
+        """Entries and -ing turns right after the noun, which tell one agent from another."""
+        found: list[Modifier] = []
+        for item in self.items[at + 1 : at + 6]:
+            if isinstance(item, Modifier):
+                turns = item.means in {"turn", "straight"} and item.first.endswith("ing")
+                if turns or (item.means in {"from", "from_to", "bound"}):
+                    found.append(item)
+                    continue
+                return found
+            if not isinstance(item, Chunk) or not (
+                item.has("WHO", "BE") or item.text in {"coming", "entering"}
+            ):
+                return found
+        return found
 
     def _of_group(self, at: int, mention: Mention) -> bool:
         """ "one of two cars": the group comes next; the first of it is meant."""
@@ -226,11 +313,13 @@ class Naming(Relating):
         )
 
     def _give_object(self, relation: OpenRelation, group: Group) -> None:
+        known = relation.object or []
+        fresh = [agent for agent in group if agent not in known]
         if relation.between:
-            relation.object = (relation.object or []) + group
+            relation.object = known + fresh
             return
         if relation.nominal and relation.subject is None:
-            relation.object = (relation.object or []) + group
+            relation.object = known + fresh
             relation.between = True
             return
         relation.object = group
@@ -297,7 +386,7 @@ class Naming(Relating):
         if value == "he":
             ped = self.discourse.recent("pedestrian", avoid=avoid)
             vehicle = self.discourse.recent("vehicle", avoid=avoid)
-            found = ped or vehicle
+            found = self._driver(at) or ped or vehicle
             return [found] if found else []
         plural = next(
             (g for g in reversed(self.discourse.groups) if len(g) > 1 and g[0] not in avoid), None
@@ -309,6 +398,17 @@ class Naming(Relating):
             return [ped] if ped else [a for a in self.draft.agents if a not in avoid][-1:]
         return plural or self.draft.agents[-2:]
 
+    def _driver(self, at: int) -> AgentDraft | None:
+        """ "A cab driver brakes for a kid; he misses him": the driver goes on acting."""
+        group = self.subject or self.previous_subject
+        after = self._item(at + 1)
+        walks = isinstance(after, Modifier) and after.means.startswith("cross")
+        walks |= isinstance(after, Chunk) and (after.has("CROSS", "JAYWALK", "BE"))
+        if self._takes_object() or walks or len(group) != 1 or group[0].type != "vehicle":
+            return None
+        driven = {"driver", "motorist", "cabbie", "operator", "rider", "trucker", "motorcyclist"}
+        return group[0] if driven & set(group[0].head.split()) else None
+
     def _it(self, avoid: Group) -> Group:
         if not self._takes_object():
             for group in (self.subject, self.previous_subject):
@@ -318,18 +418,37 @@ class Naming(Relating):
         return [found] if found else []
 
     def _speaker(self, at: int) -> Group:
+        """ "I was driving ..." names a vehicle, "I was crossing ..." a pedestrian."""
         known = [agent for agent in self.draft.agents if agent.label == "me"]
-        after = [self._item(at + step) for step in (1, 2)]
-        drives = any("driv" in words_of(item) or "rid" in words_of(item) for item in after if item)
-        if not known and not (
-            drives and self._item(at) is not None and "i" in words_of(self.items[at]).split()
-        ):
-            return []
         if known:
             return known
-        agent = self.discourse.create("vehicle", head="car")
+        if self._item(at) is None or not {"i", "me"} & set(words_of(self.items[at]).split()):
+            return []
+        objective = "me" in words_of(self.items[at]).split()
+        kind = self._own_way(at) if not objective else "vehicle" if self._takes_object() else None
+        if kind is None:
+            return []
+        agent = self.discourse.create(kind, head="car" if kind == "vehicle" else "pedestrian")
         agent.label = "me"
         return [agent]
+
+    def _own_way(self, at: int) -> AgentClass | None:
+        """The class of the speaker, from what he says he did."""
+        for item in self.items[at + 1 : at + 4]:
+            if isinstance(item, Mention):
+                return None
+            if isinstance(item, Modifier):
+                on_foot = item.means.startswith("cross") or item.means == "on_crosswalk"
+                return "pedestrian" if on_foot or item.first.startswith("walk") else "vehicle"
+            if item.has("CROSS", "JAYWALK") or item.text.startswith("walk"):
+                return "pedestrian"
+            if item.has("COLLIDE", "YIELD", "WAIT", "FOLLOW", "LET", "HEAD", "TURN", "DRIVING"):
+                return "vehicle" if item.words[0] not in {"make", "let", "give"} else None
+            if item.mark or not (
+                item.has("BE", "ALMOST", "NEGATION") or item.text in {"just", "had"}
+            ):
+                return None
+        return None
 
     def _reflexive(self) -> None:
         if self.awaiting is not None and self.awaiting.object is None and self.awaiting.subject:

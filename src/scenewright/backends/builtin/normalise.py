@@ -30,6 +30,15 @@ _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\bwont\b", "will not"),
         (r"'(?:s|re|ve|ll|d|m)\b", " "),
         (r"\bit'?s\b(?= a\b| the\b| \d| almost| about| [a-z]+ing\b)", "it is"),
+        (
+            r"\b(?:form|frm|fron|fom|rfom)(?= (?:the )?(?:[nsew]|n?orth|south|east|west|top|bottom)\b)",
+            "from",
+        ),
+        (r"\bfro (?:m)?(?=the\b)", "from "),
+        (r"\b(?:noth|nort|norht|nroth|notrh|nrth)(?=(?:bound|ern)?\b)", "north"),
+        (r"\b(?:soth|sout|souht|suoth|sotuh)(?=(?:bound|ern)?\b)", "south"),
+        (r"\b(?:esat|aest|eas)(?=(?:bound|ern)?\b)", "east"),
+        (r"\b(?:wset|wets|wes|ewst)(?=(?:bound|ern)?\b)", "west"),
         (r"\bgonna\b", "going to"),
         (r"\bwanna\b", "want to"),
         (r"\b(?:da|teh|th)\b", "the"),
@@ -37,6 +46,8 @@ _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\b4 (?=the\b|a\b|an\b)", "for "),
         (r"\b(yields?|gives? way|stops?|stopping|waits?) (?:2|4) (?=[a-z])", r"\1 for "),
         (r"\bveh(\d)", r"vehicle \1"),
+        (r"\bv(?:ehicle)?[ _-]?#?(\d)\b", r"vehicle \1"),
+        (r"\bp(?:ed)?[ _-]?#?(\d)\b", r"pedestrian \1"),
         (r"\b(car|truck|bus|vehicle|ped|pedestrian|unit|v|p)[ _-]?#?(\d)\b", r"\1 \2"),
         (
             r"\b(run|runs|ran|running|knock(?:s|ed|ing)?|mow(?:s|ed|ing)?|strik(?:es|"

@@ -115,8 +115,15 @@ def _read(draft: Draft, chunks: Sequence[Chunk], text: str, *, editing: bool = F
     reader.read(noun_phrases(modifiers(chunks), text=text))
     _failed_yields(draft, reader)
     if "late_brake" in reader.said:
+        _too_late(draft)
         _cause(draft, "late_brake")
     return reader
+
+
+def _too_late(draft: Draft) -> None:
+    """ "cannot stop in time" means a collision where the text names no other event."""
+    if not draft.relations and not draft.normal and not draft.denied and len(draft.agents) == 2:
+        draft.relations.append(RelationDraft("collide_at", draft.agents[1], draft.agents[0]))
 
 
 def _failed_yields(draft: Draft, reader: Reader) -> None:

@@ -148,6 +148,9 @@ class Relating(Modifying):
         before, after = self._item(at - 1), self._item(at + 1)
         if isinstance(after, Chunk) and after.text in {"between", "involving", "among"}:
             return True
+        heading = isinstance(after, Chunk) and after.mark == ":"
+        if heading or chunk.text in {"car following", "vehicle following", "following scenario"}:
+            return True
         noun = chunk.words[-1] in NOUNS
         determined = isinstance(before, Chunk) and (
             before.has("DET") or before.text in {"a", "the"}

@@ -170,6 +170,10 @@ class Settling(Cursor):
 
     def _settle(self, relation: OpenRelation, subject: Group, object_: Group) -> None:
         swap = relation.passive != relation.reverse
+        if relation.type == "follow" and relation.nominal:
+            swap ^= any(a.role == "leader" for a in subject) or any(
+                a.role == "follower" for a in object_
+            )
         actors, targets = (object_, subject) if swap else (subject, object_)
         for actor in actors:
             for target in targets:

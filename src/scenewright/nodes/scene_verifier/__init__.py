@@ -19,6 +19,8 @@ from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.relation_checker import check
 
+_SYMMETRIC = ("collision", "near_miss")
+
 
 class VerifierReads(TypedDict):
     """Channels read."""
@@ -59,13 +61,19 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
 
 
 def with_events(scene: SceneRecord, proof: Proof) -> SceneRecord:
-    """The scene with the events that the proof found; a normal scene says so in one row."""
+    """The scene with the events that the proof found; a normal scene says so in one row.
+
+    Symmetric events name their agents in the order in which they were asked for.
+    """
     from scenewright.scene.record import EventRecord
 
-    rows = [
-        EventRecord.model_validate(event.model_dump(by_alias=True, exclude={"evidence"}))
-        for event in proof.events
-    ]
+    asked = {(each.type, each.from_, each.to) for each in scene.relations}
+    rows = []
+    for event in proof.events:
+        row = event.model_dump(by_alias=True, exclude={"evidence"})
+        if event.type in _SYMMETRIC and (event.type, event.to, event.from_) in asked:
+            row |= {"from": event.to, "to": event.from_}
+        rows.append(EventRecord.model_validate(row))
     if not rows:
         row = {"type": "normal", "from": None, "to": None, "time": None, "location": None}
         rows = [EventRecord.model_validate(row)]

@@ -19,6 +19,8 @@ from scenewright.scene.social import SocialGraph
 from scenewright.tools.dsl_validator.parse import format_clause, parse
 from scenewright.tools.dsl_validator.select import select
 
+_STRICT_ATTEMPTS = 4
+
 
 class FilterReads(TypedDict):
     """Channels read."""
@@ -62,6 +64,7 @@ def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> Fil
         ground=context.ground,
         rng=context.rng("waypoint_filter", rejections),
         mode=context.selection,
+        lenient=len(rejections) >= _STRICT_ATTEMPTS,
     )
     tried = int(selection.figures["tuples"])
     context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")
@@ -97,6 +100,7 @@ def _facts(instruction: str, graph: SocialGraph, pool: CandidateSet) -> dict[str
         "relations": [
             graph.relations[each.edge].model_dump(mode="json", by_alias=True)
             | {"pattern": each.pattern, "from": each.from_, "to": each.to}
+            | {"striker": graph.relations[each.edge].from_, "struck": graph.relations[each.edge].to}
             for each in played
         ],
         "violators": sorted({each.violator for each in played if each.violator}),

@@ -14,7 +14,8 @@ broken, so that the optimum is that of the full model without building it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import Any
@@ -89,6 +90,7 @@ class Guest:
     Attributes:
         foreground: keeps the stricter distance to all, and must take part.
         spare: drawn beyond the number wanted; takes part only if somebody else cannot.
+        behind: an option that queues behind those who stand in its way, given them in scene time.
     """
 
     name: str
@@ -96,6 +98,7 @@ class Guest:
     foreground: bool
     options: tuple[Option, ...]
     spare: bool = False
+    behind: Callable[[Sequence[Actor]], Option | None] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +165,8 @@ def _first_room(
     guest: Guest, seated: list[tuple[Guest, Option, int]], table: Table
 ) -> tuple[Option, int] | None:
     """The guest's cheapest option with room, and its entry time nearest to the one wished for."""
-    for option in sorted(guest.options, key=lambda each: each.cost):
+    options = sorted(guest.options, key=lambda each: each.cost)
+    for option in itertools.chain(options, _queueing(guest, seated, table)):
         free = table.clear_of_fixed(option)
         for other, taken, start in seated:
             if not len(free):
@@ -172,6 +176,18 @@ def _first_room(
         if len(free):
             return option, int(free[np.argmin(np.abs(free - option.wish))])
     return None
+
+
+def _queueing(
+    guest: Guest, seated: list[tuple[Guest, Option, int]], table: Table
+) -> Iterator[Option]:
+    """Lazily, the option behind whoever stands: foreground, wrecks, and those seated."""
+    if guest.behind is None:
+        return
+    present = [option.actor.shifted(STEP * start) for _, option, start in seated]
+    option = guest.behind([*table.fixed, *present])
+    if option is not None:
+        yield option
 
 
 def _outside(
@@ -310,7 +326,7 @@ class Table:
     """
 
     def __init__(self, fixed: Iterable[Actor]) -> None:
-        self._fixed = list(fixed)
+        self.fixed = list(fixed)
         self._free: dict[int, NDArray[np.int64]] = {}
         self._pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
         self._geometry = Geometry()
@@ -321,7 +337,7 @@ class Table:
         key = id(option)
         if key not in self._free:
             free = option.starts
-            for actor in self._fixed if len(free) else ():
+            for actor in self.fixed if len(free) else ():
                 shift = round(actor.enters / STEP)
                 free = _outside(free, shift, self._forbidden(actor, option.actor, strict=True))
             self._free[key] = free

@@ -11,7 +11,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal
@@ -52,7 +52,7 @@ from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.dsl_validator.stage import Actor, Stage, Staging, demands, passes_first
 from scenewright.tools.encounter import encounter
 from scenewright.tools.ground import Ground
-from scenewright.tools.landmarks import STOP_GAP, Landmarks, landmarks
+from scenewright.tools.landmarks import Landmarks, landmarks
 from scenewright.tools.signals import SignalClock, feasible_offsets, shows
 from scenewright.tools.time_law import Hold, arrival, move
 
@@ -60,16 +60,17 @@ Mode = Literal["draw", "map"]
 
 MAX_SECONDS = 30.0
 _MIN_SECONDS = 20.0
-_FIRST_EVENT = (6.5, 17.0)
+_FIRST_EVENT = (6.0, 19.5)
 _TUPLES = 14
+_HOPELESS = 7
+"""Tuples per relation that are tried; and after which routes are given up if none is staged."""
 _MAP_TUPLES = 400
 _STAGINGS_PER_TUPLE = 4
 _GUEST_DRAWS = 1
 """Candidates of a background agent that are looked at: one, as the prior drew it (`draw`)."""
 
-_QUEUE = 3
-_QUEUE_COST = 4.0
-"""Nats that a place farther back in the queue costs: nobody queues behind nobody."""
+_LINE_GAP, _QUEUE_GAP, _START_LAG = (0.3, 1.5), (1.6, 3.4), (0.8, 1.5)
+"""Waiting vehicles: to the line and to the next ahead [m], from its start to one's own [s]."""
 
 _SEATINGS = 3
 """Seatings tried before everybody is drawn afresh (`draw`)."""
@@ -80,11 +81,17 @@ _WINDOW = 6.0
 _STUCK_COST = 8.0
 """Nats that it costs to stand on at green because of a wreck."""
 
+_LANE_OFFSET, _ONE_WAY = 1.4, 0.85
+"""Who stands within 1.4 m of a path, facing its way (cosine), stands in its lane."""
+
 _WAITING_ALREADY = 4.0
 """How long before the scene begins [s] one who is already waiting then came about."""
 
 _FAR_COST = 2.0
 """... before it costs nats to have it come at another time altogether."""
+
+_ONE_LANE = 0.5
+"""How far footprints beside one another overlap if they share a lane [m]."""
 
 _Event = (Contact, TimeGap, Headway, GivesWay)
 _EventClause = Contact | TimeGap | Headway | GivesWay
@@ -97,13 +104,17 @@ def select(
     ground: Ground,
     rng: np.random.Generator,
     mode: Mode = "draw",
+    lenient: bool = True,
 ) -> Selection:
     """The surviving combination.
+
+    Args:
+        lenient: take stagings that people would do differently, if they do what was asked.
 
     Raises:
         Rejected: `no_surviving_combination`, naming the clause that most tuples fail.
     """
-    return _Search(program, pool, ground, rng, mode).run()
+    return _Search(program, pool, ground, rng, mode, lenient).run()
 
 
 class _Search:
@@ -114,7 +125,9 @@ class _Search:
         ground: Ground,
         rng: np.random.Generator,
         mode: Mode,
+        lenient: bool,
     ) -> None:
+        self._lenient = lenient
         self._pool, self._ground, self._rng, self._mode = pool, ground, rng, mode
         self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
@@ -126,6 +139,7 @@ class _Search:
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
         self._unseated = 0
+        self._staged = 0
 
     def run(self) -> Selection:
         found = self._least() if self._mode == "map" else self._first()
@@ -135,11 +149,13 @@ class _Search:
 
     def _first(self) -> Selection | None:
         """The first surviving combination in the order drawn."""
-        for tried, choice in enumerate(itertools.islice(self._tuples(), _TUPLES), start=1):
+        wanted = max(len(self._events), 1)
+        tuples = itertools.islice(self._tuples(), _TUPLES * wanted)
+        for tried, choice in enumerate(tuples, start=1):
             selection = self._try(choice)
             if selection is not None:
                 return replace(selection, figures={**selection.figures, "tuples": tried})
-            if self._unseated >= _SEATINGS:
+            if self._unseated >= _SEATINGS or (tried >= _HOPELESS * wanted and not self._staged):
                 return None
         return None
 
@@ -179,7 +195,7 @@ class _Search:
             yield from _best_first(draws)
             return
         orders = [self._rng.permutation(len(each.nll)) for each in draws]
-        for n in range(_TUPLES):
+        for n in itertools.count():
             yield {
                 each.name: int(order[n % len(order)])
                 for each, order in zip(draws, orders, strict=True)
@@ -195,13 +211,14 @@ class _Search:
         marks = {name: pair[1] for name, pair in built.items() if pair}
         if not self._paths_fit(candidates):
             return None
-        stage = Stage(candidates, marks, self._rng)
+        stage = Stage(candidates, marks, self._rng, lenient=self._lenient)
         count = 0
         for staging in stage.play(self._events, Staging()):
             selection = self._finish(staging, choice)
             if selection is not None:
                 return selection
             count += 1
+            self._staged += 1
             spent = self._mode == "draw" and self._unseated >= _SEATINGS
             if count >= _STAGINGS_PER_TUPLE or spent:
                 return None
@@ -230,7 +247,7 @@ class _Search:
             a, b = candidates.get(clause.first), candidates.get(clause.second)
             if a is None or b is None:
                 continue
-            reach = clause.metres if isinstance(clause, Near) else 0.0
+            reach = clause.metres if isinstance(clause, Near) else -_ONE_LANE
             pair = encounter(a.path, b.path, shapes=(a.shape, b.shape), reach=reach)
             along = np.ptp(pair.s_a[pair.i]) if len(pair.i) else -1.0
             if along < (clause.metres if isinstance(clause, SameLane) else 0.0):
@@ -272,8 +289,10 @@ class _Search:
         return staging.shifted(shift)
 
     def _duration(self, staging: Staging) -> float:
+        """Long enough for every event to end, and up to 6 s more."""
         needed = _needed(staging) if staging.happenings else 0.0
-        return float(np.ceil(np.clip(needed, _MIN_SECONDS, MAX_SECONDS)))
+        longer = needed + float(self._rng.uniform(0.0, 6.0))
+        return float(np.ceil(np.clip(longer, _MIN_SECONDS, MAX_SECONDS)))
 
     def _strangers_apart(self, staging: Staging) -> bool:
         related = {frozenset((c.first, str(c.second))) for c in self._events}
@@ -317,7 +336,11 @@ class _Search:
         blocked = any(actor.contact is not None for actor in staging.actors.values())
         moment = _Moment(clock, duration, blocked)
         everybody = [
-            _Invitation(draws, partial(self._options, draws, moment))
+            _Invitation(
+                draws,
+                partial(self._options, draws, moment),
+                partial(self._behind, draws, moment),
+            )
             for name, draws in self._pool.agents.items()
             if name not in staging.actors
         ]
@@ -368,18 +391,49 @@ class _Search:
         if not waits:
             return
         late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
-        lag = float(self._rng.uniform(0.6, 1.3))
+        lag = float(self._rng.uniform(*_START_LAG))
         waiting = -STEP * len(motion.s) / 2 - _WAITING_ALREADY
         for enters in (around, *(around + each for each in late), waiting):
-            for place in range(_QUEUE):
-                red = _RedLight(actor, moment, round(enters, 1), place, lag)
-                if not red.holds:
-                    continue
-                step = np.array([round(red.enters / STEP)], dtype=np.int64)
-                yield Option(red.actor, m, step, cost + _QUEUE_COST * place)
-                if moment.blocked and red.release < moment.duration:
-                    stuck = replace(red, stays=True)
-                    yield Option(stuck.actor, m, step, cost + _STUCK_COST + _QUEUE_COST * place)
+            gap = float(self._rng.uniform(*_LINE_GAP))
+            red = _RedLight(actor, moment, round(enters, 1), gap, lag)
+            if not red.holds:
+                continue
+            step = np.array([round(red.enters / STEP)], dtype=np.int64)
+            yield Option(red.actor, m, step, cost)
+            if moment.blocked and red.release < moment.duration:
+                yield Option(replace(red, stays=True).actor, m, step, cost + _STUCK_COST)
+
+    def _behind(
+        self, draws: AgentDraws, moment: _Moment, standing: Sequence[Actor]
+    ) -> Option | None:
+        """Queueing behind the last of those who stand in the agent's lane."""
+        built = next(
+            (pair for m in range(len(draws.nll)) if (pair := self._candidate(draws.name, m))), None
+        )
+        if built is None or draws.route.type == "pedestrian" or draws.arrival is None:
+            return None
+        candidate, marks = built
+        last = _last_in_lane(candidate, standing)
+        if last is None:
+            return None
+        s, start, until = last
+        s -= candidate.shape.length / 2 + float(self._rng.uniform(*_QUEUE_GAP))
+        if s < 3.0:
+            return None
+        stands = arrival(candidate, Hold(s, 0.0))
+        wish = draws.arrival - STEP * len(move(candidate).s) / 2
+        soonest = start + float(self._rng.uniform(0.8, 4.0)) - stands
+        enters = round(max(wish, soonest), 1)
+        release = until + float(self._rng.uniform(*_START_LAG))
+        if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < 4.0:
+            return None
+        stop = Stop("queue", s, stands, release - enters, "red_light")
+        motion = move(candidate)
+        free = Actor(candidate, marks, 0.0, motion, motion)
+        actor = free.edited(stops=(stop,)).until(moment.duration - enters)
+        step = np.array([round(enters / STEP)], dtype=np.int64)
+        index = next(m for m in range(len(draws.nll)) if self._candidate(draws.name, m) is built)
+        return Option(lambda: actor, index, step, self._cost(draws.name, index))
 
     def _selection(
         self,
@@ -447,13 +501,20 @@ class _Invitation:
 
     draws: AgentDraws
     options: Callable[[], tuple[Option, ...]]
+    behind: Callable[[Sequence[Actor]], Option | None]
 
     @cached_property
     def guest(self) -> Guest:
         """The agent as the seating wants it."""
         draws = self.draws
-        foreground = draws.role == "foreground"
-        return Guest(draws.name, draws.route.type, foreground, self.options(), draws.spare)
+        return Guest(
+            name=draws.name,
+            type=draws.route.type,
+            foreground=draws.role == "foreground",
+            options=self.options(),
+            spare=draws.spare,
+            behind=self.behind,
+        )
 
 
 @dataclass(frozen=True)
@@ -467,16 +528,18 @@ class _Moment:
 
 @dataclass(frozen=True, eq=False)
 class _RedLight:
-    """An agent that comes upon red and waits, `place` others ahead of it in the queue.
+    """An agent that comes upon red, first in its lane, and waits.
 
     Attributes:
-        lag: from green to its start [s]; stays: a wreck ahead keeps it there for good.
+        gap: from its front to the line [m].
+        lag: from green to its start [s].
+        stays: a wreck ahead keeps it there for good.
     """
 
     free: Actor
     moment: _Moment
     enters: float
-    place: int
+    gap: float
     lag: float
     stays: bool = False
 
@@ -484,9 +547,7 @@ class _RedLight:
     def s(self) -> float:
         """Arc length at which it stands [m]."""
         walks = self.free.candidate.route.type == "pedestrian"
-        line = self.free.marks.line or 0.0
-        behind = self.place * (0.9 if walks else self.free.candidate.shape.length + 2.6)
-        return line - (0.3 if walks else STOP_GAP) - behind
+        return (self.free.marks.line or 0.0) - (0.3 if walks else self.gap)
 
     @property
     def reaches(self) -> float:
@@ -510,7 +571,7 @@ class _RedLight:
         if self.moment.clock is None or self.stays:
             return self.moment.duration + 10.0
         green = self.moment.clock.next_green(str(self.free.marks.group), self.reaches)
-        return green + self.lag + 1.2 * self.place
+        return green + self.lag
 
     def actor(self) -> Actor:
         """It in motion, entering at time 0."""
@@ -518,8 +579,7 @@ class _RedLight:
         start = arrival(self.free.candidate, Hold(self.s, 0.0))
         until = max(self.release - self.enters, start)
         anchor = "kerb" if walks else "stop_line"
-        name = anchor if not self.place else "queue"
-        held = self.free.edited(stops=(Stop(name, self.s, start, until, "red_light"),))
+        held = self.free.edited(stops=(Stop(anchor, self.s, start, until, "red_light"),))
         return held.until(self.moment.duration - self.enters)
 
 
@@ -544,6 +604,35 @@ def _in_playing_order(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
         if isinstance(clause, Headway) and not hits:
             later.append(clause)
     return (*(clause for clause in clauses if clause not in later), *later)
+
+
+def _last_in_lane(
+    candidate: Candidate, standing: Sequence[Actor]
+) -> tuple[float, float, float] | None:
+    """Rear [m] of the last who stands on the candidate's path, and from when until when [s]."""
+    found: tuple[float, float, float] | None = None
+    for actor in standing:
+        for s, start, until in _standstills(actor):
+            x, y, heading = actor.pose(s)
+            path = candidate.path
+            away = np.hypot(path.xy[:, 0] - x, path.xy[:, 1] - y)
+            node = int(np.argmin(away))
+            if away[node] > _LANE_OFFSET or np.cos(path.heading[node] - heading) < _ONE_WAY:
+                continue
+            rear = float(path.s[node]) - actor.candidate.shape.length / 2
+            if found is None or rear < found[0]:
+                found = (rear, start, until)
+    return found
+
+
+def _standstills(actor: Actor) -> Iterator[tuple[float, float, float]]:
+    """Arc length [m], start and end [s] of every stay of a vehicle, its wreck included."""
+    if actor.candidate.route.type == "pedestrian":
+        return
+    last = float(actor.motion.s[-1])
+    yield from ((stop.s, stop.start, stop.until) for stop in actor.stops if stop.s <= last + 0.5)
+    if actor.contact is not None:
+        yield last, actor.contact, actor.contact + 2 * MAX_SECONDS
 
 
 def _best_first(draws: list[AgentDraws]) -> Iterator[dict[str, int]]:

@@ -39,17 +39,23 @@ from scenewright.tools.time_law import Hold, Motion, arrival, move
 _TRIES = 6
 _SPACING = {"vehicle": 0.25, "pedestrian": 0.12}
 _MERGE_METRES = 5.0
-_LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(45.0)
+_LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(22.0)
 """How far a vehicle must have turned left for its collision to count as a left turn's [rad]."""
 
 _STANDS = 1.6
 """Least standstill of who gives way [s], start and end smoothed away included."""
 
 _CAUSE = 1.2
-"""How far [s] from the other's time in the zone it would have been there unheld (SEMANTICS: 2 s)."""
+"""How far [s] from the other's time in the zone it would have been there unheld (2 s)."""
 
 _FREE = {"acceleration": 2.0, "braking": 2.0, "lateral": 3.0}
 """Free speed as SEMANTICS section 4 defines it."""
+
+_BRAKES = 0.65
+"""Share of striking drivers who brake before the impact."""
+
+_ROADSIDE = 2.4
+"""How far onto the road a pedestrian may wait: the parking lane's width [m]."""
 
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
@@ -95,6 +101,15 @@ class Actor:
         path, s = self.candidate.path, self.motion.position(times - self.enters)
         columns = [path.xy[:, 0], path.xy[:, 1], path.heading]
         return np.column_stack([np.interp(s, path.s, column) for column in columns])
+
+    def pose(self, s: float) -> tuple[float, float, float]:
+        """(x, y, heading) at arc length `s` [m]."""
+        path = self.candidate.path
+        x, y, heading = (
+            float(np.interp(s, path.s, column))
+            for column in (path.xy[:, 0], path.xy[:, 1], path.heading)
+        )
+        return x, y, heading
 
     @property
     def leaves(self) -> float:
@@ -186,6 +201,7 @@ class Stage:
     Args:
         candidates, marks: by agent.
         rng: draws among the many placements that serve a clause.
+        lenient: pedestrians may also wait in the middle of the road.
     """
 
     def __init__(
@@ -193,8 +209,11 @@ class Stage:
         candidates: Mapping[str, Candidate],
         marks: Mapping[str, Landmarks],
         rng: np.random.Generator,
+        *,
+        lenient: bool = True,
     ) -> None:
         self._candidates = candidates
+        self._lenient = lenient
         self._marks = marks
         self._rng = rng
         self._encounters: dict[Pairing, Encounter] = {}
@@ -230,10 +249,27 @@ class Stage:
             earliest, latest = self._window(clause, placed_b, staging)
             if not earliest <= found.time <= latest:
                 continue
+            placed_a, found = self._startled(clause, placed_a, placed_b, found)
             end_a, end_b = placed_a.ended(found.time), placed_b.ended(found.time)
             time = found.time
             happening = Happening(clause, time, time - 3.0, time, time, found.location)
             yield staging.with_event(happening, end_a, end_b)
+
+    def _startled(
+        self, clause: Contact, a: Actor, b: Actor, found: FirstContact
+    ) -> tuple[Actor, FirstContact]:
+        """The striking vehicle brakes in the last moment, as drivers do, if it still strikes."""
+        kind = a.candidate.route.type
+        if kind != "vehicle" or a.slowings or self._rng.random() > _BRAKES:
+            return a, found
+        at = float(a.motion.position(np.array([found.time - a.enters]))[0])
+        speed = found.speed * float(self._rng.uniform(0.55, 0.85))
+        slow = Slowing(at, speed, float(self._rng.uniform(4.0, 6.0)))
+        braked = a.edited(stops=a.stops, slowings=(slow,))
+        again = first_contact(braked, b)
+        if again is None or not _wanted(again, clause) or abs(again.time - found.time) > 0.6:
+            return a, found
+        return braked, again
 
     def _time_gap(self, clause: TimeGap, staging: Staging) -> Iterator[Staging]:
         a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
@@ -342,7 +378,8 @@ class Stage:
         if line is not None and line - STOP_GAP <= short and first - line < _UPSTREAM[kind]:
             anchor = "stop_line" if kind == "vehicle" else "kerb"
             places = [(anchor, line - min(STOP_GAP, 0.3 if kind == "pedestrian" else STOP_GAP))]
-        if line is None or short > line + 1.0:
+        free = kind == "vehicle" or self._lenient or line is None or short < line + _ROADSIDE
+        if free and (line is None or short > line + 1.0):
             at_zone = ("yield_point", short)
             places = [at_zone, *places] if turning else [*places, at_zone]
         for anchor, s in places:
@@ -631,6 +668,8 @@ def _wanted(found: FirstContact, clause: Contact) -> bool:
     if clause.kind == "rear_end" and not found.frontal:
         return False  # the leader ran into the follower
     if clause.speed is not None and abs(found.speed - clause.speed) > 0.9:
+        return False
+    if found.kind in ("pedestrian_strike", "angle", "left_turn") and not found.frontal:
         return False
     least = 2.5 if found.kind == "pedestrian_strike" else 1.3
     return found.closing >= least

@@ -24,6 +24,9 @@ DENSITIES: dict[str, tuple[int, int]] = {"low": (1, 4), "medium": (5, 10), "high
 """Background agents by density word (SEMANTICS section 5)."""
 
 _MOST_BACKGROUND = 20
+_TRAFFIC_SHARE = (0.55, 0.8)
+"""Vehicles among the background where the text speaks of how dense the traffic is."""
+
 _SECONDS = 30.0
 _CASTS = 4
 
@@ -93,12 +96,13 @@ def background_counts(
     vehicles, pedestrians = sample_count(priors, rng, hour=int(hour) % HOURS, instant=True)
     present = len(graph.agents)
     asked = graph.context.background
+    share = (vehicles + 1.0) / (vehicles + pedestrians + 2.0)
     if graph.context.density is not None:
         low, high = DENSITIES[graph.context.density]
         total = int(rng.integers(low, high + 1))
+        share = float(np.clip(share, *_TRAFFIC_SHARE))
     else:
         total = int(np.clip(vehicles + pedestrians - present, 0, _MOST_BACKGROUND))
-    share = (vehicles + 1.0) / (vehicles + pedestrians + 2.0)
     drawn_vehicles = int(np.clip(round(total * share), 0, total))
     counts: dict[AgentClass, int] = {
         "vehicle": drawn_vehicles,

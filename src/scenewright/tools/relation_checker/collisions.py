@@ -118,12 +118,20 @@ def cause_of(first: Mover, second: Mover, *, time: float, lights: Lights) -> tup
     event. `late_brake`: a vehicle brakes harder than 3.4 m/s^2 in the last 3 s, and half a second
     before it began to, it had not braked above 1 m/s^2 for a second.
     """
-    for mover in (first, second):
-        if any(c.time <= time for c in lights.ran_red(mover)):
-            return "red_light_run", mover.id
+    red = red_run(first, second, time=time, lights=lights)
+    if red is not None:
+        return red
     for mover in (first, second):
         if mover.is_vehicle and _brakes_late(mover, time):
             return "late_brake", mover.id
+    return None
+
+
+def red_run(first: Mover, second: Mover, *, time: float, lights: Lights) -> tuple[str, int] | None:
+    """`red_light_run` and the id of the first of the two that ran its light before a time [s]."""
+    for mover in (first, second):
+        if any(c.time <= time for c in lights.ran_red(mover)):
+            return "red_light_run", mover.id
     return None
 
 

@@ -17,6 +17,7 @@ from scenewright.tools.relation_checker.collisions import (
     cause_of,
     impact,
     kind_of,
+    red_run,
     striking,
 )
 from scenewright.tools.relation_checker.contact import (
@@ -331,7 +332,13 @@ class _Search:
             "braking": giving.braking, "other_cleared": giving.cleared, "entered": giving.enter,
             "would_have_entered": giving.arrival,
         } | (_measures(*movers, until=giving.cleared) if full else {})  # fmt: skip
-        return _event("yielding", movers, time=giving.time, place=giving.place, evidence=evidence)
+        cause = red_run(movers[1], movers[0], time=giving.cleared, lights=self.lights)
+        if cause is not None:
+            evidence["cause_agent"] = cause[1]
+        return _event(
+            "yielding", movers, time=giving.time, place=giving.place, evidence=evidence,
+            cause=cause[0] if cause else None,
+        )  # fmt: skip
 
     def _near_miss(
         self, pair: Pair, pet: float | None, full: bool, *, around: Sequence[float]
