@@ -21,6 +21,7 @@ class Stop:
         start, until: [s] since scene start.
         reason: `gives_way` or `red_light`.
         braking: deceleration towards it [m/s^2]; None = as comfortable as the time law says.
+        ahead: from the centre to where the other's way begins [m]; None for lights and queues.
     """
 
     anchor: str
@@ -29,6 +30,7 @@ class Stop:
     until: float
     reason: str
     braking: float | None = None
+    ahead: float | None = None
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,10 @@ _TO = re.compile(
     rf"\b(a quarter|quarter|five|ten|twenty five|twenty|5|10|15|20|25)( minutes?)?"
     rf" (?:to|till|before) ({_NUMBER})\b{_COUNTED}{_SUFFIX}?"
 )
+_HALF_PAST = re.compile(
+    r"\b(a quarter|quarter|half|five|ten|twenty five|twenty|5|10|15|20|25)(?: minutes?)?"
+    rf" (?:past|after) ({_NUMBER})\b{_COUNTED}"
+)
 _OFF_CLOCK = re.compile(r"\b(?:[3-9]\d|2[4-9]):\d\d\b|\b\d{1,2}:[6-9]\d\b")
 _YEAR = re.compile(r"\b(?:a|an|the|in|of|his|her|their|my|model)\s+$")
 _MILITARY = re.compile(
@@ -132,6 +136,7 @@ def read_clock(text: str) -> tuple[str, Clock]:
         speed = float(match[1]) * next(f for key, f in _MPS.items() if match[2].startswith(key))
         text = _cut(text, match)
     times: list[str] = []
+    text = _HALF_PAST.sub(_in_digits, text)
     for pattern, reader in (
         (_TO, _to),
         (_RANGE, _range),
@@ -206,6 +211,13 @@ def _range(match: re.Match[str]) -> str | None:
     if start is None or end is None:
         return None
     return f"{_text(start)}-{_text(end)}"
+
+
+def _in_digits(match: re.Match[str]) -> str:
+    """ "half past four" -> "4:30", so that it can begin or end a range."""
+    hour = int(match[2]) if match[2].isdigit() else _HOURS[match[2]]
+    minute = _MINUTES.get(match[1]) or int(match[1])
+    return f"{hour}:{minute:02d}"
 
 
 def _to(match: re.Match[str]) -> str | None:

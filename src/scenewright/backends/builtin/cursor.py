@@ -68,6 +68,7 @@ class OpenRelation:
     explicit: bool = False
     avoided: bool = False
     tag: str = ""
+    causer: Group = field(default_factory=list)
     sentence: list[tuple[int, Group]] = field(default_factory=list)
 
 
@@ -100,6 +101,7 @@ class Cursor:
         self.hints: list[Modifier | Chunk] = []
         self.modified: Group = []
         self.causer: Group = []
+        self.trailing: list[AgentDraft] = []
         self.caused = False
 
     def _item(self, at: int) -> Item | None:

@@ -49,13 +49,18 @@ class AgentDraft:
 
 @dataclass(eq=False)
 class RelationDraft:
-    """One relation with its roles; `kind` and `cause` where the text names them."""
+    """One relation with its roles; `kind` and `cause` where the text names them.
+
+    Attributes:
+        soft: a yield that only a braking or stopping speaks of.
+    """
 
     type: str
     from_: AgentDraft
     to: AgentDraft
     kind: str | None = None
     cause: str | None = None
+    soft: bool = False
 
     def pair(self) -> frozenset[int]:
         """The two agents, unordered."""

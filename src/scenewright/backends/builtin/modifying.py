@@ -201,7 +201,9 @@ class Modifying(Settling):
         before, after = self._item(at - 1), self._item(at + 1)
         self._both_ways(at, chunk)
         closed = after is None or (isinstance(after, Chunk) and (after.mark or after.has("AND")))
-        follows = isinstance(before, Chunk) and bool(before.mark)
+        follows = (isinstance(before, Chunk) and bool(before.mark)) or (
+            isinstance(before, Modifier) and before.means in {"from", "bound", "leg"}
+        )
         vehicles = [agent for agent in self.last if agent.type == "vehicle"]
         if chunk.has("THROUGH"):
             noun = isinstance(after, Chunk) and after.has("COLLIDE", "NEAR", "YIELD", "AND")

@@ -99,6 +99,8 @@ class Naming(Relating):
             return mine
         near = self._behind(at) or self._ahead_of(at)
         group = self.discourse.resolve(mention, avoid=avoid, same_clause=same_clause)
+        if self._behind(at) and mention.type == "vehicle":
+            self.trailing += group[:1]
         if near and mention.type == "vehicle" and self._same_lane(at):
             for agent in group:
                 self._relate(agent, "same")
@@ -328,6 +330,8 @@ class Naming(Relating):
         before = self._item(at - 1)
         if not isinstance(before, Chunk):
             return False
+        if self._and_to(at):
+            return True
         return before.mark == "," or (
             before.has("AND") and before.text in {"and", "plus", "n", "as well as", "or"}
         )
@@ -336,7 +340,14 @@ class Naming(Relating):
         if relation.object is None or self._verb_follows(at) or relation.weak:
             return False
         before = self._item(at - 1)
-        return isinstance(before, Chunk) and before.has("AND") and self.last is not None
+        joined = (isinstance(before, Chunk) and before.has("AND")) or self._and_to(at)
+        return joined and self.last is not None
+
+    def _and_to(self, at: int) -> bool:
+        """ "yields to a bus and to a pedestrian"."""
+        before, link = self._item(at - 1), self._item(at - 2)
+        preposition = isinstance(before, Chunk) and (before.text in {"to", "for"})
+        return preposition and isinstance(link, Chunk) and link.text in {"and", "as well as"}
 
     def _pronoun(self, at: int, chunk: Chunk) -> None:
         value = chunk.tags["PRONOUN"]

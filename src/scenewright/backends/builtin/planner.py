@@ -206,7 +206,9 @@ def _one_event_per_pair(draft: Draft) -> None:
                 "An agent cannot yield to another and hit it in one encounter; keep "
                 "one of the two.",
             )
-        if relation.type == "near_miss" and types & {"collide_at", "yield_to"}:
+        if relation.type == "yield_to" and relation.soft and "near_miss" in types:
+            draft.relations.remove(relation)
+        elif relation.type == "near_miss" and types & {"collide_at", "yield_to"}:
             draft.relations.remove(relation)
 
 

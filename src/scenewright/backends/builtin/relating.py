@@ -91,6 +91,8 @@ class Relating(Modifying):
         ):
             relation.object = self.gap
         relation.sentence = self.sentence
+        if relation.subject is not None and relation.subject is self.subject:
+            relation.causer = [agent for agent in self.causer if agent not in relation.subject]
         self.open.append(relation)
         self.awaiting = relation
         self.verb_seen = True

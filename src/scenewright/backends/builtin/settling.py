@@ -145,6 +145,8 @@ class Settling(Cursor):
         return (after[:1], after[1:2]) if len(after) >= 2 else None
 
     def _missing_object(self, relation: OpenRelation, subject: Group) -> Group | None:
+        if relation.causer:
+            return relation.causer
         agents = [(at, a) for at, group in self.sentence for a in group if a not in subject]
         after = _unique(a for at, a in agents if at > relation.at)
         before = _unique(a for at, a in agents if at < relation.at)
@@ -180,6 +182,7 @@ class Settling(Cursor):
                 if actor is target:
                     continue
                 edge = RelationDraft(relation.type, actor, target, relation.kind)
+                edge.soft = relation.tag == "WAIT"
                 if relation.negated:
                     self.failed.append(edge)
                 elif relation.avoided and any(
@@ -220,12 +223,20 @@ class Settling(Cursor):
             self._settle(relation, *self._whole_text_pair(relation))
         if self.draft.relations or self.draft.normal:
             return
+        self._settle_trailing()
         for relation in self.deferred:
             others = [a for a in self.draft.agents if a not in (relation.subject or [])]
             together = len(others) == 1 or {a.type for a in others} == {"pedestrian"}
             if relation.weak and relation.subject and others and together:
                 self._settle(relation, relation.subject, others)
                 return
+
+    def _settle_trailing(self) -> None:
+        """ "a taxi with a truck behind it": nothing else happens, so the truck follows."""
+        for agent in self.trailing:
+            ahead = [a for a in self.draft.agents if a.type == "vehicle" and a is not agent]
+            if len(ahead) == 1 and not self.deferred:
+                self._add("follow", agent, ahead[0])
 
     def _about_traffic(self, relation: OpenRelation) -> None:
         """ "two galaxies collide": the verb's subject is nobody we know."""

@@ -300,7 +300,7 @@ class _Search:
             for b in staging.actors:
                 if a == b or frozenset((a, b)) in related:
                     continue
-                first, second = staging.actors[a], staging.actors[b]
+                first, second = (staging.actors[name].until(MAX_SECONDS) for name in (a, b))
                 delta = (second.enters - first.enters) / STEP
                 for low, high in forbidden_offsets(first, second, strict=True):
                     if low < delta < high:

@@ -63,6 +63,9 @@ _FOR_GOOD = 60.0
 _SUDDEN, _SUDDEN_BRAKING = (0.62, 0.82), 3.2
 """Where on its way (share of it) a leader stops for no light, and how hard it brakes [m/s^2]."""
 
+_AT_THE_ZONE = 7.0
+"""Who waits no farther than this [m] from a conflict zone visibly waits for it."""
+
 _LINGERS = 2.5
 """How much later than it could a leader starts that is hit from behind [s]."""
 
@@ -236,12 +239,23 @@ class Stage:
         a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
         if a.contact is not None or b.contact is not None:
             return
-        pairs = self._rear_ends(a, b, clause) if clause.kind == "rear_end" else iter([(a, b)])
-        for first, second in pairs:
-            yield from self._touching(clause, staging, first, second)
+        if clause.kind != "rear_end":
+            deltas = self._inside(self._meetings(clause, a, b))
+            yield from self._touching(clause, staging, a, b, deltas)
+            return
+        for follower, leader in self._rear_ends(a, b, clause):
+            deltas = self._while_standing(follower, leader)
+            yield from self._touching(clause, staging, follower, leader, deltas)
 
-    def _touching(self, clause: Contact, staging: Staging, a: Actor, b: Actor) -> Iterator[Staging]:
-        for delta in self._inside(self._meetings(clause, a, b)):
+    def _touching(
+        self,
+        clause: Contact,
+        staging: Staging,
+        a: Actor,
+        b: Actor,
+        deltas: list[float],
+    ) -> Iterator[Staging]:
+        for delta in deltas:
             placed_a, placed_b = _place(clause, a, b, delta, staging)
             found = first_contact(placed_a, placed_b)
             if found is None or not _wanted(found, clause):
@@ -351,7 +365,8 @@ class Stage:
             placed_a, placed_b = _place(clause, a, b, float(delta), staging)
             release = placed_b.enters + b_out + react
             start = placed_a.enters + stands
-            stop = Stop(anchor, hold.s, start, release, "gives_way", hold.braking)
+            ahead = float(zone.s_a[zone.i].min()) - hold.s
+            stop = Stop(anchor, hold.s, start, release, "gives_way", hold.braking, ahead)
             held = placed_a.edited(stops=_joined(placed_a.stops, stop))
             if not _passes_well(held, placed_b, zone):
                 continue
@@ -402,6 +417,19 @@ class Stage:
             follower = self._brakes_late(a, leader, clause)
             if follower is not None:
                 yield follower, leader
+
+    def _while_standing(self, follower: Actor, leader: Actor) -> list[float]:
+        """Deltas that bring the follower to the leader's rear while the leader stands."""
+        stop, touch = leader.stops[-1], follower.slowings[-1].s
+        first = stop.start + 0.2
+        if stop.reason == "gives_way":
+            first = stop.until - _LINGERS - 0.1
+        last = min(stop.until - 0.1, first + _RED)
+        reaches = follower.motion.time_at(touch)
+        return [
+            float(leader.enters - (time - reaches))
+            for time in self._rng.uniform(first, max(last, first), _TRIES)
+        ]
 
     def _standing_leaders(self, b: Actor) -> Iterator[Actor]:
         """Where it stands already; else at its red light; else braked to a stop on its way."""
@@ -748,7 +776,7 @@ def _lingering(leader: Actor) -> Actor | None:
     last = leader.stops[-1]
     if last.reason != "gives_way":
         return leader
-    if last.anchor == "stop_line" and leader.candidate.route.movement != "straight":
+    if last.ahead is None or last.ahead > _AT_THE_ZONE:
         return None
     return leader.edited(stops=(*leader.stops[:-1], replace(last, until=last.until + _LINGERS)))
 
