@@ -74,6 +74,8 @@ def cross(agent: AgentDraft) -> None:
 
 def _bound(modifier: Modifier, agent: AgentDraft) -> None:
     if agent.turned and modifier.chunks[0].words[0] not in {
+        "from",
+        "off",
         "northbound",
         "southbound",
         "eastbound",

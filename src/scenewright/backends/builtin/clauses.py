@@ -90,6 +90,7 @@ class Reader(Naming):
             self._word(at, chunk)
 
     def _word(self, at: int, chunk: Chunk) -> None:
+        self._main_verb(chunk)
         if chunk.words[0] in _CAUSES and self.subject and isinstance(self._item(at + 1), Mention):
             self.causer, self.caused, self.awaiting = self.subject, True, None
             return
@@ -116,6 +117,25 @@ class Reader(Naming):
         else:
             self._minor(at, chunk)
 
+    def _has_priority(self, at: int, chunk: Chunk) -> bool:
+        """ "the bus goes first", "the bus has the right of way"."""
+        if chunk.words[-1] == "first" and len(chunk.words) > 1:
+            return True
+        before = self._item(at - 1)
+        owns = isinstance(before, Chunk) and before.text in {"has", "have", "had", "gets", "takes"}
+        return owns and chunk.words[-1] in {"way", "priority", "precedence"}
+
+    def _main_verb(self, chunk: Chunk) -> None:
+        """ "the car that hit the pedestrian came from the west": the car came."""
+        finite = chunk.has("BE") or (chunk.has("HEAD") and not chunk.words[0].endswith("ing"))
+        relation = self.awaiting
+        closed = relation is not None and relation.object is not None
+        closed = closed and relation is not None and relation.tag not in {"LET", "WAIT"}
+        if finite and closed and self.relative and self.verb_seen and not self.boundary:
+            if self.gap is None:
+                self._leave_relative()
+                self.last = self.subject or self.last
+
     def _turned_into(self, at: int) -> bool:
         """ "turned left into a bus", not "into the path of" or "into the avenue"."""
         before, after = self._item(at - 1), self._item(at + 1)
@@ -123,10 +143,12 @@ class Reader(Naming):
         return turn and (isinstance(after, Mention) or is_pronoun(after))
 
     def _minor(self, at: int, chunk: Chunk) -> None:
+        if chunk.has("GO_FIRST") and self._has_priority(at, chunk):
+            self.leading = self.leading or self.subject
         if chunk.has("BOTH"):
             self._plural_subject()
         elif chunk.has("AND", "WHILE"):
-            self._connect(chunk)
+            self._connect(at, chunk)
         elif chunk.has("BE"):
             self.verb_seen = True
         elif chunk.has("JAYWALK", "CROSS", "OPPOSITE", "OF_OTHER", "SAME", "REDRUN", "SIGNAL"):
@@ -169,7 +191,9 @@ class Reader(Naming):
         ):
             return
         general = mark.mark in {":", "("} or group.head == "vehicles"
-        if group.counted and group.count > 1 and general and then.det == "indefinite" and self.last:
+        if group.counted and group.count > 1 and general and self.last and (
+            then.det == "indefinite" or then.label
+        ):
             for agent in self.last:
                 agent.announced = True
 
@@ -177,13 +201,40 @@ class Reader(Naming):
         after = self._item(at + 1)
         return isinstance(after, Chunk) and after.has("AND")
 
-    def _connect(self, chunk: Chunk) -> None:
+    def _connect(self, at: int, chunk: Chunk) -> None:
         self.boundary = True
         self.linked = chunk.has("AND")
+        if self._holds_until(at, chunk):
+            return
         if self.awaiting and (self._complete(self.awaiting) or chunk.text in {"then", "but"}):
             self.awaiting.closed = self.awaiting.object is not None or chunk.text != "and"
             if self.awaiting.object is None:
                 self.awaiting = None
+
+    def _holds_until(self, at: int, chunk: Chunk) -> bool:
+        """ "does not turn until a bus has passed", "goes only after she has crossed"."""
+        if not self.subject or self.awaiting is not None or not self._mention_ahead(at):
+            return False
+        before = self._item(at - 1)
+        only = isinstance(before, Chunk) and "only" in before.words
+        late = chunk.text in {"after", "once", "when", "as soon as"} and only
+        until = chunk.text in {"until", "till", "before"} and self._holds_off(at)
+        if not (late or until):
+            return False
+        self._start(OpenRelation("yield_to", None, at, self.subject, tag="WAIT"))
+        return True
+
+    def _holds_off(self, at: int) -> bool:
+        """The verb of the subject is denied."""
+        for back in range(1, 7):
+            item = self._item(at - back)
+            if isinstance(item, Chunk) and item.has("NEGATION"):
+                return item.words[0] not in {"without", "no", "instead", "free"}
+            if item is None or isinstance(item, Mention) or (isinstance(item, Chunk) and item.mark):
+                return False
+            if isinstance(item, Chunk) and item.has("COLLIDE", "NEAR", "YIELD", "WAIT", "LET"):
+                return False
+        return False
 
     def _relative_clause(self, at: int) -> bool:
         before, after = self._item(at - 1), self._item(at + 1)

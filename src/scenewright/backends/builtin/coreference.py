@@ -208,6 +208,10 @@ class Discourse:
                 agent.type == mention.type or mention.head == "unit"
             ):
                 return [agent]
+        announced = [agent for agent in self.draft.agents if agent.announced]
+        if announced and announced[0].type == mention.type:
+            announced[0].announced, announced[0].label = False, mention.label
+            return announced[:1]
         return None
 
     def _introduce(self, mention: Mention) -> list[AgentDraft]:

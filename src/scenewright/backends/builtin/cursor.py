@@ -101,6 +101,7 @@ class Cursor:
         self.hints: list[Modifier | Chunk] = []
         self.modified: Group = []
         self.causer: Group = []
+        self.leading: Group = []
         self.trailing: list[AgentDraft] = []
         self.caused = False
 

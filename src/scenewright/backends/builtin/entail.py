@@ -143,12 +143,21 @@ def _shared_lane(relation: RelationDraft) -> None:
     if not lane or {first.type, second.type} != {"vehicle"}:
         return
     if first.entry and second.entry and first.entry != second.entry:
+        if _merge(first, second):
+            return
         raise Refused(
             "contradictory",
             f"Vehicles in one lane cannot come from the {first.entry} and the "
             f"{second.entry}; give them one entry.",
         )
     first.entry = second.entry = first.entry or second.entry
+
+
+def _merge(first: AgentDraft, second: AgentDraft) -> bool:
+    """From two legs one can still end up behind the other on a common exit."""
+    exits = [agent.exit or OPPOSITE.get(str(agent.entry)) for agent in (first, second)]
+    turned = {first.movement, second.movement} & {"left", "right"}
+    return bool(turned) and exits[0] == exits[1]
 
 
 def _left_turn(relation: RelationDraft) -> None:

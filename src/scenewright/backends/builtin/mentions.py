@@ -172,6 +172,8 @@ class _NounPhrases:
         turning = node.means == "turn" and node.first in {"left", "right", "a", "the", "an"}
         fine = node.means in _PREMODIFIER_RULES or turning
         opener = node.first in {"a", "an", "the", "another"}
+        if node.means == "straight" and node.first not in {"straight", "through", "thru"}:
+            return False
         if not fine or node.first in {"from", "off", "entering", "to"}:
             return False
         if node.means in {"leg", "crosswalk", "from"} and not (opener or mention.det != "bare"):

@@ -137,6 +137,8 @@ class Modifying(Settling):
         return isinstance(before, Chunk) and before.has("NEARBY")
 
     def _targets(self, at: int, modifier: Modifier, *, finite: bool) -> Group:
+        if not finite and not self.sentence and self._introduces(at, modifier):
+            return []
         prefer = (
             self.subject
             if (finite and not self._made_way_for()) or self._after_while(at)
@@ -158,6 +160,18 @@ class Modifying(Settling):
             ):
                 return kinds
         return []
+
+    def _introduces(self, at: int, modifier: Modifier) -> bool:
+        """ "From the south comes a bus": a new sentence brings in a new agent."""
+        if self.editing or modifier.means not in {"from", "bound", "from_to", "crosswalk"}:
+            return False
+        for item in self.items[at + 1 :]:
+            if isinstance(item, Chunk) and item.mark in {".", ";", "!", "?"}:
+                return False
+            if isinstance(item, Mention):
+                kind = item.type is not None and kind_can_hold(item.type, modifier)
+                return kind and item.det == "indefinite"
+        return False
 
     def _made_way_for(self) -> bool:
         """ "lets B turn left": the verb belongs to B."""

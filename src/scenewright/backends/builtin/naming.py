@@ -390,6 +390,8 @@ class Naming(Relating):
 
     def _antecedent(self, at: int, value: str, text: str) -> Group:
         avoid = self._actors()
+        if text == "we" and len(self.draft.agents) > 1:
+            value = "they"
         if value == "me":
             return self._speaker(at)
         if value == "it":
@@ -414,11 +416,31 @@ class Naming(Relating):
         group = self.subject or self.previous_subject
         after = self._item(at + 1)
         walks = isinstance(after, Modifier) and after.means.startswith("cross")
-        walks |= isinstance(after, Chunk) and (after.has("CROSS", "JAYWALK", "BE"))
-        if self._takes_object() or walks or len(group) != 1 or group[0].type != "vehicle":
+        if isinstance(after, Chunk) and after.has("BE"):
+            after = self._item(at + 2)
+        walks |= isinstance(after, Chunk) and (
+            after.has("CROSS", "JAYWALK") or after.text.startswith("walk")
+        )
+        if self._takes_object() or walks:
             return None
+        drivers = [agent for agent in self.draft.agents if agent.type == "vehicle"]
+        if self._strikes_walker(at) and len(drivers) == 1:
+            return drivers[0]
         driven = {"driver", "motorist", "cabbie", "operator", "rider", "trucker", "motorcyclist"}
-        return group[0] if driven & set(group[0].head.split()) else None
+        single = len(group) == 1 and group[0].type == "vehicle"
+        return group[0] if single and driven & set(group[0].head.split()) else None
+
+    def _strikes_walker(self, at: int) -> bool:
+        """ "he ... and struck the pedestrian": the subject is no pedestrian."""
+        hit = False
+        for item in self.items[at + 1 : at + 9]:
+            if isinstance(item, Mention):
+                return hit and item.type == "pedestrian"
+            if isinstance(item, Chunk):
+                if item.mark in {".", ";"} or item.has("BY", "WHO"):
+                    return False
+                hit |= item.has("COLLIDE", "NEAR", "YIELD", "WAIT", "LET")
+        return False
 
     def _it(self, avoid: Group) -> Group:
         if not self._takes_object():
@@ -433,9 +455,9 @@ class Naming(Relating):
         known = [agent for agent in self.draft.agents if agent.label == "me"]
         if known:
             return known
-        if self._item(at) is None or not {"i", "me"} & set(words_of(self.items[at]).split()):
+        if self._item(at) is None or not {"i", "me", "we", "us"} & set(words_of(self.items[at]).split()):
             return []
-        objective = "me" in words_of(self.items[at]).split()
+        objective = bool({"me", "us"} & set(words_of(self.items[at]).split()))
         kind = self._own_way(at) if not objective else "vehicle" if self._takes_object() else None
         if kind is None:
             return []

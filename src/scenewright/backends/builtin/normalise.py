@@ -62,9 +62,30 @@ _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"~", " "),
     )
 )
+_NAMED = "".join(
+    rf"(?<!{noun} )"
+    for noun in ("[Vv]ehicle", "[Cc]ar", "[Tt]ruck", "[Bb]us", "[Dd]river", "[Uu]nit", "[Pp]edestrian")
+    + ("[Aa]gent", "[Cc]ab", "[Tt]axi", "[Pp]ed", "[Pp]arty", "VEHICLE", "[Vv]eh")
+)
+_SECOND = re.compile(rf"{_NAMED}(?<![\w.'])B(?= ?[(:,.;=]| [a-z]|$)")
+_LETTERED = re.compile(
+    rf"{_NAMED}(?<![\w.'])(A(?= ?[(:,.;=]| (?:is|yields|gives|hits|strikes|fails|turns|goes|comes|"
+    r"waits|follows|stops|collides|rear|must|has|and|almost|nearly|lets|runs|does|from|\w+bound)\b|$)"
+    r"|[B-D](?= ?[(:,.;=]| [a-z]|$))"
+)
 _TOKEN = re.compile(r"\d+(?:\.\d+)?(?:st|nd|rd|th)\b|\d+(?:\.\d+)?|[a-z]+|[.,;:!?()\[\]|]")
 _END = frozenset(".;!?|")
 _SOFT = frozenset(",()[]")
+_IRREGULAR = {
+    "goes": "go", "went": "go", "gone": "go", "came": "come", "drove": "drive", "driven": "drive",
+    "ran": "run", "swung": "swing", "bore": "bear", "gave": "give", "took": "take",
+    "taken": "take", "held": "hold", "stood": "stand", "rode": "ride",
+    "ridden": "ride", "caught": "catch", "kept": "keep", "sped": "speed", "slid": "slide",
+    "crept": "creep", "flew": "fly", "shot": "shoot", "swept": "sweep", "strode": "stride",
+    "led": "lead", "blew": "blow", "blown": "blow", "drew": "draw", "stuck": "stick",
+    "fled": "flee", "lept": "leap", "leapt": "leap", "saw": "see", "seen": "see",
+    "broke": "break", "hung": "hang", "sat": "sit", "spun": "spin", "threw": "throw",
+}  # fmt: skip
 _stemmer = snowballstemmer.stemmer("english")
 
 
@@ -85,16 +106,23 @@ class Token:
 
 @lru_cache(maxsize=8192)
 def stem(word: str) -> str:
-    """The Snowball stem of a lower-case word."""
-    return str(_stemmer.stemWord(word))
+    """The Snowball stem of a lower-case word; irregular verbs have that of their infinitive."""
+    return str(_stemmer.stemWord(_IRREGULAR.get(word, word)))
 
 
 def clean(text: str) -> str:
     """The text in lower case with contractions, quotes, dashes and arrows made plain."""
-    result = unicodedata.normalize("NFKC", text).lower().replace("\r", "\n")
+    result = _lettered(unicodedata.normalize("NFKC", text)).lower().replace("\r", "\n")
     for pattern, new in _REPLACEMENTS:
         result = pattern.sub(new, result)
     return result
+
+
+def _lettered(text: str) -> str:
+    """ "A (northbound) hits B": capital letters that stand for road users."""
+    if text.isupper() or not _SECOND.search(text):
+        return text
+    return _LETTERED.sub(r"unit \1", text)
 
 
 def tokenise(text: str) -> list[Token]:

@@ -90,6 +90,7 @@ def _draft(text: str) -> Draft:
     )
     reader = _read(draft, chunks, without_figures)
     read_context(draft, chunks, clock)
+    _told_by_figures(draft, chunks)
     _settle_normal(draft, reader, chunks)
     if draft.agents and any(chunk.has("EMPTY") for chunk in chunks):
         raise Refused(
@@ -118,6 +119,17 @@ def _read(draft: Draft, chunks: Sequence[Chunk], text: str, *, editing: bool = F
         _too_late(draft)
         _cause(draft, "late_brake")
     return reader
+
+
+def _told_by_figures(draft: Draft, chunks: Sequence[Chunk]) -> None:
+    """A PET or TTC alone asks for a near miss, "truck versus pedestrian" for a collision."""
+    if draft.relations or draft.normal or draft.denied - {"collide_at"} or len(draft.agents) != 2:
+        return
+    measured = draft.context.pet is not None or draft.context.ttc is not None
+    versus = any(chunk.text in {"vs", "versus"} for chunk in chunks) and not draft.denied
+    if measured or versus:
+        type_ = "near_miss" if measured else "collide_at"
+        draft.relations.append(RelationDraft(type_, *draft.agents))
 
 
 def _too_late(draft: Draft) -> None:

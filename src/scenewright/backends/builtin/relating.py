@@ -202,6 +202,8 @@ class Relating(Modifying):
     def _avoids(self, at: int) -> bool:
         """ "barely avoids a jogger": an object, and no collision between."""
         after = self._item(at + 1)
+        if isinstance(after, Chunk) and after.tags.get("PRONOUN") == "each":
+            return True
         return self._mention_ahead(at) and (isinstance(after, Mention) or is_pronoun(after))
 
     def _by(self) -> None:

@@ -181,6 +181,8 @@ class Settling(Cursor):
             for target in targets:
                 if actor is target:
                     continue
+                if relation.type in SYMMETRIC:
+                    actor = self._at_wheel(actor, target)
                 edge = RelationDraft(relation.type, actor, target, relation.kind)
                 edge.soft = relation.tag == "WAIT"
                 if relation.negated:
@@ -191,6 +193,12 @@ class Settling(Cursor):
                     continue
                 else:
                     self._edge(edge)
+
+    def _at_wheel(self, actor: AgentDraft, target: AgentDraft) -> AgentDraft:
+        """ "he struck the pedestrian": he is the one who drives, not a second pedestrian."""
+        vehicles = [agent for agent in self.draft.agents if agent.type == "vehicle"]
+        both = actor.type == target.type == "pedestrian"
+        return vehicles[0] if both and len(vehicles) == 1 else actor
 
     def _add(self, type_: str, first: AgentDraft, second: AgentDraft | None) -> None:
         if second is not None and first is not second:
@@ -232,7 +240,12 @@ class Settling(Cursor):
                 return
 
     def _settle_trailing(self) -> None:
-        """ "a taxi with a truck behind it": nothing else happens, so the truck follows."""
+        """ "a taxi with a truck behind it", "the bus goes first": nothing else happens."""
+        first = self.leading
+        others = [agent for agent in self.draft.agents if agent not in first]
+        if len(first) == len(others) == 1 and not self.deferred:
+            self._add("yield_to", others[0], first[0])
+            return
         for agent in self.trailing:
             ahead = [a for a in self.draft.agents if a.type == "vehicle" and a is not agent]
             if len(ahead) == 1 and not self.deferred:

@@ -519,7 +519,7 @@ class FirstContact:
 
     Attributes:
         closing: relative speed; speed: of the first actor [m/s].
-        frontal: it is the front of the first actor that touches.
+        frontal: the first actor strikes with its front; where both fronts touch, it is the faster.
     """
 
     time: float
@@ -608,6 +608,7 @@ def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
     poses = (a.at(around), b.at(around))
     velocity = [(pose[2, :2] - pose[0, :2]) / 0.1 for pose in poses]
     spot = _touching_point(poses[0][1], poses[1][1], a, b)
+    speeds = [float(np.hypot(*each)) for each in velocity]
     sides = [_side(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
     turned = abs(float(np.angle(np.exp(1j * (poses[0][1, 2] - poses[1][1, 2])))))
     return FirstContact(
@@ -615,8 +616,8 @@ def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
         location=(float(spot[0]), float(spot[1])),
         kind=_kind(a, b, time, turned, sides),
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
-        speed=float(np.hypot(*velocity[0])),
-        frontal=sides[0] == "front",
+        speed=speeds[0],
+        frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
     )
 
 
@@ -693,12 +694,10 @@ def _contains(points: FloatArray, pose: FloatArray, actor: Actor) -> FloatArray:
 def _wanted(found: FirstContact, clause: Contact) -> bool:
     if clause.kind not in (None, found.kind):
         return False
-    if clause.kind == "rear_end" and not found.frontal:
-        return False  # the leader ran into the follower
     if clause.speed is not None and abs(found.speed - clause.speed) > 0.9:
         return False
-    if found.kind in ("pedestrian_strike", "angle", "left_turn") and not found.frontal:
-        return False
+    if clause.kind not in ("sideswipe", "head_on") and not found.frontal:
+        return False  # `first` is named as the one who strikes
     least = 2.5 if found.kind == "pedestrian_strike" else 1.3
     return found.closing >= least
 
