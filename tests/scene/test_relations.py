@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from importlib import resources
+from pathlib import Path
 
 import pytest
 
-from scenewright.scene import relations
+from scenewright.errors import InputError
 from scenewright.scene.constraints import (
     Contact,
     GivesWay,
@@ -80,10 +81,20 @@ def test_every_relation_and_every_kind_of_collision_has_a_pattern():
 
 def test_a_broken_file_is_told(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text('id = "mine"', "utf-8")
-    monkeypatch.setattr(relations.resources, "files", lambda _: tmp_path)
-    patterns.cache_clear()
-    try:
-        with pytest.raises(ValueError, match="relation"):
-            patterns()
-    finally:
-        patterns.cache_clear()
+    monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path))
+    with pytest.raises(InputError, match=r"mine\.toml is not a relation: theme"):
+        patterns()
+
+
+def test_a_missing_folder_is_told(tmp_path, monkeypatch):
+    monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path / "nowhere"))
+    with pytest.raises(InputError, match="nowhere"):
+        patterns()
+
+
+def test_the_documented_example_is_a_pattern(tmp_path, monkeypatch):
+    page = Path(__file__).parents[2] / "docs" / "relations.md"
+    example = page.read_text("utf-8").split("```toml\n")[1].split("```")[0]
+    (tmp_path / "mine.toml").write_text(example, "utf-8")
+    monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path))
+    assert pattern_named("right_turns_in_a_row").geometry == "same_way"

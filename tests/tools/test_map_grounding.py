@@ -10,7 +10,6 @@ import pytest
 
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
-from scenewright.scene import relations
 from scenewright.scene.map import Route
 from scenewright.scene.relations import patterns
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
@@ -305,22 +304,12 @@ segments = ["keep"]
 def test_a_file_more_is_a_pattern_more(tmp_path, monkeypatch):
     """Data alone: the file is loaded, matched, cast and drawn as often as its weight says."""
     (tmp_path / "mine.toml").write_text(MINE, "utf-8")
-    shipped = relations.resources.files("scenewright.scene.relations")
-    for entry in shipped.iterdir():
-        if entry.name.startswith("follow"):
-            (tmp_path / entry.name).write_text(entry.read_text("utf-8"), "utf-8")
-    monkeypatch.setattr(relations.resources, "files", lambda _: tmp_path)
-    patterns.cache_clear()
-    try:
-        graph = SocialGraph(
-            agents=(vehicle(), vehicle(OTHER)), relations=(edge("follow", CAR, OTHER),)
-        )
-        assert "two_right_turns_follow" in {
-            pattern.id for pattern in patterns_for(graph.relations[0], graph)
-        }
-        casting = [drawn(graph, 1, seed)[0] for seed in range(20)]
-        mine = [cast for cast in casting if cast.patterns[0].pattern == "two_right_turns_follow"]
-        assert len(mine) >= 18
-        assert {cast.routes[CAR].movement for cast in mine} == {"right"}
-    finally:
-        patterns.cache_clear()
+    monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path))
+    graph = SocialGraph(agents=(vehicle(), vehicle(OTHER)), relations=(edge("follow", CAR, OTHER),))
+    assert "two_right_turns_follow" in {
+        pattern.id for pattern in patterns_for(graph.relations[0], graph)
+    }
+    casting = [drawn(graph, 1, seed)[0] for seed in range(20)]
+    mine = [cast for cast in casting if cast.patterns[0].pattern == "two_right_turns_follow"]
+    assert len(mine) >= 18
+    assert {cast.routes[CAR].movement for cast in mine} == {"right"}

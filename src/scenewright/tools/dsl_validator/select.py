@@ -142,6 +142,9 @@ class _Search:
         self._staged = 0
 
     def run(self) -> Selection:
+        for clause in (*self._near, *self._before):
+            if not {clause.first, clause.second} <= set(self._bound):
+                raise Rejected(_unbound(clause))
         found = self._least() if self._mode == "map" else self._first()
         if found is None:
             raise Rejected(self._rejection())
@@ -175,11 +178,11 @@ class _Search:
             if best is not None and bound >= best.cost:
                 return replace(best, figures=_figures(best, tried))
             if tried > _MAP_TUPLES:
-                break
+                return None if best is None else replace(best, optimal=False)
             selection = self._try(choice)
             if selection is not None and (best is None or selection.cost < best.cost):
                 best = selection
-        return None if best is None else replace(best, optimal=False)
+        return best
 
     def _cost(self, name: str, m: int) -> float:
         draws = self._pool.agents[name]
@@ -653,6 +656,16 @@ def _best_first(draws: list[AgentDraws]) -> Iterator[dict[str, int]]:
             if rank + 1 < len(orders[axis]) and step not in seen:
                 seen.add(step)
                 heapq.heappush(heap, (_sum(costs, step), step))
+
+
+def _unbound(clause: PairClause) -> Rejection:
+    return Rejection(
+        stage="waypoint_filter",
+        code="malformed_program",
+        agents=(clause.first, str(clause.second)),
+        detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
+        "headway or gives_way clause",
+    )
 
 
 def _figures(best: Selection, tried: int) -> dict[str, float]:
