@@ -49,7 +49,7 @@ def option(of, index, starts, cost, wish=0) -> Option:
 
 def guest(name, options, *, foreground=False, spare=False) -> Guest:
     kind = options[0].actor.candidate.route.type
-    return Guest(name, kind, foreground, tuple(options), spare=spare)
+    return Guest(name, kind, foreground, lambda: tuple(options), spare=spare)
 
 
 def keeps_apart(one, other, strict) -> bool:

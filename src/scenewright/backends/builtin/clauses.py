@@ -131,10 +131,10 @@ class Reader(Naming):
         relation = self.awaiting
         closed = relation is not None and relation.object is not None
         closed = closed and relation is not None and relation.tag not in {"LET", "WAIT"}
-        if finite and closed and self.relative and self.verb_seen and not self.boundary:
-            if self.gap is None:
-                self._leave_relative()
-                self.last = self.subject or self.last
+        inside = self.relative and self.verb_seen and not self.boundary and self.gap is None
+        if finite and closed and inside:
+            self._leave_relative()
+            self.last = self.subject or self.last
 
     def _turned_into(self, at: int) -> bool:
         """ "turned left into a bus", not "into the path of" or "into the avenue"."""
@@ -191,8 +191,12 @@ class Reader(Naming):
         ):
             return
         general = mark.mark in {":", "("} or group.head == "vehicles"
-        if group.counted and group.count > 1 and general and self.last and (
-            then.det == "indefinite" or then.label
+        if (
+            group.counted
+            and group.count > 1
+            and general
+            and self.last
+            and (then.det == "indefinite" or then.label)
         ):
             for agent in self.last:
                 agent.announced = True
@@ -204,12 +208,22 @@ class Reader(Naming):
     def _connect(self, at: int, chunk: Chunk) -> None:
         self.boundary = True
         self.linked = chunk.has("AND")
+        if chunk.text == "and then" and self._bare_sequel(at):
+            return
         if self._holds_until(at, chunk):
             return
         if self.awaiting and (self._complete(self.awaiting) or chunk.text in {"then", "but"}):
             self.awaiting.closed = self.awaiting.object is not None or chunk.text != "and"
             if self.awaiting.object is None:
                 self.awaiting = None
+
+    def _bare_sequel(self, at: int) -> bool:
+        """ "hits a man and then a bus": the verb holds for both."""
+        after = self._item(at + 1)
+        if isinstance(after, Chunk) and after.has("BY"):
+            after = self._item(at + 2)
+            return isinstance(after, Mention)
+        return isinstance(after, Mention) and not self._verb_follows(at + 1)
 
     def _holds_until(self, at: int, chunk: Chunk) -> bool:
         """ "does not turn until a bus has passed", "goes only after she has crossed"."""

@@ -57,7 +57,7 @@ _TO = re.compile(
 )
 _HALF_PAST = re.compile(
     r"\b(a quarter|quarter|half|five|ten|twenty five|twenty|5|10|15|20|25)(?: minutes?)?"
-    rf" (?:past|after) ({_NUMBER})\b{_COUNTED}"
+    rf"(?: past| after|(?<=half)) ({_NUMBER})\b{_COUNTED}"
 )
 _OFF_CLOCK = re.compile(r"\b(?:[3-9]\d|2[4-9]):\d\d\b|\b\d{1,2}:[6-9]\d\b")
 _YEAR = re.compile(r"\b(?:a|an|the|in|of|his|her|their|my|model)\s+$")
@@ -107,6 +107,7 @@ WORD_RANGES: dict[str, tuple[tuple[str, str], ...]] = {
     "night": (("19:00", "05:30"),),
     "late night": (("21:30", "04:00"),),
     "midnight": (("23:30", "00:30"),),
+    "small hours": (("00:00", "04:00"),),
 }
 _TYPICAL = {
     "dawn": "06:00", "early morning": "06:30", "morning rush": "08:00", "mid-morning": "10:00",
@@ -114,6 +115,7 @@ _TYPICAL = {
     "afternoon": "15:00", "late afternoon": "16:30", "evening rush": "17:30", "rush hour": "08:00",
     "early evening": "18:00", "evening": "19:00", "late evening": "21:30", "dusk": "18:30",
     "night": "22:00", "late night": "23:00", "midnight": "00:00",
+    "small hours": "02:00",
 }  # fmt: skip
 
 

@@ -160,9 +160,12 @@ class Discourse:
         return [max(free, key=lambda agent: (_affinity(agent, mention), self._recency(agent)))]
 
     def _pronominal(self, mention: Mention, avoid: Sequence[AgentDraft]) -> list[AgentDraft] | None:
-        group = next((g for g in reversed(self.groups) if len(g) > 1), list(self.draft.agents))
+        pair = next((g for g in reversed(self.groups) if len(g) > 1), None)
+        group = pair or list(self.draft.agents)
         if not group:
             return []
+        if mention.det == "another" and pair is None:
+            return self._twin(self._last()[-1] if self._last() else group[-1])
         described = [agent for agent in self.draft.agents if _affinity(agent, mention) >= 4]
         told = mention.premods or mention.words or mention.post
         if told and described and mention.det != "one":
@@ -183,7 +186,10 @@ class Discourse:
             free = [agent for agent in group if agent not in self.claimed] or group
             self.claimed.append(free[0])
             return [free[0]]
-        last = self.claimed[-1:] or self._last()
+        acting = [agent for agent in avoid if agent in group]
+        if len(acting) == len(group):
+            acting = []
+        last = acting or self.claimed[-1:] or self._last()
         others = [agent for agent in group if agent not in last and agent not in avoid]
         if not others:
             others = [agent for agent in group if agent not in last]

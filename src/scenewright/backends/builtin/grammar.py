@@ -108,6 +108,9 @@ def _implied_heads(nodes: list[Node]) -> list[Node]:
         if _shares_noun(nodes, at):
             result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
             continue
+        if _against(nodes, at):
+            result.append(Chunk(("vehicle",), {"AGENT": "vehicle"}))
+            continue
         if _turner(node) or (
             _movement_noun(node) and _bare_bound(nodes, at) and _ends_phrase(after)
         ):
@@ -130,9 +133,20 @@ def _shares_noun(nodes: Sequence[Node], at: int) -> bool:
     return directions and joined and isinstance(noun, Chunk) and noun.has("AGENT")
 
 
+def _against(nodes: Sequence[Node], at: int) -> bool:
+    """ "eastbound vs northbound" are two vehicles."""
+    node = nodes[at]
+    if not (isinstance(node, Modifier) and node.means == "bound" and len(node.chunks) == 1):
+        return False
+    sides = [nodes[i] if 0 <= i < len(nodes) else None for i in (at - 1, at + 1)]
+    versus = [isinstance(n, Chunk) and n.text in {"vs", "versus", "x"} for n in sides]
+    moves = sides[1] is not None and _movement_noun(sides[1])
+    return any(versus) and not moves and not (at and _is_agent(nodes[at - 1]))
+
+
 def _counts_one(node: Node) -> bool:
     return isinstance(node, Chunk) and (
-        node.tags.get("NUMBER") == "1" or node.tags.get("DET") == "indefinite"
+        node.tags.get("NUMBER") == "1" or node.tags.get("DET") in {"indefinite", "definite"}
     )
 
 

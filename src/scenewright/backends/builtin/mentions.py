@@ -10,7 +10,9 @@ from scenewright.backends.builtin.grammar import Modifier, Node
 from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.scene.base import AgentClass
 
-_PREMODIFIER_RULES = frozenset({"bound", "uturn", "straight", "from", "leg", "crosswalk"})
+_PREMODIFIER_RULES = frozenset(
+    {"bound", "from_to", "uturn", "straight", "from", "leg", "crosswalk"}
+)
 _ADJECTIVE_TAGS = [
     "YIELD",
     "OPPOSITE",
@@ -173,6 +175,8 @@ class _NounPhrases:
         fine = node.means in _PREMODIFIER_RULES or turning
         opener = node.first in {"a", "an", "the", "another"}
         if node.means == "straight" and node.first not in {"straight", "through", "thru"}:
+            return False
+        if node.means == "from_to" and (opener or node.chunks[0].has("HEAD", "FROM")):
             return False
         if not fine or node.first in {"from", "off", "entering", "to"}:
             return False

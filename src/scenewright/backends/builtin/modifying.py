@@ -23,13 +23,45 @@ from scenewright.backends.builtin.mentions import Mention
 from scenewright.backends.builtin.settling import Settling
 
 _ANYBODY = frozenset(
-    (
-        "guy dude man woman lady fellow bloke chap someone somebody person individual teenager "
-        "tourist commuter gentleman female male lad customer mother father parent student senior "
-        "officer worker nurse doctor"
-    ).split()
-    + ["old man", "old woman", "old lady", "young man", "young woman", "elderly man"]
-    + ["elderly woman", "elderly lady"]
+    [
+        "guy",
+        "dude",
+        "man",
+        "woman",
+        "lady",
+        "fellow",
+        "bloke",
+        "chap",
+        "someone",
+        "somebody",
+        "person",
+        "individual",
+        "teenager",
+        "tourist",
+        "commuter",
+        "gentleman",
+        "female",
+        "male",
+        "lad",
+        "customer",
+        "mother",
+        "father",
+        "parent",
+        "student",
+        "senior",
+        "officer",
+        "worker",
+        "nurse",
+        "doctor",
+        "old man",
+        "old woman",
+        "old lady",
+        "young man",
+        "young woman",
+        "elderly man",
+        "elderly woman",
+        "elderly lady",
+    ]
 )
 _TOUCHES = {
     "from": {"entry"},
@@ -82,7 +114,7 @@ class Modifying(Settling):
         for agent in targets:
             self._reopen(agent, modifier)
         if modifier.means in {"from_two", "bound_two"}:
-            self._one_each(modifier, targets)
+            self._one_each(at, modifier, targets)
             return
         if modifier.means == "from_to" and self._along_with():
             targets = targets + [a for a in self.subject if a not in targets and a.entry is None]
@@ -113,9 +145,16 @@ class Modifying(Settling):
                 "to a vehicle.",
             )
 
-    def _one_each(self, modifier: Modifier, targets: Group) -> None:
+    def _one_each(self, at: int, modifier: Modifier, targets: Group) -> None:
         """ "two cars from the north and the west": a side each; one agent cannot have both."""
         single = "from" if modifier.means == "from_two" else "bound"
+        if len(targets) == 1 and targets[0].generic:
+            targets = [*targets, self.discourse.create(targets[0].type, head=targets[0].head)]
+            targets[0].generic, targets[1].subtype = False, targets[0].subtype
+            self.discourse.groups.append(targets)
+            self.last = targets
+            self.subject = targets if self.subject == targets[:1] else self.subject
+            self.sentence.append((at, targets))
         sides = [Modifier(single, (value,), modifier.chunks) for value in modifier.values]
         for agent, side in zip(
             targets if len(targets) == 2 else targets[:1] * 2, sides, strict=False
@@ -170,7 +209,7 @@ class Modifying(Settling):
                 return False
             if isinstance(item, Mention):
                 kind = item.type is not None and kind_can_hold(item.type, modifier)
-                return kind and item.det == "indefinite"
+                return kind and item.det in {"indefinite", "bare"}
         return False
 
     def _made_way_for(self) -> bool:

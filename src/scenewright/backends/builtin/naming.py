@@ -37,7 +37,7 @@ class Naming(Relating):
     """Places mentions and pronouns in the clause."""
 
     def _mention(self, at: int, mention: Mention) -> None:
-        if mention.det == "neither":
+        if mention.det == "neither" or self._heads_list(at, mention):
             return
         if mention.det == "no":
             self._count_background(mention, 0)
@@ -57,54 +57,70 @@ class Naming(Relating):
             self.counted.append(group)
         self.boundary = self.linked = False
 
+    def _heads_list(self, at: int, mention: Mention) -> bool:
+        """ "Vehicles: a bus and a taxi": a heading, no agent of its own."""
+        after, then = self._item(at + 1), self._item(at + 2)
+        plain = mention.plural and not mention.counted and mention.det == "bare"
+        heading = isinstance(after, Chunk) and after.mark == ":" and not mention.premods
+        return plain and heading and isinstance(then, Mention) and then.type is not None
+
     def _resolve(self, at: int, mention: Mention) -> Group:
-        avoid = self._actors()
         if not self.editing:
             mention.post = self._described_after(at)
         if self._apposition(at, mention):
             return self.last
-        if self._one_behind(at, mention):
-            pair = next((g for g in reversed(self.discourse.groups) if len(g) > 1), None)
-            if pair is not None:
-                return pair[:1]
-        if self._one_behind(at, mention) or self._one_ahead(at, mention):
+        placed = self._by_place(at, mention)
+        if placed:
+            return placed
+        self._told_apart(at, mention)
+        if mention.head in {"one", "car", "vehicle"} and self._of_group(at, mention):
+            return []
+        same_clause = bool(self.sentence) and not self._once_more(at, mention)
+        mine = self._mine(mention)
+        if mine:
+            return mine
+        group = self.discourse.resolve(mention, avoid=self._actors(), same_clause=same_clause)
+        self._in_lane(at, mention, group)
+        return group
+
+    def _by_place(self, at: int, mention: Mention) -> Group:
+        """ "the one behind", "the one in front of it"."""
+        behind = self._one_behind(at, mention)
+        pair = next((g for g in reversed(self.discourse.groups) if len(g) > 1), None)
+        if behind and pair is not None:
+            return pair[:1]
+        if behind or self._one_ahead(at, mention):
             twin = self.discourse.create("vehicle", head="vehicle")
             self.discourse.groups.append([twin])
             self._relate(twin, "same")
             return [twin]
         if self._ahead_of(at) and mention.type is None:
-            led = next((r.to for r in reversed(self.draft.relations) if r.type == "follow"), None)
-            if led is not None:
-                return [led]
-        if mention.type is not None and mention.det == "definite" and self._ahead_of(at):
-            mention.det = "another"
-        if mention.type is not None and mention.det == "definite" and self._behind(at):
+            follows = (r.to for r in reversed(self.draft.relations) if r.type == "follow")
+            return list(follows)[:1]
+        return []
+
+    def _told_apart(self, at: int, mention: Mention) -> None:
+        """ "the car behind it" is a car that was not named before."""
+        placed = mention.type is not None and mention.det == "definite"
+        if placed and (self._ahead_of(at) or self._behind(at)):
             mention.det = "another"
         if mention.det in {"definite", "bare"} and _trails(mention):
             mention.det = "another"
-        if mention.head in {"one", "car", "vehicle"} and self._of_group(at, mention):
-            return []
-        again = (
-            mention.det == "bare"
-            and not mention.counted
-            and (
-                (self._follows_comma(at) and self._verb_follows(at))
-                or self._takes_object()
-                or self._echoes(at, mention)
-            )
-        )
-        same_clause = bool(self.sentence) and not again
-        mine = self._mine(mention)
-        if mine:
-            return mine
-        near = self._behind(at) or self._ahead_of(at)
-        group = self.discourse.resolve(mention, avoid=avoid, same_clause=same_clause)
+
+    def _once_more(self, at: int, mention: Mention) -> bool:
+        """A bare noun can name an agent of the same clause again."""
+        if mention.det != "bare" or mention.counted:
+            return False
+        renewed = self._follows_comma(at) and self._verb_follows(at)
+        return renewed or self._takes_object() or self._echoes(at, mention)
+
+    def _in_lane(self, at: int, mention: Mention, group: Group) -> None:
         if self._behind(at) and mention.type == "vehicle":
             self.trailing += group[:1]
+        near = self._behind(at) or self._ahead_of(at)
         if near and mention.type == "vehicle" and self._same_lane(at):
             for agent in group:
                 self._relate(agent, "same")
-        return group
 
     def _mine(self, mention: Mention) -> Group:
         """ "my car" is the speaker's, before or after the speaker turns up."""
@@ -332,9 +348,10 @@ class Naming(Relating):
             return False
         if self._and_to(at):
             return True
-        return before.mark == "," or (
-            before.has("AND") and before.text in {"and", "plus", "n", "as well as", "or"}
+        joint = before.text in {"and", "plus", "n", "as well as", "or"} or (
+            before.text == "and then" and not self._verb_follows(at)
         )
+        return before.mark == "," or (before.has("AND") and joint)
 
     def _joins_object(self, relation: OpenRelation, at: int) -> bool:
         if relation.object is None or self._verb_follows(at) or relation.weak:
@@ -346,8 +363,9 @@ class Naming(Relating):
     def _and_to(self, at: int) -> bool:
         """ "yields to a bus and to a pedestrian"."""
         before, link = self._item(at - 1), self._item(at - 2)
-        preposition = isinstance(before, Chunk) and (before.text in {"to", "for"})
-        return preposition and isinstance(link, Chunk) and link.text in {"and", "as well as"}
+        preposition = isinstance(before, Chunk) and (before.text in {"to", "for", "by"})
+        joint = {"and", "as well as", "and then"}
+        return preposition and isinstance(link, Chunk) and link.text in joint
 
     def _pronoun(self, at: int, chunk: Chunk) -> None:
         value = chunk.tags["PRONOUN"]
@@ -455,7 +473,9 @@ class Naming(Relating):
         known = [agent for agent in self.draft.agents if agent.label == "me"]
         if known:
             return known
-        if self._item(at) is None or not {"i", "me", "we", "us"} & set(words_of(self.items[at]).split()):
+        if self._item(at) is None or not {"i", "me", "we", "us"} & set(
+            words_of(self.items[at]).split()
+        ):
             return []
         objective = bool({"me", "us"} & set(words_of(self.items[at]).split()))
         kind = self._own_way(at) if not objective else "vehicle" if self._takes_object() else None

@@ -31,7 +31,8 @@ _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"'(?:s|re|ve|ll|d|m)\b", " "),
         (r"\bit'?s\b(?= a\b| the\b| \d| almost| about| [a-z]+ing\b)", "it is"),
         (
-            r"\b(?:form|frm|fron|fom|rfom)(?= (?:the )?(?:[nsew]|n?orth|south|east|west|top|bottom)\b)",
+            r"\b(?:form|frm|fron|fom|rfom)"
+            r"(?= (?:the )?(?:[nsew]|n?orth|south|east|west|top|bottom)\b)",
             "from",
         ),
         (r"\bfro (?:m)?(?=the\b)", "from "),
@@ -62,11 +63,11 @@ _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"~", " "),
     )
 )
-_NAMED = "".join(
-    rf"(?<!{noun} )"
-    for noun in ("[Vv]ehicle", "[Cc]ar", "[Tt]ruck", "[Bb]us", "[Dd]river", "[Uu]nit", "[Pp]edestrian")
-    + ("[Aa]gent", "[Cc]ab", "[Tt]axi", "[Pp]ed", "[Pp]arty", "VEHICLE", "[Vv]eh")
-)
+_NOUNS = (
+    "[Vv]ehicle", "[Cc]ar", "[Tt]ruck", "[Bb]us", "[Dd]river", "[Uu]nit", "[Pp]edestrian",
+    "[Aa]gent", "[Cc]ab", "[Tt]axi", "[Pp]ed", "[Pp]arty", "VEHICLE", "[Vv]eh",
+)  # fmt: skip
+_NAMED = "".join(rf"(?<!{noun} )" for noun in _NOUNS)
 _SECOND = re.compile(rf"{_NAMED}(?<![\w.'])B(?= ?[(:,.;=]| [a-z]|$)")
 _LETTERED = re.compile(
     rf"{_NAMED}(?<![\w.'])(A(?= ?[(:,.;=]| (?:is|yields|gives|hits|strikes|fails|turns|goes|comes|"

@@ -129,7 +129,8 @@ def _told_by_figures(draft: Draft, chunks: Sequence[Chunk]) -> None:
     versus = any(chunk.text in {"vs", "versus"} for chunk in chunks) and not draft.denied
     if measured or versus:
         type_ = "near_miss" if measured else "collide_at"
-        draft.relations.append(RelationDraft(type_, *draft.agents))
+        first, second = draft.agents
+        draft.relations.append(RelationDraft(type_, first, second))
 
 
 def _too_late(draft: Draft) -> None:
@@ -218,9 +219,9 @@ def _one_event_per_pair(draft: Draft) -> None:
                 "An agent cannot yield to another and hit it in one encounter; keep "
                 "one of the two.",
             )
-        if relation.type == "yield_to" and relation.soft and "near_miss" in types:
-            draft.relations.remove(relation)
-        elif relation.type == "near_miss" and types & {"collide_at", "yield_to"}:
+        softened = relation.type == "yield_to" and relation.soft and "near_miss" in types
+        overruled = relation.type == "near_miss" and types & {"collide_at", "yield_to"}
+        if softened or overruled:
             draft.relations.remove(relation)
 
 

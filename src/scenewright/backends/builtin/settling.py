@@ -181,9 +181,8 @@ class Settling(Cursor):
             for target in targets:
                 if actor is target:
                     continue
-                if relation.type in SYMMETRIC:
-                    actor = self._at_wheel(actor, target)
-                edge = RelationDraft(relation.type, actor, target, relation.kind)
+                striker = self._at_wheel(actor, target) if relation.type in SYMMETRIC else actor
+                edge = RelationDraft(relation.type, striker, target, relation.kind)
                 edge.soft = relation.tag == "WAIT"
                 if relation.negated:
                     self.failed.append(edge)

@@ -88,6 +88,7 @@ class Guest:
     """An agent to be placed.
 
     Attributes:
+        make: builds its options when they are first looked at.
         foreground: keeps the stricter distance to all, and must take part.
         spare: drawn beyond the number wanted; takes part only if somebody else cannot.
         behind: an option that queues behind those who stand in its way, given them in scene time.
@@ -96,9 +97,14 @@ class Guest:
     name: str
     type: AgentClass
     foreground: bool
-    options: tuple[Option, ...]
+    make: Callable[[], tuple[Option, ...]]
     spare: bool = False
     behind: Callable[[Sequence[Actor]], Option | None] | None = None
+
+    @cached_property
+    def options(self) -> tuple[Option, ...]:
+        """The ways in which it may take part."""
+        return self.make()
 
 
 @dataclass(frozen=True, eq=False)

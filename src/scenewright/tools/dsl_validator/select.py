@@ -13,7 +13,7 @@ import itertools
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -339,19 +339,22 @@ class _Search:
         blocked = any(actor.contact is not None for actor in staging.actors.values())
         moment = _Moment(clock, duration, blocked)
         everybody = [
-            _Invitation(
-                draws,
-                partial(self._options, draws, moment),
-                partial(self._behind, draws, moment),
+            Guest(
+                name=name,
+                type=draws.route.type,
+                foreground=draws.role == "foreground",
+                make=partial(self._options, draws, moment),
+                spare=draws.spare,
+                behind=partial(self._behind, draws, moment),
             )
             for name, draws in self._pool.agents.items()
             if name not in staging.actors
         ]
         table = Table(actor.until(duration) for actor in staging.actors.values())
         if self._mode == "map":
-            invited = [each.guest for each in everybody if not each.draws.spare]
+            invited = [guest for guest in everybody if not guest.spare]
             return seat(invited, table, self._pool.background)
-        return seat_in_turn([each.guest for each in everybody], table, self._pool.background)
+        return seat_in_turn(everybody, table, self._pool.background)
 
     def _options(self, draws: AgentDraws, moment: _Moment) -> tuple[Option, ...]:
         options: list[Option] = []
@@ -495,28 +498,6 @@ class _Search:
             code="no_surviving_combination",
             agents=tuple(self._bound),
             detail=f"no combination of candidates survives: {detail or 'none was drawn'}",
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Invitation:
-    """An agent and its options, built when first looked at and kept for another try."""
-
-    draws: AgentDraws
-    options: Callable[[], tuple[Option, ...]]
-    behind: Callable[[Sequence[Actor]], Option | None]
-
-    @cached_property
-    def guest(self) -> Guest:
-        """The agent as the seating wants it."""
-        draws = self.draws
-        return Guest(
-            name=draws.name,
-            type=draws.route.type,
-            foreground=draws.role == "foreground",
-            options=self.options(),
-            spare=draws.spare,
-            behind=self.behind,
         )
 
 
