@@ -26,6 +26,12 @@ def edges(text: str, previous: str | None = None) -> list[tuple[str, str, str]]:
     return [(e.type, e.from_, e.to) for e in graph(text, previous).relations]
 
 
+def undirected(edge: tuple[str, str, str]) -> tuple[str, ...]:
+    """The edge, its ends in order of name where the relation has no direction."""
+    type_, *ends = edge
+    return (type_, *(sorted(ends) if type_ in {"collide_at", "near_miss"} else ends))
+
+
 @pytest.mark.parametrize(
     ("text", "kind"),
     [
@@ -129,6 +135,106 @@ def test_negation(text: str, expected: list[str]) -> None:
     assert [edge.type for edge in graph(text).relations] == expected
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Car-following: a sedan behind a bus.", [("follow", "vehicle-1", "vehicle-2")]),
+        (
+            "Following: the leader is a westbound bus, the follower a car.",
+            [("follow", "vehicle-2", "vehicle-1")],
+        ),
+        ("A car yields to cross traffic.", [("yield_to", "vehicle-1", "vehicle-2")]),
+        (
+            "A car yields to a pedestrian and is rear-ended by the taxi behind it.",
+            [("yield_to", "vehicle-1", "pedestrian-1"), ("collide_at", "vehicle-2", "vehicle-1")],
+        ),
+        (
+            "The car in front stops for a pedestrian and the one behind runs into it.",
+            [("yield_to", "vehicle-1", "pedestrian-1"), ("collide_at", "vehicle-2", "vehicle-1")],
+        ),
+        (
+            "A bus yields to a truck and to a pedestrian.",
+            [("yield_to", "vehicle-1", "vehicle-2"), ("yield_to", "vehicle-1", "pedestrian-1")],
+        ),
+        ("A bus and a car; the car goes first.", [("yield_to", "vehicle-1", "vehicle-2")]),
+        (
+            "A pedestrian does not cross until a bus has passed.",
+            [("yield_to", "pedestrian-1", "vehicle-1")],
+        ),
+        ("A car has a truck right behind it.", [("follow", "vehicle-2", "vehicle-1")]),
+        (
+            "A kid runs out; the cabbie brakes and misses him.",
+            [("near_miss", "vehicle-1", "pedestrian-1")],
+        ),
+        (
+            "Neither driver yielded: a bus and a taxi crashed.",
+            [("collide_at", "vehicle-2", "vehicle-1")],
+        ),
+        (
+            "A car would have hit a man if he had not jumped.",
+            [("near_miss", "vehicle-1", "pedestrian-1")],
+        ),
+    ],
+)
+def test_who_does_what_in_less_usual_wordings(
+    text: str, expected: list[tuple[str, str, str]]
+) -> None:
+    assert [undirected(edge) for edge in edges(text)] == [undirected(edge) for edge in expected]
+
+
+@pytest.mark.parametrize(
+    ("text", "entries"),
+    [
+        ("A red Honda and a blue pickup truck crash, the pickup from the west.", [None, "west"]),
+        ("A red car and a blue car crash; the blue one comes from the north.", [None, "north"]),
+        ("A taxi from the east hits a bus. The cab ran the red.", ["east", None]),
+        ("Collision: car from the north, car from the east.", ["north", "east"]),
+        (
+            "Vehicle 1 is a northbound sedan. Vehicle 2 is a westbound bus. They crash.",
+            ["south", "east"],
+        ),
+        (
+            "Two cars crash. One is a northbound bus, the other a taxi from the west.",
+            ["south", "west"],
+        ),
+        ("From the east comes a truck. From the south comes a bus. They crash.", ["east", "south"]),
+        ("A woman driving an SUV north hits a westbound taxi.", ["south", "east"]),
+        (
+            "I was driving east when some guy from the north turned left and hit me.",
+            ["west", "north"],
+        ),
+        ("A (northbound) collides with B (eastbound).", ["south", "west"]),
+        ("Eastbound vs northbound, crash.", ["west", "south"]),
+        ("a bus form the west and a car from the nroth crash", ["west", "north"]),
+    ],
+)
+def test_agents_are_told_apart(text: str, entries: list[str | None]) -> None:
+    found = graph(text)
+    assert [agent.entry for agent in found.agents] == entries
+    assert {agent.type for agent in found.agents} == {"vehicle"}
+
+
+@pytest.mark.parametrize(
+    "text", ["Bake a cake.", "My computer crashed.", "Plan my week.", "A waiter serves a table."]
+)
+def test_everyday_words_are_no_misspelt_traffic(text: str) -> None:
+    verdict = plan(text)
+    assert isinstance(verdict, Refusal)
+    assert verdict.code == "out_of_scope"
+    assert "class of this generator" not in verdict.reason
+
+
+def test_a_crosswalk_off_the_way_is_impossible() -> None:
+    verdict = plan("A car turning right from the south hits a pedestrian on the north crosswalk.")
+    assert isinstance(verdict, Refusal)
+    assert verdict.code == "impossible"
+
+
+def test_a_hit_by_a_vehicle_that_merged_is_possible() -> None:
+    text = "A car turning right from the west is rear-ended by a southbound truck."
+    assert [agent.entry for agent in graph(text).agents] == ["west", "north"]
+
+
 def test_chains_and_pronouns_keep_the_agents_apart() -> None:
     assert edges("A car lets a pedestrian pass, then hits a bus.") == [
         ("yield_to", "vehicle-1", "pedestrian-1"),
@@ -150,6 +256,10 @@ def test_chains_and_pronouns_keep_the_agents_apart() -> None:
         ("at quarter past five pm", "17:15"),
         ("at half past eight in the evening", "20:30"),
         ("between 7 and 9 am", "07:00-09:00"),
+        ("at ten to nine in the morning", "08:50"),
+        ("from half past four to six in the afternoon", "16:30-18:00"),
+        ("around half eight in the evening", "20:30"),
+        ("in a 2015 Honda at 1430 hrs", "14:30"),
         ("at noon", "12:00"),
         ("at midnight", "00:00"),
         ("during the evening rush", "17:30"),
@@ -224,6 +334,7 @@ def test_severity_and_cause_reach_the_relation() -> None:
         ("A pedestrian rear-ends a car", "impossible"),
         ("Two pedestrians collide", "impossible"),
         ("A car drives on the sidewalk and hits a pedestrian", "impossible"),
+        ("At 27:80 a car hits a bus", "impossible"),
     ],
 )
 def test_refusals_say_why(text: str, code: str) -> None:

@@ -417,7 +417,7 @@ class Naming(Relating):
         if value == "he":
             ped = self.discourse.recent("pedestrian", avoid=avoid)
             vehicle = self.discourse.recent("vehicle", avoid=avoid)
-            found = self._driver(at) or ped or vehicle
+            found = self._driver(at) or ped or vehicle or self._unnamed(at)
             return [found] if found else []
         plural = next(
             (g for g in reversed(self.discourse.groups) if len(g) > 1 and g[0] not in avoid), None
@@ -428,6 +428,14 @@ class Naming(Relating):
                 return plural
             return [ped] if ped else [a for a in self.draft.agents if a not in avoid][-1:]
         return plural or self.draft.agents[-2:]
+
+    def _unnamed(self, at: int) -> AgentDraft | None:
+        """ "She was crossing when ...": nobody was named before."""
+        kind = None if self._takes_object() else self._own_way(at)
+        after = self._item(at + 1)
+        if kind == "vehicle" and not (isinstance(after, Chunk) and after.has("BE", "DRIVING")):
+            return None
+        return None if kind is None else self.discourse.create(kind)
 
     def _driver(self, at: int) -> AgentDraft | None:
         """ "A cab driver brakes for a kid; he misses him": the driver goes on acting."""

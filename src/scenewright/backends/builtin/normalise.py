@@ -40,6 +40,17 @@ _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\b(?:soth|sout|souht|suoth|sotuh)(?=(?:bound|ern)?\b)", "south"),
         (r"\b(?:esat|aest|eas)(?=(?:bound|ern)?\b)", "east"),
         (r"\b(?:wset|wets|wes|ewst)(?=(?:bound|ern)?\b)", "west"),
+        (r"\b\d{1,3}[- ]years?[- ]olds?\b", " "),
+        (
+            r",?\s+(?:driven|operated|piloted|steered) by\s+(?:(?:an?|the|his|her|its)\s+)?"
+            r"(?:[a-z]+\s+){0,3}?"
+            r"(?:man|woman|male|female|driver|person|teenager|student|motorist)\b,?",
+            " ",
+        ),
+        (
+            r"\b(com|turn|go|head|driv|cross|walk|wait|stopp|runn|hitt|mak|yield|follow|speed)in\b'?",
+            r"\1ing",
+        ),
         (r"\bgonna\b", "going to"),
         (r"\bwanna\b", "want to"),
         (r"\b(?:da|teh|th)\b", "the"),

@@ -25,6 +25,8 @@ _WAIT_FOR = frozenset(
     {"for", "until", "till", "while", "as", "so", "when", "before", "because", "once"}
 )
 
+_CRASHES = frozenset({"collision", "crash", "accident", "wreck", "conflict"})
+
 _PRIORITY = frozenset(["way", "priority", "precedence", "room", "space", "ahead"])
 
 
@@ -66,7 +68,12 @@ class Relating(Modifying):
     def _heading(self, at: int) -> None:
         """ "Vehicle-pedestrian collision: a cab ..." announces agents that are named later."""
         before = self._item(at - 1)
-        if not (isinstance(before, Mention) and before.det == "bare" and not before.counted):
+        chunk = self._item(at)
+        noun = isinstance(chunk, Chunk) and chunk.words[-1] in _CRASHES
+        heads = isinstance(before, Mention) and (
+            before.det == "bare" or (noun and before.det == "indefinite")
+        )
+        if not heads:
             return
         self._announce(at - 1)
         for back in (2, 3):

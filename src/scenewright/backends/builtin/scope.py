@@ -21,7 +21,7 @@ _QUESTION = re.compile(
 _EVIDENCE = (
     "COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "BOUND", "NORMAL", "XWALK", "CROSS", "JAYWALK",
     "TURN", "STRAIGHT", "UTURN", "COMPASS", "REDRUN", "OPPOSITE", "DENSITY",
-    "TIMEWORD", "LET", "HEAD", "SIGNAL", "ROAD",
+    "TIMEWORD", "LET", "HEAD", "SIGNAL", "ROAD", "SAME",
 )  # fmt: skip
 _EDITS = ("AGENT", "EDIT", "BUSIER", "NOBODY", "BACKGROUND", "LEVEL", "LEFT", "RIGHT")
 _BAD_AGENT = {
@@ -108,7 +108,8 @@ def check_scope(clean: str, chunks: Sequence[Chunk], *, editing: bool = False) -
     if _QUESTION.search(clean):
         raise _no_traffic()
     evidence = _EVIDENCE + _EDITS if editing else _EVIDENCE
-    if not any(chunk.has(*evidence) for chunk in chunks):
+    first = any(chunk.has("GO_FIRST") and chunk.text.endswith(" first") for chunk in chunks)
+    if not first and not any(chunk.has(*evidence) for chunk in chunks):
         raise _no_traffic()
 
 

@@ -51,6 +51,9 @@ _CAUSE = 1.2
 _FREE = {"acceleration": 2.0, "braking": 2.0, "lateral": 3.0}
 """Free speed as SEMANTICS section 4 defines it."""
 
+_SMOOTHED = 0.4
+"""By how much the smoothing of motion keeps a short slowing above its speed [m/s]."""
+
 _BRAKES = 0.65
 """Share of striking drivers who brake before the impact."""
 
@@ -258,6 +261,8 @@ class Stage:
         for delta in deltas:
             placed_a, placed_b = _place(clause, a, b, delta, staging)
             found = first_contact(placed_a, placed_b)
+            if found is not None and clause.speed is not None and not placed_a.slowings:
+                placed_a, found = self._down_to(clause.speed, placed_a, placed_b, found)
             if found is None or not _wanted(found, clause):
                 continue
             earliest, latest = self._window(clause, placed_b, staging)
@@ -276,14 +281,28 @@ class Stage:
         kind = a.candidate.route.type
         if kind != "vehicle" or a.slowings or self._rng.random() > _BRAKES:
             return a, found
-        at = float(a.motion.position(np.array([found.time - a.enters]))[0])
         speed = found.speed * float(self._rng.uniform(0.55, 0.85))
-        slow = Slowing(at, speed, float(self._rng.uniform(4.0, 6.0)))
-        braked = a.edited(stops=a.stops, slowings=(slow,))
-        again = first_contact(braked, b)
+        braked, again = self._braked(a, b, found, speed)
         if again is None or not _wanted(again, clause) or abs(again.time - found.time) > 0.6:
             return a, found
         return braked, again
+
+    def _down_to(
+        self, speed: float, a: Actor, b: Actor, found: FirstContact
+    ) -> tuple[Actor, FirstContact | None]:
+        """The striking vehicle braked to the speed asked for, if it would be faster."""
+        if found.speed < speed + _SMOOTHED:
+            return a, found
+        return self._braked(a, b, found, max(speed - _SMOOTHED, 0.5))
+
+    def _braked(
+        self, a: Actor, b: Actor, found: FirstContact, speed: float
+    ) -> tuple[Actor, FirstContact | None]:
+        """`a` braking late to `speed` where it would have touched, and its contact then."""
+        at = float(a.motion.position(np.array([found.time - a.enters]))[0])
+        slow = Slowing(at, speed, float(self._rng.uniform(4.0, 6.0)))
+        braked = a.edited(stops=a.stops, slowings=(slow,))
+        return braked, first_contact(braked, b)
 
     def _time_gap(self, clause: TimeGap, staging: Staging) -> Iterator[Staging]:
         a, b = self._actor(clause.first, staging), self._actor(clause.second, staging)
