@@ -116,16 +116,22 @@ def test_a_first_contact_is_described_as_seen():
     assert found.time == pytest.approx(times[np.argmax(apart <= 0)], abs=0.02)
 
 
+def test_a_speed_asked_for_is_braked_down_to():
+    wanted = Contact(first=CAR_1, second=CAR_2, speed=6.0)
+    for staging in stagings([wanted], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}):
+        a, time = staging.actors[CAR_1], staging.happenings[0].time
+        speed = np.ptp(a.at(np.array([time - 0.05, time]))[:, 0]) / 0.05
+        assert speed == pytest.approx(6.0, abs=1.0)
+
+
 def test_a_wish_for_a_speed_out_of_reach_stages_nothing():
-    clause = Contact(first=CAR_1, second=CAR_2, speed=5.0)
+    clause = Contact(first=CAR_1, second=CAR_2, speed=14.0)
     stage = Stage(
         {CAR_1: EASTWARDS, CAR_2: NORTHWARDS},
         dict.fromkeys((CAR_1, CAR_2), BARE),
         np.random.default_rng(0),
     )
     assert list(stage.play((clause,), Staging())) == []
-    wanted = Contact(first=CAR_1, second=CAR_2, speed=10.5)
-    stagings([wanted], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS})
 
 
 def test_a_rear_end_is_the_follower_running_into_a_leader_that_stops():
