@@ -8,7 +8,7 @@ import shapely
 from scenewright.scene.candidates import AgentDraws, Candidate, Path, TimeLaw
 from scenewright.scene.map import Route
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
-from scenewright.tools.dsl_validator.stage import Actor
+from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.landmarks import Landmarks
 from scenewright.tools.time_law import move
 

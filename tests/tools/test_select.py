@@ -26,9 +26,9 @@ from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.grounding import Cast
+from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.dsl_validator.parse import parse
 from scenewright.tools.dsl_validator.select import select
-from scenewright.tools.dsl_validator.stage import Actor
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import landmarks
 from scenewright.tools.segment_editor import editing_of

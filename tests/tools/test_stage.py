@@ -29,13 +29,8 @@ from solver_actors import (
 
 from scenewright.scene.constraints import Contact, GivesWay, Headway, TimeGap
 from scenewright.scene.track import STEP
-from scenewright.tools.dsl_validator.stage import (
-    Stage,
-    Staging,
-    demands,
-    first_contact,
-    least_clearance,
-)
+from scenewright.tools.dsl_validator.impact import first_contact, least_clearance
+from scenewright.tools.dsl_validator.stage import Stage, Staging, demands
 from scenewright.tools.landmarks import Landmarks
 
 CAR_1, CAR_2, CAR_3, WALKER = "vehicle-1", "vehicle-2", "vehicle-3", "pedestrian-1"

@@ -158,6 +158,12 @@ def _chunk(tokens: Sequence[Token], tags: dict[str, str]) -> Chunk:
 def _parts(chunks: Sequence[Chunk], at: int) -> list[Chunk]:
     """Phrases that mean something else before a road user: "by the taxi", "no background cars"."""
     chunk = chunks[at]
+    made = any(c.words[0].startswith(("mak", "made", "forc")) for c in chunks[max(0, at - 3) : at])
+    if chunk.text == "bus stop" and made:
+        return [
+            Chunk(("bus",), {"AGENT": "vehicle.bus"}),
+            Chunk(("stop",), {"WAIT": "any"}),
+        ]
     if chunk.text == "by the" and _agent_in(chunks[at + 1 : at + 5]):
         return [Chunk(("by",), {"BY": "by"}), Chunk(("the",), {"DET": "definite"})]
     if chunk.text in {"no background", "zero background"} and _agent_in(chunks[at + 1 : at + 2]):

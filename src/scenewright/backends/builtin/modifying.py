@@ -326,6 +326,8 @@ class Modifying(Settling):
             fits = [ped] if ped is not None and chunk.has("JAYWALK") else []
         if fits:
             self._mark(fits, chunk)
+            if self._after_while(at):
+                self.last = fits
             if chunk.has("CROSS") and self._next_text(at) == "there":
                 self._cross_there(fits)
         elif chunk.has("JAYWALK") and finite and self.subject and not self._peds_follow(at):

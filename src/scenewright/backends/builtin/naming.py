@@ -305,6 +305,7 @@ class Naming(Relating):
             and self.subject
             and not self.verb_seen
             and not (comma and self._verb_follows(at))
+            and not (set(map(id, group)) < set(map(id, self.subject)) and self._verb_follows(at))
         ):
             self.subject = self.subject + [a for a in group if a not in self.subject]
             self.discourse.groups.append(self.subject)

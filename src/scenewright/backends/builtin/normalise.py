@@ -40,6 +40,11 @@ _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\b(?:soth|sout|souht|suoth|sotuh)(?=(?:bound|ern)?\b)", "south"),
         (r"\b(?:esat|aest|eas)(?=(?:bound|ern)?\b)", "east"),
         (r"\b(?:wset|wets|wes|ewst)(?=(?:bound|ern)?\b)", "west"),
+        (
+            r"\b(?:should|ought to|was supposed to|were supposed to) have "
+            r"(yielded|given way|stopped|waited|braked)\b",
+            r"did not \1",
+        ),
         (r"\b\d{1,3}[- ]years?[- ]olds?\b", " "),
         (
             r",?\s+(?:driven|operated|piloted|steered) by\s+(?:(?:an?|the|his|her|its)\s+)?"

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scenewright.scene.base import AgentClass
 from scenewright.scene.candidates import Candidate, Path
 from scenewright.scene.track import STEP
-from scenewright.tools.dsl_validator.stage import Actor
+from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.encounter import Encounter, Intervals, encounter, meeting_offsets, meetings
 from scenewright.tools.time_law import Motion
 

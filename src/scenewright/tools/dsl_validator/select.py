@@ -11,13 +11,12 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenewright.errors import Rejected
 from scenewright.scene.base import FloatArray
@@ -38,6 +37,7 @@ from scenewright.scene.constraints import (
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
+from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.crowd import (
     Guest,
@@ -49,11 +49,20 @@ from scenewright.tools.dsl_validator.crowd import (
     seat_in_turn,
 )
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.dsl_validator.stage import Actor, Stage, Staging, demands, passes_first
+from scenewright.tools.dsl_validator.stage import Stage, Staging, demands, passes_first
+from scenewright.tools.dsl_validator.waiting import (
+    LINE_GAP,
+    QUEUE_GAP,
+    START_LAG,
+    Moment,
+    RedLight,
+    last_in_lane,
+    starts_of,
+)
 from scenewright.tools.encounter import encounter
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import Landmarks, landmarks
-from scenewright.tools.signals import SignalClock, feasible_offsets, shows
+from scenewright.tools.signals import SignalClock, feasible_offsets
 from scenewright.tools.time_law import Hold, arrival, move
 
 Mode = Literal["draw", "map"]
@@ -69,9 +78,6 @@ _STAGINGS_PER_TUPLE = 4
 _GUEST_DRAWS = 1
 """Candidates of a background agent that are looked at: one, as the prior drew it (`draw`)."""
 
-_LINE_GAP, _QUEUE_GAP, _START_LAG = (0.3, 1.5), (1.6, 3.4), (0.8, 1.5)
-"""Waiting vehicles: to the line and to the next ahead [m], from its start to one's own [s]."""
-
 _SEATINGS = 3
 """Seatings tried before everybody is drawn afresh (`draw`)."""
 
@@ -80,9 +86,6 @@ _WINDOW = 6.0
 
 _STUCK_COST = 8.0
 """Nats that it costs to stand on at green because of a wreck."""
-
-_LANE_OFFSET, _ONE_WAY = 1.4, 0.85
-"""Who stands within 1.4 m of a path, facing its way (cosine), stands in its lane."""
 
 _WAITING_ALREADY = 4.0
 """How long before the scene begins [s] one who is already waiting then came about."""
@@ -337,7 +340,7 @@ class _Search:
         if offset is not None and self._ground.on.signals is not None:
             clock = SignalClock(self._ground.on.signals, offset)
         blocked = any(actor.contact is not None for actor in staging.actors.values())
-        moment = _Moment(clock, duration, blocked)
+        moment = Moment(clock, duration, blocked)
         everybody = [
             Guest(
                 name=name,
@@ -356,7 +359,7 @@ class _Search:
             return seat(invited, table, self._pool.background)
         return seat_in_turn(everybody, table, self._pool.background)
 
-    def _options(self, draws: AgentDraws, moment: _Moment) -> tuple[Option, ...]:
+    def _options(self, draws: AgentDraws, moment: Moment) -> tuple[Option, ...]:
         options: list[Option] = []
         wanted = _GUEST_DRAWS if self._mode == "draw" else len(draws.nll)
         order = np.argsort(draws.nll) if self._mode == "map" else np.arange(len(draws.nll))
@@ -378,7 +381,7 @@ class _Search:
         m: int,
         candidate: Candidate,
         marks: Landmarks,
-        moment: _Moment,
+        moment: Moment,
         *,
         waits: bool,
     ) -> Iterator[Option]:
@@ -388,7 +391,7 @@ class _Search:
         cost = float(draws.nll[m] + draws.time_nll[m])
         arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
         around = arrives - STEP * len(motion.s) / 2
-        starts, wish = _starts(actor, moment), round(around / STEP)
+        starts, wish = starts_of(actor, moment), round(around / STEP)
         near = starts[np.abs(STEP * starts - around) <= _WINDOW]
         if len(near):
             yield Option(lambda: actor, m, near, cost, wish)
@@ -397,11 +400,11 @@ class _Search:
         if not waits:
             return
         late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
-        lag = float(self._rng.uniform(*_START_LAG))
+        lag = float(self._rng.uniform(*START_LAG))
         waiting = -STEP * len(motion.s) / 2 - _WAITING_ALREADY
         for enters in (around, *(around + each for each in late), waiting):
-            gap = float(self._rng.uniform(*_LINE_GAP))
-            red = _RedLight(actor, moment, round(enters, 1), gap, lag)
+            gap = float(self._rng.uniform(*LINE_GAP))
+            red = RedLight(actor, moment, round(enters, 1), gap, lag)
             if not red.holds:
                 continue
             step = np.array([round(red.enters / STEP)], dtype=np.int64)
@@ -410,7 +413,7 @@ class _Search:
                 yield Option(replace(red, stays=True).actor, m, step, cost + _STUCK_COST)
 
     def _behind(
-        self, draws: AgentDraws, moment: _Moment, standing: Sequence[Actor]
+        self, draws: AgentDraws, moment: Moment, standing: Sequence[Actor]
     ) -> Option | None:
         """Queueing behind the last of those who stand in the agent's lane."""
         built = next(
@@ -419,18 +422,18 @@ class _Search:
         if built is None or draws.route.type == "pedestrian" or draws.arrival is None:
             return None
         candidate, marks = built
-        last = _last_in_lane(candidate, standing)
+        last = last_in_lane(candidate, standing)
         if last is None:
             return None
         s, start, until = last
-        s -= candidate.shape.length / 2 + float(self._rng.uniform(*_QUEUE_GAP))
+        s -= candidate.shape.length / 2 + float(self._rng.uniform(*QUEUE_GAP))
         if s < 3.0:
             return None
         stands = arrival(candidate, Hold(s, 0.0))
         wish = draws.arrival - STEP * len(move(candidate).s) / 2
         soonest = start + float(self._rng.uniform(0.8, 4.0)) - stands
         enters = round(max(wish, soonest), 1)
-        release = until + float(self._rng.uniform(*_START_LAG))
+        release = until + float(self._rng.uniform(*START_LAG))
         if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < 4.0:
             return None
         stop = Stop("queue", s, stands, release - enters, "red_light")
@@ -501,84 +504,6 @@ class _Search:
         )
 
 
-@dataclass(frozen=True)
-class _Moment:
-    """When agents may come: lights, scene length [s], whether a wreck will stand in the way."""
-
-    clock: SignalClock | None
-    duration: float
-    blocked: bool
-
-
-@dataclass(frozen=True, eq=False)
-class _RedLight:
-    """An agent that comes upon red, first in its lane, and waits.
-
-    Attributes:
-        gap: from its front to the line [m].
-        lag: from green to its start [s].
-        stays: a wreck ahead keeps it there for good.
-    """
-
-    free: Actor
-    moment: _Moment
-    enters: float
-    gap: float
-    lag: float
-    stays: bool = False
-
-    @property
-    def s(self) -> float:
-        """Arc length at which it stands [m]."""
-        walks = self.free.candidate.route.type == "pedestrian"
-        return (self.free.marks.line or 0.0) - (0.3 if walks else self.gap)
-
-    @property
-    def reaches(self) -> float:
-        """Scene time [s] at which it would stand, were braking free; good to about 2 s."""
-        return self.enters + self.free.motion.time_at(max(self.s, 0.0))
-
-    @property
-    def holds(self) -> bool:
-        """Whether there is a red light to wait at, seen in the scene, and room to stand."""
-        group, clock = self.free.marks.group, self.moment.clock
-        if clock is None or self.free.marks.line is None or group is None or self.s < 3.0:
-            return False
-        if self.enters > self.moment.duration - 4.0:
-            return False
-        colours = [clock.colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
-        return "green" not in colours and self.release > 4.0
-
-    @property
-    def release(self) -> float:
-        """Scene time [s] at which it starts again."""
-        if self.moment.clock is None or self.stays:
-            return self.moment.duration + 10.0
-        green = self.moment.clock.next_green(str(self.free.marks.group), self.reaches)
-        return green + self.lag
-
-    def actor(self) -> Actor:
-        """It in motion, entering at time 0."""
-        walks = self.free.candidate.route.type == "pedestrian"
-        start = arrival(self.free.candidate, Hold(self.s, 0.0))
-        until = max(self.release - self.enters, start)
-        anchor = "kerb" if walks else "stop_line"
-        held = self.free.edited(stops=(Stop(anchor, self.s, start, until, "red_light"),))
-        return held.until(self.moment.duration - self.enters)
-
-
-def _starts(actor: Actor, moment: _Moment) -> NDArray[np.int64]:
-    """Entry times [steps] at which the agent is seen for 4 s and obeys its light."""
-    first, last = 4.0 - STEP * len(actor.motion.s), moment.duration - 4.0
-    steps = np.arange(int(np.ceil(first / STEP)), int(last / STEP) + 1, dtype=np.int64)
-    line, group, clock = actor.marks.line, actor.marks.group, moment.clock
-    if clock is None or line is None or group is None or not len(steps):
-        return steps
-    crosses = STEP * steps + actor.motion.time_at(line) + clock.offset
-    green = shows(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
-    return steps[green.all(axis=0)]
-
-
 def _in_playing_order(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
     """Followers come last, behind whatever their leader does; but before a rear-end of the two."""
     later: list[_EventClause] = []
@@ -588,35 +513,6 @@ def _in_playing_order(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
         if isinstance(clause, Headway) and not hits:
             later.append(clause)
     return (*(clause for clause in clauses if clause not in later), *later)
-
-
-def _last_in_lane(
-    candidate: Candidate, standing: Sequence[Actor]
-) -> tuple[float, float, float] | None:
-    """Rear [m] of the last who stands on the candidate's path, and from when until when [s]."""
-    found: tuple[float, float, float] | None = None
-    for actor in standing:
-        for s, start, until in _standstills(actor):
-            x, y, heading = actor.pose(s)
-            path = candidate.path
-            away = np.hypot(path.xy[:, 0] - x, path.xy[:, 1] - y)
-            node = int(np.argmin(away))
-            if away[node] > _LANE_OFFSET or np.cos(path.heading[node] - heading) < _ONE_WAY:
-                continue
-            rear = float(path.s[node]) - actor.candidate.shape.length / 2
-            if found is None or rear < found[0]:
-                found = (rear, start, until)
-    return found
-
-
-def _standstills(actor: Actor) -> Iterator[tuple[float, float, float]]:
-    """Arc length [m], start and end [s] of every stay of a vehicle, its wreck included."""
-    if actor.candidate.route.type == "pedestrian":
-        return
-    last = float(actor.motion.s[-1])
-    yield from ((stop.s, stop.start, stop.until) for stop in actor.stops if stop.s <= last + 0.5)
-    if actor.contact is not None:
-        yield last, actor.contact, actor.contact + 2 * MAX_SECONDS
 
 
 def _best_first(draws: list[AgentDraws]) -> Iterator[dict[str, int]]:

@@ -22,13 +22,13 @@ from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.candidates import Candidate, TimeLaw
 from scenewright.scene.constraints import Contact, GivesWay, Headway, PairClause, TimeGap
 from scenewright.scene.selection import Slowing, Stop
-from scenewright.scene.social import CollisionKind
 from scenewright.scene.track import STEP
+from scenewright.tools.dsl_validator.actor import Actor, shared_times
+from scenewright.tools.dsl_validator.impact import FirstContact, first_contact, least_clearance
 from scenewright.tools.encounter import (
     Encounter,
     Intervals,
     encounter,
-    footprint_clearance,
     gap_to,
     meeting_offsets,
 )
@@ -39,9 +39,6 @@ from scenewright.tools.time_law import Hold, Motion, arrival, move
 _TRIES = 6
 _SPACING = {"vehicle": 0.25, "pedestrian": 0.12}
 _MERGE_METRES = 5.0
-_LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(22.0)
-"""How far a vehicle must have turned left for its collision to count as a left turn's [rad]."""
-
 _STANDS = 1.6
 """Least standstill of who gives way [s], start and end smoothed away included."""
 
@@ -81,72 +78,6 @@ _SLOWS = 5.5
 """How long before a stop [s] the light must not explain it."""
 
 Pairing = tuple[str, str]
-
-
-@dataclass(frozen=True, eq=False)
-class Actor:
-    """A candidate placed in time.
-
-    Attributes:
-        enters: scene time of its motion's first sample [s], a multiple of the step.
-        motion: as edited; free: as its time law alone would have it.
-        contact: scene time [s] at which a collision ends it.
-    """
-
-    candidate: Candidate
-    marks: Landmarks
-    enters: float
-    motion: Motion
-    free: Motion
-    stops: tuple[Stop, ...] = ()
-    slowings: tuple[Slowing, ...] = ()
-    contact: float | None = None
-
-    def at(self, times: FloatArray) -> FloatArray:
-        """[N, 3] poses (x, y, heading) at scene times [s]."""
-        path, s = self.candidate.path, self.motion.position(times - self.enters)
-        columns = [path.xy[:, 0], path.xy[:, 1], path.heading]
-        return np.column_stack([np.interp(s, path.s, column) for column in columns])
-
-    def pose(self, s: float) -> tuple[float, float, float]:
-        """(x, y, heading) at arc length `s` [m]."""
-        path = self.candidate.path
-        x, y, heading = (
-            float(np.interp(s, path.s, column))
-            for column in (path.xy[:, 0], path.xy[:, 1], path.heading)
-        )
-        return x, y, heading
-
-    @property
-    def leaves(self) -> float:
-        """Scene time of its last sample [s]."""
-        return self.enters + STEP * (len(self.motion.s) - 1)
-
-    def edited(self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()) -> Actor:
-        """The same actor with other standstills."""
-        holds = tuple(Hold(stop.s, stop.until - self.enters, stop.braking) for stop in stops)
-        motion = move(self.candidate, holds=holds, slowings=slowings)
-        return replace(self, motion=motion, stops=stops, slowings=slowings)
-
-    def shifted(self, seconds: float) -> Actor:
-        """The same actor, everything later by a multiple of the step."""
-        stops = tuple(
-            replace(stop, start=stop.start + seconds, until=stop.until + seconds)
-            for stop in self.stops
-        )
-        contact = None if self.contact is None else self.contact + seconds
-        enters = round(self.enters + seconds, 1)
-        return replace(self, enters=enters, stops=stops, contact=contact)
-
-    def until(self, time: float) -> Actor:
-        """What of it falls before scene time `time`; nothing later can meet anybody."""
-        steps = max(int((time - self.enters) / STEP + 1e-6), 1)
-        return replace(self, motion=replace(self.motion, s=self.motion.s[: steps + 1]))
-
-    def ended(self, time: float) -> Actor:
-        """Cut at the first sample not before scene time `time`, where it stays as a wreck."""
-        steps = int(np.ceil((time - self.enters) / STEP - 1e-6))
-        return replace(self, motion=self.motion.cut(steps), contact=time)
 
 
 @dataclass(frozen=True)
@@ -532,49 +463,6 @@ class Stage:
         return any(time < staging.busy_until(name) + 0.5 for name in _pair(clause))
 
 
-@dataclass(frozen=True)
-class FirstContact:
-    """When [s], where and how two actors first touch.
-
-    Attributes:
-        closing: relative speed; speed: of the first actor [m/s].
-        frontal: the first actor strikes with its front; where both fronts touch, it is the faster.
-    """
-
-    time: float
-    location: Point
-    kind: CollisionKind
-    closing: float
-    speed: float
-    frontal: bool
-
-
-def first_contact(a: Actor, b: Actor) -> FirstContact | None:
-    """The first contact of two placed actors, to 0.01 s; None if they never touch."""
-    times = _shared_times(a, b)
-    if times is None:
-        return None
-    shapes = (a.candidate.shape, b.candidate.shape)
-    touching = np.nonzero(footprint_clearance(a.at(times), b.at(times), shapes=shapes) <= 0)[0]
-    if not len(touching) or touching[0] == 0:
-        return None
-    fine = np.linspace(times[touching[0] - 1], times[touching[0]], 11)
-    hit = np.nonzero(footprint_clearance(a.at(fine), b.at(fine), shapes=shapes) <= 0)[0][0]
-    return _describe(a, b, float(fine[hit]))
-
-
-def least_clearance(a: Actor, b: Actor) -> tuple[float, float, Point]:
-    """Least clearance [m], when [s] and where (midway); inf if never there at once."""
-    times = _shared_times(a, b)
-    if times is None:
-        return float("inf"), 0.0, (0.0, 0.0)
-    at_a, at_b = a.at(times), b.at(times)
-    clearance = footprint_clearance(at_a, at_b, shapes=(a.candidate.shape, b.candidate.shape))
-    index = int(np.argmin(clearance))
-    middle = (at_a[index, :2] + at_b[index, :2]) / 2
-    return float(clearance[index]), float(times[index]), (float(middle[0]), float(middle[1]))
-
-
 def passes_first(first: Actor, second: Actor) -> bool:
     """Whether `first` has left the pair's conflict zone before `second` enters it."""
     a, b = first.candidate, second.candidate
@@ -587,7 +475,7 @@ def passes_first(first: Actor, second: Actor) -> bool:
 
 def _follows(a: Actor, b: Actor) -> bool:
     """Whether `a` drives behind `b` at a headway of 0.7-3.6 s for 3.6 s on end."""
-    times = _shared_times(a, b)
+    times = shared_times(a, b)
     if times is None:
         return False
     ahead = b.at(times)[:, :2] - a.at(times)[:, :2]
@@ -620,94 +508,6 @@ def demands(actor: Actor, *, violates: bool, until: float) -> tuple[Demand, ...]
     waits = [stop.start - _SLOWS for stop in actor.stops if abs(stop.s - line) < 2.0]
     begins = min([crosses - 0.2, *waits])
     return (*found, Demand(group, begins, crosses + 0.5, ("green",)))
-
-
-def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
-    around = np.array([time - 0.05, time, time + 0.05])
-    poses = (a.at(around), b.at(around))
-    velocity = [(pose[2, :2] - pose[0, :2]) / 0.1 for pose in poses]
-    spot = _touching_point(poses[0][1], poses[1][1], a, b)
-    speeds = [float(np.hypot(*each)) for each in velocity]
-    sides = [_side(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
-    turned = abs(float(np.angle(np.exp(1j * (poses[0][1, 2] - poses[1][1, 2])))))
-    return FirstContact(
-        time=time,
-        location=(float(spot[0]), float(spot[1])),
-        kind=_kind(a, b, time, turned, sides),
-        closing=float(np.hypot(*(velocity[0] - velocity[1]))),
-        speed=speeds[0],
-        frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
-    )
-
-
-def _kind(a: Actor, b: Actor, time: float, turned: float, sides: list[str]) -> CollisionKind:
-    routes = (a.candidate.route, b.candidate.route)
-    if any(route.type == "pedestrian" for route in routes):
-        return "pedestrian_strike"
-    if turned <= np.radians(30):
-        return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"
-    left = max(_turned_left(actor, time) for actor in (a, b))
-    if turned >= np.radians(135) and sides == ["front", "front"]:
-        return "left_turn" if left >= _LEFT_OF_HEAD_ON else "head_on"
-    return "left_turn" if left >= _LEFT else "angle"
-
-
-def _turned_left(actor: Actor, time: float) -> float:
-    """How far it has turned left over its last 30 m [rad]."""
-    path = actor.candidate.path
-    s = float(actor.motion.position(np.array([time - actor.enters]))[0])
-    recent = (path.s <= s) & (path.s >= s - 30.0)
-    heading = path.heading[recent]
-    return float(heading[-1] - heading.min()) if len(heading) else 0.0
-
-
-def _side(pose: FloatArray, actor: Actor, spot: FloatArray) -> str:
-    shape = actor.candidate.shape
-    dx, dy = spot - pose[:2]
-    along = (dx * np.cos(pose[2]) + dy * np.sin(pose[2])) / (shape.length / 2)
-    across = (dy * np.cos(pose[2]) - dx * np.sin(pose[2])) / (shape.width / 2)
-    if abs(along) >= abs(across):
-        return "front" if along > 0 else "rear"
-    return "side"
-
-
-def _touching_point(a: FloatArray, b: FloatArray, first: Actor, second: Actor) -> FloatArray:
-    """Middle of the contact: mean of the outline points of either that lie in the other."""
-    points_a, points_b = _outline(a, first), _outline(b, second)
-    inside_a = points_a[_contains(points_a, b, second)]
-    inside_b = points_b[_contains(points_b, a, first)]
-    touching = np.concatenate([inside_a, inside_b])
-    result: FloatArray = touching.mean(axis=0) if len(touching) else (a[:2] + b[:2]) / 2
-    return result
-
-
-def _outline(pose: FloatArray, actor: Actor) -> FloatArray:
-    shape = actor.candidate.shape
-    if shape.type == "pedestrian":
-        angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-        return pose[:2] + shape.width / 2 * np.column_stack([np.cos(angle), np.sin(angle)])
-    edge = np.linspace(-1, 1, 41)
-    one = np.ones_like(edge)
-    local = np.concatenate(
-        [np.column_stack(pair) for pair in ((edge, one), (edge, -one), (one, edge), (-one, edge))]
-    ) * [shape.length / 2, shape.width / 2]
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    turned: FloatArray = pose[:2] + local @ np.array([[cos, sin], [-sin, cos]])
-    return turned
-
-
-def _contains(points: FloatArray, pose: FloatArray, actor: Actor) -> FloatArray:
-    shape = actor.candidate.shape
-    offset = points - pose[:2]
-    if shape.type == "pedestrian":
-        inside: FloatArray = np.hypot(*offset.T) <= shape.width / 2 + 0.02
-        return inside
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    along, across = offset @ [cos, sin], offset @ [-sin, cos]
-    result: FloatArray = (np.abs(along) <= shape.length / 2 + 0.02) & (
-        np.abs(across) <= shape.width / 2 + 0.02
-    )
-    return result
 
 
 def _wanted(found: FirstContact, clause: Contact) -> bool:
@@ -804,12 +604,6 @@ def _merging(a: Actor, b: Actor) -> bool:
     if "pedestrian" in (a.candidate.route.type, b.candidate.route.type):
         return False
     return a.candidate.route.exit == b.candidate.route.exit
-
-
-def _shared_times(a: Actor, b: Actor) -> FloatArray | None:
-    start, end = max(a.enters, b.enters), min(a.leaves, b.leaves)
-    steps = round((end - start) / STEP)
-    return None if steps < 1 else start + STEP * np.arange(steps + 1, dtype=np.float64)
 
 
 def _point(actor: Actor, time: float) -> Point:

@@ -1,0 +1,87 @@
+"""A candidate placed in time: where it is when, with its standstills and its end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.selection import Slowing, Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.landmarks import Landmarks
+from scenewright.tools.time_law import Hold, Motion, move
+
+
+@dataclass(frozen=True, eq=False)
+class Actor:
+    """A candidate placed in time.
+
+    Attributes:
+        enters: scene time of its motion's first sample [s], a multiple of the step.
+        motion: as edited; free: as its time law alone would have it.
+        contact: scene time [s] at which a collision ends it.
+    """
+
+    candidate: Candidate
+    marks: Landmarks
+    enters: float
+    motion: Motion
+    free: Motion
+    stops: tuple[Stop, ...] = ()
+    slowings: tuple[Slowing, ...] = ()
+    contact: float | None = None
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """[N, 3] poses (x, y, heading) at scene times [s]."""
+        path, s = self.candidate.path, self.motion.position(times - self.enters)
+        columns = [path.xy[:, 0], path.xy[:, 1], path.heading]
+        return np.column_stack([np.interp(s, path.s, column) for column in columns])
+
+    def pose(self, s: float) -> tuple[float, float, float]:
+        """(x, y, heading) at arc length `s` [m]."""
+        path = self.candidate.path
+        x, y, heading = (
+            float(np.interp(s, path.s, column))
+            for column in (path.xy[:, 0], path.xy[:, 1], path.heading)
+        )
+        return x, y, heading
+
+    @property
+    def leaves(self) -> float:
+        """Scene time of its last sample [s]."""
+        return self.enters + STEP * (len(self.motion.s) - 1)
+
+    def edited(self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()) -> Actor:
+        """The same actor with other standstills."""
+        holds = tuple(Hold(stop.s, stop.until - self.enters, stop.braking) for stop in stops)
+        motion = move(self.candidate, holds=holds, slowings=slowings)
+        return replace(self, motion=motion, stops=stops, slowings=slowings)
+
+    def shifted(self, seconds: float) -> Actor:
+        """The same actor, everything later by a multiple of the step."""
+        stops = tuple(
+            replace(stop, start=stop.start + seconds, until=stop.until + seconds)
+            for stop in self.stops
+        )
+        contact = None if self.contact is None else self.contact + seconds
+        enters = round(self.enters + seconds, 1)
+        return replace(self, enters=enters, stops=stops, contact=contact)
+
+    def until(self, time: float) -> Actor:
+        """What of it falls before scene time `time`; nothing later can meet anybody."""
+        steps = max(int((time - self.enters) / STEP + 1e-6), 1)
+        return replace(self, motion=replace(self.motion, s=self.motion.s[: steps + 1]))
+
+    def ended(self, time: float) -> Actor:
+        """Cut at the first sample not before scene time `time`, where it stays as a wreck."""
+        steps = int(np.ceil((time - self.enters) / STEP - 1e-6))
+        return replace(self, motion=self.motion.cut(steps), contact=time)
+
+
+def shared_times(a: Actor, b: Actor) -> FloatArray | None:
+    """Sample times [s] at which both are there; None if they never are."""
+    start, end = max(a.enters, b.enters), min(a.leaves, b.leaves)
+    steps = round((end - start) / STEP)
+    return None if steps < 1 else start + STEP * np.arange(steps + 1, dtype=np.float64)

@@ -1,0 +1,132 @@
+"""When agents that no relation binds may come: on green, waiting at red, or behind others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.selection import Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.dsl_validator.actor import Actor
+from scenewright.tools.signals import SignalClock, shows
+from scenewright.tools.time_law import Hold, arrival
+
+LINE_GAP, QUEUE_GAP, START_LAG = (0.3, 1.5), (1.6, 3.4), (0.8, 1.5)
+"""Waiting vehicles: to the line and to the next ahead [m], from its start to one's own [s]."""
+
+_LANE_OFFSET, _ONE_WAY = 1.4, 0.85
+"""Who stands within 1.4 m of a path, facing its way (cosine), stands in its lane."""
+
+_FOR_GOOD = 60.0
+"""Longer than any scene [s]."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When agents may come: lights, scene length [s], whether a wreck will stand in the way."""
+
+    clock: SignalClock | None
+    duration: float
+    blocked: bool
+
+
+@dataclass(frozen=True, eq=False)
+class RedLight:
+    """An agent that comes upon red, first in its lane, and waits.
+
+    Attributes:
+        gap: from its front to the line [m].
+        lag: from green to its start [s].
+        stays: a wreck ahead keeps it there for good.
+    """
+
+    free: Actor
+    moment: Moment
+    enters: float
+    gap: float
+    lag: float
+    stays: bool = False
+
+    @property
+    def s(self) -> float:
+        """Arc length at which it stands [m]."""
+        walks = self.free.candidate.route.type == "pedestrian"
+        return (self.free.marks.line or 0.0) - (0.3 if walks else self.gap)
+
+    @property
+    def reaches(self) -> float:
+        """Scene time [s] at which it would stand, were braking free; good to about 2 s."""
+        return self.enters + self.free.motion.time_at(max(self.s, 0.0))
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is a red light to wait at, seen in the scene, and room to stand."""
+        group, clock = self.free.marks.group, self.moment.clock
+        if clock is None or self.free.marks.line is None or group is None or self.s < 3.0:
+            return False
+        if self.enters > self.moment.duration - 4.0:
+            return False
+        colours = [clock.colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
+        return "green" not in colours and self.release > 4.0
+
+    @property
+    def release(self) -> float:
+        """Scene time [s] at which it starts again."""
+        if self.moment.clock is None or self.stays:
+            return self.moment.duration + 10.0
+        green = self.moment.clock.next_green(str(self.free.marks.group), self.reaches)
+        return green + self.lag
+
+    def actor(self) -> Actor:
+        """It in motion, entering at time 0."""
+        walks = self.free.candidate.route.type == "pedestrian"
+        start = arrival(self.free.candidate, Hold(self.s, 0.0))
+        until = max(self.release - self.enters, start)
+        anchor = "kerb" if walks else "stop_line"
+        held = self.free.edited(stops=(Stop(anchor, self.s, start, until, "red_light"),))
+        return held.until(self.moment.duration - self.enters)
+
+
+def starts_of(actor: Actor, moment: Moment) -> NDArray[np.int64]:
+    """Entry times [steps] at which the agent is seen for 4 s and obeys its light."""
+    first, last = 4.0 - STEP * len(actor.motion.s), moment.duration - 4.0
+    steps = np.arange(int(np.ceil(first / STEP)), int(last / STEP) + 1, dtype=np.int64)
+    line, group, clock = actor.marks.line, actor.marks.group, moment.clock
+    if clock is None or line is None or group is None or not len(steps):
+        return steps
+    crosses = STEP * steps + actor.motion.time_at(line) + clock.offset
+    green = shows(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
+    return steps[green.all(axis=0)]
+
+
+def last_in_lane(
+    candidate: Candidate, standing: Sequence[Actor]
+) -> tuple[float, float, float] | None:
+    """Rear [m] of the last who stands on the candidate's path, and from when until when [s]."""
+    found: tuple[float, float, float] | None = None
+    for actor in standing:
+        for s, start, until in _standstills(actor):
+            x, y, heading = actor.pose(s)
+            path = candidate.path
+            away = np.hypot(path.xy[:, 0] - x, path.xy[:, 1] - y)
+            node = int(np.argmin(away))
+            if away[node] > _LANE_OFFSET or np.cos(path.heading[node] - heading) < _ONE_WAY:
+                continue
+            rear = float(path.s[node]) - actor.candidate.shape.length / 2
+            if found is None or rear < found[0]:
+                found = (rear, start, until)
+    return found
+
+
+def _standstills(actor: Actor) -> Iterator[tuple[float, float, float]]:
+    """Arc length [m], start and end [s] of every stay of a vehicle, its wreck included."""
+    if actor.candidate.route.type == "pedestrian":
+        return
+    last = float(actor.motion.s[-1])
+    yield from ((stop.s, stop.start, stop.until) for stop in actor.stops if stop.s <= last + 0.5)
+    if actor.contact is not None:
+        yield last, actor.contact, actor.contact + _FOR_GOOD

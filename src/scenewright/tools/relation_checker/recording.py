@@ -1,0 +1,120 @@
+"""Events in recordings of any length: whole if they are small, else in overlapping windows.
+
+Everything that the checker measures is between pairs, and a table of all pairs at all times does
+not fit the memory for an hour of a busy place. A window looks at its own span and at `CONTEXT`
+seconds on both sides, far more than any definition in SEMANTICS section 4 reaches, and answers for
+the events whose time lies in the span.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from scenewright.errors import InputError
+from scenewright.scene.events import Event, Finding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.track import STEP, Track
+from scenewright.tools.relation_checker.foreign import ForeignTracks
+from scenewright.tools.relation_checker.motion import RoadUser, as_movers
+from scenewright.tools.relation_checker.observation import find_events
+from scenewright.tools.relation_checker.plausibility import off_ground
+
+CONTEXT = 30.0
+SHORTEST = 5.0
+"""Windows are not cut below this [s]."""
+ROOM = 15_000_000
+"""Pairs times samples that are looked at in one go, some 70 bytes each."""
+MOST = 10 * ROOM
+
+
+def recorded_events(
+    tracks: ForeignTracks, *, ground: IntersectionMap | None = None
+) -> tuple[Event, ...]:
+    """Every event in a recording, in order of time; none between two stretches of one track.
+
+    A follow that goes on for more than `CONTEXT` seconds after its window ends is cut there.
+
+    Raises:
+        InputError: too many agents at once.
+    """
+    users, names = tracks.users, tracks.names
+    begin = min((u.track.start for u in users), default=0.0)
+    end = max((u.track.end for u in users), default=0.0) + 1.0
+    found = find_events(users, ground=ground) if _fits(users) else _split(users, begin, end, ground)
+    return tuple(e for e in found if names[e.from_] != names[e.to])
+
+
+def off_map(tracks: ForeignTracks, intersection: IntersectionMap) -> tuple[Finding, ...]:
+    """Agents that spend more than 2 % of their time where their class does not belong."""
+    return off_ground(as_movers(tracks.users), intersection, jaywalkers=frozenset())
+
+
+def _cells(users: Sequence[RoadUser]) -> float:
+    """Pairs times samples from the first start to the last end."""
+    if len(users) < 2:
+        return 0.0
+    span = max(u.track.end for u in users) - min(u.track.start for u in users)
+    return len(users) * (len(users) - 1) / 2 * (span / STEP + 1)
+
+
+def _fits(users: Sequence[RoadUser]) -> bool:
+    return _cells(users) <= ROOM
+
+
+def _split(
+    users: Sequence[RoadUser], begin: float, end: float, ground: IntersectionMap | None
+) -> list[Event]:
+    """Events from begin to end [s], by halves until they fit."""
+    present = _clipped(users, begin - CONTEXT, end + CONTEXT)
+    if len(present) < 2:
+        return []
+    if _fits(present):
+        return [e for e in find_events(present, ground=ground) if begin <= e.time < end]
+    if end - begin <= 2 * SHORTEST:
+        return _forced(present, begin, end, ground)
+    middle = STEP * round((begin + end) / 2 / STEP)
+    return [
+        event for a, b in ((begin, middle), (middle, end)) for event in _split(users, a, b, ground)
+    ]
+
+
+def _forced(
+    users: Sequence[RoadUser], begin: float, end: float, ground: IntersectionMap | None
+) -> list[Event]:
+    if _cells(users) > MOST:
+        raise InputError(
+            f"{len(users)} agents within {end - begin + 2 * CONTEXT:.0f} s of {begin:.0f} s are too "
+            "many at once; check the tracks of a smaller area"
+        )
+    return [e for e in find_events(users, ground=ground) if begin <= e.time < end]
+
+
+def _clipped(users: Sequence[RoadUser], begin: float, end: float) -> list[RoadUser]:
+    """What of each track lies between two times [s]."""
+    parts = (_part(user, begin, end) for user in users)
+    return [part for part in parts if part is not None]
+
+
+def _part(user: RoadUser, begin: float, end: float) -> RoadUser | None:
+    track = user.track
+    if track.end < begin or track.start > end:
+        return None
+    first = max(math.ceil((begin - track.start) / track.step), 0)
+    first -= first % _period(track.step)
+    last = min(math.floor((end - track.start) / track.step), len(track.xy) - 1)
+    if last < first:
+        return None
+    part = Track(
+        track.xy[first : last + 1], track.heading[first : last + 1],
+        track.start + first * track.step, track.step,
+    )  # fmt: skip
+    return RoadUser(user.id, part, user.shape)
+
+
+def _period(step: float) -> int:
+    """Samples in a multiple of 0.2 s: cut there, following is sampled at the same times."""
+    for count in (1, 2, 3, 4, 5, 6, 8, 10, 12, 20, 30):
+        if abs(count * step / 0.2 - round(count * step / 0.2)) < 1e-6:
+            return count
+    return 1
