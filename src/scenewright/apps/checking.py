@@ -1,4 +1,4 @@
-"""`scenewright verify`: what the checker says about scenes that lie about as files."""
+"""`scenewright verify`: what the checker says about scenes and tracks that lie about as files."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.apps.console import one_line, rendered
+from scenewright.apps.tracks import CheckedTracks, check_tracks, tracks_report
 from scenewright.apps.words import findings, verdict, who
 from scenewright.errors import InputError
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import SceneRecord
 
-FOREIGN = (".ndjson", ".csv", ".txt", ".parquet", ".xosc", ".mcap", ".osi")
+TRACKS = (".ndjson", ".csv")
+FOREIGN = (".txt", ".parquet", ".xosc", ".mcap", ".osi")
 SHOWN = 12
 """Findings listed per scene; `--json` has them all."""
 
@@ -34,9 +36,9 @@ class Checked:
         return {"path": str(self.path), "verified": self.proof.verified, "proof": proof}
 
 
-def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked]:
-    """Every scene in every path, in order; what is unusable is an entry too."""
-    checked = []
+def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked | CheckedTracks]:
+    """Every scene and file of tracks in every path, in order; what is unusable is an entry too."""
+    checked: list[Checked | CheckedTracks] = []
     for path in paths:
         try:
             files = scene_files(path)
@@ -56,7 +58,8 @@ def scene_files(path: str) -> list[Path]:
     place = Path(path)
     if place.suffix.lower() in FOREIGN:
         raise InputError(
-            f"{path}: tracks in {place.suffix} files cannot be checked yet; give a scene.json"
+            f"{path}: tracks in {place.suffix} files cannot be checked yet; give a scene.json, "
+            "a .csv or a TrajNet++ .ndjson"
         )
     if not place.is_dir() or (place / "scene.json").exists():
         return [place]
@@ -66,10 +69,12 @@ def scene_files(path: str) -> list[Path]:
     return [file.parent for file in inside]
 
 
-def _check(path: Path, intersection: str | None) -> Checked:
+def _check(path: Path, intersection: str | None) -> Checked | CheckedTracks:
     from scenewright.graph.run import load_scene, verify
 
     try:
+        if path.suffix.lower() in TRACKS and not path.is_dir():
+            return check_tracks(path, intersection=intersection)
         scene = load_scene(path)
         return Checked(path, scene, verify(scene, intersection=intersection))
     except (InputError, OSError) as error:
@@ -80,7 +85,40 @@ def _reason(error: Exception) -> str:
     return one_line(getattr(error, "strerror", None) or str(error))
 
 
-def report(checked: list[Checked]) -> str:
+def as_object(checked: list[Checked | CheckedTracks]) -> dict[str, Any]:
+    """The object of `--json`: a list of all, or what one file of tracks holds."""
+    good = all(is_good(each) for each in checked)
+    if len(checked) == 1 and isinstance(checked[0], CheckedTracks):
+        return {"ok": good, **checked[0].to_json()}
+    return {"ok": good, "scenes": [each.to_json() for each in checked]}
+
+
+def is_good(checked: Checked | CheckedTracks) -> bool:
+    """Whether nothing stands against it; of tracks, in which nothing is asked for, nothing can."""
+    if isinstance(checked, CheckedTracks):
+        return True
+    return checked.proof is not None and checked.proof.verified
+
+
+def notes(checked: list[Checked | CheckedTracks]) -> list[str]:
+    """What was assumed about tracks, one line each."""
+    return [
+        one_line(f"{each.path}: {note}")
+        for each in checked
+        if isinstance(each, CheckedTracks)
+        for note in each.tracks.notes
+    ]
+
+
+def report(checked: list[Checked | CheckedTracks]) -> str:
+    """The scenes in one table, and each file of tracks in one of its own."""
+    scenes = [each for each in checked if isinstance(each, Checked)]
+    tracks = [each for each in checked if isinstance(each, CheckedTracks)]
+    listed = _scenes_report(scenes) if any(each.proof for each in scenes) else ""
+    return listed + "".join(tracks_report(each) for each in tracks)
+
+
+def _scenes_report(checked: list[Checked]) -> str:
     """A table of events and verdicts, and below it what stands against a scene."""
     from rich import box
     from rich.table import Table

@@ -147,22 +147,33 @@ def plan(
 
 @app.command()
 def verify(
-    paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="scene.json, or folders.")],
+    paths: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="PATH...", help="scene.json, folders of them, or tracks as .csv or .ndjson."
+        ),
+    ],
     intersection: Annotated[
-        str | None, typer.Option(help="Check against this map, not the one the scene names.")
+        str | None,
+        typer.Option(help="Check against this map, not the one the scene names; tracks name none."),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Check scenes: exit code 0 if all are verified, 1 if one is not, 2 if one is unusable."""
-    from scenewright.apps.checking import check_paths, report
+    """Check scenes: exit code 0 if all are verified, 1 if one is not, 2 if one is unusable.
+
+    Of tracks made elsewhere, a CSV or TrajNet++ ndjson, every event is listed.
+    """
+    from scenewright.apps.checking import Checked, as_object, check_paths, is_good, notes, report
 
     checked = check_paths(paths, intersection=intersection)
-    unusable = [each for each in checked if each.error is not None]
-    good = all(each.proof is not None and each.proof.verified for each in checked)
+    unusable = [each for each in checked if isinstance(each, Checked) and each.error is not None]
+    good = all(is_good(each) for each in checked)
     if as_json:
-        put_json({"ok": good, "scenes": [each.to_json() for each in checked]})
+        put_json(as_object(checked))
     elif len(unusable) < len(checked):
         put(report(checked))
+    for note in notes(checked):
+        say(f"note: {note}")
     for each in unusable:
         say(f"scenewright: {each.error}")
     if not good:

@@ -20,7 +20,7 @@ from scenewright.graph.atomic import write_atomically
 from scenewright.intersections import load_map
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import RefinerName, RunContext
-from scenewright.scene.events import Proof
+from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.dsl_validator.parse import format_clause
@@ -28,6 +28,13 @@ from scenewright.tools.dsl_validator.select import Mode
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.ground import Ground
 from scenewright.tools.relation_checker import check
+from scenewright.tools.relation_checker.foreign import (
+    MOST_BYTES,
+    ForeignTracks,
+    read_tracks,
+    too_large,
+)
+from scenewright.tools.relation_checker.recording import off_map, recorded_events
 
 DEFAULT_INTERSECTION = "amsterdam_120"
 REFINERS = ("none",)
@@ -128,6 +135,50 @@ def verify(scene: SceneRecord | Scene | str | Path, *, intersection: str | None 
         record = load_scene(record)
     name = intersection or record.meta.intersection
     return check(record, load_map(name))
+
+
+def verify_tracks(
+    path: str | Path | ForeignTracks, *, intersection: str | None = None
+) -> tuple[Event, ...]:
+    """Every event in tracks that scenewright never made, in order of time (SEMANTICS section 4).
+
+    Args:
+        path: a CSV of tracks or a TrajNet++ ndjson file, or what `load_tracks` made of it; agents
+            are numbered as there.
+        intersection: the map of the tracks, in its frame; its crosswalks count as such.
+
+    Raises:
+        InputError: unreadable (the line is named), or no such intersection.
+    """
+    ground = None if intersection is None else load_map(intersection)
+    tracks = path if isinstance(path, ForeignTracks) else load_tracks(path)
+    return recorded_events(tracks, ground=ground)
+
+
+def off_ground_in(tracks: ForeignTracks, *, intersection: str) -> tuple[Finding, ...]:
+    """Agents of foreign tracks that leave the ground of their class on a map.
+
+    Raises:
+        InputError: no such intersection.
+    """
+    return off_map(tracks, load_map(intersection))
+
+
+def load_tracks(path: str | Path) -> ForeignTracks:
+    """The tracks in a CSV or a TrajNet++ ndjson file; see docs/formats.md.
+
+    Raises:
+        InputError: missing or unreadable; names the line and what to mend.
+    """
+    file = Path(path)
+    try:
+        size = file.stat().st_size
+        if size > MOST_BYTES:
+            raise InputError(too_large(str(file), size))
+        data = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+    return read_tracks(data, name=str(file))
 
 
 def load_scene(path: str | Path) -> SceneRecord:
