@@ -19,8 +19,12 @@ _MEASURES = {
         ("came at", "approach_speed", "m/s"),
         ("slowed to", "lowest_speed", "m/s"),
     ),
-    "follow": (("until", "until", "s"), ("headway", "least_headway", "s"), ("gap", "least_gap", "m")),
-}  # fmt: skip
+    "follow": (
+        ("until", "until", "s"),
+        ("headway", "least_headway", "s"),
+        ("gap", "least_gap", "m"),
+    ),
+}
 """The evidence that is shown by type of event; `--json` has all of it."""
 
 

@@ -12,6 +12,7 @@ import io
 import json
 import math
 from array import array
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -195,7 +196,7 @@ def too_large(name: str, size: int) -> str:
 
 
 def read_csv(text: str, *, name: str) -> ForeignTracks:
-    """Tracks from a table with the columns t, id, class, x, y and, if known, heading, length, width.
+    """Tracks from a table with the columns t, id, class, x, y and perhaps heading, length, width.
 
     Seconds, metres, radians. Columns may stand in any order, further ones are ignored; they are
     separated by commas, semicolons or tabs. The rows of one agent are in order of time.
@@ -204,9 +205,9 @@ def read_csv(text: str, *, name: str) -> ForeignTracks:
         InputError: names the line and what to mend.
     """
     rows = _csv_rows(text, name)
-    _, header = next(rows, (1, [""]))
+    first, header = next(rows)
     table = _Table(name)
-    columns = _columns(header, table)
+    columns = _columns(header, first, table)
     for line, cells in rows:
         if len(cells) != len(header):
             table.refuse(line, f"{len(cells)} cells under {len(header)} columns")
@@ -229,17 +230,18 @@ def _csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
         raise InputError(f"{name}, line {reader.line_num}: {error}; mend the quotes") from error
 
 
-def _columns(header: list[str], table: _Table) -> dict[str, int]:
+def _columns(header: list[str], line: int, table: _Table) -> dict[str, int]:
     """Where the columns stand that are read."""
     names = [cell.strip().lower() for cell in header]
     missing = [column for column in _REQUIRED if column not in names]
     if missing:
         given = _shown(", ".join(name for name in names if name), limit=120)
-        table.refuse(1, f"no column {', '.join(missing)}; the header must name {', '.join(_REQUIRED)}"
-                     f" and may name {', '.join(_OPTIONAL)}, it names {given}")  # fmt: skip
+        table.refuse(line, f"no column {', '.join(missing)}; the header must name "
+                     f"{', '.join(_REQUIRED)} and may name {', '.join(_OPTIONAL)}, "
+                     f"it names {given}")  # fmt: skip
     twice = [column for column in (*_REQUIRED, *_OPTIONAL) if names.count(column) > 1]
     if twice:
-        table.refuse(1, f"column {twice[0]} is there twice; keep one")
+        table.refuse(line, f"column {twice[0]} is there twice; keep one")
     return {column: names.index(column) for column in (*_REQUIRED, *_OPTIONAL) if column in names}
 
 
@@ -252,8 +254,8 @@ def _csv_id(cell: str, line: int, table: _Table) -> str:
 def _subtype(cell: str, line: int, table: _Table) -> str:
     word = "_".join(cell.lower().replace("-", " ").replace("_", " ").split())
     if word not in _SUBTYPES:
-        table.refuse(line, f"class {_shown(cell)!r} is unknown; use vehicle or pedestrian, or one of "
-                     "car, truck, bus, motorcycle, bicycle")  # fmt: skip
+        table.refuse(line, f"class {_shown(cell)!r} is unknown; use vehicle or pedestrian, or one "
+                     "of car, truck, bus, motorcycle, bicycle")  # fmt: skip
     return _SUBTYPES[word]
 
 
@@ -384,8 +386,10 @@ def _tracks(table: _Table, *, unit: float) -> ForeignTracks:
         raise InputError(f"{table.name} holds no tracks")
     clock = _Clock(unit, _step(table, unit))
     stretches = [
-        (who, part) for who, rows in table.agents.items() for part in _stretches(who, rows, table, clock)
-    ]  # fmt: skip
+        (who, part)
+        for who, rows in table.agents.items()
+        for part in _stretches(who, rows, table, clock)
+    ]
     ids = _numbered([who for who, _ in stretches])
     users = tuple(
         _user(n, table.agents[who], part, clock)
@@ -499,7 +503,7 @@ def _user(number: int, rows: _Rows, part: slice, clock: _Clock) -> RoadUser:
 
 
 def _shape(rows: _Rows) -> Shape:
-    """Size by the rows (their median), else by class; a pedestrian is as wide as its longer side."""
+    """Size by the rows (their median), else by class; a pedestrian is a disc of its longer side."""
     usual = _SHAPES[rows.subtype]
     known = {name: rows.column(name) for name in ("length", "width")}
     given = {
@@ -539,7 +543,7 @@ def _notes(table: _Table, names: Mapping[int, str], users: tuple[RoadUser, ...])
     """What was assumed about the tracks."""
     notes = []
     if len(names) > len(table.agents):
-        cut = sorted({name for name in names.values() if list(names.values()).count(name) > 1})
+        cut = [name for name, n in Counter(names.values()).items() if n > 1]
         notes.append(f"{_listed(cut)} with gaps: each stretch is an agent of its own")
     blind = [
         names[user.id]

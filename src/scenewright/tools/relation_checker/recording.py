@@ -84,8 +84,8 @@ def _forced(
 ) -> list[Event]:
     if _cells(users) > MOST:
         raise InputError(
-            f"{len(users)} agents within {end - begin + 2 * CONTEXT:.0f} s of {begin:.0f} s are too "
-            "many at once; check the tracks of a smaller area"
+            f"{len(users)} agents around {begin:.0f} s are too many at once; "
+            "check the tracks of a smaller area"
         )
     return [e for e in find_events(users, ground=ground) if begin <= e.time < end]
 
