@@ -205,7 +205,7 @@ def read_csv(text: str, *, name: str) -> ForeignTracks:
         InputError: names the line and what to mend.
     """
     rows = _csv_rows(text, name)
-    first, header = next(rows)
+    first, header = next(rows, (1, [""]))
     table = _Table(name)
     columns = _columns(header, first, table)
     for line, cells in rows:
@@ -219,7 +219,7 @@ def read_csv(text: str, *, name: str) -> ForeignTracks:
 
 def _csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
     """Line numbers and cells; blank lines are skipped."""
-    header = next(line for line in text.splitlines() if line.strip())
+    header = next(line for line in io.StringIO(text) if line.strip())
     delimiter = max(",;\t", key=header.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     try:
@@ -238,7 +238,7 @@ def _columns(header: list[str], line: int, table: _Table) -> dict[str, int]:
         given = _shown(", ".join(name for name in names if name), limit=120)
         table.refuse(line, f"no column {', '.join(missing)}; the header must name "
                      f"{', '.join(_REQUIRED)} and may name {', '.join(_OPTIONAL)}, "
-                     f"it names {given}")  # fmt: skip
+                     f"it names {given or 'none'}")  # fmt: skip
     twice = [column for column in (*_REQUIRED, *_OPTIONAL) if names.count(column) > 1]
     if twice:
         table.refuse(line, f"column {twice[0]} is there twice; keep one")
