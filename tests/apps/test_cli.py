@@ -460,14 +460,74 @@ def test_verify_takes_a_folder_of_scenes(run: Run, crash: Path) -> None:
 def test_verify_goes_on_after_a_bad_path(run: Run, crash: Path, tmp_path: Path) -> None:
     (tmp_path / "tracks.ndjson").write_text("{}")
     (tmp_path / "tracks.csv").write_text("")
+    (tmp_path / "tracks.osi").write_text("")
     (tmp_path / "broken.json").write_text("{")
     (tmp_path / "empty").mkdir()
-    bad = ["tracks.ndjson", "tracks.csv", "broken.json", "empty", "missing"]
+    bad = ["tracks.ndjson", "tracks.csv", "tracks.osi", "broken.json", "empty", "missing"]
     done = run("verify", *bad, str(crash))
     assert done.code == 2
     assert "collision" in done.out
     assert len(done.err.splitlines()) == len(bad)
     assert "cannot be checked yet" in done.err
+
+
+@pytest.fixture
+def tracks(tmp_path: Path) -> Path:
+    """Two cars that meet at the origin after 1 s, less their lengths."""
+    rows = ["t,id,class,x,y"]
+    for k in range(21):
+        rows += [f"{k / 10},red,car,{k - 10},0", f"{k / 10},blue,car,0,{k - 10}"]
+    file = tmp_path / "tracks.csv"
+    file.write_text("\n".join(rows))
+    return file
+
+
+def test_verify_lists_the_events_of_foreign_tracks(run: Run, tracks: Path) -> None:
+    done = run("verify", "tracks.csv")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.startswith("tracks.csv: 2 agents, 0.0 to 2.0 s every 0.1 s: 1 collision\n")
+    row = next(line for line in done.out.splitlines() if "angle" in line)
+    assert "1 (car)   2 (car)   0.7 s" in row
+    assert done.out.endswith("1 is red\n2 is blue\n")
+
+
+def test_verify_tells_machines_about_foreign_tracks(run: Run, tracks: Path) -> None:
+    done = run("verify", "tracks.csv", "--intersection", "amsterdam_120", "--json")
+    told = json.loads(done.out)
+    assert (done.code, told["ok"]) == (0, True)
+    assert [event["type"] for event in told["events"]] == ["collision"]
+    assert [agent["name"] for agent in told["agents"]] == ["red", "blue"]
+
+
+def test_verify_names_who_leaves_the_map(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "far.csv").write_text("t,id,class,x,y\n0,1,car,900,900\n0.1,1,car,901,900\n")
+    done = run("verify", "far.csv", "--intersection", "amsterdam_120")
+    assert done.code == 0
+    assert "no events" in done.out
+    assert "0.0% of its positions on the road" in done.out
+
+
+def test_verify_takes_scenes_and_tracks_together(run: Run, crash: Path, tracks: Path) -> None:
+    assert "verified" in run("verify", str(crash), "tracks.csv").out
+    told = json.loads(run("verify", str(crash), "tracks.csv", "--json").out)
+    assert told["ok"] is True
+    assert told["scenes"][0]["verified"] is True
+    assert told["scenes"][1]["events"][0]["type"] == "collision"
+
+
+def test_verify_says_what_it_assumed(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "still.csv").write_text("t,id,class,x,y\n0,1,car,0,0\n0.1,1,car,0,0\n")
+    assert "note: still.csv: id 1 without heading" in run("verify", "still.csv").err
+
+
+def test_verify_refuses_tracks_in_one_line(run: Run, tracks: Path) -> None:
+    tracks.write_text(tracks.read_text() + "\n2.1,red,car,nan,0")
+    done = run("verify", "tracks.csv")
+    assert (done.code, done.out) == (2, "")
+    assert "tracks.csv, line 44: x is nan" in done.complaint
+    told = json.loads(run("verify", "tracks.csv", "--json").out)
+    assert told["ok"] is False
+    assert "line 44" in told["scenes"][0]["error"]
 
 
 def test_verify_against_another_map(run: Run, crash: Path) -> None:

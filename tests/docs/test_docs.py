@@ -21,6 +21,7 @@ LONGEST = 120.0
 _BLOCK = re.compile(r"^```(?:console|bash)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+_TRACKS = re.compile(r"^```csv\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _MODULE = re.compile(
     r"`((?:apps|evals|graph|nodes|tools|memory|backends|scene|intersections)/[\w/.-]+)`"
 )
@@ -40,6 +41,12 @@ def links(page: Path) -> list[str]:
     return [target for target in targets if target and "://" not in target]
 
 
+def example_tracks() -> str:
+    """The example of a CSV of tracks, which the pages call tracks.csv."""
+    (example,) = _TRACKS.findall((ROOT / "docs" / "formats.md").read_text("utf-8"))
+    return str(example)
+
+
 def offline() -> dict[str, str]:
     """The environment without keys, and with a proxy that nobody listens at."""
     kept = {k: v for k, v in os.environ.items() if not k.endswith(_VARIABLES_FOR_MODELS)}
@@ -53,6 +60,7 @@ def pages_with(program: str) -> list[Path]:
 
 @pytest.mark.parametrize("page", pages_with("scenewright"), ids=lambda page: page.name)
 def test_documented_commands_run(page: Path, tmp_path: Path) -> None:
+    (tmp_path / "tracks.csv").write_text(example_tracks())
     for command in commands(page, "scenewright"):
         words = shlex.split(command, comments=True)
         done = subprocess.run(

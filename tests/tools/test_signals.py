@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -46,18 +45,6 @@ def test_next_green_is_the_first_green_from_then_on(phases, offset, time):
     later = time + np.arange(0, 120, 0.25)
     green = [t for t in later if written_out(phases, t + offset) == "green"]
     assert clock.next_green("g", time) == (green[0] if green else float("inf"))
-
-
-@given(PHASES, HALVES, QUARTERS)
-def test_green_left_lasts_until_it_is_green_no_more(phases, offset, time):
-    clock = SignalClock(program(phases), offset)
-    later = time + np.arange(0, 210, 0.25)
-    over = [t for t in later if written_out(phases, t + offset) != "green"]
-    left = clock.green_left("g", time)
-    if over:
-        assert left == pytest.approx(over[0] - time)
-    else:
-        assert left >= clock.program.cycle
 
 
 DEMANDS = st.lists(

@@ -46,6 +46,7 @@ class CheckedTracks:
         return {
             "path": str(self.path),
             "step": self.tracks.step,
+            "origin": self.tracks.origin,
             "agents": [_agent(self.tracks, k) for k in range(len(self.tracks.users))],
             "events": [event.model_dump(mode="json", by_alias=True) for event in self.events],
             "findings": [finding.model_dump(mode="json") for finding in self.findings],

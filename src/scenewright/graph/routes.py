@@ -49,11 +49,7 @@ def after_event_reasoner(
     """On to the refiner; else reason again; else sample afresh; else stop."""
     if state.get("refused") is None:
         return "trajectory_refiner"
-    budgets = runtime.context.budgets
-    idle = runtime.context.backend.deterministic
-    if not idle and _spent(state, "event_reasoner") <= budgets.reasoner:
-        return "event_reasoner"
-    return _sample_afresh(state, budgets.generator)
+    return _reason_again(state, runtime.context, "event_reasoner")
 
 
 def after_scene_verifier(
@@ -62,11 +58,17 @@ def after_scene_verifier(
     """Done if proven; else reason again with the evidence; else sample afresh; else stop."""
     if state.get("refused") is None:
         return "end"
-    budgets = runtime.context.budgets
-    idle = runtime.context.backend.deterministic
-    if not idle and _spent(state, "scene_verifier") <= budgets.reasoner:
+    return _reason_again(state, runtime.context, "scene_verifier")
+
+
+def _reason_again(
+    state: SceneState, context: RunContext, stage: Stage
+) -> Literal["event_reasoner", "agent_generator", "give_up"]:
+    """A backend that may answer otherwise is asked again within its budget; else sample afresh."""
+    idle = context.backend.deterministic
+    if not idle and _spent(state, stage) <= context.budgets.reasoner:
         return "event_reasoner"
-    return _sample_afresh(state, budgets.generator)
+    return _sample_afresh(state, context.budgets.generator)
 
 
 def _sample_afresh(state: SceneState, budget: int) -> Literal["agent_generator", "give_up"]:

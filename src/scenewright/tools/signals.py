@@ -52,20 +52,6 @@ class SignalClock:
             start += phase.duration
         return float("inf")
 
-    def green_left(self, group: str, time: float) -> float:
-        """How long [s] the green that shows at `time` still lasts; 0 if it is not green."""
-        left = (time + self.offset) % self.program.cycle
-        total = 0.0
-        for phase in (*self.program.phases, *self.program.phases):
-            if left >= phase.duration:
-                left -= phase.duration
-                continue
-            if phase.colours[group] != "green":
-                return total
-            total += phase.duration - left
-            left = 0.0
-        return total
-
 
 def feasible_offsets(program: SignalProgram, demands: tuple[Demand, ...]) -> FloatArray:
     """All offsets [s] of the programme, on a 0.5 s grid, under which every demand is met."""

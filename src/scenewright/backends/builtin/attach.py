@@ -62,6 +62,7 @@ def _attach(modifier: Modifier, agent: AgentDraft, *, crossing: bool) -> None:
         cross(agent)
     if means == "crosswalk":
         put(agent, "crosswalk", values[0])
+        agent.marked = agent.marked or any(chunk.has("XWALK") for chunk in modifier.chunks)
     if means == "leg":
         _leg(modifier, agent, crossing=crossing)
 

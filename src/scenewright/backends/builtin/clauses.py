@@ -146,7 +146,11 @@ class Reader(Naming):
         if chunk.has("GO_FIRST") and self._has_priority(at, chunk):
             self.leading = self.leading or self.subject
         if chunk.has("BOTH"):
-            self._plural_subject()
+            self._plural_subject(everyone=chunk.text == "all of them")
+        elif chunk.has("DITTO"):
+            self._ditto()
+        elif chunk.has("EXITWALK") or chunk.text == "there":
+            self._at_place(at, chunk)
         elif chunk.has("AND", "WHILE"):
             self._connect(at, chunk)
         elif chunk.has("BE"):

@@ -21,12 +21,14 @@ class AgentDraft:
     """One agent with what the text says of it.
 
     Attributes:
-        relatives: (word, other agent or None): opposite, of_left, of_right, same.
+        relatives: (word, other agent or None): opposite, of_left, of_right, same,
+            exit_crosswalk.
         head: the noun it was introduced with.
         announced: named by a heading only, so far.
         generic: introduced by a bare plural.
         words: plain words it was described with, such as colours.
         role: leader or follower, where the text calls it so.
+        marked: its crosswalk was called a crosswalk, not just a leg.
     """
 
     type: AgentClass
@@ -44,6 +46,7 @@ class AgentDraft:
     announced: bool = False
     words: frozenset[str] = frozenset()
     role: str | None = None
+    marked: bool = False
     edited: set[str] = field(default_factory=set)
 
 

@@ -44,6 +44,10 @@ def complete(agent: AgentDraft) -> None:
 
 def _vehicle(agent: AgentDraft) -> None:
     entry, exit_, movement = agent.entry, agent.exit, agent.movement
+    if movement is not None and movement not in TURNS:
+        raise Refused(
+            "impossible", "Only pedestrians cross or jaywalk; give the crossing to a pedestrian."
+        )
     if movement is not None and entry in TURNS[movement]:
         follows = TURNS[movement][str(entry)]
         if exit_ is not None and exit_ != follows:
@@ -61,7 +65,7 @@ def _vehicle(agent: AgentDraft) -> None:
 
 
 def _pedestrian(agent: AgentDraft) -> None:
-    if agent.movement == "jaywalking" and agent.crosswalk is not None:
+    if agent.movement == "jaywalking" and agent.crosswalk is not None and agent.marked:
         raise Refused(
             "contradictory",
             "A jaywalker is outside the crosswalks; drop the jaywalking or the crosswalk.",
@@ -92,6 +96,9 @@ def _relatives(agent: AgentDraft, draft: Draft) -> None:
     for word, named in agent.relatives:
         other = named or _partner(agent, draft)
         if other is None or other is agent or other.type != "vehicle":
+            continue
+        if word == "exit_crosswalk":
+            agent.crosswalk = agent.crosswalk or other.exit
             continue
         if other.entry is None and word in {"opposite", "mutual"} and agent.entry is not None:
             other.entry = OPPOSITE[agent.entry]

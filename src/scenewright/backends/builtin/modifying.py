@@ -341,6 +341,35 @@ class Modifying(Settling):
         if finite:
             self.verb_seen = True
 
+    def _at_place(self, at: int, chunk: Chunk) -> None:
+        """ "on the crosswalk of its exit", "a second one there"."""
+        walkers = [agent for agent in self.last if agent.type == "pedestrian"]
+        if chunk.has("EXITWALK"):
+            for agent in walkers:
+                cross(agent)
+                self._relate(agent, "exit_crosswalk")
+            return
+        known = next((a.crosswalk for a in reversed(self.draft.agents) if a.crosswalk), None)
+        after = self._item(at + 1)
+        if known is None or (isinstance(after, Chunk) and after.has("BE")):
+            return
+        for agent in walkers:
+            if agent.crosswalk is None:
+                agent.crosswalk = known
+                cross(agent)
+
+    def _ditto(self) -> None:
+        """ "... and the SUV does the same": the movement of whoever was told of before."""
+        others = [a for a in self.draft.agents if a not in self.subject and a.type == "vehicle"]
+        model = next((a for a in reversed(others) if a.movement or a.exit), None)
+        self.verb_seen = True
+        for agent in self.subject if model is not None else []:
+            if model is None or agent.type != "vehicle" or agent.movement:
+                continue
+            agent.movement = model.movement
+            if model.movement is None:
+                agent.exit = agent.exit or model.exit
+
     def _cross_there(self, agents: Group) -> None:
         leg = next(
             (a.exit for a in reversed(self.draft.agents) if a.type == "vehicle" and a.exit), None

@@ -530,10 +530,12 @@ class Naming(Relating):
             self.awaiting.closed = True
             self.awaiting = None
 
-    def _plural_subject(self) -> None:
+    def _plural_subject(self, *, everyone: bool = False) -> None:
         group = next(
             (g for g in reversed(self.discourse.groups) if len(g) > 1), self.draft.agents[-2:]
         )
+        if everyone:
+            group = [agent for agent in self.draft.agents if agent.type == "vehicle"]
         if len(group) > 1:
             relation = self.awaiting
             if (

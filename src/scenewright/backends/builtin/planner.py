@@ -25,6 +25,7 @@ from scenewright.backends.builtin.scope import (
     check_text,
     nothing_planned,
 )
+from scenewright.backends.builtin.shorthand import denied, expand
 from scenewright.scene.social import (
     AgentNode,
     Background,
@@ -80,7 +81,7 @@ def _base(previous: str) -> Draft | None:
 def _draft(text: str) -> Draft:
     """What a full instruction says, before entailments."""
     check_text(text)
-    plain = clean(text)
+    plain = expand(clean(text))
     check_language(text, tokenise(plain))
     without_figures, clock = read_clock(plain)
     chunks = lexicon().chunks(tokenise(without_figures))
@@ -92,6 +93,7 @@ def _draft(text: str) -> Draft:
     read_context(draft, chunks, clock)
     _told_by_figures(draft, chunks)
     _settle_normal(draft, reader, chunks)
+    _check_denied(draft, denied(plain))
     if draft.agents and any(chunk.has("EMPTY") for chunk in chunks):
         raise Refused(
             "contradictory", "The scene cannot be empty and hold agents; drop one of the two."
@@ -101,7 +103,7 @@ def _draft(text: str) -> Draft:
 
 def _edited(text: str, base: Draft) -> Draft:
     check_text(text)
-    whole = clean(text)
+    whole = expand(clean(text))
     check_language(text, tokenise(whole))
     plain, clock = read_clock(whole)
     chunks = lexicon().chunks(tokenise(plain))
@@ -179,6 +181,15 @@ def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> Non
     counted = context.vehicles is not None or context.pedestrians is not None
     if not said and not (traffic and (context.density or context.time_of_day)) and not counted:
         raise nothing_planned()
+
+
+def _check_denied(draft: Draft, none: frozenset[str]) -> None:
+    """ "no vehicles at all in which a truck ...": the text denies what it then tells."""
+    events = "event" in none and bool(draft.relations)
+    if events or any(agent.type in none for agent in draft.agents):
+        raise Refused(
+            "contradictory", "The text both asks for something and denies it; keep one of the two."
+        )
 
 
 def _drop_generic(draft: Draft) -> None:

@@ -223,6 +223,8 @@ class Relating(Modifying):
                 passive.by, self.awaiting = True, passive
 
     def _chain(self) -> None:
+        if self._chain_behind():
+            return
         group = next((g for g in (self.last, self.subject) if len(g) > 1), None)
         group = group or [a for _, g in self.sentence for a in g] or list(self.draft.agents)
         vehicles = [agent for agent in group if agent.type == "vehicle"]
@@ -231,6 +233,22 @@ class Relating(Modifying):
             return
         for first, second in pairwise(vehicles):
             self._add("follow", first, second)
+
+    def _chain_behind(self) -> bool:
+        """ "Two cars follow a truck in a chain": the second follows the first."""
+        relation = self.awaiting
+        if relation is None or relation.type != "follow" or relation.negated:
+            return False
+        followers, leaders = relation.subject or [], relation.object or []
+        if relation.passive != relation.reverse:
+            followers, leaders = leaders, followers
+        if len(followers) + len(leaders) < 3 or not (followers and leaders):
+            return False
+        self.open.remove(relation)
+        self.awaiting = None
+        for first, second in pairwise([*leaders, *followers]):
+            self._add("follow", second, first)
+        return True
 
     def _wait(self, at: int, chunk: Chunk) -> None:
         before = self._item(at - 1)

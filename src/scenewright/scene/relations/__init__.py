@@ -60,7 +60,6 @@ class Pattern(Model):
     from_: Role = Field(alias="from")
     to: Role
     constraints: tuple[str, ...]
-    phrases: tuple[str, ...] = ()
 
 
 def patterns() -> tuple[Pattern, ...]:

@@ -74,6 +74,8 @@ _TUPLES = 14
 _HOPELESS = 7
 """Tuples per relation that are tried; and after which routes are given up if none is staged."""
 _MAP_TUPLES = 400
+"""Tuples after which `map` settles for the best found and does not call it optimal."""
+
 _STAGINGS_PER_TUPLE = 4
 _GUEST_DRAWS = 1
 """Candidates of a background agent that are looked at: one, as the prior drew it (`draw`)."""

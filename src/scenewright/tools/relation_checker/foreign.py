@@ -36,6 +36,8 @@ FASTEST = 150.0
 """Faster than this [m/s] nothing on a road is: the unit, or the id, must be wrong."""
 FARTHEST = 1e8
 LATEST = 1e10
+FAR_FROM_ZERO = 1e5
+"""Times further from 0 than a day or so [s] are clock times and counted from the first row."""
 TURNED = 20.0
 """Headings beyond this are degrees [rad]."""
 COURSE = {"vehicle": 0.5, "pedestrian": 0.2}
@@ -76,6 +78,7 @@ class ForeignTracks:
         names: id in the file, by id of the user; the stretches of one track share it.
         subtypes: car, truck, bus, motorcycle, bicycle or pedestrian, by id of the user.
         step: time between samples [s].
+        origin: time in the file at which the times of the users are 0 [s]; 0 but for clock times.
         notes: what was assumed, one sentence each.
     """
 
@@ -83,6 +86,7 @@ class ForeignTracks:
     names: Mapping[int, str]
     subtypes: Mapping[int, str]
     step: float
+    origin: float = 0.0
     notes: tuple[str, ...] = ()
 
     @property
@@ -142,11 +146,11 @@ class _Table:
             getattr(rows, name).append(values.get(name, math.nan))
 
     def _not_later(self, line: int, who: str, time: float, rows: _Rows) -> NoReturn:
-        at = f"{self.clock} = {time:g}"
+        at = f"{self.clock} = {time:.13g}"
         if time == rows.t[-1]:
             self.refuse(line, f"a second row of id {_shown(who)} at {at}, the first is line "
                         f"{rows.lines[-1]}; keep one")  # fmt: skip
-        self.refuse(line, f"{at} of id {_shown(who)} comes after {self.clock} = {rows.t[-1]:g}; "
+        self.refuse(line, f"{at} of id {_shown(who)} comes after {self.clock} = {rows.t[-1]:.13g}; "
                     "sort the rows by time, and give each agent an id of its own")  # fmt: skip
 
 
@@ -370,10 +374,11 @@ def _stride(table: _Table) -> float:
 
 @dataclass(frozen=True)
 class _Clock:
-    """How the file's times become seconds: unit [s], and the step between samples [s]."""
+    """How the file's times become seconds: unit and step between samples [s], and where 0 is."""
 
     unit: float
     step: float
+    origin: float = 0.0
 
 
 def _tracks(table: _Table, *, unit: float) -> ForeignTracks:
@@ -384,7 +389,7 @@ def _tracks(table: _Table, *, unit: float) -> ForeignTracks:
     """
     if not table.agents:
         raise InputError(f"{table.name} holds no tracks")
-    clock = _Clock(unit, _step(table, unit))
+    clock = _Clock(unit, _step(table, unit), _origin(table, unit))
     stretches = [
         (who, part)
         for who, rows in table.agents.items()
@@ -397,20 +402,29 @@ def _tracks(table: _Table, *, unit: float) -> ForeignTracks:
     )
     names = dict(zip(ids, (who for who, _ in stretches), strict=True))
     subtypes = {n: table.agents[who].subtype for n, who in names.items()}
-    return ForeignTracks(users, names, subtypes, clock.step, _notes(table, names, users))
+    notes = _notes(table, names, users, clock.origin)
+    return ForeignTracks(users, names, subtypes, clock.step, clock.origin, notes)
+
+
+def _origin(table: _Table, unit: float) -> float:
+    """Where the times of the users begin: far from 0, too little of a number is left for them."""
+    first = min(rows.t[0] for rows in table.agents.values()) * unit
+    return math.floor(first) if abs(first) > FAR_FROM_ZERO else 0.0
 
 
 def _step(table: _Table, unit: float) -> float:
-    """The time between samples [s]: the mean of the steps that are near the median.
+    """The time between samples [s]: of the means over whole tracks the middle one.
 
     Raises:
         InputError: the times cannot be seconds.
     """
-    steps = np.concatenate([np.diff(rows.column("t")) * unit for rows in table.agents.values()])
-    if len(steps) == 0:
+    steps = [np.diff(rows.column("t")) * unit for rows in table.agents.values() if len(rows.t) > 1]
+    if not steps:
         return STEP
-    single = steps[np.abs(steps / np.median(steps) - 1) < 2 * JITTER]
-    step = float(single.mean()) if len(single) else float(np.median(steps))
+    usual = float(np.median(np.concatenate(steps)))
+    # Times rounded to a few digits are uneven one by one, but not over a whole track.
+    means = [each.sum() / max(np.rint(each / usual).sum(), 1.0) for each in steps]
+    step = float(np.median(np.repeat(means, [len(each) for each in steps])))
     if not SHORTEST_STEP <= step <= LONGEST_STEP:
         raise InputError(
             f"{table.name}: the rows of an agent are {step:g} s apart, which no recording is; "
@@ -444,7 +458,7 @@ def _refuse_step(
 ) -> NoReturn:
     table.refuse(
         rows.lines[k + 1],
-        f"{table.clock} = {rows.t[k + 1]:g} of id {_shown(who)} is {seconds:.4g} s after its last "
+        f"{table.clock} = {rows.t[k + 1]:.13g} of id {_shown(who)} is {seconds:.4g} s after its last "
         f"row, but the file has a step of {clock.step:.4g} s; resample it evenly",
     )
 
@@ -499,7 +513,8 @@ def _user(number: int, rows: _Rows, part: slice, clock: _Clock) -> RoadUser:
     course = headings(xy, step=clock.step, least=COURSE[shape.type])
     given = rows.column("heading")[part]
     heading = np.where(np.isnan(given), course, given)
-    return RoadUser(number, Track(xy, heading, rows.t[part.start] * clock.unit, clock.step), shape)
+    start = rows.t[part.start] * clock.unit - clock.origin
+    return RoadUser(number, Track(xy, heading, start, clock.step), shape)
 
 
 def _shape(rows: _Rows) -> Shape:
@@ -539,23 +554,26 @@ def headings(xy: FloatArray, *, step: float, least: float) -> FloatArray:
     return np.asarray(np.unwrap(result[np.where(last < 0, int(np.argmax(known)), last)]))
 
 
-def _notes(table: _Table, names: Mapping[int, str], users: tuple[RoadUser, ...]) -> tuple[str, ...]:
+def _notes(
+    table: _Table, names: Mapping[int, str], users: tuple[RoadUser, ...], origin: float
+) -> tuple[str, ...]:
     """What was assumed about the tracks."""
-    notes = []
+    notes = [f"times are counted from t = {origin:.0f} s"] if origin else []
     if len(names) > len(table.agents):
         cut = [name for name, n in Counter(names.values()).items() if n > 1]
         notes.append(f"{_listed(cut)} with gaps: each stretch is an agent of its own")
-    blind = [
-        names[user.id]
-        for user in users
-        if user.shape.type == "vehicle"
-        and np.isnan(table.agents[names[user.id]].column("heading")).all()
-        and not user.track.heading.any()
-        and float(np.ptp(user.track.xy, axis=0).max()) < COURSE["vehicle"]
-    ]
+    blind = [names[user.id] for user in users if _is_blind(user, table.agents[names[user.id]])]
     if blind:
         notes.append(f"{_listed(blind)} without heading or motion: taken to face east")
     return tuple(notes)
+
+
+def _is_blind(user: RoadUser, rows: _Rows) -> bool:
+    """Whether nothing says where a vehicle faces."""
+    if user.shape.type != "vehicle" or user.track.heading.any():
+        return False
+    extent = float(np.ptp(user.track.xy, axis=0).max())
+    return extent < COURSE["vehicle"] and bool(np.isnan(rows.column("heading")).all())
 
 
 def _listed(names: list[str], *, most: int = 5) -> str:

@@ -1,0 +1,194 @@
+"""Ways of putting things that come down to plainer ones: lists, shorthand, roundabout places."""
+
+from __future__ import annotations
+
+import re
+
+from scenewright.backends.builtin.draft import Refused
+
+_NUMBER = (
+    r"(?:\d{1,2}|no|zero|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|fifteen|"
+    r"twenty|a dozen)"
+)
+_VEHICLES = r"(?:vehicles?|vehs?|cars?|trucks?|buses|taxis|vans)"
+_WALKERS = r"(?:pedestrians?|peds?|people|persons?|walkers?)"
+_COUNTED = rf"(?:{_VEHICLES}|{_WALKERS})"
+_BOUND = r"(?:nb|sb|eb|wb|(?:north|south|east|west)bound)"
+_SIDE = r"(?:north|south|east|west)"
+_ACTION = r"(?:yields?|gives? way|hits?|strikes?|collides?|crashes|rear|near|almost|follows?)"
+_PLACE = r"(?:crosswalk|crossing|leg|arm|road|street|avenue)"
+_GOES_IN = (
+    r"(?:enter\w*|turn\w* (?:on|in)to|driv\w+ (?:over|across|onto|into)|cross(?:es)?|"
+    r"pass\w* over|go\w* (?:over|across|into)|leav\w+ (?:by|via|on|through)|exit\w* (?:by|via|on))"
+)
+_WOULD = r"(?:(?:has|have|needs|wants|is about|is going) to|must|will|is|was)"
+_EXIT_CROSSWALK = re.compile(
+    rf"\b(?:the |a )?(?:crosswalk|crossing) (?:of|on|at|across|over) (?:its|his|her|their|the) exit"
+    rf"(?: leg| side| road| arm)?\b"
+    rf"|\b(?:its|the|his|her) exit (?:leg|road|arm|side)(?:'s|s)? (?:crosswalk|crossing)\b"
+    rf"|\b(?:the |a )?(?:(?:crosswalk|crossing) (?:of|on|at|across|over) )?the {_PLACE}"
+    rf" (?:that |which )?(?:it|he|she|the [a-z]+)(?: {_WOULD})* {_GOES_IN}"
+    rf"(?: (?:at|on) (?:its|his|her|the) exit)?\b"
+)
+_THAT_LEG = re.compile(
+    r"\b(?:(?:the|a) )?(?:crosswalk|crossing) (?:of|on|at|across|over) (?:that|the same|this)"
+    r" (?:leg|arm|side|road|exit)\b"
+)
+_NAMED_SIDE = re.compile(rf"\b{_SIDE}\b")
+_BACKGROUND_LIST = re.compile(
+    r"\b(?:in the )?(?:background|bg|others|extras)(?: (?:traffic|agents|road users|actors))?"
+    rf"\s*[:=]\s*({_NUMBER} [^.;|:]*)"
+)
+_COUNT = re.compile(rf"\b({_NUMBER}) ((?:[a-z]+ )?{_COUNTED})\b")
+_LABELLED_COUNT = re.compile(
+    rf"\b(?:background|bg) ({_COUNTED})\s*[:=]\s*({_NUMBER}|none)\b(?!\s*[:.]\d)"
+)
+_SHARED_BACKGROUND = re.compile(
+    rf"\b({_NUMBER} background {_COUNTED})(,? and|,|,? plus)(?: also)? ({_NUMBER}) ({_COUNTED})\b"
+    r"(?! (?:cross|on |who|walk|step|jaywalk|from|turn|driv|go|hit|yield|collid|follow))"
+)
+_MOVES = {
+    "left": "turning left", "lt": "turning left", "right": "turning right", "rt": "turning right",
+    "thru": "going straight", "through": "going straight", "straight": "going straight",
+}  # fmt: skip
+_MOVE = rf"(?:{'|'.join(_MOVES)})"
+_VERSUS = re.compile(
+    rf"\b({_BOUND})[ -]({_MOVE})(?=\s*(?:vs|versus|x|against)\b|\s+{_ACTION}\b)"
+    rf"|(?<=vs )({_BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
+    rf"|(?<=versus )({_BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
+)
+_OF_MAP = re.compile(
+    r"\b(?:the )?(left|right|top|bottom|upper|lower)(?:[ -]hand)?(?: side| edge| end| part)? of"
+    r" (?:the |my )?(?:map|screen|picture|image|frame|view|diagram|drawing)\b"
+)
+_MAP_SIDES = {
+    "left": "west", "right": "east", "top": "north", "upper": "north",
+    "bottom": "south", "lower": "south",
+}  # fmt: skip
+_CHAIN = (
+    r"(?:platoon|convoy|chain|line|row|string|column|queue|procession|file|train)"
+)
+_EACH_BEHIND = (
+    r"each(?: one| of them| car| vehicle)? (?:follow\w*|trail\w*|tail\w*|driv\w+ behind|behind)"
+    r" the (?:(?:one|car|vehicle) )?(?:right |directly )?"
+    r"(?:ahead|in front|before it|preceding one|preceding car|previous one|previous car)"
+    r"(?: of (?:it|them))?"
+)
+_SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
+    (re.compile(pattern), new)
+    for pattern, new in (
+        (r"\bnear-?miss(?=\w*)", "near miss"),
+        (r"\bstrai(?:t|hgt|gth|gt)\b|\bstraigt\b|\bstright\b", "straight"),
+        (r"\bcomm(?=ing\b)", "com"),
+        (r"\b(?:the )?same leg(?= it)", "leg"),
+        (r"\bas well\b(?! as)", ""),
+        (
+            r"\b(a|the|baseline|video|short|traffic|this|normal|simulation) clip\b"
+            r"(?= (?:of|with|without|where|showing|in|for|at|from)\b|[ .,;:]*$)",
+            r"\1 scene",
+        ),
+        (
+            r"^\W*(?:an? )?(?:\d|two|three|four|five|multi|several)[- ](?:vehicle|car)s?[- ]"
+            r"(?:pile[- ]?up|crash|collision|accident|wreck|chain reaction)(?: crash)?\s*:",
+            "collision:",
+        ),
+        (
+            r"\b(?:complete|finish|begin|start|attempt|initiate|execute) "
+            r"(?:its|his|her|their|the|a) (left|right) turn\b",
+            r"turn \1",
+        ),
+        (
+            r"\b(?:complet|finish|beginn|start|attempt|initiat)ing "
+            r"(?:its|his|her|their|the|a) (left|right) turn\b",
+            r"turning \1",
+        ),
+        (
+            r"\b(?:complet|finish|begin|start|attempt|initiat)e?s "
+            r"(?:its|his|her|their|the|a) (left|right) turn\b",
+            r"turns \1",
+        ),
+        (
+            r"\b(wait|waits|waited|holds off|hold off|pauses|stops|delays) (?:with|on|before) "
+            r"(?:making |starting )?(?:its|his|her|their|the|a) (left|right) turn\b",
+            r"\1 to turn \2",
+        ),
+        (
+            r"\b(?:delays|holds|postpones|puts off) (?:its|his|her|their) (left|right) turn\b",
+            r"waits to turn \1",
+        ),
+        (
+            rf"\b(?:an?|the) {_CHAIN} of ({_NUMBER}(?: \w+)? {_COUNTED})(?:,? {_EACH_BEHIND})?",
+            r"\1 in a platoon",
+        ),
+        (rf",? {_EACH_BEHIND}", " in a platoon"),
+        (rf"(in a platoon\b.*?),?(?: in a platoon| {_EACH_BEHIND})", r"\1"),
+        (r"\bin a (?:chain|row|column|string|queue)\b", "in a platoon"),
+        (
+            rf", all(?: of them| three| four)?(?= (?:{_BOUND}|going|driving|heading|travell?ing|"
+            r"coming|straight|turning|from)\b)",
+            ", all of them",
+        ),
+        (rf"(?<=, )((?:both|all)(?: of them)? {_BOUND}) and (?=straight|turning|going)", r"\1 "),
+        (r"\b(?:and )?so (?:does|do|did) (the|a|an) ([a-z]+)\b", r"and \1 \2 does the same"),
+        (r"\bfew(?:er)? (?:other )?road users\b", "few cars"),
+    )
+)
+_BOTH_WAYS = re.compile(
+    r"\b(left|right|straight)(?: turn)? and (?:also )?(?:turn\w* |goes |go )?(left|right|straight)\b"
+    r".{0,12}?\b(?:at the same time|simultaneously|at once|together)\b"
+)
+_NOTHING_IN_WHICH = re.compile(
+    r"\b(?:without(?: any)?|no|zero) (?:other )?(?:interactions?|events?|incidents?|conflicts?|"
+    r"collisions?|accidents?|crash(?:es)?)(?: at all| whatsoever)? (?:in which|where|in that)\b"
+    r"|\b(?:completely|entirely|perfectly|totally|absolutely) (?:normal|uneventful|ordinary)\b"
+    r"[^.;]* (?:in which|where)\b"
+)
+_NONE_AT_ALL = re.compile(
+    rf"\b(?:no|without(?: any)?|zero) ({_VEHICLES}|{_WALKERS}|traffic)"
+    r"(?: at all| whatsoever| of any kind)\b"
+)
+
+
+def expand(text: str) -> str:
+    """Clean text with lists, shorthand and roundabout places in plainer words.
+
+    Raises:
+        Refused: a vehicle is to turn both ways at once.
+    """
+    both = _BOTH_WAYS.search(text)
+    if both and both[1] != both[2]:
+        raise Refused("contradictory", "One vehicle cannot go two ways at once; keep one of them.")
+    for pattern, new in _SIMPLE:
+        text = pattern.sub(new, text)
+    text = _OF_MAP.sub(lambda match: f"the {_MAP_SIDES[match[1]]}", text)
+    text = _VERSUS.sub(_vehicle, text)
+    text = _THAT_LEG.sub(_that_leg, text)
+    return _backgrounds(_EXIT_CROSSWALK.sub("the exitwalk", text))
+
+
+def denied(text: str) -> frozenset[str]:
+    """What clean text says there is none of: event, vehicle, pedestrian."""
+    found = {"event"} if _NOTHING_IN_WHICH.search(text) else set()
+    for match in _NONE_AT_ALL.finditer(text):
+        found.add("pedestrian" if re.fullmatch(_WALKERS, match[1]) else "vehicle")
+    return frozenset(found)
+
+
+def _vehicle(match: re.Match[str]) -> str:
+    """ "NB left vs SB thru": two vehicles."""
+    bound, move = (group for group in match.groups() if group is not None)
+    return f"a {bound} vehicle {_MOVES[move]}"
+
+
+def _that_leg(match: re.Match[str]) -> str:
+    """ "that leg" is the side that was named last."""
+    sides = _NAMED_SIDE.findall(match.string[: match.start()])
+    return f"the {sides[-1]} crosswalk" if sides else "the exitwalk"
+
+
+def _backgrounds(text: str) -> str:
+    text = _BACKGROUND_LIST.sub(lambda match: _COUNT.sub(r"\1 background \2", match[1]), text)
+    text = _LABELLED_COUNT.sub(
+        lambda match: f"{'no' if match[2] == 'none' else match[2]} background {match[1]}", text
+    )
+    return _SHARED_BACKGROUND.sub(r"\1\2 \3 background \4", text)
