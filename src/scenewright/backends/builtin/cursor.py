@@ -187,6 +187,7 @@ class Cursor:
                     "NEGATION",
                     "JAYWALK",
                     "LATE",
+                    "DITTO",
                 )
                 and not item.words[0].endswith("ing")
                 and item.text not in {"behind", "across", "in front", "close to"}

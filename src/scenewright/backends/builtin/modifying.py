@@ -91,7 +91,7 @@ class Modifying(Settling):
         if modifier.means == "side":
             self._sided(modifier)
             return
-        finite = self._is_finite(modifier)
+        finite = self._is_finite(modifier) or self._all_do(at)
         if modifier.means in {"crosswalk", "on_crosswalk"} and self._kept_off(at):
             return
         if modifier.means in VEHICLE_ONLY:
@@ -120,6 +120,12 @@ class Modifying(Settling):
             targets = targets + [a for a in self.subject if a not in targets and a.entry is None]
         attach(modifier, targets, crossing=self.crossing)
         self._reconcile(targets)
+
+    def _all_do(self, at: int) -> bool:
+        """ "a truck and a sedan are going straight": the verb belongs to both."""
+        before = self._item(at - 1)
+        plural = isinstance(before, Chunk) and before.text in {"are", "were"}
+        return plural and len(self.subject) > 1 and not self.relative
 
     def _at_the_wheel(self, *, finite: bool) -> None:
         """ "some guy turned left", "a man ran the light": whoever does that is driving."""

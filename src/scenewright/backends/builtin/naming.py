@@ -400,10 +400,8 @@ class Naming(Relating):
         relation = self.awaiting
         if relation is not None and self._accepts(relation, at):
             relation.object = group
-        elif (
-            (self.gap is not None and self.relative and self.boundary)
-            or not self.subject
-            or self.boundary
+        elif not self.subject or (
+            self.boundary and words_of(self._item(at)) not in {"him", "her", "them"}
         ):
             self.subject, self.verb_seen = group, False
 

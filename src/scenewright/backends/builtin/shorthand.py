@@ -25,7 +25,7 @@ _WOULD = r"(?:(?:has|have|needs|wants|is about|is going) to|must|will|is|was)"
 _EXIT_CROSSWALK = re.compile(
     rf"\b(?:the |a )?(?:crosswalk|crossing) (?:of|on|at|across|over) (?:its|his|her|their|the) exit"
     rf"(?: leg| side| road| arm)?\b"
-    rf"|\b(?:its|the|his|her) exit (?:leg|road|arm|side)(?:'s|s)? (?:crosswalk|crossing)\b"
+    r"|\b(?:its|the|his|her) exit (?:(?:leg|road|arm|side)s? )?(?:crosswalk|crossing)\b"
     rf"|\b(?:the |a )?(?:(?:crosswalk|crossing) (?:of|on|at|across|over) )?the {_PLACE}"
     rf" (?:that |which )?(?:it|he|she|the [a-z]+)(?: {_WOULD})* {_GOES_IN}"
     rf"(?: (?:at|on) (?:its|his|her|the) exit)?\b"
@@ -82,6 +82,12 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\bcomm(?=ing\b)", "com"),
         (r"\b(?:the )?same leg(?= it)", "leg"),
         (r"\bas well\b(?! as)", ""),
+        (r"\b(turn(?:s|ed|ing)?) right (?=(?:at|before|after|when|as|in|next|now)\b)", r"\1 rightwards "),
+        (
+            r"\b(an? [^.,;]*?) and (an? [^.,;]*?) (turn|drive|move) (left|right|straight) and "
+            r"(left|right|straight),? respectively\b,?",
+            r"\1 \3s \4 and \2 \3s \5",
+        ),
         (
             r"\b(a|the|baseline|video|short|traffic|this|normal|simulation) clip\b"
             r"(?= (?:of|with|without|where|showing|in|for|at|from)\b|[ .,;:]*$)",
@@ -116,6 +122,7 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             r"\b(?:delays|holds|postpones|puts off) (?:its|his|her|their) (left|right) turn\b",
             r"waits to turn \1",
         ),
+        (rf"\b(?:an?|the) {_CHAIN} of ({_NUMBER}(?: \w+)? {_COUNTED})(?= ?:)", r"\1"),
         (
             rf"\b(?:an?|the) {_CHAIN} of ({_NUMBER}(?: \w+)? {_COUNTED})(?:,? {_EACH_BEHIND})?",
             r"\1 in a platoon",
@@ -128,7 +135,7 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             r"coming|straight|turning|from)\b)",
             ", all of them",
         ),
-        (rf"(?<=, )((?:both|all)(?: of them)? {_BOUND}) and (?=straight|turning|going)", r"\1 "),
+        (rf"(?<=, )((?:both|all)(?: of them)? {_BOUND}) and (?=straight\b)", r"\1 and going "),
         (r"\b(?:and )?so (?:does|do|did) (the|a|an) ([a-z]+)\b", r"and \1 \2 does the same"),
         (r"\bfew(?:er)? (?:other )?road users\b", "few cars"),
     )

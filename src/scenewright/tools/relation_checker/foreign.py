@@ -458,8 +458,8 @@ def _refuse_step(
 ) -> NoReturn:
     table.refuse(
         rows.lines[k + 1],
-        f"{table.clock} = {rows.t[k + 1]:.13g} of id {_shown(who)} is {seconds:.4g} s after its last "
-        f"row, but the file has a step of {clock.step:.4g} s; resample it evenly",
+        f"{table.clock} = {rows.t[k + 1]:.13g} of id {_shown(who)} is {seconds:.4g} s after its "
+        f"last row, but the file has a step of {clock.step:.4g} s; resample it evenly",
     )
 
 
