@@ -214,6 +214,112 @@ def test_agents_are_told_apart(text: str, entries: list[str | None]) -> None:
     assert {agent.type for agent in found.agents} == {"vehicle"}
 
 
+Way = tuple[str | None, str | None, str | None]
+
+
+@pytest.mark.parametrize(
+    ("text", "ways"),
+    [
+        (
+            "NB left vs SB thru, crash",
+            [("south", "west", "left"), ("north", "south", "straight")],
+        ),
+        (
+            "- agent 1: bus, from west, straight\n- agent 2: car, from south, left\n- crash",
+            [("west", "east", "straight"), ("south", "west", "left")],
+        ),
+        (
+            "A car comming from the east hits a bus from the south, both going strait",
+            [("east", "west", "straight"), ("south", "north", "straight")],
+        ),
+        (
+            "A car from the north turns left, and the bus from the south does the same; they crash",
+            [("north", "east", "left"), ("south", "west", "left")],
+        ),
+        (
+            "Two northbound vehicles, a truck and a sedan, are going straight when they sideswipe",
+            [("south", "north", "straight"), ("south", "north", "straight")],
+        ),
+        (
+            "Before a car from the north can finish its left turn it yields to an oncoming truck",
+            [("north", "east", "left"), ("south", None, None)],
+        ),
+        (
+            "A car turns left from the north and a bus turns right at the same time; they crash",
+            [("north", "east", "left"), (None, None, "right")],
+        ),
+        (
+            "A car from the left side of the map hits a truck from the top of the map",
+            [("west", None, None), ("north", None, None)],
+        ),
+        (
+            "A truck from the east rams into the back of a car coming from the east as well",
+            [("east", None, None), ("east", None, None)],
+        ),
+        (
+            "Crash. Ego: southbound, left turn. Other: northbound, straight. Ego hits other.",
+            [("north", "east", "left"), ("south", "north", "straight")],
+        ),
+        (
+            "A northbound bus, sorry, an eastbound bus hits a car from the north",
+            [("west", None, None), ("north", None, None)],
+        ),
+        (
+            "Two-car crash: a bus from the north hits a car from the east",
+            [("north", None, None), ("east", None, None)],
+        ),
+    ],
+)
+def test_lists_shorthand_and_shared_movements(text: str, ways: list[Way]) -> None:
+    assert [(a.entry, a.exit, a.movement) for a in graph(text).agents] == ways
+
+
+@pytest.mark.parametrize(
+    ("text", "crosswalks"),
+    [
+        (
+            "A bus from the north turns left and hits a man crossing the leg it is entering",
+            ["east"],
+        ),
+        ("A car turns right from the west and yields to a man on its exit crosswalk", ["south"]),
+        (
+            "A car leaves to the east after a left turn and hits a man on that leg's crosswalk",
+            ["east"],
+        ),
+        ("A car yields to a man on the south crosswalk and hits a second one there", ["south"] * 2),
+        ("A man jaywalks across the south leg and a bus nearly hits him", ["south"]),
+        ("A bus from the west waits at its entry crosswalk for two pedestrians", ["west"] * 2),
+        ("A man crosses from the northeast corner to the southeast corner, a car stops", ["east"]),
+    ],
+)
+def test_crosswalks_named_by_the_way_of_a_vehicle(text: str, crosswalks: list[str]) -> None:
+    walkers = [agent for agent in graph(text).agents if agent.type == "pedestrian"]
+    assert [agent.crosswalk for agent in walkers] == crosswalks
+
+
+def test_a_leg_crossed_by_a_jaywalker_is_no_contradiction() -> None:
+    found = graph("A jaywalker crosses the west leg and a car yields")
+    assert (found.agents[0].movement, found.agents[0].crosswalk) == ("jaywalking", "west")
+
+
+def test_chains_follow_one_by_one() -> None:
+    text = "A platoon of three cars goes straight from south to north, each following the one ahead"
+    assert len(edges(text)) == 2
+    assert len({from_ for _, from_, _ in edges(text)}) == 2
+    assert edges("Two cars follow a truck in a chain") == [
+        ("follow", "vehicle-1", "vehicle-3"),
+        ("follow", "vehicle-2", "vehicle-1"),
+    ]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["A baseline clip without incidents, please.", "No crashes or near misses, at noon."],
+)
+def test_scenes_where_nothing_happens(text: str) -> None:
+    assert not graph(text).relations
+
+
 @pytest.mark.parametrize(
     "text", ["Bake a cake.", "My computer crashed.", "Plan my week.", "A waiter serves a table."]
 )
@@ -291,6 +397,10 @@ def test_densities(said: str, density: str | None) -> None:
         ("with five other cars and two other pedestrians around", 5, 2),
         ("with nobody else around", 0, 0),
         ("with no other cars", 0, None),
+        ("at 7 am, six background cars and two pedestrians", 6, 2),
+        (". Background: 8 vehicles and 4 pedestrians", 8, 4),
+        (". In the background: four cars, no pedestrians", 4, 0),
+        (". Background vehicles: 6. Background pedestrians: 3", 6, 3),
     ],
 )
 def test_background_counts(said: str, vehicles: int | None, pedestrians: int | None) -> None:
@@ -335,6 +445,11 @@ def test_severity_and_cause_reach_the_relation() -> None:
         ("Two pedestrians collide", "impossible"),
         ("A car drives on the sidewalk and hits a pedestrian", "impossible"),
         ("At 27:80 a car hits a bus", "impossible"),
+        ("A jaywalker on the north crosswalk is hit by a car.", "contradictory"),
+        ("The truck slams on its to avoid hitting a jaywalking bus, man.", "impossible"),
+        ("A car turns left and right simultaneously and hits a bus.", "contradictory"),
+        ("A scene without any collisions where a bus hits a car.", "contradictory"),
+        ("A scene with no vehicles at all in which a truck rear-ends a car.", "contradictory"),
     ],
 )
 def test_refusals_say_why(text: str, code: str) -> None:

@@ -139,9 +139,14 @@ class Cursor:
 
     def _actors(self) -> Group:
         """Whoever acts in the relation that still wants its object."""
-        if self.awaiting is None or not self._takes_object():
+        if self.awaiting is None or not self._takes_object() or self._told_of_both():
             return []
         return self.awaiting.subject or []
+
+    def _told_of_both(self) -> bool:
+        """ "an SUV and a taxi collide, the SUV turning left": no third agent."""
+        relation = self.awaiting
+        return relation is not None and self.boundary and self._complete(relation)
 
     def _ahead_of(self, at: int) -> bool:
         after = self._item(at + 1)
@@ -363,7 +368,7 @@ def kind_can_hold(kind: str, what: Modifier | Chunk) -> bool:
         if what.means in VEHICLE_ONLY:
             return kind == "vehicle"
         return kind == "pedestrian" or what.means not in PEDESTRIAN_ONLY
-    if what.has("CROSS", "JAYWALK", "XWALK"):
+    if what.has("CROSS", "JAYWALK", "XWALK", "EXITWALK"):
         return kind == "pedestrian"
     return kind == "vehicle" or not what.has("REDRUN")
 

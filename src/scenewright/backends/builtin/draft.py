@@ -22,7 +22,7 @@ class AgentDraft:
 
     Attributes:
         relatives: (word, other agent or None): opposite, of_left, of_right, same,
-            exit_crosswalk.
+            exit_crosswalk, entry_crosswalk.
         head: the noun it was introduced with.
         announced: named by a heading only, so far.
         generic: introduced by a bare plural.

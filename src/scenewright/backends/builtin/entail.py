@@ -97,8 +97,9 @@ def _relatives(agent: AgentDraft, draft: Draft) -> None:
         other = named or _partner(agent, draft)
         if other is None or other is agent or other.type != "vehicle":
             continue
-        if word == "exit_crosswalk":
-            agent.crosswalk = agent.crosswalk or other.exit
+        if word.endswith("_crosswalk"):
+            leg = other.exit if word == "exit_crosswalk" else other.entry
+            agent.crosswalk = agent.crosswalk or leg
             continue
         if other.entry is None and word in {"opposite", "mutual"} and agent.entry is not None:
             other.entry = OPPOSITE[agent.entry]

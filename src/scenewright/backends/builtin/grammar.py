@@ -173,7 +173,7 @@ def _bare_bound(nodes: Sequence[Node], at: int) -> bool:
     return not (
         isinstance(opener, Chunk)
         and (
-            opener.has("AGENT", "NUMBER", "BE")
+            opener.has("AGENT", "NUMBER", "BE", "BOTH")
             or (opener.mark in {",", "("} and at >= 3 and _is_agent(nodes[at - 3]))
         )
     )

@@ -351,13 +351,15 @@ class Modifying(Settling):
         """ "on the crosswalk of its exit", "a second one there"."""
         walkers = [agent for agent in self.last if agent.type == "pedestrian"]
         if chunk.has("EXITWALK"):
-            for agent in walkers:
-                cross(agent)
-                self._relate(agent, "exit_crosswalk")
+            named = [a for _, g in self.sentence for a in g if a.type == "pedestrian"]
+            self._mark(walkers or named, chunk)
+            if not walkers and not named:
+                self.fronted.append(chunk)
             return
         known = next((a.crosswalk for a in reversed(self.draft.agents) if a.crosswalk), None)
         after = self._item(at + 1)
-        if known is None or (isinstance(after, Chunk) and after.has("BE")):
+        exists = isinstance(after, Chunk) and after.has("BE")
+        if known is None or (exists and not isinstance(self._item(at - 1), Mention)):
             return
         for agent in walkers:
             if agent.crosswalk is None:
@@ -366,15 +368,18 @@ class Modifying(Settling):
 
     def _ditto(self) -> None:
         """ "... and the SUV does the same": the movement of whoever was told of before."""
-        others = [a for a in self.draft.agents if a not in self.subject and a.type == "vehicle"]
-        model = next((a for a in reversed(others) if a.movement or a.exit), None)
+        open_ = [agent for agent in self.subject if not agent.movement]
+        told = open_ or [agent for agent in self.last if not agent.movement]
+        others = [a for a in self.draft.agents if a not in told and a.type == "vehicle"]
+        model = next((a for a in reversed(others) if a.movement or a.exit or a.entry), None)
         self.verb_seen = True
-        for agent in self.subject if model is not None else []:
-            if model is None or agent.type != "vehicle" or agent.movement:
+        for agent in told:
+            if model is None or agent.type != "vehicle":
                 continue
             agent.movement = model.movement
             if model.movement is None:
                 agent.exit = agent.exit or model.exit
+                agent.entry = agent.entry or model.entry
 
     def _cross_there(self, agents: Group) -> None:
         leg = next(
@@ -390,10 +395,13 @@ class Modifying(Settling):
         for agent in agents:
             if chunk.has("JAYWALK") and agent.type == "pedestrian":
                 if self.editing:
-                    agent.crosswalk = None
+                    agent.crosswalk, agent.marked = None, False
                 agent.movement = "jaywalking"
             elif chunk.has("CROSS"):
                 cross(agent)
+            elif chunk.has("EXITWALK"):
+                cross(agent)
+                self._relate(agent, f"{chunk.tags['EXITWALK']}_crosswalk")
             elif chunk.has("OPPOSITE"):
                 if agent.type == "pedestrian" and chunk.tags["OPPOSITE"] == "mutual":
                     continue

@@ -1,7 +1,8 @@
 """Stage 1 without a model: instruction text -> social graph, or a refusal with its reason.
 
-Text goes through `normalise` (tokens), `clock` (figures), `lexicon` (tagged chunks), `grammar`
-(modifiers), `mentions` (noun phrases), `clauses` (agents, relations), `context` and `entail`.
+Text goes through `normalise` (tokens), `shorthand` (plainer words), `clock` (figures), `lexicon`
+(tagged chunks), `grammar` (modifiers), `mentions` (noun phrases), `clauses` (agents, relations),
+`context` and `entail`.
 """
 
 from __future__ import annotations

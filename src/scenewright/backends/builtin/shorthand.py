@@ -26,17 +26,31 @@ _EXIT_CROSSWALK = re.compile(
     rf"\b(?:the |a )?(?:crosswalk|crossing) (?:of|on|at|across|over) (?:its|his|her|their|the) exit"
     rf"(?: leg| side| road| arm)?\b"
     r"|\b(?:its|the|his|her) exit (?:(?:leg|road|arm|side)s? )?(?:crosswalk|crossing)\b"
-    rf"|\b(?:the |a )?(?:(?:crosswalk|crossing) (?:of|on|at|across|over) )?the {_PLACE}"
-    rf" (?:that |which )?(?:it|he|she|the [a-z]+)(?: {_WOULD})* {_GOES_IN}"
+    rf"|\b(?:the |a )?(?:(?:crosswalk|crossing) (?:of|on|at|across|over) )?the"
+    rf" (?:same )?{_PLACE} (?:that |which )?(?:it|he|she|the [a-z]+)(?: {_WOULD})* {_GOES_IN}"
     rf"(?: (?:at|on) (?:its|his|her|the) exit)?\b"
+)
+_COMES_BY = (
+    r"(?:com\w+ (?:from|in (?:on|by))|approach\w* (?:on|from|along)|start\w* (?:from|on)|enter\w* "
+    r"(?:from|by|on)|arriv\w* (?:from|on|by))"
+)
+_ENTRY_CROSSWALK = re.compile(
+    r"\b(?:the |a )?(?:crosswalk|crossing) (?:of|on|at|across|over) (?:its|his|her|their|the)"
+    r" (?:own )?(?:entry|approach|entrance)(?: leg| side| road| arm)?\b"
+    r"|\b(?:its|the|his|her) (?:own )?(?:entry|approach|near|near-side|near side)"
+    r"(?: (?:leg|road|arm|side)s?)? (?:crosswalk|crossing)\b"
+    rf"|\b(?:the |a )?(?:crosswalk|crossing) (?:of|on|at|across|over) the {_PLACE}"
+    rf" (?:that |which )?(?:it|he|she|the [a-z]+)(?: {_WOULD})* {_COMES_BY}\b"
 )
 _THAT_LEG = re.compile(
     r"\b(?:(?:the|a) )?(?:crosswalk|crossing) (?:of|on|at|across|over) (?:that|the same|this)"
     r" (?:leg|arm|side|road|exit)\b"
+    r"|\bthat (?:leg|arm|road|side|exit) s? ?(?:crosswalk|crossing)\b"
 )
 _NAMED_SIDE = re.compile(rf"\b{_SIDE}\b")
 _BACKGROUND_LIST = re.compile(
-    r"\b(?:in the )?(?:background|bg|others|extras)(?: (?:traffic|agents|road users|actors))?"
+    r"\b(?:in the )?(?:background|bg|others|extras)(?: only)?"
+    r"(?: (?:traffic|agents|road users|actors))?"
     rf"\s*[:=]\s*({_NUMBER} [^.;|:]*)"
 )
 _COUNT = re.compile(rf"\b({_NUMBER}) ((?:[a-z]+ )?{_COUNTED})\b")
@@ -65,14 +79,20 @@ _MAP_SIDES = {
     "left": "west", "right": "east", "top": "north", "upper": "north",
     "bottom": "south", "lower": "south",
 }  # fmt: skip
-_CHAIN = (
-    r"(?:platoon|convoy|chain|line|row|string|column|queue|procession|file|train)"
-)
+_MAP_WORDS = re.compile(r"\bfrom (?:the )?(?:top|bottom)\b")
+_FROM_SIDE = re.compile(r"\bfrom (?:the )?(left|right)\b(?! (?:of|side|lane|turn|hand))")
+_EGO_AND_OTHER = re.compile(r"\bego\b.*\bother ?:")
+_OTHER = re.compile(r"\b(?:the )?other(?= ?[:.;,]| (?:yields|gives|hits|goes|turns|stops)\b|$)")
+_CHAIN = r"(?:platoon|convoy|chain|line|row|string|column|queue|procession|file|train)"
 _EACH_BEHIND = (
     r"each(?: one| of them| car| vehicle)? (?:follow\w*|trail\w*|tail\w*|driv\w+ behind|behind)"
     r" the (?:(?:one|car|vehicle) )?(?:right |directly )?"
     r"(?:ahead|in front|before it|preceding one|preceding car|previous one|previous car)"
     r"(?: of (?:it|them))?"
+)
+_EVENT = (
+    r"(?:accidents?|collisions?|crash(?:es)?|near[- ]miss(?:es)?|incidents?|conflicts?|events?|"
+    r"interactions?|close calls?|yielding)"
 )
 _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     (re.compile(pattern), new)
@@ -81,8 +101,93 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\bstrai(?:t|hgt|gth|gt)\b|\bstraigt\b|\bstright\b", "straight"),
         (r"\bcomm(?=ing\b)", "com"),
         (r"\b(?:the )?same leg(?= it)", "leg"),
+        (
+            rf",(?: and)? (an? [a-z]+ from the {_SIDE}),? (?:too|as well|likewise)(?=[;.,]|$)",
+            r" and \1 does the same",
+        ),
         (r"\bas well\b(?! as)", ""),
-        (r"\b(turn(?:s|ed|ing)?) right (?=(?:at|before|after|when|as|in|next|now)\b)", r"\1 rightwards "),
+        (r"(?<=[a-z\d])\s*=\s*(?=[a-z\d])", ": "),
+        (
+            r"\b(?:background|bg):? (\d+) ?/ ?(\d+)\b",
+            r"\1 background vehicles and \2 background pedestrians",
+        ),
+        (
+            rf"\b(?:head|go|driv|mov|travel)\w* (?:out )?to(?:wards?)? the ({_SIDE}) exit\b",
+            r"leaving to the \1",
+        ),
+        (
+            rf"\b(run|walk|jog)(s|ning|ing)? over (?=the (?:{_SIDE}(?:ern)? )?"
+            r"(?:crosswalk|crossing|leg|street|road)\b)",
+            r"\1\2 across ",
+        ),
+        (
+            r"\bneither of (?:the )?(two [a-z]+) (?:yields?|gives? way|stops?|brakes?)(?= ?[:;,])",
+            r"\1",
+        ),
+        (
+            r"\bfrom the north(east|west)(?: corner)? to the south\1 corner\b",
+            r"across the \1 leg from north to south",
+        ),
+        (
+            r"\bfrom the south(east|west)(?: corner)? to the north\1 corner\b",
+            r"across the \1 leg from south to north",
+        ),
+        (
+            r"\bfrom the (north|south)east(?: corner)? to the \1west corner\b",
+            r"across the \1 leg from east to west",
+        ),
+        (
+            r"\bfrom the (north|south)west(?: corner)? to the \1east corner\b",
+            r"across the \1 leg from west to east",
+        ),
+        (
+            rf"\ban? (?:[a-z]+ ){{0,2}}(?:{_VEHICLES}|{_WALKERS}|bus|suv|taxi|van|man|woman),?"
+            r" (?:no |er |uh )?,? ?"
+            r"(?:sorry|i mean|i meant|make that|or rather|no wait|wait no),? (?=an? )",
+            "",
+        ),
+        (
+            r"(?<= |,)((?:the|a|another) [a-z]+) (?:right |directly )?behind the [a-z]+"
+            r"(?= (?:can|does|fails|brakes|hits|crashes|rear|runs|slams|collides|bumps|strikes)\b)",
+            r"\1 behind it",
+        ),
+        (r", neither (?:one |of them )?turning\b", ", both going straight"),
+        (
+            r"\bbetween two (?:vehicles|cars|road users) ?[:(,] ?"
+            r"(?=(?:an? )?(?:[a-z]+ )?[a-z]+ ?(?::|from|\(|and))",
+            "between ",
+        ),
+        (r"\bno yield to\b", "does not yield to"),
+        (rf"\b(on|to|by|via|at|through) the ({_SIDE})(?:ern)? one\b", r"\1 the \2 leg"),
+        (r"\billegally cross(?:es|ed)?\b", "jaywalks across"),
+        (r"\billegally crossing\b", "jaywalking across"),
+        (r"^\W*(follow(?:ing)?|yield(?:ing)?)\s*[,;]", r"\1:"),
+        (r"\bnothing (?:should|must|shall|will|is to|is going to|may) happen\b", "nothing happens"),
+        (
+            rf"\b(?:no|without(?: any)?|free of(?: any)?) {_EVENT}"
+            rf"(?:(?:,? or|,? and|,? nor|,)(?: any| no| without)? {_EVENT})+",
+            "without any incident",
+        ),
+        (r"\b(another|a second|a third|a further) one there\b", r"\1 pedestrian there"),
+        (r"\b(?:the )?far(?:[- ]side)? (?:crosswalk|crossing)\b", "the exitwalk"),
+        (
+            rf", each(?: of them)?(?= (?:{_BOUND}|going|driving|heading|travell?ing|turning)\b)",
+            ", all of them",
+        ),
+        (
+            r"\b(turn(?:s|ed|ing)?) right (?=(?:at|before|after|when|as|in|next|now)\b)",
+            r"\1 rightwards ",
+        ),
+        (
+            rf"\b(?:two|2) ({_BOUND} |oncoming )?(?:vehicles|cars|motorists),? (?:namely )?"
+            r"an? ([a-z]+) and an? ([a-z]+)(?=,| (?:are|is|collide|go|drive|turn|almost|nearly)\b)",
+            r"a \1\2 and a \1\3",
+        ),
+        (
+            rf"\b(?:two|2) (?:vehicles|cars|motorists) (from the {_SIDE}|{_BOUND}), (?:namely )?"
+            r"(an? [a-z]+ and an? [a-z]+),",
+            r"\2, both \1,",
+        ),
         (
             r"\b(an? [^.,;]*?) and (an? [^.,;]*?) (turn|drive|move) (left|right|straight) and "
             r"(left|right|straight),? respectively\b,?",
@@ -127,6 +232,7 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             rf"\b(?:an?|the) {_CHAIN} of ({_NUMBER}(?: \w+)? {_COUNTED})(?:,? {_EACH_BEHIND})?",
             r"\1 in a platoon",
         ),
+        (r",? each(?: one| of them)? behind the (?:other|next)\b", " in a platoon"),
         (rf",? {_EACH_BEHIND}", " in a platoon"),
         (rf"(in a platoon\b.*?),?(?: in a platoon| {_EACH_BEHIND})", r"\1"),
         (r"\bin a (?:chain|row|column|string|queue)\b", "in a platoon"),
@@ -136,12 +242,17 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             ", all of them",
         ),
         (rf"(?<=, )((?:both|all)(?: of them)? {_BOUND}) and (?=straight\b)", r"\1 and going "),
-        (r"\b(?:and )?so (?:does|do|did) (the|a|an) ([a-z]+)\b", r"and \1 \2 does the same"),
+        (
+            rf"\b(?:and )?so (?:does|do|did|is|was) (the|a|an) ((?:{_BOUND} )?[a-z]+)\b",
+            r"and \1 \2 does the same",
+        ),
         (r"\bfew(?:er)? (?:other )?road users\b", "few cars"),
+        (r"\b(?:its|his|her|their) (left|right)[- ](?:hand )?turn\b", r"a \1 turn"),
     )
 )
 _BOTH_WAYS = re.compile(
-    r"\b(left|right|straight)(?: turn)? and (?:also )?(?:turn\w* |goes |go )?(left|right|straight)\b"
+    r"\b(left|right|straight)(?: turn)? and (?:also )?(?:turn\w* |goes |go )?"
+    r"(left|right|straight)\b"
     r".{0,12}?\b(?:at the same time|simultaneously|at once|together)\b"
 )
 _NOTHING_IN_WHICH = re.compile(
@@ -167,9 +278,14 @@ def expand(text: str) -> str:
         raise Refused("contradictory", "One vehicle cannot go two ways at once; keep one of them.")
     for pattern, new in _SIMPLE:
         text = pattern.sub(new, text)
+    if _MAP_WORDS.search(text):
+        text = _FROM_SIDE.sub(lambda match: f"from the {_MAP_SIDES[match[1]]}", text)
+    if _EGO_AND_OTHER.search(text):
+        text = re.sub(r"\bego\b", "vehicle 1", _OTHER.sub("vehicle 2", text))
     text = _OF_MAP.sub(lambda match: f"the {_MAP_SIDES[match[1]]}", text)
     text = _VERSUS.sub(_vehicle, text)
     text = _THAT_LEG.sub(_that_leg, text)
+    text = _ENTRY_CROSSWALK.sub("the entrywalk", text)
     return _backgrounds(_EXIT_CROSSWALK.sub("the exitwalk", text))
 
 
