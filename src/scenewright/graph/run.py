@@ -252,6 +252,8 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
 def _check_arguments(seed: int, refiner: str) -> None:
     if not 0 <= seed <= MAX_SEED:
         raise InputError(f"a seed is a whole number from 0 to 2^63 - 1, got {seed}")
+    if refiner == "trajnet":
+        raise InputError("the learned refiner 'trajnet' is not in this version; use 'none'")
     if refiner not in REFINERS:
         raise InputError(f"there is no refiner {refiner!r}; choose one of: {', '.join(REFINERS)}")
 
