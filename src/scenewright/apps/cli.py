@@ -75,6 +75,10 @@ def make(
         Literal["draw", "map"],
         typer.Option(help="Draw among the combinations that fit, or take the likeliest."),
     ] = "draw",
+    profile: Annotated[
+        Literal["full", "paper"],
+        typer.Option(help="Keys of scene.json: all, or those of the paper's Listing 1 alone."),
+    ] = "full",
     out: Annotated[
         str | None, typer.Option(help="Folder to write; scenes/ID if none is named.")
     ] = None,
@@ -97,6 +101,7 @@ def make(
         seed=seed,
         refiner=refiner,
         selection=selection,
+        profile=profile,
         out=out,
         force=force,
         picture=not no_picture,

@@ -34,6 +34,7 @@ class Request:
     seed: int
     refiner: str
     selection: Literal["draw", "map"]
+    profile: Literal["full", "paper"]
     out: str | None
     force: bool
     picture: bool
@@ -104,7 +105,7 @@ def make_scene(request: Request, *, tell: Tell) -> Made:
         name = Path(SCENES) / folder_name(scene.record.meta.scene_id)
         target = target_folder(str(name), force=request.force)
     with whole_folder(target) as part:
-        scene.save(part)
+        scene.save(part, profile=request.profile)
         warnings = _add_views(scene, part, request, tell)
         files = tuple(sorted(entry.name for entry in part.iterdir()))
         stop_if_asked()

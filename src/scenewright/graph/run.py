@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 from pydantic import ValidationError
 
@@ -40,6 +40,7 @@ DEFAULT_INTERSECTION = "amsterdam_120"
 REFINERS = ("none",)
 MAX_SEED = 2**63 - 1
 
+Profile = Literal["full", "paper"]
 Tell = Callable[[str, str], None]
 
 
@@ -60,14 +61,20 @@ class Scene:
     state: SceneState
     messages: tuple[tuple[str, str], ...]
 
-    def save(self, folder: str | Path) -> Path:
-        """Writes scene.json, proof.json and provenance.json, each whole or not at all."""
+    def save(self, folder: str | Path, *, profile: Profile = "full") -> Path:
+        """Writes scene.json, proof.json and provenance.json, each whole or not at all.
+
+        Args:
+            profile: `paper` keeps to the keys of the paper's Listing 1 in scene.json, which then
+                cannot be verified again.
+        """
         target = make_folder(folder)
         write_atomically(target / "provenance.json", _json(self.provenance))
         write_atomically(
             target / "proof.json", _json(self.proof.model_dump(mode="json", by_alias=True))
         )
-        write_atomically(target / "scene.json", scene_bytes(self.record))
+        scene = scene_bytes(self.record) if profile == "full" else _json(self.record.to_paper())
+        write_atomically(target / "scene.json", scene)
         return target
 
 

@@ -112,3 +112,31 @@ class SceneRecord(Model):
     def to_json(self) -> dict[str, Any]:
         """Plain JSON with the file's key names."""
         return self.model_dump(mode="json", by_alias=True)
+
+    def to_paper(self) -> dict[str, Any]:
+        """Plain JSON with the keys of Listing 1 alone.
+
+        Listing 1 knows collisions and yielding; other events are dropped. Where none is left it
+        wants one row `normal` that names two agents: the first two, as far as there are any.
+        """
+        rows = [each for each in self.events if each.type in ("collision", "yielding")]
+        events = [_only(each, PAPER_EVENT) for each in rows]
+        if not events:
+            ids = [*(agent.id for agent in self.agents[:2]), None, None]
+            events = [
+                {"type": "normal", "from": ids[0], "to": ids[1], "time": None, "location": None}
+            ]
+        return {
+            "meta": _only(self.meta, PAPER_META),
+            "agents": [_only(agent, PAPER_AGENT) for agent in self.agents],
+            "events": events,
+        }
+
+
+PAPER_META = ("scene_id", "map_id", "timestamp", "user_prompt")
+PAPER_AGENT = ("id", "type", "spawn_time", "goal", "trajectory")
+PAPER_EVENT = ("type", "from_", "to", "time", "location")
+
+
+def _only(model: Model, fields: tuple[str, ...]) -> dict[str, Any]:
+    return model.model_dump(mode="json", by_alias=True, include=set(fields))
