@@ -11,6 +11,7 @@ from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.landmarks import Landmarks
+from scenewright.tools.segment_editor import terminated
 from scenewright.tools.time_law import Hold, Motion, move
 
 
@@ -32,6 +33,12 @@ class Actor:
     stops: tuple[Stop, ...] = ()
     slowings: tuple[Slowing, ...] = ()
     contact: float | None = None
+
+    @classmethod
+    def unplaced(cls, candidate: Candidate, marks: Landmarks) -> Actor:
+        """As its time law alone would have it, entering at time 0."""
+        motion = move(candidate)
+        return cls(candidate, marks, 0.0, motion, motion)
 
     def at(self, times: FloatArray) -> FloatArray:
         """[N, 3] poses (x, y, heading) at scene times [s]."""
@@ -76,8 +83,7 @@ class Actor:
 
     def ended(self, time: float) -> Actor:
         """Cut at the first sample not before scene time `time`, where it stays as a wreck."""
-        steps = int(np.ceil((time - self.enters) / STEP - 1e-6))
-        return replace(self, motion=self.motion.cut(steps), contact=time)
+        return replace(self, motion=terminated(self.motion, time - self.enters), contact=time)
 
 
 def shared_times(a: Actor, b: Actor) -> FloatArray | None:

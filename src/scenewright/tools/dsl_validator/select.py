@@ -63,7 +63,7 @@ from scenewright.tools.encounter import encounter
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import Landmarks, landmarks
 from scenewright.tools.signals import SignalClock, feasible_offsets
-from scenewright.tools.time_law import Hold, arrival, move
+from scenewright.tools.time_law import Hold, arrival
 
 Mode = Literal["draw", "map"]
 
@@ -83,17 +83,15 @@ _GUEST_DRAWS = 1
 _SEATINGS = 3
 """Seatings tried before everybody is drawn afresh (`draw`)."""
 
-_WINDOW = 6.0
-"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]..."""
-
 _STUCK_COST = 8.0
 """Nats that it costs to stand on at green because of a wreck."""
 
 _WAITING_ALREADY = 4.0
 """How long before the scene begins [s] one who is already waiting then came about."""
 
-_FAR_COST = 2.0
-"""... before it costs nats to have it come at another time altogether."""
+_WINDOW, _FAR_COST = 6.0, 2.0
+"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]; and what
+it costs [nats] to have it come at another time altogether."""
 
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
@@ -162,7 +160,7 @@ class _Search:
         for tried, choice in enumerate(tuples, start=1):
             selection = self._try(choice)
             if selection is not None:
-                return replace(selection, figures={**selection.figures, "tuples": tried})
+                return _counted(selection, tried)
             if self._unseated >= _SEATINGS or (tried >= _HOPELESS * wanted and not self._staged):
                 return None
         return None
@@ -181,7 +179,7 @@ class _Search:
         for tried, choice in enumerate(self._tuples(), start=1):
             bound = others + sum(self._cost(name, m) for name, m in choice.items())
             if best is not None and bound >= best.cost:
-                return replace(best, figures=_figures(best, tried))
+                return _counted(best, tried)
             if tried > _MAP_TUPLES:
                 return None if best is None else replace(best, optimal=False)
             selection = self._try(choice)
@@ -387,10 +385,10 @@ class _Search:
         *,
         waits: bool,
     ) -> Iterator[Option]:
-        """Passing on green at any allowed moment, or waiting at red, first or behind others."""
-        motion = move(candidate)
-        actor = Actor(candidate, marks, 0.0, motion, motion)
-        cost = float(draws.nll[m] + draws.time_nll[m])
+        """Passing on green at any allowed moment, or waiting at red, first in its lane."""
+        actor = Actor.unplaced(candidate, marks)
+        motion = actor.motion
+        cost = self._cost(draws.name, m)
         arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
         around = arrives - STEP * len(motion.s) / 2
         starts, wish = starts_of(actor, moment), round(around / STEP)
@@ -418,10 +416,12 @@ class _Search:
         self, draws: AgentDraws, moment: Moment, standing: Sequence[Actor]
     ) -> Option | None:
         """Queueing behind the last of those who stand in the agent's lane."""
-        built = next(
-            (pair for m in range(len(draws.nll)) if (pair := self._candidate(draws.name, m))), None
-        )
-        if built is None or draws.route.type == "pedestrian" or draws.arrival is None:
+        fits = (m for m in range(len(draws.nll)) if self._candidate(draws.name, m))
+        m = next(fits, None)
+        built = None if m is None else self._candidate(draws.name, m)
+        if m is None or built is None:
+            return None
+        if draws.route.type == "pedestrian" or draws.arrival is None:
             return None
         candidate, marks = built
         last = last_in_lane(candidate, standing)
@@ -432,19 +432,17 @@ class _Search:
         if s < 3.0:
             return None
         stands = arrival(candidate, Hold(s, 0.0))
-        wish = draws.arrival - STEP * len(move(candidate).s) / 2
+        free = Actor.unplaced(candidate, marks)
+        wish = draws.arrival - STEP * len(free.motion.s) / 2
         soonest = start + float(self._rng.uniform(0.8, 4.0)) - stands
         enters = round(max(wish, soonest), 1)
         release = until + float(self._rng.uniform(*START_LAG))
         if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < 4.0:
             return None
         stop = Stop("queue", s, stands, release - enters, "red_light")
-        motion = move(candidate)
-        free = Actor(candidate, marks, 0.0, motion, motion)
         actor = free.edited(stops=(stop,)).until(moment.duration - enters)
         step = np.array([round(enters / STEP)], dtype=np.int64)
-        index = next(m for m in range(len(draws.nll)) if self._candidate(draws.name, m) is built)
-        return Option(lambda: actor, index, step, self._cost(draws.name, index))
+        return Option(lambda: actor, m, step, self._cost(draws.name, m))
 
     def _selection(
         self,
@@ -547,8 +545,8 @@ def _unbound(clause: PairClause) -> Rejection:
     )
 
 
-def _figures(best: Selection, tried: int) -> dict[str, float]:
-    return {**best.figures, "tuples": tried}
+def _counted(selection: Selection, tried: int) -> Selection:
+    return replace(selection, figures={**selection.figures, "tuples": tried})
 
 
 def _sum(costs: list[FloatArray], ranks: tuple[int, ...]) -> float:

@@ -410,9 +410,7 @@ class Stage:
     def _actor(self, name: str, staging: Staging) -> Actor:
         if name in staging.actors:
             return staging.actors[name]
-        candidate = self._candidates[name]
-        motion = move(candidate)
-        return Actor(candidate, self._marks[name], 0.0, motion, motion)
+        return Actor.unplaced(self._candidates[name], self._marks[name])
 
     def _encounter(self, first: str, second: str) -> Encounter:
         key = (first, second)
