@@ -29,10 +29,10 @@ from scenewright.tools.dsl_validator.crowd import (
     Option,
     Seating,
     Table,
-    forbidden_offsets,
-    seat,
     seat_in_turn,
 )
+from scenewright.tools.dsl_validator.seating import seat
+from scenewright.tools.dsl_validator.separation import forbidden_offsets
 
 EASTWARDS = actor(candidate(straight((-40.0, 0.0), EAST, 80.0)))
 SLOWLY = actor(candidate(straight((-40.0, 0.4), EAST, 80.0), time_law=law(6.0)))

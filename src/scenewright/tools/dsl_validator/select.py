@@ -44,11 +44,11 @@ from scenewright.tools.dsl_validator.crowd import (
     Option,
     Seating,
     Table,
-    forbidden_offsets,
-    seat,
     seat_in_turn,
 )
 from scenewright.tools.dsl_validator.parse import format_clause
+from scenewright.tools.dsl_validator.seating import seat
+from scenewright.tools.dsl_validator.separation import forbidden_offsets
 from scenewright.tools.dsl_validator.stage import Stage, Staging, demands, passes_first
 from scenewright.tools.dsl_validator.waiting import (
     LINE_GAP,
