@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from scenewright.scene.candidates import AgentDraws, Candidate, Path, TimeLaw
+from scenewright.scene.candidates import AgentDraws, Candidate, Draws, Path, TimeLaw
 from scenewright.scene.map import Route
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
 from scenewright.tools.dsl_validator.actor import Actor
@@ -103,16 +103,19 @@ def draws(
     """A pool entry that offers ready-made candidates."""
     nothing = np.zeros(len(options))
     first = options[0]
-    return AgentDraws(
-        name=name,
-        role=role,
-        route=first.route,
+    drawn = Draws(
         waypoints=np.stack([each.waypoints for each in options]),
         nll=nothing if nll is None else np.asarray(nll, dtype=float),
         time_laws=tuple(each.time_law for each in options),
         time_nll=nothing if time_nll is None else np.asarray(time_nll, dtype=float),
+    )
+    return AgentDraws(
+        name=name,
+        role=role,
+        route=first.route,
         shape=first.shape,
         subtype=first.subtype,
+        draw=lambda: drawn,
         build=options.__getitem__,
         arrival=arrival,
         spare=spare,

@@ -49,7 +49,7 @@ def option(of, index, starts, cost, wish=0) -> Option:
 
 def guest(name, options, *, foreground=False, spare=False) -> Guest:
     kind = options[0].actor.candidate.route.type
-    return Guest(name, kind, foreground, lambda: tuple(options), spare=spare)
+    return Guest(name, kind, foreground, lambda _standing: tuple(options), spare=spare)
 
 
 def keeps_apart(one, other, strict) -> bool:
@@ -222,8 +222,8 @@ def test_in_turn_each_comes_as_near_to_its_wish_as_there_is_room():
     assert low == -high
 
 
-def test_in_turn_the_cheapest_option_with_room_is_taken():
-    options = [option(EASTWARDS, 0, range(100), 3.0), option(SLOWLY, 1, range(100), 1.0)]
+def test_in_turn_the_first_way_with_room_is_taken():
+    options = [option(SLOWLY, 1, range(100), 1.0), option(EASTWARDS, 0, range(100), 3.0)]
     seated = seat_in_turn([guest("vehicle-1", options)], Table([]), {"vehicle": 1})
     assert seated.chosen["vehicle-1"][0].index == 1
 

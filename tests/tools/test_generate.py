@@ -129,13 +129,13 @@ def test_arrivals_are_spread_evenly_over_the_scene():
 def test_candidates_are_built_from_what_was_drawn():
     pool = pool_of(graph_of())
     for name, agent in pool.agents.items():
-        assert agent.waypoints.shape == (6, 10, 2)
+        assert agent.drawn.waypoints.shape == (6, 10, 2)
         candidate = agent.build(3)
         assert candidate.route == agent.route
-        assert (candidate.waypoints == agent.waypoints[3]).all()
+        assert (candidate.waypoints == agent.drawn.waypoints[3]).all()
         assert candidate.nll == agent.nll[3]
-        assert candidate.time_law == agent.time_laws[3]
-        assert np.hypot(*(candidate.path.xy[0] - agent.waypoints[3, 0])) < 0.2
+        assert candidate.time_law == agent.drawn.time_laws[3]
+        assert np.hypot(*(candidate.path.xy[0] - agent.drawn.waypoints[3, 0])) < 0.2
         if name == "vehicle-4":
             assert (agent.subtype, agent.shape.length) == ("bus", 12.0)
         if agent.route.type == "pedestrian":
@@ -149,8 +149,8 @@ def test_the_same_generator_draws_the_same(seed):
     assert list(one.agents) == list(other.agents)
     for name, agent in one.agents.items():
         twin = other.agents[name]
-        assert (agent.waypoints == twin.waypoints).all()
-        assert (agent.time_laws, agent.arrival) == (twin.time_laws, twin.arrival)
+        assert (agent.drawn.waypoints == twin.drawn.waypoints).all()
+        assert (agent.drawn.time_laws, agent.arrival) == (twin.drawn.time_laws, twin.arrival)
         assert agent.shape == twin.shape
 
 
@@ -207,5 +207,5 @@ def test_who_drifts_leaves_its_lane_for_the_others(kind):
         dense = np.concatenate([other.build(m).path.xy for m in range(6)])
         return float(np.hypot(*(dense - waypoints[-1]).T).min())
 
-    assert max(away(waypoints) for waypoints in drifting.waypoints) < 3.0
+    assert max(away(waypoints) for waypoints in drifting.drawn.waypoints) < 3.0
     assert np.isfinite(drifting.nll).all()

@@ -78,12 +78,26 @@ class Candidate:
 
 
 @dataclass(frozen=True, eq=False)
-class AgentDraws:
-    """What was drawn for one agent: M candidates as arrays, in the order drawn.
+class Draws:
+    """M draws from the priors of one agent, as arrays, in the order drawn.
 
     Attributes:
         waypoints: [M, K, 2] at equal arc length [m]; nll: [M] -log p_wp [nats].
         time_laws, time_nll: M time laws and their -log density [nats].
+    """
+
+    waypoints: FloatArray
+    nll: FloatArray
+    time_laws: tuple[TimeLaw, ...]
+    time_nll: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class AgentDraws:
+    """What is offered for one agent: M candidates.
+
+    Attributes:
+        draw: draws them when first called, and gives the same ever after.
         build: makes the m-th `Candidate`, its path splined on demand (Eq. 3).
         arrival: when it would reach the middle of its way [s], from exponential intervals;
             None for agents that a relation places.
@@ -93,15 +107,27 @@ class AgentDraws:
     name: str
     role: Literal["foreground", "background"]
     route: Route
-    waypoints: FloatArray
-    nll: FloatArray
-    time_laws: tuple[TimeLaw, ...]
-    time_nll: FloatArray
     shape: Shape
     subtype: str | None
+    draw: Callable[[], Draws]
     build: Callable[[int], Candidate]
     arrival: float | None = None
     spare: bool = False
+
+    @property
+    def drawn(self) -> Draws:
+        """The draws themselves."""
+        return self.draw()
+
+    @property
+    def nll(self) -> FloatArray:
+        """[M] -log p_wp [nats]."""
+        return self.drawn.nll
+
+    @property
+    def time_nll(self) -> FloatArray:
+        """[M] -log density of the time laws [nats]."""
+        return self.drawn.time_nll
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,7 +127,7 @@ class SignalProgram(Model):
     groups: tuple[SignalGroup, ...]
     phases: tuple[SignalPhase, ...]
 
-    @property
+    @cached_property
     def cycle(self) -> float:
         """Length of the cycle [s]."""
         return sum(phase.duration for phase in self.phases)

@@ -30,7 +30,7 @@ class Ground:
     def __init__(self, on: IntersectionMap) -> None:
         self.on = on
         crosswalks = {each.id: geos.Polygon(each.polygon) for each in on.crosswalks}
-        self._crosswalks = crosswalks
+        self._crosswalks = [(name, area, *area.bounds) for name, area in crosswalks.items()]
         self._road = _union(on.road)
         self._walkable = geos.union_all([_union(on.walkable), *crosswalks.values()])
         for area in (self._road, self._walkable, *crosswalks.values()):
@@ -57,8 +57,7 @@ class Ground:
         """[N] per crosswalk that any of the points [N, 2] lies on: which do."""
         low, high = xy.min(axis=0), xy.max(axis=0)
         found = {}
-        for name, area in self._crosswalks.items():
-            x0, y0, x1, y1 = area.bounds
+        for name, area, x0, y0, x1, y1 in self._crosswalks:
             if x0 > high[0] or y0 > high[1] or x1 < low[0] or y1 < low[1]:
                 continue
             inside = geos.contains_xy(area, xy)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenewright.scene.base import Point
 from scenewright.scene.candidates import Candidate, Path
@@ -38,15 +40,16 @@ class Landmarks:
 def landmarks(candidate: Candidate, *, ground: Ground) -> Landmarks:
     """The landmarks on a candidate's path."""
     route, on = candidate.route, ground.on
-    crossed, group = _crosswalks(candidate, ground), signal_group(route, on=on)
+    inside = ground.on_crosswalks(candidate.path.xy)
+    crossed, group = _crosswalks(candidate, inside), signal_group(route, on=on)
     if route.type == "vehicle":
         return Landmarks(_stop_line(candidate, on), crossed, group)
     if route.movement == "jaywalking":
         return Landmarks(_kerb(candidate, on), crossed, group)
     own = next((each for each in crossed if each[0] == f"{route.crosswalk}:crosswalk"), None)
     line = None if own is None else own[1]
-    inside = ground.on_crosswalks(candidate.path.xy).get(f"{route.crosswalk}:crosswalk")
-    steps_on = 0 if inside is None else int(np.sum(inside[1:] & ~inside[:-1]))
+    on_it = inside.get(f"{route.crosswalk}:crosswalk")
+    steps_on = 0 if on_it is None else int(np.sum(on_it[1:] & ~on_it[:-1]))
     return Landmarks(line, crossed, group, None if own is None else own[0], steps_on)
 
 
@@ -61,25 +64,28 @@ def _stop_line(candidate: Candidate, on: IntersectionMap) -> float | None:
 
 def _crossing(path: Path, line: tuple[Point, Point]) -> float | None:
     """Arc length at which the path crosses the infinite line, nearest to the segment itself."""
-    a, b = np.array(line[0]), np.array(line[1])
-    along = (b - a) / np.hypot(*(b - a))
-    offset = path.xy - a
-    side = offset[:, 0] * along[1] - offset[:, 1] * along[0]
-    flips = np.nonzero(np.diff(np.sign(side)))[0]
+    (ax, ay), (bx, by) = line
+    length = float(np.hypot(bx - ax, by - ay))
+    ex, ey = (bx - ax) / length, (by - ay) / length
+    dx, dy = path.xy[:, 0] - ax, path.xy[:, 1] - ay
+    side = dx * ey - dy * ex
+    flips = np.flatnonzero((side[1:] > 0.0) != (side[:-1] > 0.0))
     if not len(flips):
         return None
-    middle = np.abs(offset[flips] @ along - np.hypot(*(b - a)) / 2)
+    middle = np.abs(dx[flips] * ex + dy[flips] * ey - length / 2)
     index = flips[int(np.argmin(middle))]
     share = side[index] / (side[index] - side[index + 1])
     return float(path.s[index] + share * (path.s[index + 1] - path.s[index]))
 
 
-def _crosswalks(candidate: Candidate, ground: Ground) -> tuple[tuple[str, float, float], ...]:
+def _crosswalks(
+    candidate: Candidate, inside: Mapping[str, NDArray[np.bool_]]
+) -> tuple[tuple[str, float, float], ...]:
     path, half = candidate.path, candidate.shape.length / 2
-    found = [
-        (name, float(path.s[inside][0] - half), float(path.s[inside][-1] + half))
-        for name, inside in ground.on_crosswalks(path.xy).items()
-    ]
+    found = []
+    for name, on_it in inside.items():
+        at = np.flatnonzero(on_it)
+        found.append((name, float(path.s[at[0]]) - half, float(path.s[at[-1]]) + half))
     return tuple(sorted(found, key=lambda each: each[1]))
 
 

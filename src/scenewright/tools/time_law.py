@@ -14,6 +14,7 @@ than the kernel where it was, and leaves constant speed alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -101,9 +102,16 @@ def move(
     candidate: Candidate, *, holds: tuple[Hold, ...] = (), slowings: tuple[Slowing, ...] = ()
 ) -> Motion:
     """The candidate in motion; hold releases are in local time (0 = enters the map)."""
-    path, law = candidate.path, candidate.time_law
-    ordered = sorted((hold for hold in holds if hold.s < path.length), key=lambda hold: hold.s)
-    s, w = _profile(path, law, ordered, slowings)
+    return _moved(
+        candidate, tuple(replace(h, release=round(h.release, 6)) for h in holds), slowings
+    )
+
+
+@lru_cache(maxsize=1024)
+def _moved(candidate: Candidate, holds: tuple[Hold, ...], slowings: tuple[Slowing, ...]) -> Motion:
+    """Solver, summary and editor ask for the same motions; candidates are known by identity."""
+    ordered = sorted((hold for hold in holds if hold.s < candidate.path.length), key=_at)
+    s, w = _profile(candidate, ordered, slowings)
     times = _travel_times(s, w)
     for hold in ordered:
         times = _dwell(s, times, hold)
@@ -112,9 +120,8 @@ def move(
 
 def arrival(candidate: Candidate, hold: Hold, earlier: tuple[Hold, ...] = ()) -> float:
     """Local time [s] at which the candidate comes to a standstill at `hold`."""
-    path = candidate.path
-    ordered = sorted((*earlier, hold), key=lambda each: each.s)
-    s, w = _profile(path, candidate.time_law, ordered, ())
+    ordered = sorted((*earlier, hold), key=_at)
+    s, w = _profile(candidate, ordered, ())
     times = _travel_times(s, w)
     for each in ordered:
         if each.s < hold.s:
@@ -140,15 +147,25 @@ def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
     return Track(xy=np.round(xy, 3), heading=heading, start=round(enters + first * STEP, 1))
 
 
+def _at(hold: Hold) -> float:
+    return hold.s
+
+
+@lru_cache(maxsize=1024)
+def _limit(candidate: Candidate) -> FloatArray:
+    return frozen(speed_limit(candidate.path, candidate.time_law))
+
+
 def _profile(
-    path: Path, law: TimeLaw, holds: list[Hold], slowings: tuple[Slowing, ...]
+    candidate: Candidate, holds: list[Hold], slowings: tuple[Slowing, ...]
 ) -> tuple[FloatArray, FloatArray]:
     """Nodes [m] and squared speeds there, every hold and slowing on a node of its own."""
+    path, law = candidate.path, candidate.time_law
     extra = [hold.s for hold in holds] + [slow.s for slow in slowings]
     if not extra:
-        return path.s, speed_limit(path, law)
+        return path.s, _limit(candidate)
     s = np.union1d(path.s, np.clip(extra, 0.0, path.length))
-    w = np.interp(s, path.s, speed_limit(path, law))
+    w = np.interp(s, path.s, _limit(candidate))
     for hold in holds:
         w = _approach(s, w, at=hold.s, speed=0.0, braking=hold.braking or law.braking)
     for slow in slowings:

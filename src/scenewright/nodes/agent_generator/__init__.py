@@ -13,6 +13,9 @@ from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.gmm_sampler.generate import amplify, cast_foreground, hour_of
 
+_CROWD_DRAWS = 4
+"""Candidates of a background agent where the first that has room is taken (`draw`)."""
+
 
 class GeneratorReads(TypedDict):
     """Channels read."""
@@ -44,6 +47,7 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
         on=context.intersection,
         hour=hour,
         size=context.draws,
+        crowd_size=_CROWD_DRAWS if context.selection == "draw" else None,
         rng=rng,
     )
     wanted = sum(pool.background.values())

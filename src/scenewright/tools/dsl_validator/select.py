@@ -48,7 +48,7 @@ from scenewright.tools.dsl_validator.crowd import (
 )
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.dsl_validator.seating import seat
-from scenewright.tools.dsl_validator.separation import forbidden_offsets
+from scenewright.tools.dsl_validator.separation import Steps, forbidden_offsets
 from scenewright.tools.dsl_validator.stage import Stage, Staging, demands, passes_first
 from scenewright.tools.dsl_validator.waiting import (
     LINE_GAP,
@@ -92,6 +92,9 @@ _WAITING_ALREADY = 4.0
 _WINDOW, _FAR_COST = 6.0, 2.0
 """How far from its drawn arrival an agent may be moved to keep out of others' way [s]; and what
 it costs [nats] to have it come at another time altogether."""
+
+_ROOM_TO_COME = 3.0
+"""Least way [m] before a place in a queue."""
 
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
@@ -348,7 +351,6 @@ class _Search:
                 foreground=draws.role == "foreground",
                 make=partial(self._options, draws, moment),
                 spare=draws.spare,
-                behind=partial(self._behind, draws, moment),
             )
             for name, draws in self._pool.agents.items()
             if name not in staging.actors
@@ -359,90 +361,98 @@ class _Search:
             return seat(invited, table, self._pool.background)
         return seat_in_turn(everybody, table, self._pool.background)
 
-    def _options(self, draws: AgentDraws, moment: Moment) -> tuple[Option, ...]:
-        options: list[Option] = []
-        wanted = _GUEST_DRAWS if self._mode == "draw" else len(draws.nll)
-        order = np.argsort(draws.nll) if self._mode == "map" else np.arange(len(draws.nll))
+    def _options(
+        self, draws: AgentDraws, moment: Moment, standing: Sequence[Actor]
+    ) -> Iterator[Option]:
+        """The ways in which an agent may take part, candidate by candidate."""
+        in_order = np.arange(len(draws.nll)) if self._mode == "draw" else np.argsort(draws.nll)
+        wanted = _GUEST_DRAWS if self._mode == "draw" else len(in_order)
         taken = 0
-        for m in order:
-            built = self._candidate(draws.name, int(m))
+        for m in in_order.tolist():
+            built = self._candidate(draws.name, m)
             if built is None:
                 continue
-            ways = tuple(self._ways(draws, int(m), *built, moment, waits=not taken))
-            options += ways
-            taken += bool(ways)
+            ways = self._ways(draws, m, built, moment, standing if not taken else None)
+            first = next(ways, None)
+            if first is None:
+                continue
+            yield first
+            yield from ways
+            taken += 1
             if taken >= wanted:
-                break
-        return tuple(options)
+                return
 
     def _ways(
         self,
         draws: AgentDraws,
         m: int,
-        candidate: Candidate,
-        marks: Landmarks,
+        built: tuple[Candidate, Landmarks],
         moment: Moment,
-        *,
-        waits: bool,
+        standing: Sequence[Actor] | None,
     ) -> Iterator[Option]:
-        """Passing on green at any allowed moment, or waiting at red, first in its lane."""
-        actor = Actor.unplaced(candidate, marks)
-        motion = actor.motion
-        cost = self._cost(draws.name, m)
+        """Passing on green near the time drawn; waiting; passing at any other moment.
+
+        Args:
+            standing: behind whom it may wait; None if this candidate shall not wait.
+        """
+        actor = Actor.unplaced(*built)
+        half = STEP * len(actor.motion.s) / 2
         arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
-        around = arrives - STEP * len(motion.s) / 2
+        cost, around = self._cost(draws.name, m), arrives - half
         starts, wish = starts_of(actor, moment), round(around / STEP)
         near = starts[np.abs(STEP * starts - around) <= _WINDOW]
         if len(near):
             yield Option(lambda: actor, m, near, cost, wish)
+        drives = draws.route.type == "vehicle"
+        last = last_in_lane(built[0], standing) if standing and drives else None
+        waiting: list[tuple[RedLight, Steps]] = []
+        if last is not None and draws.arrival is not None:
+            yield from self._behind(actor, m, cost, around, moment, last)
+        elif standing is not None:
+            for red in self._reds(actor, moment, around, -half - _WAITING_ALREADY):
+                waiting.append((red, np.array([round(red.enters / STEP)], dtype=np.int64)))
+                yield Option(red.actor, m, waiting[-1][1], cost)
         if len(starts) > len(near):
             yield Option(lambda: actor, m, starts, cost + _FAR_COST, wish)
-        if not waits:
-            return
-        late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
-        lag = float(self._rng.uniform(*START_LAG))
-        waiting = -STEP * len(motion.s) / 2 - _WAITING_ALREADY
-        for enters in (around, *(around + each for each in late), waiting):
-            gap = float(self._rng.uniform(*LINE_GAP))
-            red = RedLight(actor, moment, round(enters, 1), gap, lag)
-            if not red.holds:
-                continue
-            step = np.array([round(red.enters / STEP)], dtype=np.int64)
-            yield Option(red.actor, m, step, cost)
+        for red, step in waiting:
             if moment.blocked and red.release < moment.duration:
                 yield Option(replace(red, stays=True).actor, m, step, cost + _STUCK_COST)
 
+    def _reds(
+        self, actor: Actor, moment: Moment, around: float, waiting: float
+    ) -> Iterator[RedLight]:
+        """Waiting first in its lane: come about the time drawn, or before the scene began."""
+        late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
+        lag = float(self._rng.uniform(*START_LAG))
+        for enters in (around, *(around + each for each in late), waiting):
+            gap = float(self._rng.uniform(*LINE_GAP))
+            red = RedLight(actor, moment, round(enters, 1), gap, lag)
+            if red.holds:
+                yield red
+
     def _behind(
-        self, draws: AgentDraws, moment: Moment, standing: Sequence[Actor]
-    ) -> Option | None:
-        """Queueing behind the last of those who stand in the agent's lane."""
-        fits = (m for m in range(len(draws.nll)) if self._candidate(draws.name, m))
-        m = next(fits, None)
-        built = None if m is None else self._candidate(draws.name, m)
-        if m is None or built is None:
-            return None
-        if draws.route.type == "pedestrian" or draws.arrival is None:
-            return None
-        candidate, marks = built
-        last = last_in_lane(candidate, standing)
-        if last is None:
-            return None
-        s, start, until = last
-        s -= candidate.shape.length / 2 + float(self._rng.uniform(*QUEUE_GAP))
-        if s < 3.0:
-            return None
-        stands = arrival(candidate, Hold(s, 0.0))
-        free = Actor.unplaced(candidate, marks)
-        wish = draws.arrival - STEP * len(free.motion.s) / 2
+        self,
+        free: Actor,
+        m: int,
+        cost: float,
+        wish: float,
+        moment: Moment,
+        last: tuple[float, float, float],
+    ) -> Iterator[Option]:
+        """Queueing behind the last of those who stand in the agent's lane, if there is time."""
+        rear, start, until = last
+        s = rear - free.candidate.shape.length / 2 - float(self._rng.uniform(*QUEUE_GAP))
+        if s < _ROOM_TO_COME:
+            return
+        stands = arrival(free.candidate, Hold(s, 0.0))
         soonest = start + float(self._rng.uniform(0.8, 4.0)) - stands
         enters = round(max(wish, soonest), 1)
         release = until + float(self._rng.uniform(*START_LAG))
         if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < 4.0:
-            return None
+            return
         stop = Stop("queue", s, stands, release - enters, "red_light")
         actor = free.edited(stops=(stop,)).until(moment.duration - enters)
-        step = np.array([round(enters / STEP)], dtype=np.int64)
-        return Option(lambda: actor, m, step, self._cost(draws.name, m))
+        yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64), cost)
 
     def _selection(
         self,

@@ -1,19 +1,34 @@
-"""Which differences of entry times keep two agents from interacting (SEMANTICS 4, certificate)."""
+"""Which entry times keep two agents from interacting (SEMANTICS 4, certificate).
+
+Whoever is in the scene already is known by the nodes of its path, and from when until when its
+footprint is about each of them. A newcomer's path meets some of these nodes; each meeting bars the
+entry times that would bring both there at once, or too shortly after one another.
+
+Meetings are geometry: found once per path, for all who are present, whatever the times. Distances
+are measured along the four axes of the two rectangles, which tells overlap from none exactly and
+never says more than the true clearance; a pedestrian counts as the square about its disc.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scenewright.scene.candidates import Candidate, Path
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Candidate
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
-from scenewright.tools.encounter import Encounter, Intervals, encounter, meeting_offsets, meetings
+from scenewright.tools.encounter import IntArray, axis_gap, close_nodes, occupancy
 from scenewright.tools.time_law import Motion
 
-_NODE = {"vehicle": 0.6, "pedestrian": 0.25}
-"""Distance of path nodes [m]: small beside the clearance that they must not miss."""
+Steps = NDArray[np.int64]
+
+_NODE = {"vehicle": 0.8, "pedestrian": 0.4}
+"""Distance of path nodes [m]: no more than the clearance that they must not miss."""
 
 
 @dataclass(frozen=True)
@@ -34,78 +49,228 @@ WALKER_AHEAD = 8.4
 """Nobody else crosses so shortly [s] before a vehicle that waits for one pedestrian."""
 
 
-class Geometry:
-    """Encounters of paths, computed once per pair of paths."""
+@dataclass(frozen=True, eq=False)
+class Corridor:
+    """The swept path of a candidate as nodes.
 
-    def __init__(self) -> None:
-        self._known: dict[tuple[int, int], Encounter | None] = {}
-        self._alive: list[Path] = []
+    Attributes:
+        s: [N] arc length of the nodes [m], evenly spaced.
+        pose: [4, N] x, y and the cosine and sine of the heading; centre of the footprint.
+        half: half length and half width of the footprint [m].
+        walks: a pedestrian's.
+    """
 
-    def between(self, a: Actor, b: Actor) -> Encounter | None:
-        """Where the two come within the widest clearance; None if they never do."""
-        first, second = a.candidate, b.candidate
-        key = (id(first.path), id(second.path))
-        if key not in self._known:
-            self._alive += [first.path, second.path]
-            self._known[key] = None if _apart(a, b) else _encounter(first, second)
-        return self._known[key]
-
-
-def _encounter(a: Candidate, b: Candidate) -> Encounter | None:
-    shapes = (a.shape, b.shape)
-    spacing = (_NODE[a.route.type], _NODE[b.route.type])
-    both_walk = a.route.type == b.route.type == "pedestrian"
-    reach = (WALKERS if both_walk else FOREGROUND).clearance
-    pair = encounter(a.path, b.path, shapes=shapes, reach=reach, spacing=spacing)
-    return pair if len(pair.i) else None
+    s: FloatArray
+    pose: FloatArray
+    half: tuple[float, float]
+    walks: bool
 
 
-def forbidden_offsets(
-    a: Actor, b: Actor, *, strict: bool, geometry: Geometry | None = None
-) -> list[tuple[int, int]]:
+@lru_cache(maxsize=512)
+def corridor_of(candidate: Candidate) -> Corridor:
+    """The nodes of a candidate's path; candidates are known by identity."""
+    path, shape, kind = candidate.path, candidate.shape, candidate.route.type
+    s = np.linspace(0.0, path.length, max(2, round(path.length / _NODE[kind]) + 1))
+    heading = np.interp(s, path.s, path.heading)
+    x, y = (np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1))
+    pose = np.stack([x, y, np.cos(heading), np.sin(heading)])
+    return Corridor(s, pose, (shape.length / 2, shape.width / 2), kind == "pedestrian")
+
+
+@dataclass(frozen=True, eq=False)
+class _Stay:
+    """One agent present: the nodes it passes, from when until when [s], and how to keep clear.
+
+    Attributes:
+        inner, outer: Separation by contact with others in the background, and in the foreground.
+        ahead: seconds before its own coming that are barred, where that is more than the gap.
+    """
+
+    corridor: Corridor
+    come: FloatArray
+    leave: FloatArray
+    inner: Separation
+    outer: Separation
+    ahead: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Meeting:
+    """Where a newcomer's nodes meet the nodes of those present, run by run.
+
+    Attributes:
+        row: [R] node of the newcomer.
+        first, last: [R] first and last of consecutive nodes of one agent present.
+    """
+
+    row: IntArray
+    first: IntArray
+    last: IntArray
+
+
+class Presence:
+    """Everybody whose times are settled."""
+
+    def __init__(self, actors: Iterable[Actor] = (), *, foreground: bool = True) -> None:
+        self._stays: list[_Stay] = []
+        self._nodes: _Nodes | None = None
+        self._met: dict[int, tuple[Corridor, _Meeting, _Meeting]] = {}
+        for actor in actors:
+            self.add(actor, foreground=foreground)
+
+    def add(self, actor: Actor, *, foreground: bool) -> None:
+        """One more, at its own scene times."""
+        self._nodes, self._met = None, {}
+        inner = FOREGROUND if foreground else BACKGROUND
+        self._stays.append(_stay(actor, actor.motion, inner, FOREGROUND))
+        if not any(stop.reason == "gives_way" for stop in actor.stops):
+            return
+        self._stays.append(_stay(actor, actor.free, AFTER_YIELD, AFTER_YIELD))
+        if actor.candidate.route.type == "vehicle":
+            touch = Separation(clearance=0.0, gap=0.0)
+            self._stays.append(_stay(actor, actor.motion, touch, touch, ahead=WALKER_AHEAD))
+
+    def free(self, actor: Actor, starts: Steps, *, foreground: bool) -> Steps:
+        """Of the entry times [steps], those at which the actor would meet nobody."""
+        if not self._stays or not len(starts):
+            return starts
+        low, high = self.barred(actor, foreground=foreground)
+        base, size = int(starts[0]), int(starts[-1] - starts[0]) + 1
+        begin = np.clip(_floor(low) - base, 0, size)
+        end = np.maximum(np.clip(_ceil(high) + 1 - base, 0, size), begin)
+        count = np.bincount(begin, minlength=size + 1) - np.bincount(end, minlength=size + 1)
+        unmet: Steps = starts[np.cumsum(count)[starts - base] == 0]
+        return unmet
+
+    def barred(self, actor: Actor, *, foreground: bool) -> tuple[FloatArray, FloatArray]:
+        """[N] ends of the intervals of entry times [s] that would bring about a meeting."""
+        corridor = corridor_of(actor.candidate)
+        nodes = self._gathered()
+        near, touch = self._meetings(corridor, nodes)
+        come, leave = occupancy(corridor.s, actor.motion, 0.5)
+        gap = nodes.gap_outer if foreground else nodes.gap_inner
+        after = np.where(corridor.walks & nodes.walks, 0.0, gap)
+        before = np.where(corridor.walks, np.maximum(nodes.ahead, after), after)
+        low_near, high_near = _span(nodes, near, come, leave)
+        low, high = _span(nodes, touch, come, leave)
+        low, high = low - before[touch.first], high + after[touch.first]
+        both = np.concatenate([low_near, low]), np.concatenate([high_near, high])
+        real = np.isfinite(both[0]) & np.isfinite(both[1])
+        return both[0][real], both[1][real]
+
+    def _gathered(self) -> _Nodes:
+        if self._nodes is None:
+            self._nodes = _Nodes(self._stays)
+        return self._nodes
+
+    def _meetings(self, corridor: Corridor, nodes: _Nodes) -> tuple[_Meeting, _Meeting]:
+        """Runs within the clearance, and runs in touch."""
+        key = id(corridor)
+        if key not in self._met:
+            i, j, apart = _close(corridor, nodes)
+            clearance = np.where(corridor.walks & nodes.walks, WALKERS.clearance, nodes.clearance)[
+                j
+            ]
+            # What only touch concerns has no clearance to keep beyond it.
+            near = (apart <= clearance) & (nodes.clearance[j] > 0.0)
+            touch = apart <= 0.0
+            self._met[key] = (
+                corridor,
+                _runs(i[near], j[near], nodes.owner),
+                _runs(i[touch], j[touch], nodes.owner),
+            )
+        return self._met[key][1:]
+
+
+class _Nodes:
+    """The nodes of all present, one after the other."""
+
+    def __init__(self, stays: list[_Stay]) -> None:
+        sizes = [len(stay.corridor.s) for stay in stays]
+        self.owner = np.repeat(np.arange(len(stays)), sizes)
+        self.pose = np.concatenate([stay.corridor.pose for stay in stays], axis=1)
+        self.come = np.concatenate([stay.come for stay in stays])
+        self.leave = np.concatenate([stay.leave for stay in stays])
+        self.half = np.array([stay.corridor.half for stay in stays])[self.owner].T
+        self.walks = np.array([stay.corridor.walks for stay in stays])[self.owner]
+        self.clearance = np.array([stay.inner.clearance for stay in stays])[self.owner]
+        self.gap_inner = np.array([stay.inner.gap for stay in stays])[self.owner]
+        self.gap_outer = np.array([stay.outer.gap for stay in stays])[self.owner]
+        self.ahead = np.array([stay.ahead or 0.0 for stay in stays])[self.owner]
+
+
+def forbidden_offsets(a: Actor, b: Actor, *, strict: bool) -> list[tuple[int, int]]:
     """Open intervals (low, high) [steps] that o_b - o_a must avoid for the pair not to interact."""
-    pair = (geometry or Geometry()).between(a, b)
-    if pair is None:
+    low, high = _alone(a, strict).barred(b, foreground=strict)
+    return _merged(_floor(low) - 1, _ceil(high) + 1)
+
+
+@lru_cache(maxsize=512)
+def _alone(actor: Actor, strict: bool) -> Presence:
+    """An actor by itself, at its own local times; actors are known by identity."""
+    return Presence([actor.shifted(-actor.enters)], foreground=strict)
+
+
+def _stay(
+    actor: Actor,
+    motion: Motion,
+    inner: Separation,
+    outer: Separation,
+    ahead: float | None = None,
+) -> _Stay:
+    corridor = corridor_of(actor.candidate)
+    come, leave = occupancy(corridor.s, motion, 0.5)
+    # A run of nodes ends when the last that is reached is left.
+    reached = int(np.isfinite(come).sum())
+    leave = np.where(np.isfinite(come), leave, leave[max(reached - 1, 0)])
+    return _Stay(corridor, come + actor.enters, leave + actor.enters, inner, outer, ahead)
+
+
+def _close(a: Corridor, b: _Nodes) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pairs of nodes that may come within the widest clearance, and how far apart they are."""
+    radius = np.hypot(*a.half) + np.hypot(*b.half) + FOREGROUND.clearance
+    i, j = close_nodes(a.pose, b.pose, radius)
+    return i, j, axis_gap(a.pose[:, i], b.pose[:, j], np.array(a.half)[:, None], b.half[:, j])
+
+
+def _runs(i: IntArray, j: IntArray, owner: IntArray) -> _Meeting:
+    """Pairs sorted by i and j, joined where j goes on along one owner's path."""
+    if not len(i):
+        return _Meeting(i, j, j)
+    breaks = (np.diff(i) != 0) | (np.diff(j) != 1) | (np.diff(owner[j]) != 0)
+    at = np.flatnonzero(breaks)
+    starts, ends = np.concatenate([[0], at + 1]), np.concatenate([at, [len(i) - 1]])
+    return _Meeting(i[starts], j[starts], j[ends])
+
+
+def _span(
+    nodes: _Nodes, runs: _Meeting, come: FloatArray, leave: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """[R] entry times [s] between which newcomer and those present are at the run at once.
+
+    The interval is empty, inf to -inf, where one of them never comes there.
+    """
+    never = ~(np.isfinite(come[runs.row]) & np.isfinite(nodes.come[runs.first]))
+    low = nodes.come[runs.first] - np.where(never, -np.inf, leave[runs.row])
+    high = nodes.leave[runs.last] - np.where(never, np.inf, come[runs.row])
+    return low, high
+
+
+def _floor(seconds: FloatArray) -> Steps:
+    return np.floor(seconds / STEP).astype(np.int64)
+
+
+def _ceil(seconds: FloatArray) -> Steps:
+    return np.ceil(seconds / STEP).astype(np.int64)
+
+
+def _merged(low: Steps, high: Steps) -> list[tuple[int, int]]:
+    """Open intervals of steps, ascending and apart."""
+    if not len(low):
         return []
-    zones = [_widened(pair, a.motion, b.motion, _separation(a, b, strict))]
-    if any(stop.reason == "gives_way" for stop in a.stops):
-        zones.append(_widened(pair, a.free, b.motion, AFTER_YIELD))
-        if a.candidate.route.type == "vehicle" and b.candidate.route.type == "pedestrian":
-            touch = meeting_offsets(pair, a.motion, b.motion, c=0.0)
-            zones.append(touch - [[WALKER_AHEAD, 0.0]])
-    return _steps(np.concatenate(zones))
-
-
-def _separation(a: Actor, b: Actor, strict: bool) -> Separation:
-    if a.candidate.route.type == b.candidate.route.type == "pedestrian":
-        return WALKERS
-    return FOREGROUND if strict else BACKGROUND
-
-
-def _apart(a: Actor, b: Actor) -> bool:
-    """Whether the two paths never come near one another (bounding boxes)."""
-    shapes = (a.candidate.shape, b.candidate.shape)
-    reach = sum(np.hypot(each.length, each.width) / 2 for each in shapes) + FOREGROUND.clearance
-    low_a, high_a = a.candidate.path.xy.min(axis=0), a.candidate.path.xy.max(axis=0)
-    low_b, high_b = b.candidate.path.xy.min(axis=0), b.candidate.path.xy.max(axis=0)
-    return bool((low_a > high_b + reach).any() or (low_b > high_a + reach).any())
-
-
-def _widened(pair: Encounter, a: Motion, b: Motion, separation: Separation) -> Intervals:
-    """C(clearance) and C(0) widened by the time gap."""
-    found = meetings(pair, a, b)
-    gap = np.array([[-separation.gap, separation.gap]])
-    return np.concatenate([found.within(separation.clearance), found.within(0.0) + gap])
-
-
-def _steps(intervals: Intervals) -> list[tuple[int, int]]:
-    if not len(intervals):
-        return []
-    ordered = intervals[np.argsort(intervals[:, 0])]
-    joined = [list(ordered[0])]
-    for low, high in ordered[1:]:
-        if low <= joined[-1][1]:
-            joined[-1][1] = max(joined[-1][1], high)
-        else:
-            joined.append([low, high])
-    return [(int(np.floor(low / STEP)) - 1, int(np.ceil(high / STEP)) + 1) for low, high in joined]
+    order = np.argsort(low, kind="stable")
+    low, reach = low[order], np.maximum.accumulate(high[order])
+    # (1, 3) and (2, 5) leave nothing between them; (1, 3) and (3, 5) leave 3.
+    breaks = np.flatnonzero(low[1:] >= reach[:-1])
+    starts, ends = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(low) - 1]])
+    return list(zip(low[starts].tolist(), reach[ends].tolist(), strict=True))

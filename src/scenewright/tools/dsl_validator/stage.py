@@ -418,7 +418,7 @@ class Stage:
             a, b = self._candidates[first], self._candidates[second]
             spacing = (_SPACING[a.route.type], _SPACING[b.route.type])
             self._encounters[key] = encounter(
-                a.path, b.path, shapes=(a.shape, b.shape), reach=0.1, spacing=spacing
+                a.path, b.path, shapes=(a.shape, b.shape), reach=0.0, spacing=spacing
             )
         return self._encounters[key]
 
@@ -465,7 +465,7 @@ def passes_first(first: Actor, second: Actor) -> bool:
     """Whether `first` has left the pair's conflict zone before `second` enters it."""
     a, b = first.candidate, second.candidate
     spacing = (_SPACING[a.route.type], _SPACING[b.route.type])
-    pair = encounter(a.path, b.path, shapes=(a.shape, b.shape), reach=0.1, spacing=spacing)
+    pair = encounter(a.path, b.path, shapes=(a.shape, b.shape), reach=0.0, spacing=spacing)
     meetings = meeting_offsets(pair, first.motion, second.motion, c=0.0, exact=True)
     delta = second.enters - first.enters
     return bool(len(meetings) and delta >= meetings[:, 1].max())

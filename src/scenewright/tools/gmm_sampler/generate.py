@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
+from typing import Literal
 
 import numpy as np
 
-from scenewright.scene.base import AgentClass, FloatArray
-from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet, TimeLaw
+from scenewright.scene.base import AgentClass
+from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet, Draws
 from scenewright.scene.grounding import Cast, Grounding
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import pattern_named
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
 from scenewright.tools.gmm_sampler.maneuver import drift
-from scenewright.tools.gmm_sampler.priors import HOURS, Priors
+from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
 from scenewright.tools.gmm_sampler.sample import sample_count, sample_waypoints, waypoint_nll
 from scenewright.tools.gmm_sampler.spline import paths_of
 from scenewright.tools.gmm_sampler.time_law_prior import sample_time_laws, time_law_nll
@@ -72,20 +75,28 @@ def amplify(
     hour: float,
     size: int,
     rng: np.random.Generator,
+    crowd_size: int | None = None,
 ) -> CandidateSet:
-    """Candidates of every agent: those of the social graph, then the background and spares."""
+    """Candidates of every agent: those of the social graph, then the background and spares.
+
+    Args:
+        size: M, candidates of each agent; crowd_size: of each in the background, if fewer.
+    """
     agents = {
-        node.id: _draw(node.id, "foreground", cast.routes[node.id], node.subtype, priors, size, rng)
+        node.id: _draws(
+            node.id, "foreground", cast.routes[node.id], node.subtype, priors, size, rng
+        )
         for node in graph.agents
     }
     _maneuvers(agents, cast, priors, rng=rng)
     counts = background_counts(graph, priors, hour=hour, rng=rng)
     for kind, count in counts.items():
         names = _names(graph, kind, count + _spares(count))
-        for n, (name, arrival) in enumerate(zip(names, _arrivals(len(names), rng), strict=True)):
-            route = _background_route(kind, priors, on=on, hour=hour, rng=rng)
-            drawn = _draw(name, "background", route, None, priors, size, rng, arrival)
-            agents[name] = replace(drawn, spare=n >= count)
+        routes = _background_routes(kind, len(names), priors, on=on, hour=hour, rng=rng)
+        arrivals = _arrivals(len(names), rng)
+        for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
+            offered = _draws(name, "background", route, None, priors, crowd_size or size, rng)
+            agents[name] = replace(offered, arrival=arrival, spare=n >= count)
     return CandidateSet(agents=agents, cast=cast, hour=hour, background=counts)
 
 
@@ -115,64 +126,55 @@ def background_counts(
     return counts
 
 
-def _draw(
+def _draws(
     name: str,
-    role: str,
+    role: Literal["foreground", "background"],
     route: Route,
     subtype: str | None,
     priors: Priors,
     size: int,
     rng: np.random.Generator,
-    arrival: float | None = None,
 ) -> AgentDraws:
+    """What the priors offer, with a random generator of the agent's own: drawn on demand."""
+    [own] = rng.spawn(1)
+    subtype, shape = _shape(route, subtype, priors, rng)
     prior = priors.waypoints[route.id]
-    waypoints = sample_waypoints(prior, rng, size=size)
-    laws = sample_time_laws(priors, route.id, rng, size=size)
-    return _draws(name, role, route, subtype, priors, waypoints, laws, rng, arrival)
+
+    @cache
+    def draw() -> Draws:
+        waypoints = sample_waypoints(prior, own, size=size)
+        laws = sample_time_laws(priors, route.id, own, size=size)
+        time_nll = time_law_nll(priors, route.id, laws)
+        return Draws(waypoints, waypoint_nll(prior, waypoints), tuple(laws), time_nll)
+
+    return _offered(name, role, route, subtype, shape, draw, prior)
 
 
-def _draws(
+def _offered(
     name: str,
-    role: str,
+    role: Literal["foreground", "background"],
     route: Route,
     subtype: str | None,
-    priors: Priors,
-    waypoints: FloatArray,
-    laws: list[TimeLaw],
-    rng: np.random.Generator,
-    arrival: float | None,
+    shape: Shape,
+    draw: Callable[[], Draws],
+    prior: WaypointPrior,
 ) -> AgentDraws:
-    """Bundles what was drawn; candidates are built from it when they are looked at."""
-    nll = waypoint_nll(priors.waypoints[route.id], waypoints)
-    time_nll = time_law_nll(priors, route.id, laws)
-    subtype, shape = _shape(route, subtype, priors, rng)
+    """The draws and how to make candidates of them."""
 
     def build(m: int) -> Candidate:
-        path = paths_of(priors.waypoints[route.id], waypoints[m : m + 1])[0]
+        drawn = draw()
         return Candidate(
             route=route,
-            waypoints=waypoints[m],
-            path=path,
-            nll=float(nll[m]),
-            time_law=laws[m],
-            time_nll=float(time_nll[m]),
+            waypoints=drawn.waypoints[m],
+            path=paths_of(prior, drawn.waypoints[m : m + 1])[0],
+            nll=float(drawn.nll[m]),
+            time_law=drawn.time_laws[m],
+            time_nll=float(drawn.time_nll[m]),
             shape=shape,
             subtype=subtype,
         )
 
-    return AgentDraws(
-        name=name,
-        role="foreground" if role == "foreground" else "background",
-        route=route,
-        waypoints=waypoints,
-        nll=nll,
-        time_laws=tuple(laws),
-        time_nll=time_nll,
-        shape=shape,
-        subtype=subtype,
-        build=build,
-        arrival=arrival,
-    )
+    return AgentDraws(name, role, route, shape, subtype, draw, build)
 
 
 def _maneuvers(
@@ -188,18 +190,24 @@ def _maneuvers(
         if geometry not in ("lane_change", "opposing"):
             continue
         own, other = agents[played.from_], agents[played.to]
-        waypoints = drift(own.waypoints, other.waypoints, rng, reverse=geometry == "opposing")
-        agents[played.from_] = _draws(
+        prior = priors.waypoints[own.route.id]
+        waypoints = drift(
+            own.drawn.waypoints, other.drawn.waypoints, rng, reverse=geometry == "opposing"
+        )
+        drawn = replace(own.drawn, waypoints=waypoints, nll=waypoint_nll(prior, waypoints))
+        agents[own.name] = _offered(
             own.name,
             own.role,
             own.route,
             own.subtype,
-            priors,
-            waypoints,
-            list(own.time_laws),
-            rng,
-            own.arrival,
+            own.shape,
+            partial(_same, drawn),
+            prior,
         )
+
+
+def _same(drawn: Draws) -> Draws:
+    return drawn
 
 
 def _shape(
@@ -214,17 +222,20 @@ def _shape(
     return subtype, vehicle_shape(subtype)
 
 
-def _background_route(
+def _background_routes(
     kind: AgentClass,
+    count: int,
     priors: Priors,
     *,
     on: IntersectionMap,
     hour: float,
     rng: np.random.Generator,
-) -> Route:
+) -> list[Route]:
+    """Routes of background agents, drawn by how busy they are at that hour."""
     routes = [r for r in on.routes if r.type == kind and r.movement != "jaywalking"]
     rates = np.array([_rate(priors, route, hour) for route in routes]) + 1e-3
-    return routes[int(rng.choice(len(routes), p=rates / rates.sum()))]
+    chosen = rng.choice(len(routes), size=count, p=rates / rates.sum())
+    return [routes[index] for index in chosen.tolist()]
 
 
 def _rate(priors: Priors, route: Route, hour: float) -> float:

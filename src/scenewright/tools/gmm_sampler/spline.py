@@ -66,14 +66,19 @@ def _spline_matrix() -> FloatArray:
 
 def even_path(curve: FloatArray) -> Path:
     """A curve [P, 2] as a path with even spacing, heading and smoothed curvature."""
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(curve, axis=0).T))])
+    step = curve[1:] - curve[:-1]
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
     count = max(round(float(length[-1]) / SPACING), 2) + 1
     s = np.linspace(0.0, length[-1], count)
-    xy = np.stack([np.interp(s, length, curve[:, 0]), np.interp(s, length, curve[:, 1])], axis=1)
-    step = np.diff(xy, axis=0)
-    between = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    xy = np.column_stack([np.interp(s, length, curve[:, 0]), np.interp(s, length, curve[:, 1])])
+    step = xy[1:] - xy[:-1]
+    dx, dy = step[:, 0], step[:, 1]
+    cross, dot = dx[:-1] * dy[1:] - dy[:-1] * dx[1:], dx[:-1] * dx[1:] + dy[:-1] * dy[1:]
+    # Headings as the first one and the turns since: continuous by construction.
+    turns = np.arctan2(cross, dot)
+    between = np.concatenate([[0.0], np.cumsum(turns)]) + np.arctan2(dy[0], dx[0])
     heading = np.concatenate([between[:1], (between[1:] + between[:-1]) / 2, between[-1:]])
-    turning = np.concatenate([[0.0], np.diff(between) / s[1], [0.0]])
+    turning = np.concatenate([[0.0], turns / s[1], [0.0]])
     return Path(xy=xy, s=s, heading=heading, curvature=_smoothed(turning, s[1]))
 
 
