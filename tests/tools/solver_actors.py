@@ -106,6 +106,7 @@ def draws(
     drawn = Draws(
         waypoints=np.stack([each.waypoints for each in options]),
         nll=nothing if nll is None else np.asarray(nll, dtype=float),
+        component=np.zeros(len(options), dtype=np.intp),
         time_laws=tuple(each.time_law for each in options),
         time_nll=nothing if time_nll is None else np.asarray(time_nll, dtype=float),
     )

@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.grounding import Cast
 from scenewright.scene.map import Route
@@ -83,11 +86,13 @@ class Draws:
 
     Attributes:
         waypoints: [M, K, 2] at equal arc length [m]; nll: [M] -log p_wp [nats].
+        component: [M] the component of p_wp that each fits best.
         time_laws, time_nll: M time laws and their -log density [nats].
     """
 
     waypoints: FloatArray
     nll: FloatArray
+    component: NDArray[np.intp]
     time_laws: tuple[TimeLaw, ...]
     time_nll: FloatArray
 

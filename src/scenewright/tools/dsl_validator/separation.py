@@ -95,17 +95,20 @@ class _Stay:
 
 
 @dataclass(frozen=True, eq=False)
-class _Meeting:
+class _Meetings:
     """Where a newcomer's nodes meet the nodes of those present, run by run.
 
     Attributes:
         row: [R] node of the newcomer.
         first, last: [R] first and last of consecutive nodes of one agent present.
+        touching: how many runs, the last of all, are in touch; those before are within the
+            clearance.
     """
 
     row: IntArray
     first: IntArray
     last: IntArray
+    touching: int
 
 
 class Presence:
@@ -114,7 +117,7 @@ class Presence:
     def __init__(self, actors: Iterable[Actor] = (), *, foreground: bool = True) -> None:
         self._stays: list[_Stay] = []
         self._nodes: _Nodes | None = None
-        self._met: dict[int, tuple[Corridor, _Meeting, _Meeting]] = {}
+        self._met: dict[int, tuple[Corridor, _Meetings]] = {}
         for actor in actors:
             self.add(actor, foreground=foreground)
 
@@ -146,40 +149,42 @@ class Presence:
         """[N] ends of the intervals of entry times [s] that would bring about a meeting."""
         corridor = corridor_of(actor.candidate)
         nodes = self._gathered()
-        near, touch = self._meetings(corridor, nodes)
+        runs = self._meetings(corridor, nodes)
         come, leave = occupancy(corridor.s, actor.motion, 0.5)
-        gap = nodes.gap_outer if foreground else nodes.gap_inner
-        after = np.where(corridor.walks & nodes.walks, 0.0, gap)
-        before = np.where(corridor.walks, np.maximum(nodes.ahead, after), after)
-        low_near, high_near = _span(nodes, near, come, leave)
-        low, high = _span(nodes, touch, come, leave)
-        low, high = low - before[touch.first], high + after[touch.first]
-        both = np.concatenate([low_near, low]), np.concatenate([high_near, high])
-        real = np.isfinite(both[0]) & np.isfinite(both[1])
-        return both[0][real], both[1][real]
+        # Who never comes to a node is there at infinity: no finite interval is left of it.
+        with np.errstate(invalid="ignore"):
+            low = nodes.come[runs.first] - leave[runs.row]
+            high = nodes.leave[runs.last] - come[runs.row]
+        touch = slice(len(low) - runs.touching, None)
+        there = runs.first[touch]
+        gap = (nodes.gap_outer if foreground else nodes.gap_inner)[there]
+        low[touch] -= np.maximum(gap, nodes.ahead[there]) if corridor.walks else gap
+        high[touch] += gap
+        real = np.isfinite(low) & np.isfinite(high)
+        return low[real], high[real]
 
     def _gathered(self) -> _Nodes:
         if self._nodes is None:
             self._nodes = _Nodes(self._stays)
         return self._nodes
 
-    def _meetings(self, corridor: Corridor, nodes: _Nodes) -> tuple[_Meeting, _Meeting]:
+    def _meetings(self, corridor: Corridor, nodes: _Nodes) -> _Meetings:
         """Runs within the clearance, and runs in touch."""
         key = id(corridor)
         if key not in self._met:
             i, j, apart = _close(corridor, nodes)
-            clearance = np.where(corridor.walks & nodes.walks, WALKERS.clearance, nodes.clearance)[
-                j
-            ]
+            clearance = nodes.clearance[j]
+            if corridor.walks:
+                # Two pedestrians may come close, and have no time gap to keep.
+                both = nodes.walks[j]
+                clearance = np.where(both, WALKERS.clearance, clearance)
+                touch = (apart <= 0.0) & ~both
+            else:
+                touch = apart <= 0.0
             # What only touch concerns has no clearance to keep beyond it.
-            near = (apart <= clearance) & (nodes.clearance[j] > 0.0)
-            touch = apart <= 0.0
-            self._met[key] = (
-                corridor,
-                _runs(i[near], j[near], nodes.owner),
-                _runs(i[touch], j[touch], nodes.owner),
-            )
-        return self._met[key][1:]
+            near = (apart <= clearance) & (clearance > 0.0)
+            self._met[key] = (corridor, _runs(i, j, near, touch, nodes.owner))
+        return self._met[key][1]
 
 
 class _Nodes:
@@ -233,27 +238,27 @@ def _close(a: Corridor, b: _Nodes) -> tuple[IntArray, IntArray, FloatArray]:
     return i, j, axis_gap(a.pose[:, i], b.pose[:, j], np.array(a.half)[:, None], b.half[:, j])
 
 
-def _runs(i: IntArray, j: IntArray, owner: IntArray) -> _Meeting:
+def _runs(
+    i: IntArray,
+    j: IntArray,
+    near: NDArray[np.bool_],
+    touch: NDArray[np.bool_],
+    owner: IntArray,
+) -> _Meetings:
     """Pairs sorted by i and j, joined where j goes on along one owner's path."""
-    if not len(i):
-        return _Meeting(i, j, j)
-    breaks = (np.diff(i) != 0) | (np.diff(j) != 1) | (np.diff(owner[j]) != 0)
-    at = np.flatnonzero(breaks)
-    starts, ends = np.concatenate([[0], at + 1]), np.concatenate([at, [len(i) - 1]])
-    return _Meeting(i[starts], j[starts], j[ends])
-
-
-def _span(
-    nodes: _Nodes, runs: _Meeting, come: FloatArray, leave: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """[R] entry times [s] between which newcomer and those present are at the run at once.
-
-    The interval is empty, inf to -inf, where one of them never comes there.
-    """
-    never = ~(np.isfinite(come[runs.row]) & np.isfinite(nodes.come[runs.first]))
-    low = nodes.come[runs.first] - np.where(never, -np.inf, leave[runs.row])
-    high = nodes.leave[runs.last] - np.where(never, np.inf, come[runs.row])
-    return low, high
+    at, touching = np.flatnonzero(near), np.flatnonzero(touch)
+    at = np.concatenate([at, touching])
+    if not len(at):
+        return _Meetings(at, at, at, 0)
+    i, j = i[at], j[at]
+    own = owner[j]
+    breaks = (i[1:] != i[:-1]) | (j[1:] != j[:-1] + 1) | (own[1:] != own[:-1])
+    edge = len(at) - len(touching)
+    if 0 < edge < len(at):
+        breaks[edge - 1] = True
+    ends = np.concatenate([np.flatnonzero(breaks), [len(i) - 1]])
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    return _Meetings(i[starts], j[starts], j[ends], int(np.sum(starts >= edge)))
 
 
 def _floor(seconds: FloatArray) -> Steps:

@@ -19,8 +19,12 @@ from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
 from scenewright.tools.gmm_sampler.maneuver import drift
 from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
-from scenewright.tools.gmm_sampler.sample import sample_count, sample_waypoints, waypoint_nll
-from scenewright.tools.gmm_sampler.spline import paths_of
+from scenewright.tools.gmm_sampler.sample import (
+    nll_and_component,
+    sample_count,
+    sample_waypoints,
+)
+from scenewright.tools.gmm_sampler.spline import path_of
 from scenewright.tools.gmm_sampler.time_law_prior import sample_time_laws, time_law_nll
 
 DENSITIES: dict[str, tuple[int, int]] = {"low": (1, 4), "medium": (5, 10), "high": (11, 20)}
@@ -145,7 +149,8 @@ def _draws(
         waypoints = sample_waypoints(prior, own, size=size)
         laws = sample_time_laws(priors, route.id, own, size=size)
         time_nll = time_law_nll(priors, route.id, laws)
-        return Draws(waypoints, waypoint_nll(prior, waypoints), tuple(laws), time_nll)
+        nll, component = nll_and_component(prior, waypoints)
+        return Draws(waypoints, nll, component, tuple(laws), time_nll)
 
     return _offered(name, role, route, subtype, shape, draw, prior)
 
@@ -166,7 +171,7 @@ def _offered(
         return Candidate(
             route=route,
             waypoints=drawn.waypoints[m],
-            path=paths_of(prior, drawn.waypoints[m : m + 1])[0],
+            path=path_of(prior, drawn.waypoints[m], int(drawn.component[m])),
             nll=float(drawn.nll[m]),
             time_law=drawn.time_laws[m],
             time_nll=float(drawn.time_nll[m]),
@@ -194,7 +199,8 @@ def _maneuvers(
         waypoints = drift(
             own.drawn.waypoints, other.drawn.waypoints, rng, reverse=geometry == "opposing"
         )
-        drawn = replace(own.drawn, waypoints=waypoints, nll=waypoint_nll(prior, waypoints))
+        nll, component = nll_and_component(prior, waypoints)
+        drawn = replace(own.drawn, waypoints=waypoints, nll=nll, component=component)
         agents[own.name] = _offered(
             own.name,
             own.role,

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ FORMAT = 1
 """Version of the array layout of `priors.npz`."""
 LAW_FIELDS = ("speed", "acceleration", "braking", "lateral")
 HOURS = 24
+_NORMAL = NormalDist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +118,15 @@ class TimeLawPrior:
     def __post_init__(self) -> None:
         for name in ("median", "spread", "low", "high"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @cached_property
+    def tails(self) -> tuple[FloatArray, FloatArray]:
+        """[4] share of the unbounded lognormal below the lower and the upper bound."""
+        low, high = (
+            np.array([_NORMAL.cdf(z) for z in np.log(bound / self.median) / self.spread])
+            for bound in (self.low, self.high)
+        )
+        return low, high
 
 
 @dataclass(frozen=True, eq=False)

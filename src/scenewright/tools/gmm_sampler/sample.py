@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
@@ -20,7 +21,15 @@ def sample_waypoints(prior: WaypointPrior, rng: np.random.Generator, *, size: in
 
 def waypoint_nll(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
     """[m] -log p_wp of waypoints [m, K, 2] in metres [nats] (paper Eq. 4, SEMANTICS section 6)."""
-    return np.asarray(-np.logaddexp.reduce(component_log_densities(prior, waypoints), axis=1))
+    return nll_and_component(prior, waypoints)[0]
+
+
+def nll_and_component(
+    prior: WaypointPrior, waypoints: FloatArray
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """[m] -log p_wp [nats], and [m] the component that each of waypoints [m, K, 2] fits best."""
+    logs = component_log_densities(prior, waypoints)
+    return np.asarray(-np.logaddexp.reduce(logs, axis=1)), logs.argmax(axis=1)
 
 
 def component_log_densities(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:

@@ -29,14 +29,20 @@ _CURVATURE_WINDOW = 2.0
 
 def spline_path(waypoints: FloatArray, *, base: FloatArray | None = None) -> Path:
     """The path through waypoints [K, 2], about a base curve [DENSE, 2] where one is given."""
-    bases = None if base is None else base[None]
-    return even_path(dense_curves(waypoints[None], bases)[0])
+    if base is None:
+        return even_path(_spline_matrix() @ waypoints)
+    return even_path(base + _spline_matrix() @ (waypoints - base[::PER_INTERVAL]))
 
 
 def paths_of(prior: WaypointPrior, waypoints: FloatArray) -> list[Path]:
     """The paths through waypoints [m, K, 2], each about its likeliest component's base curve."""
     chosen = component_log_densities(prior, waypoints).argmax(axis=1)
-    return [even_path(curve) for curve in dense_curves(waypoints, prior.base[chosen])]
+    return [path_of(prior, each, int(c)) for each, c in zip(waypoints, chosen, strict=True)]
+
+
+def path_of(prior: WaypointPrior, waypoints: FloatArray, component: int) -> Path:
+    """The path through waypoints [K, 2] about the base curve of one component."""
+    return spline_path(waypoints, base=prior.base[component])
 
 
 def dense_curves(waypoints: FloatArray, bases: FloatArray | None) -> FloatArray:

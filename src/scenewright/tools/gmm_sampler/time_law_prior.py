@@ -18,7 +18,7 @@ def sample_time_laws(
 ) -> list[TimeLaw]:
     """Draw time laws of a route's agents, within the bounds of comfortable motion."""
     prior = _of_route(priors, route)
-    low, high = _bounds(prior)
+    low, high = prior.tails
     quantile = low + (high - low) * rng.uniform(size=(size, len(LAW_FIELDS)))
     drawn = prior.median * np.exp(prior.spread * _inverse_normal(quantile))
     drawn = np.clip(drawn, prior.low, prior.high)
@@ -30,7 +30,7 @@ def time_law_nll(priors: Priors, route: str, laws: Sequence[TimeLaw]) -> FloatAr
     prior = _of_route(priors, route)
     values = np.array([[getattr(law, field) for field in LAW_FIELDS] for law in laws])
     values = values.reshape(-1, len(LAW_FIELDS))
-    low, high = _bounds(prior)
+    low, high = prior.tails
     z = np.log(np.maximum(values, 1e-12) / prior.median) / prior.spread
     each = 0.5 * z**2 + np.log(values * prior.spread * np.sqrt(2 * np.pi) * (high - low))
     inside = ((values >= prior.low) & (values <= prior.high)).all(axis=1)
@@ -41,15 +41,6 @@ def _of_route(priors: Priors, route: str) -> TimeLawPrior:
     if route not in priors.time_laws:
         raise InputError(f"no time law was fitted for route {route!r}")
     return priors.time_laws[route]
-
-
-def _bounds(prior: TimeLawPrior) -> tuple[FloatArray, FloatArray]:
-    """[4] share of the unbounded lognormal below the lower and the upper bound."""
-    low, high = (
-        np.array([_NORMAL.cdf(z) for z in np.log(bound / prior.median) / prior.spread])
-        for bound in (prior.low, prior.high)
-    )
-    return low, high
 
 
 def _inverse_normal(quantile: FloatArray) -> FloatArray:
