@@ -90,7 +90,8 @@ def encounter(
     i, j = close_nodes(pose_a.T, pose_b.T, radius + reach)
     if all(shape.type == "vehicle" for shape in shapes):
         halves = [np.array([[shape.length], [shape.width]]) / 2 for shape in shapes]
-        gap = axis_gap(_turned(pose_a)[:, i], _turned(pose_b)[:, j], *halves)
+        turned = _turned(pose_a).take(i, axis=1), _turned(pose_b).take(j, axis=1)
+        gap = axis_gap(*turned, *halves)
         i, j, gap = i[gap <= reach], j[gap <= reach], gap[gap <= reach]
         clearance = gap
         # The gap is exact for footprints that overlap; only the others may meet at corners.

@@ -235,7 +235,16 @@ def _close(a: Corridor, b: _Nodes) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of nodes that may come within the widest clearance, and how far apart they are."""
     radius = np.hypot(*a.half) + np.hypot(*b.half) + FOREGROUND.clearance
     i, j = close_nodes(a.pose, b.pose, radius)
-    return i, j, axis_gap(a.pose[:, i], b.pose[:, j], np.array(a.half)[:, None], b.half[:, j])
+    return (
+        i,
+        j,
+        axis_gap(
+            a.pose.take(i, axis=1),
+            b.pose.take(j, axis=1),
+            np.array(a.half)[:, None],
+            b.half.take(j, axis=1),
+        ),
+    )
 
 
 def _runs(
