@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,11 @@ from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, VEHICLE_SIZES
 from scenewright.tools.gmm_sampler.demand import HOURS, Demand
-from scenewright.tools.gmm_sampler.simulate import HOUR, RawTrack, simulate_hour
+from scenewright.tools.gmm_sampler.simulate import HOUR, RawTrack, collided, simulate_hour
 from scenewright.tools.gmm_sampler.sumo_network import write_network
 from scenewright.tools.map_builder import FourLegPlan
+from scenewright.tools.recordings.recording import Split
 
-Split = Literal["fit", "validation", "test"]
 SPLITS: tuple[Split, ...] = ("fit", "validation", "test")
 DAYS = 3
 SPACING = 0.5
@@ -33,7 +33,7 @@ SPACING = 0.5
 
 _STANDING = {"vehicle": 0.15, "pedestrian": 0.4}
 """Slower than this is standing (or shuffling at the kerb): no progress [m/s]."""
-_TIME_BLUR = {"vehicle": 3.0, "pedestrian": 4.0}
+TIME_BLUR = {"vehicle": 3.0, "pedestrian": 4.0}
 """Gaussian smoothing of positions over time [samples of 0.1 s]."""
 _PATH_BLUR = {"vehicle": 3.0, "pedestrian": 4.0}
 """Gaussian smoothing of paths over length [points of 0.5 m]."""
@@ -86,7 +86,18 @@ class CorpusHour:
     @property
     def split(self) -> Split:
         """Which part of the corpus this hour belongs to."""
-        return SPLITS[(self.hour + self.day) % len(SPLITS)]
+        return split_of(self.day, self.hour)
+
+
+def split_of(day: int, hour: int) -> Split:
+    """Which part of the corpus an hour of a day belongs to."""
+    return SPLITS[(hour + day) % len(SPLITS)]
+
+
+def hour_seeds(seed: int, *, days: int = DAYS) -> dict[tuple[int, int], np.random.SeedSequence]:
+    """The seed of every hour of every day; further days leave those of the first as they are."""
+    hours = [(day, hour) for day in range(days) for hour in range(HOURS)]
+    return dict(zip(hours, np.random.SeedSequence(seed).spawn(len(hours)), strict=True))
 
 
 def at_equal_length(path: FloatArray, count: int = K) -> FloatArray:
@@ -108,10 +119,8 @@ def build_corpus(
 ) -> list[CorpusHour]:
     """Simulate every hour of `days` days; hours already in `folder` are read, not repeated."""
     folder.mkdir(parents=True, exist_ok=True)
-    hours = [(day, hour) for day in range(days) for hour in range(HOURS)]
-    seeds = np.random.SeedSequence(seed).spawn(len(hours))
     corpus: list[CorpusHour] = []
-    for (day, hour), child in zip(hours, seeds, strict=True):
+    for (day, hour), child in hour_seeds(seed, days=days).items():
         file = folder / f"day{day}_hour{hour:02d}.npz"
         if not file.is_file():
             rng = np.random.default_rng(child)
@@ -137,13 +146,8 @@ def _one_hour(
     demand: Demand,
     rng: np.random.Generator,
 ) -> CorpusHour:
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        network = write_network(folder, plan, place)
-        raw = simulate_hour(
-            folder, network, plan=plan, place=place, demand=demand, hour=hour, rng=rng
-        )
-    footways = _footways(place)
+    raw, _ = raw_hour(hour, plan=plan, place=place, demand=demand, rng=rng)
+    footways = footways_of(place)
     trips: list[Trip] = []
     presence: list[tuple[float, float, float]] = []
     for track in raw:
@@ -152,8 +156,26 @@ def _one_hour(
         inside = track.time[np.abs(track.xy).max(axis=1) <= half]
         if len(inside):
             presence.append((float(kind == "pedestrian"), float(inside[0]), float(inside[-1])))
-            trips += _trip(track, half, footways, rng)
+            trips += cleaned_trip(track, half, footways, rng)
     return CorpusHour(day, hour, tuple(trips), np.array(presence).reshape(-1, 3))
+
+
+def raw_hour(
+    hour: int,
+    *,
+    plan: FourLegPlan,
+    place: IntersectionMap,
+    demand: Demand,
+    rng: np.random.Generator,
+) -> tuple[list[RawTrack], int]:
+    """What SUMO records in one hour of the day, and how many agents it left out: they collided."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        network = write_network(folder, plan, place)
+        raw = simulate_hour(
+            folder, network, plan=plan, place=place, demand=demand, hour=hour, rng=rng
+        )
+        return raw, len(collided(folder))
 
 
 def _shapely() -> Any:
@@ -163,7 +185,7 @@ def _shapely() -> Any:
     return shapely
 
 
-def _footways(place: IntersectionMap) -> dict[str, Any]:
+def footways_of(place: IntersectionMap) -> dict[str, Any]:
     """Where the feet of those who cross a leg may be: sidewalks and that leg's crosswalk."""
     shapely = _shapely()
     areas = [shapely.Polygon(area.exterior, area.holes) for area in place.walkable]
@@ -173,12 +195,12 @@ def _footways(place: IntersectionMap) -> dict[str, Any]:
     }
 
 
-def _trip(
+def cleaned_trip(
     track: RawTrack, half: float, footways: dict[str, Any], rng: np.random.Generator
 ) -> Iterator[Trip]:
     """The cleaned trip, or nothing where the track is incomplete or slid sideways."""
     kind = track.route.split(":")[0]
-    xy = _blur(_centres(track), _TIME_BLUR[kind])
+    xy = smoothed(centres(track), TIME_BLUR[kind])
     if kind == "vehicle" and _sideslip(xy, track.angle) > _SIDESLIP:
         return
     moved = _progress(xy, _STANDING[kind])
@@ -198,7 +220,7 @@ def _trip(
         yield Trip(track.route, track.subtype, path[first : last + 1], along, start)
 
 
-def _centres(track: RawTrack) -> FloatArray:
+def centres(track: RawTrack) -> FloatArray:
     """SUMO gives the front bumper; the centre lies half a length behind it."""
     if track.subtype is None:
         return track.xy
@@ -206,7 +228,8 @@ def _centres(track: RawTrack) -> FloatArray:
     return track.xy - back * np.stack([np.cos(track.angle), np.sin(track.angle)], axis=1)
 
 
-def _blur(values: FloatArray, sigma: float) -> FloatArray:
+def smoothed(values: FloatArray, sigma: float) -> FloatArray:
+    """Gaussian smoothing over `sigma` samples, ends held."""
     from scipy import ndimage
 
     filters: Any = ndimage
@@ -233,7 +256,7 @@ def _path(xy: FloatArray, moved: FloatArray, blur: float) -> FloatArray:
     kept = np.concatenate([[True], np.diff(moved) > 0.0])
     wanted = np.arange(0.0, moved[-1], SPACING)
     even = [np.interp(wanted, moved[kept], xy[kept, axis]) for axis in (0, 1)]
-    return _blur(np.stack(even, axis=1), blur)
+    return smoothed(np.stack(even, axis=1), blur)
 
 
 def _on_foot(path: FloatArray, footway: Any, rng: np.random.Generator) -> FloatArray:
@@ -243,7 +266,7 @@ def _on_foot(path: FloatArray, footway: Any, rng: np.random.Generator) -> FloatA
     corner over the roadway: they are brought back to sidewalk or crosswalk.
     """
     shapely = _shapely()
-    tangent = _blur(np.gradient(path, axis=0), 2.0)
+    tangent = smoothed(np.gradient(path, axis=0), 2.0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     moved = path + rng.uniform(-_STRIPE / 2, _STRIPE / 2) * normal
@@ -252,7 +275,7 @@ def _on_foot(path: FloatArray, footway: Any, rng: np.random.Generator) -> FloatA
     back = shapely.line_interpolate_point(edge, shapely.line_locate_point(edge, points))
     outside = ~shapely.contains(footway, points)
     moved[outside] = shapely.get_coordinates(back)[outside]
-    return _blur(moved, 2.0)
+    return smoothed(moved, 2.0)
 
 
 def _first_last(inside: NDArray[np.bool_]) -> tuple[int, int]:

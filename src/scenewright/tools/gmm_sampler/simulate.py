@@ -25,7 +25,8 @@ from scenewright.tools.gmm_sampler.sumo_network import REACH, edge_id, sumo_home
 from scenewright.tools.map_builder import FourLegPlan, neighbour
 
 HOUR = 3600.0
-_WARM_UP = 150.0
+WARM_UP = 150.0
+"""Simulated before the hour begins, with the signal programme from its beginning [s]."""
 _DRAIN = 60.0
 _TURNS = ("left", "straight", "right")
 _WALK_START = 34.0
@@ -80,14 +81,14 @@ def simulate_hour(
     )
     body = "\n".join(departure.lines for departure in departures)
     (folder / "agents.rou.xml").write_text(f"<routes>\n{body}\n</routes>\n", encoding="utf-8")
-    collided = _run(folder, network, seed=int(rng.integers(1 << 30)))
-    return list(_read(folder, {d.agent: d for d in departures}, collided))
+    crashed = _run(folder, network, seed=int(rng.integers(1 << 30)))
+    return list(_read(folder, {d.agent: d for d in departures}, crashed))
 
 
 def _arrivals(rate: float, rng: np.random.Generator) -> FloatArray:
     """Times of chance arrivals at `rate` per hour, warm-up included [s since the hour began]."""
-    span = HOUR + _WARM_UP
-    return np.sort(rng.uniform(-_WARM_UP, HOUR, rng.poisson(rate * span / HOUR)))
+    span = HOUR + WARM_UP
+    return np.sort(rng.uniform(-WARM_UP, HOUR, rng.poisson(rate * span / HOUR)))
 
 
 def _day_factor(spread: float, rng: np.random.Generator) -> float:
@@ -171,7 +172,7 @@ def _vehicle(
         "vehicle",
         id=agent,
         type=f"t_{agent}",
-        depart=round(time + _WARM_UP, 1),
+        depart=round(time + WARM_UP, 1),
         departLane="best",
         departSpeed="desired",
         departPos=round(float(rng.uniform(10.0, 40.0)), 1),
@@ -233,7 +234,7 @@ def _walker(agent: str, route: Route, time: float, rng: np.random.Generator) -> 
         "person",
         id=agent,
         type=f"t_{agent}",
-        depart=round(time + _WARM_UP, 1),
+        depart=round(time + WARM_UP, 1),
         departPos=_along(start, _WALK_START),
     )
     return kind + head.replace("/>", ">") + walk + "</person>"
@@ -263,39 +264,38 @@ def _run(folder: Path, network: Path, *, seed: int) -> set[str]:
         *("--fcd-output", str(folder / "vehicles.parquet")),
         *("--person-fcd-output", str(folder / "people.parquet")),
         *("--fcd-output.attributes", "x,y,angle", "--fcd-output.filter-shapes", "view"),
-        *("--end", str(_WARM_UP + HOUR + _DRAIN), "--seed", str(seed)),
+        *("--end", str(WARM_UP + HOUR + _DRAIN), "--seed", str(seed)),
         *("--no-step-log", "true", "--no-warnings", "true", "--xml-validation", "never"),
         *("--precision", "3"),
     ]
     finished = subprocess.run(command, capture_output=True, text=True, check=False)
     if finished.returncode != 0:
         raise InputError(f"SUMO stopped: {finished.stderr.strip()[:300]}")
-    return _collided(folder / "collisions.xml")
+    return collided(folder)
 
 
-def _collided(path: Path) -> set[str]:
+def collided(folder: Path) -> set[str]:
+    """Ids of the agents that collided in the simulation that ran in a folder."""
     from xml.etree import ElementTree
 
     found: set[str] = set()
-    for element in ElementTree.parse(path).getroot().iter("collision"):
+    for element in ElementTree.parse(folder / "collisions.xml").getroot().iter("collision"):
         found |= {element.attrib["collider"], element.attrib["victim"]}
     return found
 
 
-def _read(
-    folder: Path, departures: dict[str, _Departure], collided: set[str]
-) -> Iterator[RawTrack]:
+def _read(folder: Path, departures: dict[str, _Departure], crashed: set[str]) -> Iterator[RawTrack]:
     for name in ("vehicles.parquet", "people.parquet"):
         for agent, columns in _by_agent(folder / name):
             departure = departures.get(agent)
-            if departure is None or agent in collided:
+            if departure is None or agent in crashed:
                 continue
             yield RawTrack(
                 route=departure.route,
                 subtype=departure.subtype,
                 xy=columns[:, 1:3],
                 angle=np.unwrap(math.pi / 2 - np.radians(columns[:, 3])),
-                time=columns[:, 0] - _WARM_UP,
+                time=columns[:, 0] - WARM_UP,
             )
 
 

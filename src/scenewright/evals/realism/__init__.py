@@ -1,0 +1,12 @@
+"""How near generated scenes are to traffic: motion and stops against a corpus and real tracks.
+
+`python -m scenewright.evals.realism --corpus FILE.npz --scenes edited=FOLDER` prints the tables,
+`--make 120 --into FOLDER` makes the scenes first. Distances are first Wasserstein distances with
+bootstrap intervals over scenes; beside them stands what two halves of the reference differ by.
+"""
+
+from scenewright.evals.realism.distances import Distance, Gain, Sample, distance, wasserstein
+from scenewright.evals.realism.judge import judge
+from scenewright.evals.realism.report import Report, Row
+
+__all__ = ["Distance", "Gain", "Report", "Row", "Sample", "distance", "judge", "wasserstein"]

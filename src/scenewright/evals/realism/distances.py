@@ -1,0 +1,193 @@
+"""How far two distributions lie apart, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.scene.base import FloatArray
+
+_NOTHING = 1e-9
+"""No share can be taken of a distance below this."""
+CELLS = 2048
+"""Cells of the histograms from which intervals are drawn; distances themselves are exact."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Values of one measure, in clusters that were drawn together (scenes, agents).
+
+    Attributes:
+        values: [N]; cluster: [N] number of the cluster that each belongs to.
+        clusters: how many clusters there are, those without a value among them.
+    """
+
+    values: FloatArray
+    cluster: NDArray[np.int64]
+    clusters: int
+
+    @classmethod
+    def of(cls, parts: Iterable[Sequence[float] | FloatArray]) -> Sample:
+        """One cluster from each part."""
+        arrays = [np.asarray(part, dtype=np.float64) for part in parts]
+        sizes = [len(array) for array in arrays]
+        return cls(
+            np.concatenate([np.zeros(0), *arrays]),
+            np.repeat(np.arange(len(arrays)), sizes),
+            len(arrays),
+        )
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def only(self, clusters: NDArray[np.int64]) -> Sample:
+        """Some of the clusters, renumbered."""
+        number = np.full(self.clusters, -1)
+        number[clusters] = np.arange(len(clusters))
+        kept = number[self.cluster] >= 0
+        return Sample(self.values[kept], number[self.cluster[kept]], len(clusters))
+
+
+def wasserstein(first: FloatArray, second: FloatArray) -> float | None:
+    """First Wasserstein distance of two samples, in the unit of their values.
+
+    W1 = integral of |F - G|, F and G their empirical distribution functions: how far on average a
+    value has to move for the one to become the other. None where a sample is empty.
+    """
+    if len(first) == 0 or len(second) == 0:
+        return None
+    at = np.sort(np.concatenate([first, second]))
+    one = np.searchsorted(np.sort(first), at[:-1], side="right") / len(first)
+    two = np.searchsorted(np.sort(second), at[:-1], side="right") / len(second)
+    return float(np.sum(np.abs(one - two) * np.diff(at)))
+
+
+@dataclass(frozen=True)
+class Distance:
+    """A Wasserstein distance with its sizes and a bootstrap interval.
+
+    Attributes:
+        value: in the unit of the measure; low, high: 95 % of the distances of resampled clusters.
+            Such distances come out a little larger than `value`: resampling adds its own noise.
+        n, n_reference: how many values; clusters: how many clusters on the side of n.
+    """
+
+    value: float
+    low: float
+    high: float
+    n: int
+    n_reference: int
+    clusters: int
+
+
+def distance(
+    sample: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
+) -> Distance | None:
+    """The distance of two samples; clusters of both are resampled for the interval.
+
+    None where a sample is empty.
+    """
+    value = wasserstein(sample.values, reference.values)
+    if value is None:
+        return None
+    again = resampled(sample, reference, draws=draws, rng=rng)
+    low, high = np.quantile(again, [0.025, 0.975])
+    return Distance(
+        value, float(low), float(high), len(sample), len(reference),
+        len(np.unique(sample.cluster)),
+    )  # fmt: skip
+
+
+def resampled(
+    sample: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
+) -> FloatArray:
+    """[draws] distances of samples whose clusters were drawn anew with replacement."""
+    edges = _edges(sample.values, reference.values)
+    one, two = (_cumulated(each, edges, draws, rng) for each in (sample, reference))
+    return np.asarray(np.abs(one - two).sum(axis=1) * (edges[1] - edges[0]))
+
+
+def _edges(*values: FloatArray) -> FloatArray:
+    low = min(float(each.min()) for each in values)
+    high = max(float(each.max()) for each in values)
+    return np.linspace(low, max(high, low + 1e-9), CELLS + 1)
+
+
+def _cumulated(
+    sample: Sample, edges: FloatArray, draws: int, rng: np.random.Generator
+) -> FloatArray:
+    """[draws, CELLS] distribution functions of resampled clusters."""
+    table = _histograms(sample, edges)
+    weights = rng.multinomial(len(table), np.full(len(table), 1 / len(table)), size=draws)
+    return _function(weights @ table)
+
+
+def _histograms(sample: Sample, edges: FloatArray) -> FloatArray:
+    """[C, CELLS] how many values of each cluster lie in each cell; clusters that have any."""
+    used, number = np.unique(sample.cluster, return_inverse=True)
+    cell = np.clip(np.searchsorted(edges, sample.values, side="right") - 1, 0, CELLS - 1)
+    flat = np.bincount(number * CELLS + cell, minlength=len(used) * CELLS)
+    return flat.reshape(len(used), CELLS).astype(np.float64)
+
+
+def _function(counts: FloatArray) -> FloatArray:
+    """[draws, CELLS] distribution functions of histograms."""
+    return np.asarray(np.cumsum(counts, axis=1) / counts.sum(axis=1, keepdims=True))
+
+
+def chance(
+    sample: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
+) -> tuple[float, float] | None:
+    """What chance alone gives: mean and 95 % quantile of the distance where nothing differs.
+
+    Clusters are drawn from the reference without replacement until they hold as many values as
+    `sample` (at most half of the reference's), and compared with the rest. None where there are
+    fewer than two clusters.
+    """
+    if len(np.unique(reference.cluster)) < 2:
+        return None
+    edges = _edges(reference.values)
+    table = _histograms(reference, edges)
+    sizes, wanted = table.sum(axis=1), min(len(sample), len(reference) // 2)
+    drawn = np.zeros((draws, len(table)))
+    for row in drawn:
+        order = rng.permutation(len(table))
+        count = 1 + int(np.searchsorted(np.cumsum(sizes[order])[:-1], wanted))
+        row[order[: min(count, len(table) - 1)]] = 1.0
+    gaps = np.abs(_function(drawn @ table) - _function((1.0 - drawn) @ table))
+    found = gaps.sum(axis=1) * (edges[1] - edges[0])
+    return float(found.mean()), float(np.quantile(found, 0.95))
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Share of the first sample's distance that the second has less; negative if it has more."""
+
+    value: float
+    low: float
+    high: float
+
+
+def gain(
+    first: Sample, second: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
+) -> Gain | None:
+    """How much nearer to the reference the second sample is than the first.
+
+    The reference is resampled once for both, the samples each for itself. None where a sample is
+    empty or the first has no distance.
+    """
+    before = wasserstein(first.values, reference.values)
+    after = wasserstein(second.values, reference.values)
+    if before is None or after is None or before < _NOTHING:
+        return None
+    edges = _edges(first.values, second.values, reference.values)
+    one, two, ref = (_cumulated(s, edges, draws, rng) for s in (first, second, reference))
+    whole, left = np.abs(one - ref).sum(axis=1), np.abs(two - ref).sum(axis=1)
+    drawn = 1 - left[whole > _NOTHING] / whole[whole > _NOTHING]
+    if len(drawn) == 0:
+        return None
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return Gain(1 - after / before, float(low), float(high))

@@ -1,0 +1,163 @@
+"""The table: how far each set of scenes is from each reference, beside what chance would give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from scenewright.evals.realism.distances import (
+    Distance,
+    Gain,
+    Sample,
+    chance,
+    distance,
+    gain,
+    wasserstein,
+)
+from scenewright.evals.realism.samples import UNITS, Measured
+from scenewright.scene.base import FloatArray
+
+ALLOWED = 1.5
+"""Stops should be no further from the corpus' than this times the distance of its halves."""
+_QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measure of one class: a set of scenes against a reference.
+
+    Attributes:
+        scenes: name of the set; reference: `corpus` or `taf-bw`, perhaps with a remark.
+        distance: between them; None where one of them has no value.
+        halves: distance between the two halves of the reference.
+        by_chance: mean and 95 % quantile of the distance of as many values of the reference from
+            the rest of it: no set of this size can be expected nearer than the mean.
+        gain: share of the first set's distance that this set has less; None for the first set.
+        quantiles, reference_quantiles: 5, 25, 50, 75 and 95 % of either.
+    """
+
+    topic: str
+    type: str
+    measure: str
+    unit: str
+    scenes: str
+    reference: str
+    distance: Distance | None
+    halves: float | None
+    by_chance: tuple[float, float] | None
+    gain: Gain | None
+    quantiles: tuple[float, ...] | None
+    reference_quantiles: tuple[float, ...] | None
+
+    @property
+    def share(self) -> float | None:
+        """Distance over that of the halves."""
+        if self.distance is None or not self.halves:
+            return None
+        return self.distance.value / self.halves
+
+    @property
+    def near_enough(self) -> bool | None:
+        """Whether that share is at most 1.5; None where there is none."""
+        return None if self.share is None else self.share <= ALLOWED
+
+
+@dataclass(frozen=True)
+class Report:
+    """All rows, and what else is worth knowing: counts by name."""
+
+    rows: tuple[Row, ...]
+    facts: Mapping[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON."""
+        rows = [
+            {**asdict(row), "share_of_halves": row.share, "near_enough": row.near_enough}
+            for row in self.rows
+        ]
+        return {"schema_version": 1, "facts": dict(self.facts), "rows": rows}
+
+    def markdown(self) -> str:
+        """One table for each topic and reference, and the facts."""
+        topics = dict.fromkeys((row.topic, row.reference) for row in self.rows)
+        parts = [_table(topic, ref, self.rows) for topic, ref in topics]
+        facts = "\n".join(f"- {name}: {value}" for name, value in self.facts.items())
+        return "\n\n".join([*parts, facts]) + "\n"
+
+
+def compare(
+    topic: str,
+    kind: str,
+    sets: Mapping[str, Measured],
+    reference: Measured,
+    *,
+    named: str,
+    measures: Sequence[str],
+    draws: int,
+    seed: int,
+) -> Iterator[Row]:
+    """A row for each measure and set."""
+    for measure in measures:
+        ref = reference.samples[measure]
+        one, two = reference.halves(measure)
+        first: Sample | None = None
+        for name, measured in sets.items():
+            sample, rng = measured.samples[measure], np.random.default_rng(seed)
+            yield Row(
+                topic, kind, measure, UNITS[measure], name, named,
+                distance=distance(sample, ref, draws=draws, rng=rng),
+                halves=wasserstein(one.values, two.values),
+                by_chance=chance(sample, ref, draws=draws, rng=rng),
+                gain=None if first is None else gain(first, sample, ref, draws=draws, rng=rng),
+                quantiles=_quantiles(sample.values),
+                reference_quantiles=_quantiles(ref.values),
+            )  # fmt: skip
+            first = sample if first is None else first
+
+
+def _quantiles(values: FloatArray) -> tuple[float, ...] | None:
+    if len(values) == 0:
+        return None
+    return tuple(round(float(q), 4) for q in np.quantile(values, _QUANTILES))
+
+
+def _table(topic: str, reference: str, rows: Sequence[Row]) -> str:
+    lines = [
+        f"### {topic}, against {reference}",
+        "",
+        "| class | measure | scenes | W1 | 95 % | n / reference | halves | W1 / halves "
+        "| by chance (95 %) | nearer than first | median, 5–95 % | reference |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [_line(row) for row in rows if (row.topic, row.reference) == (topic, reference)]
+    return "\n".join(lines)
+
+
+def _line(row: Row) -> str:
+    d = row.distance
+    cells = [
+        row.type,
+        row.measure.replace("_", " "),
+        row.scenes,
+        "–" if d is None else f"{d.value:.3f} {row.unit}",
+        "–" if d is None else f"{d.low:.3f}–{d.high:.3f}",
+        "–" if d is None else f"{d.n} / {d.n_reference}",
+        "–" if row.halves is None else f"{row.halves:.3f}",
+        "–" if row.share is None else f"{row.share:.1f}",
+        "–" if row.by_chance is None else f"{row.by_chance[0]:.3f} ({row.by_chance[1]:.3f})",
+        "–"
+        if row.gain is None
+        else f"{row.gain.value:.0%} ({row.gain.low:.0%}–{row.gain.high:.0%})",
+        _spread(row.quantiles),
+        _spread(row.reference_quantiles),
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def _spread(quantiles: tuple[float, ...] | None) -> str:
+    if quantiles is None:
+        return "–"
+    return f"{quantiles[2]:.2f}, {quantiles[0]:.2f}–{quantiles[4]:.2f}"

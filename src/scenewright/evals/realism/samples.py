@@ -1,0 +1,157 @@
+"""What is compared: values of every measure from scenes and from recordings, in clusters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.evals.realism.distances import Sample
+from scenewright.evals.realism.scenes import Played
+from scenewright.evals.realism.stops import MEASURES, STANDING, Stop
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.track import Shape, Track
+from scenewright.tools.recordings import Recording
+from scenewright.tools.recordings.kinematics import kinematics
+
+Part = Literal["all", "foreground", "background"]
+UNITS: Mapping[str, str] = {
+    "speed": "m/s",
+    "speed, standing too": "m/s",
+    "acceleration": "m/s²",
+    "jerk": "m/s³",
+    "spread of speed": "m/s",
+    "duration": "s",
+    "gap": "m",
+    "line_gap": "m",
+    "braking": "m/s²",
+    "mean_braking": "m/s²",
+    "starting": "m/s²",
+    "mean_starting": "m/s²",
+}
+MOTION = ("speed", "speed, standing too", "acceleration", "jerk", "spread of speed")
+UNIMPEDED = {"vehicle": 3.0, "pedestrian": 0.5}
+"""Who is never slower than this [m/s] is held up by nobody."""
+LONG_ENOUGH = 30
+"""Samples that a spread of speed needs."""
+STEADY = 0.05
+"""Below this an acceleration is none [m/s^2]: nobody drives or walks that evenly for long."""
+
+
+@dataclass(frozen=True)
+class Sieve:
+    """Which samples of motion count.
+
+    Attributes:
+        type: of the agents; within: half the side of the square around the middle of the map in
+            which positions count [m], None for all; smoothing: goes over positions first [s].
+        unimpeded: only agents that are never slow: what is left does not depend on how long the
+            queues at the lights are.
+    """
+
+    type: AgentClass
+    within: float | None = None
+    smoothing: float = 0.0
+    unimpeded: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Every measure of one source.
+
+    Attributes:
+        samples: by measure; side: which half each cluster belongs to, by measure the same.
+    """
+
+    samples: Mapping[str, Sample]
+    side: NDArray[np.bool_]
+
+    def halves(self, measure: str) -> tuple[Sample, Sample]:
+        """The two halves of the source."""
+        sample, number = self.samples[measure], np.arange(len(self.side))
+        return sample.only(number[self.side]), sample.only(number[~self.side])
+
+
+Agents = Sequence[tuple[Track, Shape]]
+
+
+def of_scenes(scenes: Sequence[Played], *, part: Part = "all") -> list[Agents]:
+    """Each scene's agents, or those of its foreground or background."""
+    return [
+        [
+            (user.track, user.shape)
+            for user in scene.users
+            if part == "all" or (user.id in scene.foreground) == (part == "foreground")
+        ]
+        for scene in scenes
+    ]
+
+
+def of_recordings(recordings: Iterable[Recording]) -> list[Agents]:
+    """Each agent of real tracks as a cluster of its own, bicycles left out."""
+    return [
+        [(agent.track, agent.shape)]
+        for recording in recordings
+        for agent in recording.agents
+        if agent.subtype != "bicycle"
+    ]
+
+
+def motion(clusters: Sequence[Agents], sieve: Sieve, *, side: Sequence[bool]) -> Measured:
+    """Speed, acceleration and jerk of all agents of a class.
+
+    Speeds of standing agents (0.3 m/s or less) count in `speed, standing too` alone: how long
+    people stand is a matter of lights, and their accelerations are all 0. `spread of speed` is the
+    standard deviation of the speed of one agent that is never slow, one value for each.
+    """
+    parts: dict[str, list[FloatArray]] = {name: [] for name in MOTION}
+    for agents in clusters:
+        values = [_motion(t, sieve) for t, shape in agents if shape.type == sieve.type]
+        for k, name in enumerate(MOTION):
+            parts[name].append(np.concatenate([np.zeros(0), *(each[k] for each in values)]))
+    samples = {name: Sample.of(each) for name, each in parts.items()}
+    return Measured(samples, np.asarray(side, dtype=np.bool_))
+
+
+def _motion(track: Track, sieve: Sieve) -> tuple[FloatArray, ...]:
+    """The values of one agent, in the order of MOTION."""
+    done = kinematics(track.xy, smoothing=sieve.smoothing)
+    least = float(done.speed.min(initial=np.inf))
+    if sieve.unimpeded and least <= UNIMPEDED[sieve.type]:
+        return tuple(np.zeros(0) for _ in MOTION)
+    here = np.ones(len(done), dtype=np.bool_)
+    if sieve.within is not None:
+        place = track.xy[done.first : done.first + len(done)]
+        here = np.abs(place).max(axis=1, initial=0.0) <= sieve.within
+    moving = here & (done.speed > STANDING)
+    free = least > UNIMPEDED[sieve.type] and int(here.sum()) >= LONG_ENOUGH
+    spread = np.array([done.speed[here].std()]) if free else np.zeros(0)
+    return (
+        done.speed[moving], done.speed[here], done.acceleration[moving], done.jerk[moving], spread,
+    )  # fmt: skip
+
+
+def steady(clusters: Sequence[Agents], sieve: Sieve) -> float | None:
+    """Share of moving samples without any acceleration; None where nobody moves."""
+    sample = motion(clusters, sieve, side=()).samples["acceleration"].values
+    return float((np.abs(sample) < STEADY).mean()) if len(sample) else None
+
+
+def stopping(
+    scenes: Sequence[Sequence[Stop]], kind: AgentClass, *, side: Sequence[bool]
+) -> Measured:
+    """Every measure of the stops of a class; a scene is a cluster."""
+    samples = {
+        name: Sample.of(list(_values(stops, kind, name)) for stops in scenes) for name in MEASURES
+    }
+    return Measured(samples, np.asarray(side, dtype=np.bool_))
+
+
+def _values(stops: Iterable[Stop], kind: AgentClass, name: str) -> Iterator[float]:
+    for stop in stops:
+        value = getattr(stop, name)
+        if stop.type == kind and value is not None:
+            yield float(value)

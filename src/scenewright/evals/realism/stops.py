@@ -1,0 +1,234 @@
+"""How agents stop: how long, how far from what they wait for, how hard before and after.
+
+A *stop* is a standstill (at most 0.3 m/s for 0.5 s or longer, SEMANTICS section 4) of an agent that
+had moved. A *yield's stop* is the one of a giver between its slowing and its entering the zone, as
+the checker finds yields: in generated scenes and in corpus scenes by the same words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from scenewright.evals.realism.scenes import Played
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.events import Event
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker import Mover, observe
+
+STANDING = 0.3
+SHORTEST = 0.5
+MOVED = {"vehicle": 2.0, "pedestrian": 0.5}
+"""Who never was faster than this before did not stop [m/s] (SEMANTICS section 4, clause 2)."""
+RAMP = 6.0
+"""How long before and after a standstill braking and starting are looked at [s]."""
+BEGUN = 0.95
+"""Braking began when this share of the largest speed was last driven."""
+LINE_REACH = 12.0
+"""A stop further than this before a stop line is no stop at it [m]."""
+INWARDS = 0.7
+"""Cosine of the angle to a leg's axis within which a vehicle drives in on it, or crosses a line."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """One stop; what could not be measured is None.
+
+    Attributes:
+        type: of who stopped; yields: whether it gave way; asked: whether a relation asked for it.
+        duration: of the standstill [s]; None where the scene began or ended in it.
+        gap: of who gives way: from its front to what it stops for [m]: the stop line ahead or,
+            along its own path, the conflict zone, whichever is nearer. None where it gave way to
+            nobody, where it stands behind another vehicle (or walker), and where it has no line
+            ahead and never entered.
+        line_gap: from its front bumper to the stop line ahead [m]; None where there is none near.
+        braking: hardest in the 6 s before [m/s^2]; mean_braking: since its
+            largest speed there.
+        starting: strongest acceleration in the 6 s after; mean_starting: over the first 2 s.
+    """
+
+    type: AgentClass
+    yields: bool
+    asked: bool = False
+    duration: float | None = None
+    gap: float | None = None
+    line_gap: float | None = None
+    braking: float | None = None
+    mean_braking: float | None = None
+    starting: float | None = None
+    mean_starting: float | None = None
+
+
+MEASURES = tuple(each.name for each in fields(Stop))[3:]
+"""The measured fields of a stop, in order."""
+
+
+@dataclass(frozen=True)
+class Yields:
+    """The yields of one scene: how many there are, in how many the giver came to stand."""
+
+    seen: int
+    stood: int
+
+
+def yield_stops(scene: Played, *, on: IntersectionMap) -> tuple[tuple[Stop, ...], Yields]:
+    """The stops of everybody who gives way in a scene, one for each giver."""
+    found = observe(scene.users, ground=on, signals=scene.signals, asked=scene.asked, detailed=())
+    movers = {mover.id: mover for mover in found.movers}
+    stops: dict[int, Stop] = {}
+    givers: dict[int, bool] = {}
+    for event in found.events:
+        if event.type != "yielding":
+            continue
+        stop = _yield_stop(movers[event.from_], event, scene, on, found.movers)
+        givers[event.from_] = givers.get(event.from_, False) or stop is not None
+        if stop is not None:
+            stops[event.from_] = _nearer(stops.get(event.from_), stop)
+    return tuple(stops.values()), Yields(len(givers), sum(givers.values()))
+
+
+def _nearer(known: Stop | None, other: Stop) -> Stop:
+    """Who gives way to several stops for the nearest of them; what was asked for stays asked."""
+    if known is None:
+        return other
+    gaps = [stop.gap for stop in (known, other) if stop.gap is not None]
+    kept = known if known.asked or known.gap == min(gaps, default=None) else other
+    return replace(kept, asked=known.asked or other.asked, gap=min(gaps, default=None))
+
+
+def _yield_stop(
+    giver: Mover, event: Event, scene: Played, on: IntersectionMap, everybody: Sequence[Mover]
+) -> Stop | None:
+    """The last standstill between the giver's slowing and its entering the zone, if it stood."""
+    begin = float(event.evidence["begins_to_slow"])
+    entered = event.evidence.get("entered")
+    until = giver.end if entered is None else float(entered)
+    inside = [s for s in standstills(giver) if begin <= giver.times[s.start] <= until]
+    if not inside:
+        return None
+    stand = inside[-1]
+    stop = _measured(giver, stand, on, yields=True)
+    ahead = [] if stop.line_gap is None or stop.line_gap < 0 else [stop.line_gap]
+    if entered is not None:
+        zone = np.interp(float(entered), giver.times, giver.s) - giver.s[stand.stop - 1]
+        ahead.append(max(float(zone), 0.0))
+    asked = (event.from_, event.to) in scene.asked
+    gap = min(ahead, default=None)
+    if gap is not None and _queues(giver, stand.stop - 1, gap, everybody):
+        gap = None
+    return replace(stop, asked=asked, gap=gap)
+
+
+def _queues(giver: Mover, k: int, gap: float, everybody: Iterable[Mover]) -> bool:
+    """Whether another of its class stands in its way before what it waits for."""
+    forward = np.array([np.cos(giver.heading[k]), np.sin(giver.heading[k])])
+    for other in everybody:
+        time = giver.times[k]
+        if other.id == giver.id or other.type != giver.type:
+            continue
+        if (
+            not other.start <= time <= other.end
+            or other.speed[other.index(time)] > MOVED[other.type]
+        ):
+            continue
+        away = other.xy[other.index(time)] - giver.xy[k]
+        ahead = float(away @ forward)
+        aside = abs(float(forward[0] * away[1] - forward[1] * away[0]))
+        if 0 < ahead < gap + giver.nose + other.nose and aside < (giver.width + other.width) / 2:
+            return True
+    return False
+
+
+def all_stops(movers: Iterable[Mover], *, on: IntersectionMap | None) -> Iterator[Stop]:
+    """Every stop of everybody, whatever its reason: what tracks without signals still show."""
+    for mover in movers:
+        for stand in standstills(mover):
+            if stand.start and float(mover.speed[: stand.start].max()) >= MOVED[mover.type]:
+                yield _measured(mover, stand, on, yields=False)
+
+
+def standstills(mover: Mover) -> list[slice]:
+    """Samples of each standstill of 0.5 s or longer."""
+    still = mover.speed <= STANDING
+    edges = np.flatnonzero(np.diff(still.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    least = round(SHORTEST / STEP)
+    return [slice(int(a), int(b)) for a, b in edges if b - a >= least]
+
+
+def _measured(
+    mover: Mover,
+    stand: slice,
+    on: IntersectionMap | None,
+    *,
+    yields: bool,
+) -> Stop:
+    whole = stand.start > 0 and stand.stop < len(mover)
+    before = slice(max(stand.start - round(RAMP / STEP), 0), stand.start + 1)
+    after = slice(stand.stop - 1, stand.stop + round(RAMP / STEP))
+    braking, mean_braking = _braking(mover, before)
+    starting, mean_starting = _starting(mover, after)
+    return Stop(
+        type=mover.type,
+        yields=yields,
+        duration=(stand.stop - stand.start) * STEP if whole else None,
+        line_gap=None if on is None else line_gap(mover, stand.start, on),
+        braking=braking,
+        mean_braking=mean_braking,
+        starting=starting,
+        mean_starting=mean_starting,
+    )
+
+
+def _braking(mover: Mover, span: slice) -> tuple[float | None, float | None]:
+    """Hardest braking before a standstill, and the mean from the largest speed to its beginning."""
+    speed = mover.speed[span]
+    top = int(np.flatnonzero(speed >= BEGUN * speed.max())[-1])
+    taken = (len(speed) - 1 - top) * STEP
+    if span.start == 0 and top == 0:
+        return None, None  # it came into sight braking: how hard it began to is not seen
+    if speed[top] < MOVED[mover.type] or taken <= 0:
+        return None, None
+    return float(-mover.acceleration[span].min()), float((speed[top] - speed[-1]) / taken)
+
+
+def _starting(mover: Mover, span: slice) -> tuple[float | None, float | None]:
+    """Strongest acceleration after a standstill, and the mean over its first 2 s."""
+    speed = mover.speed[span]
+    first = round(2.0 / STEP)
+    if len(speed) <= first + 3:
+        return None, None
+    return float(mover.acceleration[span][:-3].max()), float((speed[first] - speed[0]) / 2.0)
+
+
+def line_gap(mover: Mover, k: int, on: IntersectionMap) -> float | None:
+    """Distance from a vehicle's front to the stop line straight ahead of it [m].
+
+    None for pedestrians and where no line lies within 12 m ahead (or 1 m behind) of the front.
+    """
+    if not mover.is_vehicle:
+        return None
+    heading = np.array([np.cos(mover.heading[k]), np.sin(mover.heading[k])])
+    front = mover.xy[k] + heading * mover.half_length
+    bearing = {leg.name: leg.bearing for leg in on.legs}
+    gaps = [
+        _ahead(front, heading, np.array(line.line))
+        for line in on.stop_lines
+        if np.cos(mover.heading[k] - bearing[line.leg]) < -INWARDS
+    ]
+    near = (gap for gap in gaps if gap is not None and -1.0 <= gap <= LINE_REACH)
+    return min(near, default=None, key=abs)
+
+
+def _ahead(front: FloatArray, heading: FloatArray, line: FloatArray) -> float | None:
+    """How far ahead of a point a line from one end to the other is crossed; None if it is not."""
+    along = line[1] - line[0]
+    across = float(heading[0] * along[1] - heading[1] * along[0])
+    if abs(across) < INWARDS * float(np.hypot(*along)):
+        return None
+    away = line[0] - front
+    ahead = float(away[0] * along[1] - away[1] * along[0]) / across
+    share = float(away[0] * heading[1] - away[1] * heading[0]) / across
+    return ahead if 0.0 <= share <= 1.0 else None

@@ -1,0 +1,299 @@
+"""Distances, stops and the table of realism, on motion whose answers are known."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from scenewright.evals.realism import Sample, distance, judge, wasserstein
+from scenewright.evals.realism.__main__ import main
+from scenewright.evals.realism.distances import chance, gain, resampled
+from scenewright.evals.realism.samples import Sieve, motion, of_recordings, of_scenes, steady
+from scenewright.evals.realism.scenes import (
+    YIELDS,
+    Played,
+    cut_scenes,
+    make_scenes,
+    played,
+    read_scenes,
+    requests,
+)
+from scenewright.evals.realism.stops import all_stops, line_gap, standstills, yield_stops
+from scenewright.graph.run import synthesize
+from scenewright.intersections import load_map
+from scenewright.scene.track import PEDESTRIAN, STEP, Track, vehicle_shape
+from scenewright.tools.recordings import RecordedAgent, Recording, save_recordings
+from scenewright.tools.relation_checker import RoadUser, as_mover
+
+values = st.lists(st.floats(-50, 50), min_size=1, max_size=30).map(np.array)
+
+
+@pytest.fixture(scope="module")
+def on():
+    return load_map("amsterdam_120")
+
+
+@pytest.fixture(scope="module")
+def yielding():
+    return synthesize("A car turning right yields to a pedestrian at 09:00", seed=3)
+
+
+@given(values, values)
+def test_the_distance_is_the_first_wasserstein_distance(first, second):
+    found = wasserstein(first, second)
+    assert found == pytest.approx(stats.wasserstein_distance(first, second), abs=1e-9)
+    assert found == pytest.approx(wasserstein(second, first))
+
+
+@given(values, st.floats(-20, 20))
+def test_a_shift_is_as_far_as_it_shifts(first, by):
+    assert wasserstein(first, first + by) == pytest.approx(abs(by), abs=1e-9)
+    assert wasserstein(first, first) == 0.0
+
+
+def test_without_values_there_is_no_distance():
+    empty, one = Sample.of([[], []]), Sample.of([[1.0, 2.0]])
+    rng = np.random.default_rng(0)
+    assert wasserstein(empty.values, one.values) is None
+    assert distance(empty, one, draws=5, rng=rng) is None
+    assert gain(one, empty, one, draws=5, rng=rng) is None
+    assert chance(one, one, draws=5, rng=rng) is None
+
+
+def test_clusters_can_be_taken_out():
+    sample = Sample.of([[1.0, 2.0], [], [3.0], [4.0, 5.0]])
+    part = sample.only(np.array([3, 0]))
+    assert sorted(part.values) == [1.0, 2.0, 4.0, 5.0]
+    assert part.cluster[part.values == 4.0].tolist() == [0]
+    assert part.clusters == 2
+
+
+def clustered(rng, count, *, mean=0.0, spread=1.0, between=0.0):
+    return Sample.of([rng.normal(mean + rng.normal(0, between), spread, 20) for _ in range(count)])
+
+
+def test_intervals_hold_the_distance_and_widen_with_clusters():
+    rng = np.random.default_rng(1)
+    reference = clustered(rng, 300)
+    loose, tied = clustered(rng, 60, mean=1.0), clustered(rng, 60, mean=1.0, between=1.0)
+    found = [distance(s, reference, draws=300, rng=rng) for s in (loose, tied)]
+    for each in found:
+        assert each.low <= each.value <= each.high
+    assert found[0].value == pytest.approx(1.0, abs=0.1)
+    assert found[1].high - found[1].low > 3 * (found[0].high - found[0].low)
+    assert (found[0].n, found[0].n_reference, found[0].clusters) == (1200, 6000, 60)
+
+
+def test_resampling_one_cluster_each_gives_the_distance_itself():
+    rng = np.random.default_rng(2)
+    one, two = Sample.of([rng.normal(0, 1, 500)]), Sample.of([rng.normal(1, 1, 500)])
+    again = resampled(one, two, draws=3, rng=rng)
+    assert again == pytest.approx(wasserstein(one.values, two.values), abs=0.01)
+
+
+def test_chance_falls_with_size_and_knows_clusters():
+    rng = np.random.default_rng(3)
+    loose, tied = clustered(rng, 200), clustered(rng, 200, between=1.0)
+    small, large = Sample.of([np.zeros(100)]), Sample.of([np.zeros(1600)])
+    few, many = (chance(s, loose, draws=100, rng=rng)[0] for s in (small, large))
+    assert few > 2 * many
+    assert chance(large, tied, draws=100, rng=rng)[0] > 2 * many
+
+
+def test_gain_is_the_share_of_the_distance_that_went():
+    rng = np.random.default_rng(4)
+    reference = clustered(rng, 400)
+    far, near = (Sample(reference.values + by, reference.cluster, 400) for by in (2.0, 0.5))
+    found = gain(far, near, reference, draws=200, rng=rng)
+    assert found.value == pytest.approx(0.75)
+    assert found.low < 0.75 < found.high
+    assert gain(far, far, reference, draws=50, rng=rng).value == pytest.approx(0.0)
+    assert gain(near, far, reference, draws=50, rng=rng).value == pytest.approx(-3.0)
+
+
+def ride(*, speed=8.0, braking=2.0, wait=3.0, starting=1.0, cruise=3.0):
+    """Arc length at 0.1 s: cruises, brakes, stands, starts, cruises."""
+    down, up = speed / braking, speed / starting
+    ends = np.cumsum([cruise, down, wait, up, cruise])
+    t = np.arange(0, ends[-1], 0.001)
+    v = np.select(
+        [t < ends[0], t < ends[1], t < ends[2], t < ends[3]],
+        [speed, speed - braking * (t - ends[0]), 0.0, starting * (t - ends[2])],
+        speed,
+    )
+    return (np.cumsum(v) * 0.001)[::100]
+
+
+def mover(s, *, shape=None, origin=(0.0, 0.0), heading=0.0):
+    way = np.array([np.cos(heading), np.sin(heading)])
+    track = Track(np.array(origin) + s[:, None] * way, np.full(len(s), heading), 0.0)
+    return as_mover(RoadUser(1, track, shape or vehicle_shape()))
+
+
+def test_a_stop_is_measured_as_it_was_driven():
+    (stop,) = all_stops([mover(ride())], on=None)
+    # At 0.3 m/s or less it stands: 0.15 s of the braking and 0.3 s of the starting.
+    assert stop.duration == pytest.approx(3.45, abs=0.2)
+    assert stop.braking == pytest.approx(2.0, abs=0.02)
+    assert stop.starting == pytest.approx(1.0, abs=0.02)
+    assert stop.mean_braking == pytest.approx(2.0, abs=0.1)
+    assert stop.mean_starting == pytest.approx(1.0, abs=0.1)
+    assert (stop.gap, stop.line_gap, stop.yields) == (None, None, False)
+
+
+def test_what_the_scene_cuts_off_is_not_measured():
+    whole = ride()
+    standing = standstills(mover(whole))[0]
+    (late,) = all_stops([mover(whole[: standing.start + 15])], on=None)
+    assert (late.duration, late.starting) == (None, None)
+    assert late.braking == pytest.approx(2.0, abs=0.02)
+    assert not list(all_stops([mover(whole[standing.start + 5 :])], on=None))
+
+
+@pytest.mark.parametrize("leg", ["north", "south", "east", "west"])
+def test_the_gap_to_the_stop_line_is_from_the_front_bumper(on, leg):
+    line = next(each for each in on.stop_lines if each.leg == leg)
+    middle = np.array(line.line).mean(axis=0)
+    bearing = next(each.bearing for each in on.legs if each.name == leg)
+    inwards = -np.array([np.cos(bearing), np.sin(bearing)])
+    length = vehicle_shape().length
+    for gap in (0.5, 3.0):
+        place = middle - inwards * (gap + length / 2)
+        here = mover(np.zeros(9), origin=place, heading=bearing + np.pi)
+        assert line_gap(here, 4, on) == pytest.approx(gap, abs=1e-6)
+    away = mover(np.zeros(9), origin=middle + inwards * 5.0, heading=bearing)
+    assert line_gap(away, 4, on) is None or line_gap(away, 4, on) < 1.0
+    assert line_gap(mover(np.zeros(9), shape=PEDESTRIAN, origin=middle), 4, on) is None
+
+
+def test_the_stop_of_who_was_asked_to_yield_is_found(on, yielding):
+    scene = played(yielding.record)
+    stops, yields = yield_stops(scene, on=on)
+    assert scene.asked
+    (asked,) = [stop for stop in stops if stop.asked]
+    assert asked.type == "vehicle"
+    assert 0.0 <= asked.gap < 10.0
+    assert yields.seen >= yields.stood == len(stops) >= 1
+    giver = next(user for user in scene.users if user.id == scene.asked[0][0])
+    lengths = [(s.stop - s.start) * STEP for s in standstills(as_mover(giver))]
+    assert any(asked.duration == pytest.approx(length) for length in lengths)
+
+
+def test_requests_are_the_same_for_any_refiner_and_mostly_yields():
+    asked = list(requests(90))
+    assert asked == list(requests(90))
+    texts = [text for text, _ in asked]
+    yields = [t for t in texts if any(t.startswith(y.split("{")[0]) for y in YIELDS)]
+    assert len(yields) == 60
+    assert len({text.split(" at ")[0] for text in texts}) == 11
+
+
+def agent(xs, y, *, start=0.0, shape=None, subtype="car"):
+    xy = np.column_stack([xs, np.full(len(xs), y)])
+    return RecordedAgent(Track(xy, np.zeros(len(xs)), start), shape or vehicle_shape(), subtype)
+
+
+def even_traffic(name, *, speed, seconds=61.0):
+    """Vehicles one after the other and one walker, all at constant speed."""
+    xs = np.arange(-30.0, 30.0, speed * STEP)
+    cars = [agent(xs, -3.0, start=round(k * 12.0, 1)) for k in range(5)]
+    walks = np.arange(-15.0, 15.0, 1.2 * STEP)
+    walker = agent(walks, 20.0, shape=PEDESTRIAN, subtype=None)
+    return Recording(name, 0.0, seconds, (*cars, walker), split="test", signal_time=4.0)
+
+
+def test_scenes_cut_from_a_corpus_have_its_agents_and_its_lights(on):
+    cut = list(cut_scenes([even_traffic("a", speed=8.0)], on=on))
+    assert len(cut) == 2
+    for k, (name, scene) in enumerate(cut):
+        assert name == "a"
+        assert all(u.track.start >= 0.0 and u.track.end <= 30.0 + 1e-9 for u in scene.users)
+        for record in scene.signals:
+            if record.stop_line is not None and record.colour == "green":
+                at = (4.0 + 30.0 * k + (record.start + record.end) / 2) % on.signals.cycle
+                assert _colour(on, record.stop_line, at) == "green"
+        assert scene.signals
+    assert [len(scene.users) for _, scene in cut] == [4, 3]
+
+
+def _colour(on, stop_line, time):
+    movement = next(m for m in on.movements if m.stop_line == stop_line)
+    group = next(g.id for g in on.signals.groups if movement.id in g.movements)
+    ends = np.cumsum([phase.duration for phase in on.signals.phases])
+    return on.signals.phases[int(np.searchsorted(ends, time, side="right"))].colours[group]
+
+
+def test_motion_is_sorted_into_standing_moving_and_unimpeded():
+    free = mover(np.arange(0.0, 80.0, 0.8))
+    held = mover(ride())
+    users = [
+        RoadUser(k, Track(m.xy, m.heading, 0.0), vehicle_shape())
+        for k, m in enumerate((free, held))
+    ]
+    clusters = of_scenes([Played(tuple(users))])
+    both = motion(clusters, Sieve("vehicle"), side=[True]).samples
+    alone = motion(clusters, Sieve("vehicle", unimpeded=True), side=[True]).samples
+    assert len(both["speed, standing too"]) == len(free) + len(held) - 20
+    assert both["speed"].values.min() > 0.3
+    assert alone["speed"].values == pytest.approx(8.0)
+    assert alone["spread of speed"].values == pytest.approx([0.0], abs=1e-9)
+    assert steady(of_scenes([Played(tuple(users[:1]))]), Sieve("vehicle")) == 1.0
+    assert steady(clusters, Sieve("pedestrian")) is None
+    near = motion(clusters, Sieve("vehicle", within=20.0), side=[True]).samples
+    assert len(near["speed, standing too"]) < len(both["speed, standing too"])
+
+
+def test_bicycles_are_no_vehicles_of_ours():
+    recording = Recording("r", 0.0, 9.0, (agent(np.arange(50.0), 0.0, subtype="bicycle"),))
+    assert of_recordings([recording]) == []
+
+
+def test_parts_of_a_scene_are_told_apart(yielding):
+    scene = played(yielding.record)
+    whole, front, back = (
+        len(of_scenes([scene], part=part)[0]) for part in ("all", "foreground", "background")
+    )
+    assert front == 2
+    assert front + back == whole
+
+
+def test_the_corpus_against_itself_and_against_a_faster_one(on):
+    corpus = [even_traffic("a", speed=8.0), even_traffic("b", speed=8.0)]
+    same, fast = (
+        [scene for _, scene in cut_scenes([even_traffic("c", speed=v)], on=on)] for v in (8.0, 10.0)
+    )
+    report = judge({"fast": fast, "same": same}, corpus, on=on, draws=20)
+    rows = {(r.topic, r.type, r.measure, r.scenes): r for r in report.rows}
+    speed = rows["Motion", "vehicle", "speed", "fast"]
+    assert speed.distance.value == pytest.approx(2.0, abs=0.01)
+    assert rows["Motion", "vehicle", "speed", "same"].distance.value < 0.01
+    assert rows["Motion", "vehicle", "speed", "same"].gain.value == pytest.approx(1.0, abs=0.01)
+    assert speed.gain is None
+    assert speed.halves == pytest.approx(0.0, abs=1e-6)
+    assert rows["Stops of who yields", "vehicle", "gap", "same"].distance is None
+    assert json.loads(json.dumps(report.to_json(), allow_nan=False))["rows"]
+    assert "| vehicle | speed | fast | 2.0" in report.markdown()
+    assert report.facts["same: scenes"] == 2
+
+
+def test_the_command_writes_tables_and_json(tmp_path, yielding, capsys):
+    save_recordings(tmp_path / "c.npz", [even_traffic("a", speed=8.0)])
+    yielding.save(tmp_path / "made" / "0001")
+    out = tmp_path / "r.json"
+    words = ["--corpus", str(tmp_path / "c.npz"), "--scenes", f"edited={tmp_path / 'made'}"]
+    assert main([*words, "--draws", "5", "--out", str(out)]) == 0
+    assert "Motion, against corpus" in capsys.readouterr().out
+    kept = json.loads(out.read_text("utf-8"))
+    assert kept["facts"]["edited: of these come to stand"] >= 1
+    assert main(["--corpus", str(tmp_path / "none.npz"), "--scenes", "a=b"]) == 2
+    assert main(["--corpus", str(tmp_path / "c.npz"), "--scenes", "nothing"]) == 2
+    assert "NAME=FOLDER" in capsys.readouterr().err
+
+
+def test_scenes_are_made_and_read_back(tmp_path):
+    counts = make_scenes(tmp_path, 1, intersection="amsterdam_120")
+    assert counts == {"made": 1, "unsatisfiable": 0}
+    assert len(read_scenes(tmp_path)) == 1
