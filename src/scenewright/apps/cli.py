@@ -24,6 +24,7 @@ from scenewright.apps.console import (
     put_json,
     say,
 )
+from scenewright.apps.evaluating import evals
 from scenewright.apps.faults import (
     INTERRUPTED,
     NOT_VERIFIED,
@@ -45,6 +46,7 @@ intersections = typer.Typer(
     name="intersections", help="The intersections that scenes can be made at."
 )
 app.add_typer(intersections)
+app.add_typer(evals)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
@@ -260,6 +262,35 @@ def build(
         put_json({"ok": True, "name": name, "folder": str(folder)})
     else:
         put(f"{folder}\n")
+
+
+@intersections.command("corpus")
+def corpus(
+    name: Annotated[str, typer.Argument(help="Its name.")],
+    out: Annotated[str, typer.Option(metavar="F", help="File to write, an .npz.")],
+    hours: Annotated[int, typer.Option(help="How many hours, spread over the day.")] = 15,
+    seed: Annotated[int, typer.Option(help="Seed of the simulation.")] = 0,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Simulate hours of traffic and keep everybody's tracks (needs the extra `simulate`)."""
+    from scenewright.tools.gmm_sampler.traffic import record_traffic
+
+    if seed < 0:
+        raise typer.BadParameter(f"a seed is a whole number from 0, got {seed}")
+    with progress(quiet=quiet) as tell:
+        made = record_traffic(
+            name,
+            out=Path(out),
+            hours=hours,
+            seed=seed,
+            progress=lambda line: tell("recording", line),
+        )
+    if as_json:
+        agents = sum(len(each.agents) for each in made)
+        put_json({"ok": True, "name": name, "file": out, "hours": len(made), "agents": agents})
+    else:
+        put(f"{out}\n")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,0 +1,225 @@
+"""TrajNet++ by leaving one recording out: `python benchmarks/trajnet.py FOLDER --out RUNS`.
+
+FOLDER holds the benchmark's real training files. For every fold a network is trained on all other
+recordings and predicts the one left out; all folds share one recipe. Work that RUNS already holds
+is not done again, and a training that was killed goes on, so the command can simply be repeated.
+`--report` prints the tables of docs/evaluation.md from what RUNS holds.
+
+Models: `refiner`; its ablations `no_pooling`, `no_goals` and `raw` (the refiner without keeping
+apart; needs no training of its own); `lstm`, a plain one without pooling, goals and keeping apart;
+`trees`, gradient-boosted, a rival of another family; `cv`, constant velocity.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from scenewright.evals.trajnet.predictors import (
+    BoostedTrees,
+    Predictor,
+    Refining,
+    constant_velocity,
+)
+from scenewright.evals.trajnet.recording import Recording, read_recording
+from scenewright.evals.trajnet.score import (
+    Goals,
+    SceneScore,
+    mean_with_interval,
+    predict_scenes,
+    score_scenes,
+)
+from scenewright.evals.trajnet.training import train_on
+from scenewright.evals.trajnet.windows import training_windows
+from scenewright.tools.trajnet_refiner.model import RefinerConfig
+from scenewright.tools.trajnet_refiner.store import load_refiner
+from scenewright.tools.trajnet_refiner.train import Epoch, Recipe
+
+FOLDS = (
+    "biwi_hotel", "crowds_zara01", "crowds_zara03", "crowds_students003", "lcas", "wildtrack",
+    "crowds_students001",
+)  # fmt: skip
+TRAINED = {
+    "refiner": {},
+    "lstm": {"pooling": False, "goals": False, "apart": None},
+    "no_goals": {"goals": False},
+    "no_pooling": {"pooling": False},
+}
+MODELS = ("cv", "refiner", "raw", "lstm", "trees", "no_goals", "no_pooling")
+PUBLISHED = (
+    ("LSTM", "0.60", "1.30", "13.6"),
+    ("S-LSTM", "0.53", "1.14", "6.7"),
+    ("S-Attn", "0.56", "1.21", "9.0"),
+    ("S-GAN", "0.64", "1.40", "6.9"),
+    ("D-LSTM", "0.56", "1.22", "5.4"),
+    ("DAG-Net", "0.66", "1.44", "9.22"),
+    ("constant velocity", "0.679", "1.432", "14.5"),
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--folds", nargs="+", choices=FOLDS, default=FOLDS)
+    parser.add_argument("--models", nargs="+", choices=MODELS, default=MODELS)
+    parser.add_argument("--epochs", type=int, default=Recipe().epochs)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--report", action="store_true")
+    asked = parser.parse_args()
+    if asked.report:
+        print(report(asked.out))
+        return
+    import torch
+
+    torch.set_num_threads(1)
+    asked.out.mkdir(parents=True, exist_ok=True)
+    recordings = {name: read_recording(asked.folder / f"{name}.ndjson") for name in FOLDS}
+    recipe = Recipe(epochs=asked.epochs, seed=asked.seed)
+    for model in asked.models:
+        for fold in asked.folds:
+            run(model, fold, recordings, asked.out, recipe)
+
+
+def run(model: str, fold: str, recordings: dict[str, Recording], out: Path, recipe: Recipe) -> None:
+    predictor: Predictor | None = None
+    for goals in kinds_of_goals(model):
+        target = out / f"{fold}.{model}.{goals}.json"
+        if target.exists():
+            continue
+        if predictor is None:
+            predictor = made(model, fold, recordings, out, recipe)
+            if predictor is None:
+                return
+        began = time.process_time()
+        held = recordings[fold]
+        scores = score_scenes(held, predict_scenes(held, predictor, goals=goals))
+        target.write_text(json.dumps([asdict(score) for score in scores]))
+        inter = [s for s in scores if s.type == 3]
+        print(
+            f"{fold} {model} {goals}: type III n={len(inter)} "
+            f"ADE {np.mean([s.ade for s in inter]):.3f} FDE {np.mean([s.fde for s in inter]):.3f} "
+            f"Col-I {100 * np.mean([bool(s.col1) for s in inter]):.2f} % "
+            f"({time.process_time() - began:.0f} s)",
+            flush=True,
+        )
+
+
+def kinds_of_goals(model: str) -> tuple[Goals, ...]:
+    told = model in ("refiner", "raw", "no_pooling")
+    return ("none", "destination", "horizon") if told else ("none",)
+
+
+def made(
+    model: str, fold: str, recordings: dict[str, Recording], out: Path, recipe: Recipe
+) -> Predictor | None:
+    others = [each for name, each in recordings.items() if name != fold]
+    if model == "cv":
+        return constant_velocity
+    if model == "trees":
+        return BoostedTrees().fit(training_windows(others))
+    weights = out / f"{fold}.{'refiner' if model == 'raw' else model}.safetensors"
+    if not weights.exists():
+        if model == "raw":
+            print(f"{fold} raw: train the refiner first", flush=True)
+            return None
+        log = out / f"{fold}.{model}.epochs.jsonl"
+        begin = time.process_time()
+
+        def note(epoch: Epoch) -> None:
+            row = {**epoch._asdict(), "cpu_seconds": round(time.process_time() - begin)}
+            with log.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+
+        train_on(
+            others, out=weights, config=RefinerConfig(**TRAINED[model]), recipe=recipe,
+            after_epoch=note,
+        )  # fmt: skip
+    net = load_refiner(weights)
+    if model == "raw":
+        net.config = net.config.model_copy(update={"apart": None})
+    return Refining(net)
+
+
+# ---- report -------------------------------------------------------------------------------------
+
+
+def report(out: Path) -> str:
+    scores = {
+        tuple(file.name.split(".")[:3]): [
+            SceneScore(**{**row, "person": tuple(row["person"]), "subtypes": ()})
+            for row in json.loads(file.read_text())
+        ]
+        for file in sorted(out.glob("*.*.*.json"))
+    }
+    columns = [(m, g) for m in MODELS for g in kinds_of_goals(m)]
+    have = {c: [f for f in FOLDS if (f, *c) in scores] for c in columns}
+    lines = ["Type III, each fold left out in turn; intervals from drawing people anew.", "",
+             "| model | folds | scenes | ADE [m] | FDE [m] | Col-I [%] | Col-II [%] "
+             "| ADE / constant velocity |", "|---|---|---|---|---|---|---|---|"]  # fmt: skip
+    for column, folds in have.items():
+        if folds:
+            lines.append(pooled(column, folds, scores))
+    for name, ade, fde, col in PUBLISHED:
+        lines.append(f"| *{name}, published: official test, another split* | | | {ade} | {fde} "
+                     f"| {col} | | |")  # fmt: skip
+    lines += ["", "| fold | scenes | " + " | ".join("/".join(c) for c in columns if have[c]) + " |",
+              "|---|---|" + "---|" * sum(1 for c in columns if have[c])]  # fmt: skip
+    for fold in FOLDS:
+        if (fold, "cv", "none") in scores:
+            lines.append(by_fold(fold, [c for c in columns if have[c]], scores))
+    return "\n".join(lines)
+
+
+def interacting(scores: list[SceneScore]) -> list[SceneScore]:
+    return [s for s in scores if s.type == 3]
+
+
+Scores = dict[tuple[str, ...], list[SceneScore]]
+
+
+def pooled(column: tuple[str, str], folds: list[str], scores: Scores) -> str:
+    mine = [s for f in folds for s in interacting(scores[f, *column])]
+    straight = [s for f in folds for s in interacting(scores[f, "cv", "none"])]
+    people = sorted({s.person for s in mine})
+    place = {person: k for k, person in enumerate(people)}
+    whose = np.array([place[s.person] for s in mine])
+    draws = np.random.default_rng(0).multinomial(
+        len(people), np.full(len(people), 1 / len(people)), size=2000
+    )
+    cells = []
+    for measure in ("ade", "fde", "col1", "col2"):
+        scale, digits = (100, 1) if measure.startswith("col") else (1, 3)
+        given = [getattr(s, measure) for s in mine]
+        x = np.array([np.nan if v is None else scale * float(v) for v in given])
+        mean, interval = mean_with_interval(x, whose, draws)
+        assert mean is not None
+        assert interval is not None
+        cells.append(f"{mean:.{digits}f} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})")
+    sums = [np.bincount(whose, [s.ade for s in part], minlength=len(people))
+            for part in (mine, straight)]  # fmt: skip
+    ratios = (draws @ sums[0]) / (draws @ sums[1])
+    low, high = np.percentile(ratios, (2.5, 97.5))
+    cells.append(f"{sums[0].sum() / sums[1].sum():.3f} ({low:.3f} to {high:.3f})")
+    name = column[0] if column[1] == "none" else f"{column[0]}, told the {column[1]}"
+    return f"| {name} | {len(folds)} | {len(mine)} | " + " | ".join(cells) + " |"
+
+
+def by_fold(fold: str, columns: list[tuple[str, str]], scores: Scores) -> str:
+    cells = []
+    for column in columns:
+        mine = interacting(scores.get((fold, *column), []))
+        ade, fde = (np.mean([getattr(s, m) for s in mine]) if mine else 0 for m in ("ade", "fde"))
+        hit = 100 * np.mean([bool(s.col1) for s in mine]) if mine else 0
+        cells.append(f"{ade:.3f} / {fde:.3f} / {hit:.1f}" if mine else "")
+    count = len(interacting(scores[fold, "cv", "none"]))
+    return f"| {fold} | {count} | " + " | ".join(cells) + " |"
+
+
+if __name__ == "__main__":
+    main()

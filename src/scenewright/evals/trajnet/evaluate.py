@@ -1,0 +1,85 @@
+"""The benchmark over several recordings: who predicts, told what, and how well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenewright.evals.trajnet.predictors import Predictor, Refining, constant_velocity
+from scenewright.evals.trajnet.recording import Recording
+from scenewright.evals.trajnet.score import (
+    Goals,
+    PredictedScene,
+    Row,
+    predict_scenes,
+    score_scenes,
+    table,
+)
+
+KINDS_OF_GOALS: tuple[Goals, ...] = ("none", "destination", "horizon")
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """One predictor over all recordings.
+
+    Attributes:
+        predictor: its name; goals: what it was told.
+        predicted: of each recording its scenes, in order.
+        rows: the scores; empty where no file holds what really happened.
+    """
+
+    predictor: str
+    goals: Goals
+    predicted: list[list[PredictedScene]]
+    rows: list[Row]
+
+    def to_json(self) -> dict[str, Any]:
+        """For a report, without the predictions."""
+        rows = [row.to_json() for row in self.rows]
+        return {"predictor": self.predictor, "goals": self.goals, "rows": rows}
+
+
+def evaluate(
+    recordings: Sequence[Recording],
+    *,
+    weights: Path | None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> list[Evaluated]:
+    """Constant velocity, then the refiner without and with goals, over all scenes together.
+
+    Goals come from the future, so a file that does not hold it is predicted without.
+
+    Args:
+        weights: of the refiner; None leaves it out.
+
+    Raises:
+        InputError: the weights cannot be used, or a scene has no primary.
+    """
+    found = [_one(recordings, constant_velocity, "constant velocity", "none", tell)]
+    if weights is None:
+        return found
+    from scenewright.tools.trajnet_refiner.store import load_refiner
+
+    net = load_refiner(weights)
+    told = KINDS_OF_GOALS if net.config.goals and found[0].rows else KINDS_OF_GOALS[:1]
+    return found + [_one(recordings, Refining(net), "refiner", goals, tell) for goals in told]
+
+
+def _one(
+    recordings: Sequence[Recording],
+    predictor: Predictor,
+    name: str,
+    goals: Goals,
+    tell: Callable[[str], None],
+) -> Evaluated:
+    predicted, scores = [], []
+    for recording in recordings:
+        with_goals = "" if goals == "none" else f", told the {goals}"
+        tell(f"{recording.name}: {name}{with_goals}")
+        scenes = predict_scenes(recording, predictor, goals=goals)
+        predicted.append(scenes)
+        scores += score_scenes(recording, scenes)
+    return Evaluated(name, goals, predicted, table(scores) if scores else [])

@@ -1,0 +1,170 @@
+"""Who predicts: constant velocity, the refiner, and boosted trees as a rival of another family."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED
+from scenewright.scene.base import FloatArray
+
+if TYPE_CHECKING:
+    from scenewright.tools.trajnet_refiner.model import Refiner
+    from scenewright.tools.trajnet_refiner.windows import Window
+
+
+class Predictor(Protocol):
+    """Predicts all agents of many scenes."""
+
+    def __call__(
+        self, pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None
+    ) -> list[FloatArray]:
+        """Where everybody goes.
+
+        Args:
+            pasts: of each scene [N, 9, 2] [m], NaN where unseen; all are seen at the last step.
+            goals: of each scene [N, 2] where they are headed [m], or None.
+
+        Returns:
+            of each scene [N, 12, 2].
+        """
+        ...
+
+
+def constant_velocity(
+    pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None = None
+) -> list[FloatArray]:
+    """Everybody repeats the last step; who was unseen before it stays. Goals are not looked at."""
+    del goals
+    ahead = np.arange(1, PREDICTED + 1)[:, None]
+    return [past[:, -1:] + ahead * np.nan_to_num(past[:, -1:] - past[:, -2:-1]) for past in pasts]
+
+
+class Refining:
+    """The refiner as a predictor of pedestrians."""
+
+    def __init__(self, net: Refiner, *, agents: int = 2048) -> None:
+        self.net, self.agents = net, agents
+
+    def __call__(
+        self, pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None
+    ) -> list[FloatArray]:
+        """See `Predictor`."""
+        from scenewright.tools.trajnet_refiner.windows import grouped
+
+        found: dict[int, FloatArray] = {}
+        sizes = [len(past) for past in pasts]
+        for group in grouped(sizes, agents=self.agents, rng=np.random.default_rng(0)):
+            chosen = [int(i) for i in group]
+            given = None if goals is None else [goals[i] for i in chosen]
+            results = self._batch([pasts[i] for i in chosen], given)
+            found.update(zip(chosen, results, strict=True))
+        return [found[i] for i in range(len(pasts))]
+
+    def _batch(
+        self, pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None
+    ) -> list[FloatArray]:
+        import torch
+
+        from scenewright.tools.trajnet_refiner.model import Scenes, predict
+
+        most = max(len(past) for past in pasts)
+        xy = np.full((len(pasts), most, OBSERVED, 2), np.nan)
+        goal = np.full((len(pasts), most, 2), np.nan)
+        centres = [past[:, -1].mean(axis=0) for past in pasts]
+        for b, (past, centre) in enumerate(zip(pasts, centres, strict=True)):
+            xy[b, : len(past)] = past - centre
+            if goals is not None:
+                goal[b, : len(past)] = goals[b] - centre
+        device = next(self.net.parameters()).device
+        scenes = Scenes(
+            torch.from_numpy(xy.astype(np.float32)),
+            torch.zeros(xy.shape[:2], dtype=torch.long),
+            torch.from_numpy(goal.astype(np.float32)),
+        )
+        ahead = predict(self.net, scenes.to(device)).xy.cpu().numpy().astype(np.float64)
+        return [
+            ahead[b, : len(past)] + centre
+            for b, (past, centre) in enumerate(zip(pasts, centres, strict=True))
+        ]
+
+
+class BoostedTrees:
+    """One gradient-boosted ensemble per predicted coordinate: neither recurrent nor neural.
+
+    Each agent is predicted for itself, from its own past and the motion of the nearest five, in
+    the frame of its own motion; what is learned is the deviation from constant velocity.
+    """
+
+    NEIGHBOURS = 5
+
+    def __init__(self, *, seed: int = 0, rounds: int = 100) -> None:
+        from sklearn.ensemble import HistGradientBoostingRegressor
+
+        self._trees: list[Any] = [
+            HistGradientBoostingRegressor(  # type: ignore[no-untyped-call]
+                max_iter=rounds, learning_rate=0.08, max_leaf_nodes=24, random_state=seed,
+                min_samples_leaf=40, l2_regularization=1.0, early_stopping=False,
+            )
+            for _ in range(2 * PREDICTED)
+        ]  # fmt: skip
+
+    def fit(self, windows: Sequence[Window]) -> BoostedTrees:
+        """Learns from all agents of all windows whose next twelve steps are known."""
+        features, targets, weights = [], [], []
+        for window in windows:
+            past, future = window.xy[:, :OBSERVED], window.xy[:, OBSERVED:]
+            told, along = self._features(past)
+            off = _turned(future - constant_velocity([past])[0], along, back=True)
+            known = np.isfinite(off).all(axis=(1, 2))
+            features.append(told[known])
+            targets.append(off[known].reshape(-1, 2 * PREDICTED))
+            weights.append(window.weight[known])
+        x, y, w = (np.concatenate(part) for part in (features, targets, weights))
+        for k, tree in enumerate(self._trees):
+            tree.fit(x, y[:, k], sample_weight=w)
+        return self
+
+    def __call__(
+        self, pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None
+    ) -> list[FloatArray]:
+        """See `Predictor`; goals are not looked at."""
+        del goals
+        told = [self._features(past) for past in pasts]
+        x = np.concatenate([features for features, _ in told])
+        off = np.stack([tree.predict(x) for tree in self._trees], axis=1)
+        parts = np.split(off.reshape(-1, PREDICTED, 2), np.cumsum([len(p) for p in pasts])[:-1])
+        straight = constant_velocity(pasts)
+        return [
+            base + _turned(part, along, back=False)
+            for base, part, (_, along) in zip(straight, parts, told, strict=True)
+        ]
+
+    def _features(self, past: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """[N, D] what is known of each agent, NaN where unknown, and [N, 2] its direction."""
+        n, k = len(past), self.NEIGHBOURS
+        moves = np.diff(past, axis=1)
+        way = np.nan_to_num(np.nansum(moves[:, -4:], axis=1))
+        length = np.linalg.norm(way, axis=1, keepdims=True)
+        along = np.where(length > 1e-9, way / np.maximum(length, 1e-9), (1.0, 0.0))
+        offset = past[None, :, -1] - past[:, None, -1]
+        relative = moves[None, :, -1] - moves[:, None, -1]
+        distance = np.linalg.norm(offset, axis=-1) + np.where(np.eye(n, dtype=bool), np.inf, 0.0)
+        who = np.argsort(distance, axis=1, kind="stable")[:, :k]
+        row = np.arange(n)[:, None]
+        near = np.full((n, k, 5), np.nan)
+        near[:, : who.shape[1], :2] = _turned(offset[row, who], along, back=True)
+        near[:, : who.shape[1], 2:4] = _turned(relative[row, who], along, back=True)
+        near[:, : who.shape[1], 4] = distance[row, who]
+        near[~np.isfinite(near[..., 4])] = np.nan
+        own = _turned(moves, along, back=True).reshape(n, -1)
+        return np.concatenate((own, length, near.reshape(n, -1)), axis=1), along
+
+
+def _turned(vectors: FloatArray, along: FloatArray, *, back: bool) -> FloatArray:
+    """[N, K, 2] vectors into (back) or out of the frame in which `along` [N, 2] is +x."""
+    c, s = along[:, None, 0], (-1 if back else 1) * along[:, None, 1]
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack((c * x - s * y, s * x + c * y), axis=-1)

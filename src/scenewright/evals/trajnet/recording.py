@@ -1,0 +1,169 @@
+"""TrajNet++ files: reading recordings, writing predictions.
+
+A file holds one JSON object per line, scenes `{"scene": {id, p, s, e, fps, tag}}` and rows of
+tracks `{"track": {f, p, x, y}}`. A scene is a primary pedestrian p and a stretch of 21 steps from
+frame s to frame e; whoever has rows in it takes part. Predictions are rows with two keys more,
+`prediction_number` and `scene_id`, rounded to centimetres.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
+
+OBSERVED, PREDICTED = 9, 12
+STEPS = OBSERVED + PREDICTED
+
+
+@dataclass(frozen=True)
+class SceneRow:
+    """A scene as the file names it.
+
+    Attributes:
+        id, primary, start, end: scene and pedestrian ids, first and last frame.
+        fps: steps per second.
+        type: 1 static, 2 linear, 3 interacting, 4 other; None where the file keeps it secret.
+        subtypes: of type 3: 1 leader-follower, 2 avoidance, 3 group, 4 other.
+    """
+
+    id: int
+    primary: int
+    start: int
+    end: int
+    fps: float
+    type: int | None
+    subtypes: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A file in memory.
+
+    Attributes:
+        name: of the file, without its ending.
+        scenes: in the order of the file.
+        stride: frame numbers per step.
+        ids: [P] pedestrians, ascending.
+        rows: by frame, the places in `ids` of who is seen then, and where [m].
+        last: [P, 2] where each pedestrian is last seen [m], its goal by the benchmark's definition.
+    """
+
+    name: str
+    scenes: tuple[SceneRow, ...]
+    stride: int
+    ids: NDArray[np.int64]
+    rows: dict[int, tuple[NDArray[np.int64], FloatArray]]
+    last: FloatArray
+
+    def stretch(self, start: int, *, steps: int = STEPS) -> FloatArray:
+        """[P, steps, 2] everybody from frame `start` on [m]; NaN where there is no row."""
+        out = np.full((len(self.ids), steps, 2), np.nan)
+        for k in range(steps):
+            who, xy = self.rows.get(start + k * self.stride, (None, None))
+            if who is not None:
+                out[who, k] = xy
+        return out
+
+
+def read_recording(path: Path) -> Recording:
+    """A TrajNet++ file.
+
+    Raises:
+        InputError: not such a file; the message names the line.
+        OSError: it cannot be read.
+    """
+    scenes: list[SceneRow] = []
+    rows: dict[tuple[int, int], tuple[float, float]] = {}
+    for number, line in enumerate(_lines(path), start=1):
+        try:
+            entry = json.loads(line)
+            if "scene" in entry:
+                scenes.append(_scene(entry["scene"]))
+            elif "track" in entry:
+                t = entry["track"]
+                if t.get("prediction_number"):
+                    continue
+                xy = float(t["x"]), float(t["y"])
+                if not np.isfinite(xy).all():
+                    raise ValueError("a position must be finite")
+                rows[int(t["p"]), int(t["f"])] = xy
+            else:
+                raise ValueError("neither a scene nor a track")
+        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+            why = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else str(error)
+            raise InputError(f"{path}, line {number}: not a TrajNet++ row: {why}") from error
+    if not scenes or not rows:
+        raise InputError(f"{path}: a TrajNet++ file holds scenes and tracks; found "
+                         f"{len(scenes)} scenes and {len(rows)} rows of tracks")  # fmt: skip
+    return _recording(path, tuple(scenes), rows)
+
+
+def _lines(path: Path) -> Iterator[str]:
+    try:
+        with path.open(encoding="utf-8") as file:
+            yield from (line for line in file if line.strip())
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text file") from error
+
+
+def _scene(entry: dict[str, Any]) -> SceneRow:
+    tag = entry.get("tag")
+    kind = tag[0] if isinstance(tag, list) and tag else tag
+    parts = tag[1] if isinstance(tag, list) and len(tag) > 1 else []
+    known = kind if kind in (1, 2, 3, 4) else None
+    start, end = int(entry["s"]), int(entry["e"])
+    if end <= start or (end - start) % (STEPS - 1):
+        raise ValueError(f"a scene spans {STEPS} steps, but frames {start} to {end} do not")
+    return SceneRow(
+        int(entry["id"]), int(entry["p"]), start, end, float(entry["fps"]), known,
+        tuple(int(part) for part in parts),
+    )  # fmt: skip
+
+
+def _recording(
+    path: Path, scenes: tuple[SceneRow, ...], rows: dict[tuple[int, int], tuple[float, float]]
+) -> Recording:
+    strides = {(s.end - s.start) // (STEPS - 1) for s in scenes}
+    if len(strides) > 1:
+        raise InputError(f"{path}: scenes of different steps, {sorted(strides)} frames")
+    keys = np.array(sorted(rows, key=lambda key: (key[1], key[0])))
+    xy = np.array([rows[p, f] for p, f in keys.tolist()])
+    ids, who = np.unique(keys[:, 0], return_inverse=True)
+    frames, begins = np.unique(keys[:, 1], return_index=True)
+    parts = zip(np.split(who, begins[1:]), np.split(xy, begins[1:]), strict=True)
+    last = np.empty((len(ids), 2))
+    last[who] = xy  # rows are in the order of time, so each pedestrian's last one stays
+    by_frame = dict(zip(frames.tolist(), parts, strict=True))
+    return Recording(path.stem, scenes, strides.pop(), ids, by_frame, last)
+
+
+def prediction_lines(
+    row: SceneRow, *, stride: int, ids: Iterable[int], xy: FloatArray
+) -> Iterator[str]:
+    """The lines of one predicted scene, the primary first.
+
+    Args:
+        ids: of the predicted, the primary first; xy: [M, 12, 2] [m].
+    """
+    scene = {"id": row.id, "p": row.primary, "s": row.start, "e": row.end, "fps": row.fps, "tag": 0}
+    yield json.dumps({"scene": scene})
+    for who, track in zip(ids, xy, strict=True):
+        for k, (x, y) in enumerate(track):
+            entry = {
+                "f": row.start + (OBSERVED + k) * stride,
+                "p": int(who),
+                "x": round(float(x), 2),
+                "y": round(float(y), 2),
+                "prediction_number": 0,
+                "scene_id": row.id,
+            }
+            yield json.dumps({"track": entry})

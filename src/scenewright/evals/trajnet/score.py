@@ -1,0 +1,202 @@
+"""Predicts the scenes of a recording and scores them as TrajNet++ does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.errors import InputError
+from scenewright.evals.trajnet.categories import SUBTYPE_NAMES, TYPE_NAMES, categorise
+from scenewright.evals.trajnet.metrics import collides, displacement
+from scenewright.evals.trajnet.predictors import Predictor
+from scenewright.evals.trajnet.recording import (
+    OBSERVED,
+    Recording,
+    SceneRow,
+    prediction_lines,
+)
+from scenewright.scene.base import FloatArray
+
+Goals = Literal["none", "destination", "horizon"]
+"""What a predictor is told: nothing; where each pedestrian is last seen in the file, which is the
+benchmark's definition; or where it is at the end of the scene, a goal one horizon ahead."""
+MEASURES = ("ade", "fde", "col1", "col2")
+_RESAMPLES = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedScene:
+    """A scene with its prediction.
+
+    Attributes:
+        row: as the file names it.
+        who: [M] places of the predicted among the recording's pedestrians, the primary first.
+        xy: [M, 12, 2] [m], rounded to centimetres as the benchmark's files are.
+    """
+
+    row: SceneRow
+    who: NDArray[np.int64]
+    xy: FloatArray
+
+
+@dataclass(frozen=True)
+class SceneScore:
+    """What a prediction is worth.
+
+    Attributes:
+        person: whose scene it is, over all recordings; scenes of one person are much alike.
+        ade, fde: [m]; col1: whether the primary collides with a predicted neighbour, None if
+            none is predicted; col2: with a neighbour as it really moved.
+    """
+
+    person: tuple[str, int]
+    type: int
+    subtypes: tuple[int, ...]
+    ade: float
+    fde: float
+    col1: bool | None
+    col2: bool
+
+
+def predict_scenes(
+    recording: Recording, predictor: Predictor, *, goals: Goals = "none"
+) -> list[PredictedScene]:
+    """Every scene of a recording, predicted from its first nine steps.
+
+    Everybody seen at the ninth step is predicted, scenes that begin together at once.
+    """
+    starts = sorted({row.start for row in recording.scenes})
+    places, pasts, given = [], [], []
+    for start in starts:
+        xy = recording.stretch(start)
+        who = np.flatnonzero(~np.isnan(xy[:, OBSERVED - 1, 0]))
+        places.append(who)
+        pasts.append(xy[who, :OBSERVED])
+        given.append(recording.last[who] if goals == "destination" else xy[who, -1])
+    ahead = predictor(pasts, None if goals == "none" else given)
+    by_start = dict(zip(starts, zip(places, ahead, strict=True), strict=True))
+    return [_scene(recording, row, *by_start[row.start]) for row in recording.scenes]
+
+
+def _scene(
+    recording: Recording, row: SceneRow, who: NDArray[np.int64], ahead: FloatArray
+) -> PredictedScene:
+    is_primary = recording.ids[who] == row.primary
+    if not is_primary.any():
+        raise InputError(
+            f"{recording.name}.ndjson: the primary of scene {row.id}, pedestrian {row.primary}, "
+            "is not there at the ninth step"
+        )
+    order = np.argsort(~is_primary, kind="stable")
+    return PredictedScene(row, who[order], ahead[order].round(2))
+
+
+def score_scenes(recording: Recording, scenes: Sequence[PredictedScene]) -> list[SceneScore]:
+    """Scores of all scenes whose primary's future is in the file."""
+    real = {start: recording.stretch(start) for start in {s.row.start for s in scenes}}
+    found = (_score(recording, scene, real[scene.row.start]) for scene in scenes)
+    return [score for score in found if score is not None]
+
+
+def _score(recording: Recording, scene: PredictedScene, real: FloatArray) -> SceneScore | None:
+    truth = real[scene.who[0], OBSERVED:]
+    if np.isnan(truth).any():
+        return None
+    others = np.delete(real, scene.who[0], axis=0)
+    others = others[~np.isnan(others[..., 0]).all(axis=1)]
+    kind, parts = scene.row.type, scene.row.subtypes
+    if kind is None:
+        kind, parts = categorise(real[scene.who[0]], others)
+    ade, fde = displacement(scene.xy[0], truth)
+    neighbours = scene.xy[1:]
+    return SceneScore(
+        (recording.name, scene.row.primary),
+        kind,
+        parts,
+        ade,
+        fde,
+        bool(collides(scene.xy[0], neighbours).any()) if len(neighbours) else None,
+        bool(collides(scene.xy[0], others[:, OBSERVED:]).any()),
+    )
+
+
+def lines(recording: Recording, scenes: Iterable[PredictedScene]) -> Iterable[str]:
+    """The predictions in the benchmark's own format, line by line."""
+    for scene in scenes:
+        yield from prediction_lines(
+            scene.row, stride=recording.stride, ids=recording.ids[scene.who], xy=scene.xy
+        )
+
+
+@dataclass(frozen=True)
+class Row:
+    """One kind of scene in a table.
+
+    Attributes:
+        name: of the type or subtype; scenes, people: how many.
+        values: measure -> mean, collisions in percent; None where there is no scene to count.
+        intervals: measure -> 95 % interval, from drawing people anew with all their scenes.
+    """
+
+    name: str
+    scenes: int
+    people: int
+    values: dict[str, float | None]
+    intervals: dict[str, tuple[float, float] | None]
+
+    def to_json(self) -> dict[str, Any]:
+        """For a report."""
+        return {
+            "name": self.name, "scenes": self.scenes, "people": self.people, **self.values,
+            "intervals": {key: pair and list(pair) for key, pair in self.intervals.items()},
+        }  # fmt: skip
+
+
+def table(scores: Sequence[SceneScore], *, seed: int = 0) -> list[Row]:
+    """All scenes, then each type and each subtype of which there are scenes."""
+    groups = [("all", list(scores))]
+    for k, name in TYPE_NAMES.items():
+        groups.append((f"{k} {name}", [s for s in scores if s.type == k]))
+    for k, name in SUBTYPE_NAMES.items():
+        groups.append((f"3.{k} {name}", [s for s in scores if k in s.subtypes]))
+    return [_row(name, group, seed) for name, group in groups if group]
+
+
+def _row(name: str, scores: Sequence[SceneScore], seed: int) -> Row:
+    people = sorted({s.person for s in scores})
+    place = {person: k for k, person in enumerate(people)}
+    whose = np.array([place[s.person] for s in scores])
+    draws = np.random.default_rng(seed).multinomial(
+        len(people), np.full(len(people), 1 / len(people)), size=_RESAMPLES
+    )
+    values, intervals = {}, {}
+    for measure in MEASURES:
+        given = [getattr(s, measure) for s in scores]
+        x = np.array([np.nan if v is None else float(v) for v in given])
+        x = 100 * x if measure.startswith("col") else x
+        values[measure], intervals[measure] = mean_with_interval(x, whose, draws)
+    return Row(name, len(scores), len(people), values, intervals)
+
+
+def mean_with_interval(
+    x: FloatArray, whose: NDArray[np.int64], draws: NDArray[np.int64]
+) -> tuple[float | None, tuple[float, float] | None]:
+    """Mean of the values and its 95 % interval; None without any.
+
+    Args:
+        x: [S] one value per scene; NaN is left out; whose: [S] its person.
+        draws: [R, people] how often each person was drawn, R times.
+    """
+    known = ~np.isnan(x)
+    if not known.any():
+        return None, None
+    total = np.bincount(whose[known], x[known], minlength=draws.shape[1])
+    count = np.bincount(whose[known], minlength=draws.shape[1])
+    counted = draws @ count
+    means = (draws @ total)[counted > 0] / counted[counted > 0]
+    low, high = np.percentile(means, (2.5, 97.5))
+    return float(x[known].mean()), (float(low), float(high))

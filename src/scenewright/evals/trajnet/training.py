@@ -1,0 +1,92 @@
+"""The refiner trained on TrajNet++ recordings, with the recipe that the benchmark reports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenewright.errors import InputError
+from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, Recording
+from scenewright.evals.trajnet.windows import training_windows
+
+if TYPE_CHECKING:
+    from scenewright.tools.trajnet_refiner.model import RefinerConfig
+    from scenewright.tools.trajnet_refiner.train import Epoch, Recipe, Tell
+
+TEST_RECORDINGS = ("biwi_eth", "crowds_zara02", "crowds_uni_examples", "uni_examples")
+"""The official test scenes come from these; they must never be trained on."""
+
+
+def train_on(
+    recordings: Sequence[Recording],
+    *,
+    out: Path,
+    held_out: Sequence[Recording] = (),
+    config: RefinerConfig | None = None,
+    recipe: Recipe | None = None,
+    device: str | None = None,
+    tell: Tell | None = None,
+    after_epoch: Callable[[Epoch], None] | None = None,
+) -> dict[str, Any]:
+    """Trains a refiner and writes it to `out`; what the training was is written with it.
+
+    While it runs, its state is kept beside `out` in a file ending in .training, from which it
+    goes on when it is started again; in the end that file is removed.
+
+    Args:
+        held_out: recordings to validate on; the error is that of all their agents.
+        config, recipe: the benchmark's own if None.
+
+    Returns:
+        What is kept beside the weights: recordings, recipe, losses.
+
+    Raises:
+        InputError: a recording is one of the benchmark's test recordings, or is held out, too.
+    """
+    from scenewright.tools.trajnet_refiner.model import RefinerConfig
+    from scenewright.tools.trajnet_refiner.store import save_refiner
+    from scenewright.tools.trajnet_refiner.train import Recipe, train
+
+    check_split([r.name for r in recordings], [r.name for r in held_out])
+    config = config or RefinerConfig(observed=OBSERVED, predicted=PREDICTED)
+    recipe = recipe or Recipe()
+    losses: list[float] = []
+
+    def keep(epoch: Epoch) -> None:
+        losses.append(round(epoch.loss, 4))
+        if after_epoch is not None:
+            after_epoch(epoch)
+
+    state = out.with_name(out.name + ".training")
+    net = train(
+        training_windows(recordings),
+        config=config,
+        recipe=recipe,
+        held_out=training_windows(held_out),
+        checkpoint=state,
+        device=device,
+        tell=tell,
+        after_epoch=keep,
+    )
+    about = {
+        "trained_on": [r.name for r in recordings],
+        "recipe": recipe.model_dump(mode="json"),
+        "losses": losses,
+    }
+    save_refiner(net, out, about=about)
+    state.unlink(missing_ok=True)
+    return about
+
+
+def check_split(trained_on: Sequence[str], held_out: Sequence[str]) -> None:
+    """Refuses what would make a score worthless.
+
+    Raises:
+        InputError: a recording of the official test is to be trained on, or one is on both sides.
+    """
+    for name in trained_on:
+        if name.lower() in TEST_RECORDINGS:
+            raise InputError(f"{name} is a test recording of TrajNet++; it is not trained on")
+        if name in held_out:
+            raise InputError(f"{name} cannot be trained on and held out at once")

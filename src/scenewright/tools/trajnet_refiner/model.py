@@ -1,0 +1,355 @@
+"""The trajectory predictor behind the refiner (paper Eq. 7), of the TrajNet++ family.
+
+Every agent of a scene has an LSTM that reads its motion so far, then writes its motion to come,
+all agents of all scenes of a batch in step. At each step an agent pools what its nearest
+neighbours do (places, velocities, closest approach, their memory) and sees the way to its goal, if
+it has one. What is learned is a change of velocity: without any, everybody would keep going, or,
+with a goal that is due at some time, speed up or turn evenly so as to be there in time.
+
+All of it is expressed in the frame of the agent itself, turned so that it came along +x. Turning
+or shifting a scene therefore turns and shifts its prediction, and the order of agents is of no
+account. Errors are Gaussian. Missing positions are NaN, at this door only: inside there are masks.
+
+Beside the network, `separation.py` moves predicted pedestrians apart who would run into each
+other. It is part of the model: `predict` applies it unless the configuration says otherwise.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+
+from scenewright.scene.base import Model
+from scenewright.tools.trajnet_refiner.separation import separate
+
+CLASSES = ("pedestrian", "vehicle")
+"""Class ids of the tensors: the place in this tuple."""
+GOAL_FEATURES, PAIR_FEATURES, OUTPUTS = 7, 12, 5
+
+
+class RefinerConfig(Model):
+    """What a network is made of; stored beside its weights.
+
+    Attributes:
+        step: [s] between samples; observed, predicted: samples per window.
+        stride: predicted samples per step of the decoder, after which everybody looks again.
+        neighbours: how many of the nearest are pooled; reach: up to which distance [m], by class.
+        pace: a usual speed [m/s] by class, the unit of every velocity inside.
+        pooling, goals: what the ablations switch off.
+        apart: distance [m] that predicted pedestrians keep from each other; None leaves the
+            network's output as it is.
+    """
+
+    step: float = Field(default=0.4, gt=0)
+    observed: int = Field(default=9, ge=2)
+    predicted: int = Field(default=12, ge=1)
+    stride: int = Field(default=3, ge=1)
+    hidden: int = Field(default=128, ge=1)
+    embedding: int = Field(default=64, ge=1)
+    pooled: int = Field(default=64, ge=1)
+    neighbours: int = Field(default=12, ge=1)
+    reach: tuple[float, float] = (8.0, 30.0)
+    pace: tuple[float, float] = (1.25, 8.0)
+    pooling: bool = True
+    goals: bool = True
+    apart: float | None = Field(default=0.26, gt=0)
+    kind: Literal["lstm"] = "lstm"
+
+
+class Scenes(NamedTuple):
+    """A batch of scenes, padded to the same number of agents.
+
+    Attributes:
+        xy: [B, N, T, 2] observed positions [m], the last one now; NaN where unseen and for
+            padding. Of any length: what is older than the network looks back is left out.
+        classes: [B, N] places in `CLASSES`.
+        goal: [B, N, 2], or [B, N, P, 2] one per predicted step [m]; NaN for none.
+        due: [B, N] or [B, N, P] predicted steps from now (1 is the next) at which the goal is to
+            be reached; NaN if it does not matter when.
+    """
+
+    xy: Tensor
+    classes: Tensor
+    goal: Tensor | None = None
+    due: Tensor | None = None
+
+    def to(self, device: torch.device) -> Scenes:
+        """The same on another device."""
+        return Scenes(*(None if each is None else each.to(device) for each in self))  # type: ignore[arg-type]
+
+
+class Prediction(NamedTuple):
+    """Where everybody seen at the last observed step goes; NaN for everybody else.
+
+    Attributes:
+        xy: [B, N, P, 2] mean positions [m].
+        spread: [B, N, P, 3] of the Gaussian in the agent's own frame: log standard deviations
+            along and across its direction [log m], and the correlation.
+        along: [B, N, 2] unit vector of that direction in the map frame.
+    """
+
+    xy: Tensor
+    spread: Tensor
+    along: Tensor
+
+
+class _Now(NamedTuple):
+    """Everybody at one step: places [B, N, 2] [m], moves since the last step [m], who is there."""
+
+    xy: Tensor
+    move: Tensor
+    here: Tensor
+    moved: Tensor
+
+
+class Refiner(nn.Module):
+    """The network; `forward` is differentiable and leaves predicted agents where they are."""
+
+    pace: Tensor
+    reach: Tensor
+
+    def __init__(self, config: RefinerConfig) -> None:
+        super().__init__()
+        self.config = config
+        c = config
+        self.class_embedding = nn.Embedding(len(CLASSES), c.embedding)
+        self.past_embedding = nn.Linear(5, c.embedding)
+        self.encoder = nn.LSTM(c.embedding, c.hidden, batch_first=True)
+        self.shortcut = nn.Linear(5 * (c.observed - 1), c.hidden)
+        self.motion_embedding = nn.Linear(3 + (GOAL_FEATURES if c.goals else 0), c.embedding)
+        width = c.embedding
+        if c.pooling:
+            self.memory = nn.Linear(c.hidden, c.pooled, bias=False)
+            self.pair = nn.Linear(PAIR_FEATURES, c.pooled)
+            self.pool = nn.Linear(c.pooled, c.pooled)
+            width += c.pooled
+        self.decoder = nn.LSTMCell(width, c.hidden)
+        self.output = nn.Linear(c.hidden, OUTPUTS * c.stride)
+        nn.init.normal_(self.output.weight, std=1e-2)
+        nn.init.zeros_(self.output.bias)
+        self.register_buffer("pace", torch.tensor(c.pace) * c.step, persistent=False)
+        self.register_buffer("reach", torch.tensor(c.reach), persistent=False)
+
+    def forward(self, scenes: Scenes) -> Prediction:
+        """The motion to come, a stride after the other, each from the network's own output."""
+        observed = latest(scenes.xy, self.config.observed)
+        seen = ~observed.isnan().any(-1)
+        xy = torch.nan_to_num(observed)
+        along = heading(xy, seen)
+        unit = self.pace[scenes.classes][..., None]
+        both = seen[:, :, 1:] & seen[:, :, :-1]
+        moves = torch.where(both[..., None], xy[:, :, 1:] - xy[:, :, :-1], 0.0)
+        state = self._encode(moves, both, scenes.classes, along, unit)
+        now = _Now(xy[:, :, -1], moves[:, :, -1], seen[:, :, -1], both[:, :, -1])
+        places, spreads = [], []
+        for step in range(0, self.config.predicted, self.config.stride):
+            state = self._advance(state, now, scenes, step, along, unit)
+            out = self.output(state[0]).view(*now.here.shape, self.config.stride, OUTPUTS)
+            change = turn(out[..., :2] * (0.5 * unit[..., None]), along[:, :, None])
+            change = change + self._in_time(now, scenes, step)
+            path = now.xy[:, :, None] + (now.move[:, :, None] + change).cumsum(2)
+            now = _Now(path[:, :, -1], now.move + change[:, :, -1], now.here, now.here)
+            places.append(path)
+            spreads.append(out[..., 2:])
+        spread = torch.cat(spreads, dim=2)
+        spread = torch.cat((spread[..., :2].clamp(-6, 4), 0.95 * torch.tanh(spread[..., 2:])), -1)
+        absent = ~now.here[..., None, None]
+        return Prediction(torch.cat(places, dim=2).masked_fill(absent, torch.nan), spread, along)
+
+    def _in_time(self, now: _Now, scenes: Scenes, step: int) -> Tensor:
+        """[B, N, stride, 2] changes of the present move that even acceleration makes.
+
+        It brings an agent to its goal when that is due: n steps from now, with a move of v, each
+        step adds a = 2 (goal - x - n v) / (n (n + 1)). Zero where no goal is due.
+        """
+        if not self.config.goals or scenes.goal is None or scenes.due is None:
+            return now.xy.new_zeros(*now.xy.shape[:2], 1, 2)
+        goal, left = next_goal(scenes.goal, scenes.due, step)
+        n = torch.nan_to_num(left, nan=1.0)
+        lacking = torch.nan_to_num(goal) - now.xy - n * now.move
+        added = torch.where(left.isnan() | goal.isnan(), 0.0, 2.0 * lacking / (n * (n + 1.0)))
+        k = torch.arange(1, self.config.stride + 1, device=n.device, dtype=n.dtype)
+        return torch.minimum(k, n)[..., None] * added[:, :, None]
+
+    def _encode(
+        self, moves: Tensor, both: Tensor, classes: Tensor, along: Tensor, unit: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Memory of everybody's own past, [B * N, hidden] twice."""
+        own = turn_back(moves, along[:, :, None]) / unit[:, :, None]
+        change = torch.where(both[:, :, 1:, None] & both[:, :, :-1, None], own.diff(dim=2), 0.0)
+        change = nn.functional.pad(change, (0, 0, 1, 0))
+        past = torch.cat((own, 5.0 * change, both[..., None]), -1)
+        read = torch.relu(self.past_embedding(past) + self.class_embedding(classes)[:, :, None])
+        _, (h, c) = self.encoder(read.flatten(0, 1))
+        return h[0] + torch.relu(self.shortcut(past.flatten(2))).flatten(0, 1), c[0]
+
+    def _advance(
+        self,
+        state: tuple[Tensor, Tensor],
+        now: _Now,
+        scenes: Scenes,
+        step: int,
+        along: Tensor,
+        unit: Tensor,
+    ) -> tuple[Tensor, Tensor]:
+        """Memory after a look at the present: own motion, goal, neighbours."""
+        parts = [turn_back(now.move, along) / unit, now.moved[..., None].to(now.xy.dtype)]
+        if self.config.goals:
+            parts.append(goal_features(now.xy, scenes, step, along, unit))
+        embedded = self.motion_embedding(torch.cat(parts, -1))
+        read = [torch.relu(embedded + self.class_embedding(scenes.classes))]
+        if self.config.pooling:
+            read.append(self._pool(state[0], now, scenes.classes, along, unit))
+        new: tuple[Tensor, Tensor] = self.decoder(torch.cat(read, -1).flatten(0, 1), state)
+        return new
+
+    def _pool(
+        self, memory: Tensor, now: _Now, classes: Tensor, along: Tensor, unit: Tensor
+    ) -> Tensor:
+        """[B, N, pooled]: the strongest impressions that the nearest neighbours make."""
+        near, who = nearest(now.xy, now.here, self.reach[classes], self.config.neighbours)
+        told = self.memory(memory).view(*classes.shape, -1)
+        seen = self.pair(pair_features(now, who, classes, along, unit))
+        impression = torch.relu(seen + pick(told, who)).masked_fill(~near[..., None], 0.0)
+        return torch.relu(self.pool(impression.amax(dim=2)))
+
+
+@torch.no_grad()
+def predict(net: Refiner, scenes: Scenes) -> Prediction:
+    """Everybody's motion to come, with pedestrians kept apart as the configuration says."""
+    raw: Prediction = net(scenes)
+    if net.config.apart is None:
+        return raw
+    walkers = scenes.classes == CLASSES.index("pedestrian")
+    return raw._replace(xy=separate(raw.xy, among=walkers, apart=net.config.apart))
+
+
+def latest(xy: Tensor, steps: int) -> Tensor:
+    """[B, N, steps, 2] the last of [B, N, T, 2] positions; NaN before the first."""
+    kept = xy[:, :, -steps:]
+    return nn.functional.pad(kept, (0, 0, steps - kept.shape[2], 0), value=torch.nan)
+
+
+def heading(xy: Tensor, seen: Tensor, *, back: int = 4) -> Tensor:
+    """[B, N, 2] unit vector of each agent's motion over its last steps; +x for who stands still.
+
+    Args:
+        xy: [B, N, T, 2] positions, any finite value where unseen; seen: [B, N, T].
+    """
+    last = xy[:, :, -1]
+    first = last
+    for k in range(2, min(back, xy.shape[2] - 1) + 2):
+        first = torch.where(seen[:, :, -k, None], xy[:, :, -k], first)
+    way = torch.where(seen[:, :, -1:], last - first, 0.0)
+    length = way.norm(dim=-1, keepdim=True)
+    east = torch.zeros_like(way)
+    east[..., 0] = 1.0
+    return torch.where(length > 1e-6, way / length.clamp_min(1e-6), east)
+
+
+def turn(vector: Tensor, along: Tensor) -> Tensor:
+    """From an agent's own frame, in which `along` is +x, to the map's; [..., 2] both."""
+    x, y = vector.unbind(-1)
+    c, s = along.unbind(-1)
+    return torch.stack((c * x - s * y, s * x + c * y), -1)
+
+
+def turn_back(vector: Tensor, along: Tensor) -> Tensor:
+    """From the map frame to an agent's own, in which `along` is +x; [..., 2] both."""
+    x, y = vector.unbind(-1)
+    c, s = along.unbind(-1)
+    return torch.stack((c * x + s * y, c * y - s * x), -1)
+
+
+def nearest(xy: Tensor, here: Tensor, reach: Tensor, most: int) -> tuple[Tensor, Tensor]:
+    """Who is pooled by whom.
+
+    Args:
+        xy: [B, N, 2]; here: [B, N]; reach: [B, N] of the agent that pools [m].
+
+    Returns:
+        [B, N, K] whether there is such a neighbour, and [B, N, K] its place among the agents.
+    """
+    n = xy.shape[1]
+    with torch.no_grad():
+        apart = torch.cdist(xy, xy, compute_mode="donot_use_mm_for_euclid_dist")
+        nobody = ~here[:, None, :] | torch.eye(n, dtype=torch.bool, device=xy.device)
+        apart = apart.masked_fill(nobody, torch.inf)
+        distance, who = apart.topk(min(most, max(n - 1, 1)), dim=-1, largest=False, sorted=False)
+        return distance < reach[..., None], who
+
+
+def pick(of_all: Tensor, who: Tensor) -> Tensor:
+    """[B, N, K, D] what `who` [B, N, K] have in `of_all` [B, N, D]."""
+    b, n, k = who.shape
+    rows = who + n * torch.arange(b, device=who.device)[:, None, None]
+    return of_all.flatten(0, 1).index_select(0, rows.flatten()).view(b, n, k, -1)
+
+
+def pair_features(now: _Now, who: Tensor, classes: Tensor, along: Tensor, unit: Tensor) -> Tensor:
+    """[B, N, K, 12] what an agent notices of a neighbour, in its own frame and bounded.
+
+    Where it is (towards it, by distance), how it moves relative to the agent, when and how close
+    they would come if both kept going, and whether it is a vehicle.
+    """
+    facing = along[:, :, None].expand(-1, -1, who.shape[2], -1)
+    kind = classes[..., None].to(now.xy.dtype)
+    other = pick(torch.cat((now.xy, now.move, now.moved[..., None].to(kind), kind), -1), who)
+    offset = turn_back(other[..., :2] - now.xy[:, :, None], facing)
+    relative = turn_back(other[..., 2:4] - now.move[:, :, None], facing)
+    distance = (offset.square().sum(-1, keepdim=True) + 1e-6).sqrt()
+    steps = -(offset * relative).sum(-1, keepdim=True)
+    steps = (steps / (relative.square().sum(-1, keepdim=True) + 1e-3)).clamp(0, 12)
+    closest = offset + steps * relative
+    gap = (closest.square().sum(-1, keepdim=True) + 1e-6).sqrt()
+    return torch.cat(
+        (
+            offset / (1.0 + distance),
+            torch.exp(-distance),
+            torch.exp(-distance / 4.0),
+            relative / unit[:, :, None],
+            steps / 12.0,
+            torch.exp(-2.0 * gap),
+            closest / (0.5 + gap),
+            other[..., 4:6],
+        ),
+        dim=-1,
+    )
+
+
+def goal_features(xy: Tensor, scenes: Scenes, step: int, along: Tensor, unit: Tensor) -> Tensor:
+    """[B, N, 7] the way to the goal from `xy`, in the agent's own frame; zeros without one.
+
+    The unit vector *towards* the goal, the distance, whether there is a goal; the speed along and
+    across that reaches it in time and whether there is such a time.
+    """
+    if scenes.goal is None:
+        return xy.new_zeros(*xy.shape[:2], GOAL_FEATURES)
+    goal, left = next_goal(scenes.goal, scenes.due, step)
+    given = ~goal.isnan().any(-1, keepdim=True)
+    way = turn_back(torch.where(given, torch.nan_to_num(goal) - xy, 0.0), along)
+    distance = (way.square().sum(-1, keepdim=True) + 1e-6).sqrt()
+    towards = way / distance
+    timed = given & ~left.isnan()
+    pace = torch.where(timed, way / torch.nan_to_num(left, nan=1.0).clamp_min(1.0), 0.0) / unit
+    features = torch.cat(
+        (towards, torch.log1p(distance / (12 * unit)), given, pace.clamp(-4, 4), timed), -1
+    )
+    return torch.where(given, features, 0.0)
+
+
+def next_goal(goals: Tensor, due: Tensor | None, step: int) -> tuple[Tensor, Tensor]:
+    """The goals that count at a predicted step; goals and due as in `Scenes`.
+
+    Returns:
+        [B, N, 2] where they are, NaN for none, and [B, N, 1] in how many steps they are due, 1 or
+        more; NaN if it does not matter when, or that time is past.
+    """
+    goal = goals if goals.ndim == 3 else goals[:, :, step]
+    if due is None:
+        return goal, torch.full_like(goal[..., :1], torch.nan)
+    left = ((due if due.ndim == 2 else due[:, :, step]) - step)[..., None]
+    return goal, torch.where(left >= 1, left, torch.nan)

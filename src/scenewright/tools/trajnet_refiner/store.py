@@ -1,0 +1,83 @@
+"""Networks and unfinished trainings as safetensors files: numbers, and JSON about them.
+
+Never pickle: a file from elsewhere must not be able to run anything.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from torch import Tensor
+
+from scenewright.errors import InputError
+from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+
+VERSION = 1
+_FORMAT = "scenewright.trajnet_refiner"
+
+
+def save_refiner(net: Refiner, path: Path, *, about: Mapping[str, Any] | None = None) -> None:
+    """Writes the weights, the configuration and the version of the format, whole or not at all.
+
+    Args:
+        about: anything else worth keeping, such as what it was trained on; JSON.
+    """
+    facts = {"config": net.config.model_dump(mode="json"), "about": dict(about or {})}
+    write_tensors(path, dict(net.state_dict()), facts=facts)
+
+
+def load_refiner(path: Path) -> Refiner:
+    """A network that `save_refiner` wrote, ready to predict.
+
+    Raises:
+        InputError: not such a file, of another version, or damaged.
+        OSError: it cannot be read.
+    """
+    tensors, facts = read_tensors(path)
+    try:
+        net = Refiner(RefinerConfig.model_validate(facts["config"]))
+        net.load_state_dict(tensors)
+    except (KeyError, ValidationError, RuntimeError) as error:
+        raise InputError(f"{path}: the weights do not fit their configuration") from error
+    return net.eval()
+
+
+def write_tensors(path: Path, tensors: Mapping[str, Tensor], *, facts: Mapping[str, Any]) -> None:
+    """Tensors and facts as one safetensors file, whole or not at all."""
+    from safetensors.torch import save_file
+
+    header = {"format": _FORMAT, "version": str(VERSION), "facts": json.dumps(facts)}
+    draft = path.with_name(path.name + ".part")
+    kept = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    save_file(kept, str(draft), metadata=header)
+    os.replace(draft, path)
+
+
+def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """What `write_tensors` wrote.
+
+    Raises:
+        InputError: not such a file, or of another version.
+        OSError: it cannot be read.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    with path.open("rb"):
+        pass  # safetensors words its own errors; the system's are clearer
+    try:
+        with safe_open(str(path), framework="pt") as file:
+            header = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except SafetensorError as error:
+        raise InputError(f"{path}: not a safetensors file") from error
+    if header.get("format") != _FORMAT:
+        raise InputError(f"{path}: these are not weights of the refiner")
+    if header.get("version") != str(VERSION):
+        raise InputError(f"{path}: weights of version {header.get('version')}, known is {VERSION}")
+    facts: dict[str, Any] = json.loads(header["facts"])
+    return tensors, facts

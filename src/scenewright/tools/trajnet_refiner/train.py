@@ -1,0 +1,281 @@
+"""Training of the refiner: deterministic on one machine, and resumed after a kill."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from scenewright.errors import InputError
+from scenewright.scene.base import Model
+from scenewright.tools.trajnet_refiner.model import (
+    Prediction,
+    Refiner,
+    RefinerConfig,
+    Scenes,
+    turn_back,
+)
+from scenewright.tools.trajnet_refiner.store import read_tensors, write_tensors
+from scenewright.tools.trajnet_refiner.windows import Variation, Window, batches
+
+_NO_CHANGE = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=0.0)
+
+
+class Recipe(Model):
+    """How a network is trained.
+
+    Attributes:
+        epochs: how often every window is seen; share: part of the windows drawn per epoch.
+        agents: agents per batch; rate: the highest learning rate; decay: of the weights.
+        likelihood: weight of the Gaussian's likelihood beside the mean distance.
+        average: of the weights that are kept, over about 1 / (1 - average) batches.
+        stretch, noise, unseen, goals: see `Variation`.
+        seed: of the first weights and of every draw.
+    """
+
+    epochs: int = Field(default=10, ge=1)
+    share: float = Field(default=1.0, gt=0, le=1)
+    agents: int = Field(default=192, ge=1)
+    rate: float = Field(default=4e-3, gt=0)
+    decay: float = Field(default=1e-4, ge=0)
+    likelihood: float = Field(default=0.05, ge=0)
+    average: float = Field(default=0.99, ge=0, lt=1)
+    stretch: float = Field(default=0.15, ge=0, lt=1)
+    noise: float = Field(default=0.0, ge=0)
+    unseen: float = Field(default=0.1, ge=0, le=1)
+    goals: float = Field(default=0.4, ge=0, le=1)
+    seed: int = Field(default=0, ge=0)
+
+    def variation(self) -> Variation:
+        """How windows are varied."""
+        return Variation(self.stretch, self.noise, self.unseen, self.goals)
+
+
+class Epoch(NamedTuple):
+    """What came of an epoch.
+
+    Attributes:
+        number: from 1; loss: mean over its batches; seconds: it took.
+        ade: mean distance on the validation windows [m]; None without any.
+    """
+
+    number: int
+    loss: float
+    seconds: float
+    ade: float | None
+
+
+Tell = Callable[[int, int], None]
+"""Is told after every batch how many batches are done, and of how many."""
+
+
+def train(
+    windows: Sequence[Window],
+    *,
+    config: RefinerConfig,
+    recipe: Recipe,
+    held_out: Sequence[Window] = (),
+    checkpoint: Path | None = None,
+    device: str | None = None,
+    tell: Tell | None = None,
+    after_epoch: Callable[[Epoch], None] | None = None,
+) -> Refiner:
+    """A network trained on windows; the same windows, recipe and machine make the same one.
+
+    Args:
+        held_out: windows to validate on after every epoch; they decide nothing.
+        checkpoint: file kept up to date after every epoch; if it is there, training goes on from
+            it and ends as if it had never been interrupted.
+        device: "cpu", "cuda"…; a GPU if there is one.
+
+    Raises:
+        InputError: no windows, or the checkpoint is of another training.
+    """
+    if not windows:
+        raise InputError("there is nothing to train on")
+    run = _Run(config, recipe, _total(windows, recipe), device)
+    if checkpoint is not None and checkpoint.exists():
+        run.restore(checkpoint)
+    while run.epochs < recipe.epochs:
+        start = time.perf_counter()
+        loss = run.epoch(windows, tell)
+        if checkpoint is not None:
+            run.store(checkpoint)
+        if after_epoch is not None:
+            ade = validate(run.averaged(), held_out) if held_out else None
+            after_epoch(Epoch(run.epochs, loss, time.perf_counter() - start, ade))
+    return run.averaged()
+
+
+def validate(net: Refiner, windows: Sequence[Window], *, agents: int = 2048) -> float:
+    """Weighted mean distance [m] between predicted and true future positions, without goals."""
+    rng = np.random.default_rng(0)
+    device = next(net.parameters()).device
+    total = count = 0.0
+    with torch.no_grad():
+        for scenes, future, weight in batches(
+            windows, observed=net.config.observed, agents=agents, variation=_NO_CHANGE, rng=rng
+        ):
+            error, share = _errors(net(scenes.to(device)), future.to(device), weight.to(device))
+            total += float((error * share).sum())
+            count += float(share.sum())
+    return total / max(count, 1e-9)
+
+
+def loss_of(predicted: Prediction, future: Tensor, weight: Tensor, *, likelihood: float) -> Tensor:
+    """Weighted mean of the distance, the benchmark's measure, and of the Gaussian's -log density.
+
+    Args:
+        future: [B, N, P, 2] true positions, NaN where unknown; weight: [B, N].
+    """
+    error, share = _errors(predicted, future, weight)
+    surprise = negative_log_density(predicted, future)
+    loss = error + likelihood * torch.where(share > 0, surprise, 0.0)
+    return (loss * share).sum() / share.sum().clamp_min(1e-6)
+
+
+def negative_log_density(predicted: Prediction, future: Tensor) -> Tensor:
+    """[B, N, P] -log density of the truth under the predicted Gaussians [nats]; 0 if unknown."""
+    known = ~(future.isnan() | predicted.xy.isnan()).any(-1)
+    off = torch.nan_to_num(future) - torch.nan_to_num(predicted.xy)
+    off = turn_back(off, predicted.along[:, :, None].expand_as(off))
+    log_x, log_y, rho = predicted.spread.unbind(-1)
+    x, y = off[..., 0] / log_x.exp(), off[..., 1] / log_y.exp()
+    rest = 1.0 - rho.square()
+    square = (x.square() - 2 * rho * x * y + y.square()) / rest
+    density = log_x + log_y + 0.5 * rest.log() + math.log(2 * math.pi) + 0.5 * square
+    return torch.where(known, density, 0.0)
+
+
+def _errors(predicted: Prediction, future: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
+    """[B, N, P] distances [m], 0 where unknown, and the weight of each, 0 where unknown."""
+    known = ~(future.isnan() | predicted.xy.isnan()).any(-1)
+    off = torch.nan_to_num(future) - torch.nan_to_num(predicted.xy)
+    distance = (off.square().sum(-1) + 1e-6).sqrt()
+    return torch.where(known, distance, 0.0), known * weight[..., None]
+
+
+def _total(windows: Sequence[Window], recipe: Recipe) -> int:
+    """About how many batches the whole training has; the learning rate falls along them."""
+    padded = sum(len(w.xy) for w in windows) * recipe.share
+    return max(1, math.ceil(recipe.epochs * padded / recipe.agents))
+
+
+class _Run:
+    """A training under way: weights, their running average, the optimiser, epochs done."""
+
+    def __init__(
+        self, config: RefinerConfig, recipe: Recipe, total: int, device: str | None
+    ) -> None:
+        self.recipe, self.total = recipe, total
+        self.device = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(recipe.seed)
+            self.net = Refiner(config).to(self.device)
+        self.mean = {name: p.detach().clone() for name, p in self.net.named_parameters()}
+        self.optimiser = torch.optim.AdamW(
+            self.net.parameters(), lr=recipe.rate, weight_decay=recipe.decay
+        )
+        self.epochs = self.batches = 0
+
+    def epoch(self, windows: Sequence[Window], tell: Tell | None) -> float:
+        """One pass over the windows; the mean loss of its batches."""
+        recipe = self.recipe
+        rng = np.random.default_rng([recipe.seed, self.epochs])
+        count = max(1, round(recipe.share * len(windows)))
+        drawn = [windows[i] for i in np.sort(rng.permutation(len(windows))[:count])]
+        self.net.train()
+        losses = []
+        for scenes, future, weight in batches(
+            drawn,
+            observed=self.net.config.observed,
+            agents=recipe.agents,
+            variation=recipe.variation(),
+            rng=rng,
+        ):
+            losses.append(self._step(scenes, future, weight))
+            if tell is not None:
+                tell(min(self.batches, self.total), self.total)
+        self.epochs += 1
+        return float(np.mean(losses))
+
+    def _step(self, scenes: Scenes, future: Tensor, weight: Tensor) -> float:
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.recipe.rate * _warm_then_cosine(self.batches / self.total)
+        predicted = self.net(scenes.to(self.device))
+        loss = loss_of(
+            predicted,
+            future.to(self.device),
+            weight.to(self.device),
+            likelihood=self.recipe.likelihood,
+        )
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+        self.optimiser.step()
+        self.batches += 1
+        keep = min(self.recipe.average, self.batches / (self.batches + 10))
+        with torch.no_grad():
+            for name, parameter in self.net.named_parameters():
+                self.mean[name].lerp_(parameter, 1.0 - keep)
+        return float(loss.detach())
+
+    def averaged(self) -> Refiner:
+        """A network with the averaged weights, ready to predict."""
+        net = Refiner(self.net.config).to(self.device)
+        net.load_state_dict(self.mean)
+        return net.eval()
+
+    def store(self, path: Path) -> None:
+        """Everything that the next epoch needs."""
+        tensors: dict[str, Tensor] = dict(self.net.named_parameters(prefix="net"))
+        tensors |= {f"mean.{name}": p for name, p in self.mean.items()}
+        for name, parameter in self.net.named_parameters():
+            for key, value in self.optimiser.state[parameter].items():
+                tensors[f"adam.{key}.{name}"] = value
+        write_tensors(path, tensors, facts={**self._identity(), "epochs": self.epochs,
+                                            "batches": self.batches})  # fmt: skip
+
+    def restore(self, path: Path) -> None:
+        """Goes on where `store` was called.
+
+        Raises:
+            InputError: the file is of another training.
+        """
+        tensors, facts = read_tensors(path)
+        if any(facts.get(key) != value for key, value in self._identity().items()):
+            raise InputError(f"{path}: a checkpoint of another training; remove it to start anew")
+        moved = {name: tensor.to(self.device) for name, tensor in tensors.items()}
+        with torch.no_grad():
+            for name, parameter in self.net.named_parameters():
+                parameter.copy_(moved[f"net.{name}"])
+                self.mean[name].copy_(moved[f"mean.{name}"])
+                self.optimiser.state[parameter] = {
+                    "step": tensors[f"adam.step.{name}"],
+                    "exp_avg": moved[f"adam.exp_avg.{name}"],
+                    "exp_avg_sq": moved[f"adam.exp_avg_sq.{name}"],
+                }
+        self.epochs, self.batches = int(facts["epochs"]), int(facts["batches"])
+
+    def _identity(self) -> dict[str, object]:
+        return {
+            "config": self.net.config.model_dump(mode="json"),
+            "recipe": self.recipe.model_dump(mode="json"),
+            "total": self.total,
+        }
+
+
+def _warm_then_cosine(part: float) -> float:
+    """Share of the highest learning rate after a part of the training; at least 1 %."""
+    warm = 0.05
+    if part < warm:
+        return 0.05 + 0.95 * part / warm
+    falling = min(1.0, (part - warm) / (1 - warm))
+    return 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * falling))
