@@ -3,13 +3,15 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+PEERS := $(VENV)/crosscheck
+PINS := tests/crosscheck/environments
 
 INSTRUCTION ?= A vehicle yields to a pedestrian at 8 am
 SEED ?= 7
 OUT ?= scenes/demo
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test lint format bench check
+.PHONY: demo test lint format bench check crosscheck
 
 demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
@@ -32,8 +34,21 @@ bench: $(INSTALLED)
 
 check: lint test
 
+# Our measures against packages that others wrote; not part of check. About 3 GB more.
+crosscheck: $(PEERS)/.installed
+	$(BIN)/pytest tests/crosscheck
+
 $(INSTALLED): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo 'Installing into $(VENV), about 2 GB ...'
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+$(PEERS)/.installed: $(INSTALLED) $(wildcard $(PINS)/*.txt)
+	@echo 'Installing packages to compare with into $(VENV), about 3 GB ...'
+	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -c $(PINS)/beside.txt -e '.[dev,crosscheck]'
+	set -e; for name in scenario-gym commonroad-crime; do \
+		test -x $(PEERS)/$$name/bin/python || $(BIN)/python -m venv $(PEERS)/$$name; \
+		$(PEERS)/$$name/bin/python -m pip install -qq --disable-pip-version-check -r $(PINS)/$$name.txt; \
+	done
 	touch $@
