@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenewright.backends import Question
+from scenewright.backends.builtin.backend import BuiltinBackend
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.rows import plan_row
 from scenewright.errors import InputError
@@ -409,6 +411,73 @@ def test_background_counts(said: str, vehicles: int | None, pedestrians: int | N
     assert found.context.background.vehicles == vehicles
     assert found.context.background.pedestrians == pedestrians
     assert len(found.agents) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "striking", "struck"),
+    [
+        ("A car hits the side of a bus", None, "side"),
+        ("A car is struck on its front right corner by a truck", None, "front_right"),
+        ("A car clips the rear of a truck", None, "rear"),
+        ("A car T-bones a bus on its left side", None, "left"),
+        ("A truck strikes the driver's side of a car", None, "left"),
+        ("A car rams a taxi's passenger side", None, "right"),
+        ("A bus is hit in the side by a car running a red light", None, "side"),
+        ("A car crashes into the left rear of a van with its front right corner",
+         "front_right", "rear_left"),
+        ("A car hits a pedestrian with its front left corner", "front_left", None),
+        ("A pedestrian is hit by the front left corner of a turning bus", "front_left", None),
+        ("A pedestrian walks into the side of a bus", "side", None),
+        ("A car hits a pedestrian on the left side of the road", None, None),
+        ("A van is rear-ended by a car", None, None),
+        ("A car hits a bus in the left lane", None, None),
+    ],
+)  # fmt: skip
+def test_points_of_impact_belong_to_who_strikes_and_who_is_struck(
+    text: str, striking: str | None, struck: str | None
+) -> None:
+    (hit,) = graph(text).relations
+    assert (hit.type, hit.point_from, hit.point_to) == ("collide_at", striking, struck)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "brakes hard and narrowly misses a pedestrian",
+        "slams on the brakes and just misses a jaywalker",
+        "makes an emergency stop and narrowly misses a pedestrian",
+        "brakes too late and nearly hits a pedestrian",
+    ],
+)
+def test_hard_braking_is_the_cause_of_a_near_miss(said: str) -> None:
+    (miss,) = graph(f"A car {said}.").relations
+    assert (miss.type, miss.cause) == ("near_miss", "late_brake")
+
+
+def test_running_into_the_back_is_a_rear_end_and_a_point() -> None:
+    (hit,) = graph("A southbound car bumps into the back of a bus").relations
+    assert (hit.kind, hit.point_to) == ("rear_end", "rear")
+
+
+def clauses(**severity: float | str) -> list[str]:
+    """Pair clauses of the builtin program for a near miss of a car and a pedestrian."""
+    relation: dict[str, object] = {
+        "type": "near_miss", "from": "vehicle-1", "to": "pedestrian-1", "striker": "vehicle-1",
+        "struck": "pedestrian-1", "pattern": "pedestrian_near_miss_through",
+        "target_pet": None, "target_ttc": None, "cause": None, **severity,
+    }  # fmt: skip
+    facts = {"relations": [relation], "agents": [], "violators": []}
+    program = BuiltinBackend().answer(Question("constraints", facts))["program"]
+    return [line for line in program.splitlines() if "_gap" in line or "brakes" in line]
+
+
+def test_a_near_miss_is_a_gap_in_time_or_hard_braking() -> None:
+    gap, braking = "time_gap(vehicle-1, pedestrian-1)", "brakes_for(vehicle-1, pedestrian-1)"
+    assert [line.split(" in ")[0] for line in clauses()] == [gap]
+    assert clauses(target_pet=1.0) == [f"{gap} in [0.95, 1.05] s"]
+    assert clauses(target_ttc=1.2) == [f"{braking} in [1.12, 1.28] s"]
+    assert clauses(cause="late_brake") == [f"{braking} in [0.7, 1.35] s"]
+    assert [line.split("(")[0] for line in clauses(target_pet=2.5)] == ["brakes_for", "time_gap"]
 
 
 def test_severity_and_cause_reach_the_relation() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from importlib import resources
-from pathlib import Path
 
 import pytest
 
@@ -17,6 +16,7 @@ from scenewright.scene.constraints import (
     TimeGap,
     UnaryClause,
 )
+from scenewright.scene.events import EVENT_OF_RELATION
 from scenewright.scene.relations import pattern_named, patterns
 from scenewright.tools.dsl_validator.parse import parse
 
@@ -33,7 +33,9 @@ def names(pattern) -> dict[str, str]:
 
 
 def clauses(pattern):
-    return parse("\n".join(line.format(**names(pattern)) for line in pattern.constraints)).clauses
+    first, second = names(pattern).values()
+    lines = [pattern.filled(line, from_=first, to=second) for line in pattern.clauses]
+    return parse("\n".join(lines)).clauses
 
 
 def test_every_file_is_a_pattern_named_like_its_file():
@@ -73,28 +75,33 @@ def test_roles_movements_and_segments_go_together(pattern):
     assert pattern.weight > 0
 
 
+@pytest.mark.parametrize("pattern", patterns(), ids=lambda pattern: pattern.id)
+def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
+    """A figure that a file bounds is brought about by the clause with the same bounds."""
+    aims = {TimeGap: "pet", Headway: "least_headway"}
+    for clause in clauses(pattern):
+        figure = aims.get(type(clause))
+        if figure in pattern.bounds():
+            assert pattern.bounds()[figure] == (clause.low, clause.high)
+    assert set(pattern.bounds()) == ({"pet"} if pattern.relation == "near_miss" else set())
+    assert pattern.proof.event == EVENT_OF_RELATION[pattern.relation]
+    assert pattern.order == ("to" if pattern.relation == "yield_to" else None)
+
+
+def test_an_order_is_one_more_clause_of_a_near_miss():
+    pattern = pattern_named("straight_crossing_near_miss")
+    for order, line in (("from", "before({from}, {to})"), ("to", "before({to}, {from})")):
+        assert pattern.model_copy(update={"order": order}).clauses[-1] == line
+    assert pattern.clauses == pattern.constraints
+
+
 def test_every_relation_and_every_kind_of_collision_has_a_pattern():
     assert {pattern.relation for pattern in patterns()} == set(SERVED_BY)
     kinds = {"pedestrian_strike", "rear_end", "sideswipe", "head_on", "left_turn", "angle"}
     assert kinds <= {pattern.kind for pattern in patterns()}
 
 
-def test_a_broken_file_is_told(tmp_path, monkeypatch):
-    (tmp_path / "mine.toml").write_text('id = "mine"', "utf-8")
-    monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path))
-    with pytest.raises(InputError, match=r"mine\.toml is not a relation: theme"):
-        patterns()
-
-
 def test_a_missing_folder_is_told(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path / "nowhere"))
     with pytest.raises(InputError, match="nowhere"):
         patterns()
-
-
-def test_the_documented_example_is_a_pattern(tmp_path, monkeypatch):
-    page = Path(__file__).parents[2] / "docs" / "relations.md"
-    example = page.read_text("utf-8").split("```toml\n")[1].split("```")[0]
-    (tmp_path / "mine.toml").write_text(example, "utf-8")
-    monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path))
-    assert pattern_named("right_turns_in_a_row").geometry == "same_way"

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import multiprocessing
+import re
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from scenewright import synthesize, verify
 from scenewright.backends import Question, Task, load_backend
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.graph.run import scene_bytes
+from scenewright.graph.run import Scene, scene_bytes
 
 EXAMPLES = (Path(__file__).parents[2] / "examples" / "instructions.txt").read_text("utf-8")
 YIELD = "A vehicle yields to a pedestrian on the north crosswalk at 5 am"
@@ -37,6 +39,64 @@ def test_what_was_asked_for_happens_and_nothing_else(event: str, text: str) -> N
     assert agents[seen.from_].name == "vehicle-1"
     assert scene.proof == verify(scene)
     assert scene.proof.verified
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("text", ["A car narrowly misses a pedestrian", "Two cars nearly collide"])
+def test_a_ttc_asked_for_is_that_of_a_vehicle_braking_hard(text: str, seed: int) -> None:
+    scene = synthesize(f"{text} with a TTC of 1.2 seconds.", seed=seed)
+    (seen,) = scene.proof.events
+    assert seen.type == "near_miss"
+    assert seen.evidence["path_ttc"] == pytest.approx(1.2, abs=0.3)
+    assert hardest_braking(scene, (seen.from_, seen.to)) > 5.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_who_is_said_to_brake_hard_does(seed: int) -> None:
+    scene = synthesize("A car slams on the brakes and just misses a pedestrian.", seed=seed)
+    (seen,) = scene.proof.events
+    assert seen.type == "near_miss"
+    assert hardest_braking(scene, (seen.from_,)) > 5.0
+
+
+def hardest_braking(scene: Scene, ids: tuple[int, ...]) -> float:
+    """Of these agents, from positions every 0.1 s [m/s^2]."""
+    found = []
+    for agent in scene.record.agents:
+        if agent.id in ids:
+            steps = np.hypot(*np.diff(np.array(agent.trajectory), axis=0).T) / 0.1
+            found.append(-np.min(np.convolve(np.diff(steps) / 0.1, np.full(3, 1 / 3), "valid")))
+    return float(max(found))
+
+
+@pytest.mark.parametrize(
+    ("text", "agent", "points"),
+    [
+        ("A car hits the side of a bus.", "to", {"left", "right"}),
+        ("A pedestrian is hit by the front left corner of a car.", "from", {"front_left"}),
+        ("A car T-bones a truck on its left side at 7 m/s.", "to", {"left"}),
+    ],
+)
+def test_vehicles_are_struck_where_the_text_says(text: str, agent: str, points: set[str]) -> None:
+    scene = synthesize(text, seed=1)
+    (seen,) = scene.proof.events
+    (asked,) = scene.record.relations
+    assert (asked.from_, asked.to) == (seen.from_, seen.to)
+    assert seen.evidence[f"point_{agent}"] in points
+
+
+def test_a_refusal_names_the_figure_at_fault_and_what_is_possible() -> None:
+    with pytest.raises(Unsatisfiable) as caught:
+        synthesize("A left-turning car hits a pedestrian at 19 m/s.", seed=1)
+    found = re.search(
+        r"contact\(vehicle-1, pedestrian-1, pedestrian_strike, 19 m/s\): a target impact speed of "
+        r"19 m/s: the fastest car on this movement strikes at (\d+\.\d) m/s",
+        str(caught.value),
+    )
+    assert found is not None
+    told = [each.missed[1] for each in caught.value.rejections if each.missed]
+    assert float(found[1]) == pytest.approx(19.0 - min(told), abs=0.06)
+    assert float(found[1]) < 15.0
 
 
 def test_nothing_happens_where_nothing_shall() -> None:

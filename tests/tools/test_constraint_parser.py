@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scenewright.errors import Rejected
 from scenewright.scene.constraints import (
     Before,
+    BrakesFor,
     Clause,
     ConstraintProgram,
     Contact,
@@ -42,6 +43,9 @@ before(pedestrian-1, vehicle-1); time_gap(vehicle-1, pedestrian-1) in [0.7, 1.4]
 
 headway(vehicle-1, vehicle-2) in [1, 2.5] s; contact(vehicle-1, vehicle-2, angle, 7 m/s)
 contact(vehicle-1, vehicle-2, 7 m/s); contact(vehicle-1, pedestrian-1, pedestrian_strike)
+contact(vehicle-1, vehicle-2) with front on rear_left; contact(vehicle-1, vehicle-2, angle) on side
+contact(vehicle-1, pedestrian-1, 7 m/s) with front_right
+brakes_for(vehicle-1, pedestrian-1) in [0.9, 1.3] s
 gives_way(vehicle-1, pedestrian-1); runs_red(vehicle-1)
 no_interaction(vehicle-1); no_interaction(vehicle-1, vehicle-3)
 """
@@ -62,6 +66,21 @@ KIND = st.sampled_from(
 )
 
 
+POINT = st.sampled_from(
+    [
+        "front",
+        "rear",
+        "side",
+        "left",
+        "right",
+        "front_left",
+        "front_right",
+        "rear_left",
+        "rear_right",
+    ]
+)
+
+
 def positive(limit: float) -> st.SearchStrategy[float]:
     return st.floats(0, limit, exclude_min=True)
 
@@ -76,6 +95,14 @@ def pairs(draw: st.DrawFn, model: type[Clause], **fields: st.SearchStrategy[Any]
 def ranges(draw: st.DrawFn, model: type[Clause], limit: float, **agent: Any) -> Clause:
     low, high = sorted(draw(st.tuples(positive(limit), positive(limit))))
     return model(low=low, high=high, **{name: draw(of) for name, of in agent.items()})
+
+
+@st.composite
+def struck(draw: st.DrawFn) -> Clause:
+    first, second = draw(st.lists(agents("vehicle"), min_size=2, max_size=2, unique=True))
+    values = {name: draw(POINT | st.none()) for name in ("point_first", "point_second")}
+    cause = draw(st.none() | st.just("late_brake"))
+    return Contact(first=first, second=second, kind=draw(KIND | st.none()), cause=cause, **values)
 
 
 @st.composite
@@ -98,6 +125,8 @@ CLAUSE = st.one_of(
     paired_ranges(TimeGap, 30),
     paired_ranges(Headway, 10),
     pairs(Contact, kind=KIND | st.none(), speed=positive(20) | st.none()),
+    struck(),
+    ranges(BrakesFor, 8, first=agents("vehicle"), second=agents("pedestrian")),
     pairs(GivesWay),
     pairs(NoInteraction),
     st.builds(NoInteraction, first=AGENT),
@@ -140,6 +169,12 @@ def test_every_clause_is_read_with_its_values() -> None:
         Contact(first="vehicle-1", second="vehicle-2", kind="angle", speed=7),
         Contact(first="vehicle-1", second="vehicle-2", speed=7),
         Contact(first="vehicle-1", second="pedestrian-1", kind="pedestrian_strike"),
+        Contact(
+            first="vehicle-1", second="vehicle-2", point_first="front", point_second="rear_left"
+        ),
+        Contact(first="vehicle-1", second="vehicle-2", kind="angle", point_second="side"),
+        Contact(first="vehicle-1", second="pedestrian-1", speed=7, point_first="front_right"),
+        BrakesFor(first="vehicle-1", second="pedestrian-1", low=0.9, high=1.3),
         GivesWay(first="vehicle-1", second="pedestrian-1"),
         RunsRed(agent="vehicle-1"),
         NoInteraction(first="vehicle-1"),
@@ -179,6 +214,10 @@ def test_a_program_may_be_empty(text: str) -> None:
             "found the end of the line",
         ),
         (
+            "contact(vehicle-1, vehicle-2) on top",
+            "line 1, column 34: expected a point of impact such as front_left, found 'top'",
+        ),
+        (
             "runs_red(vehicle-1) runs_red(vehicle-2)",
             "line 1, column 21: expected a new line or ';', found 'runs_red'",
         ),
@@ -200,6 +239,11 @@ def test_an_unknown_clause_is_answered_with_those_that_exist() -> None:
         ("speed(vehicle-1) in [9, 3] m/s", "speed: range [9, 3] is empty"),
         ("min_length(vehicle-1) >= -3 m", "min_length: metres must be more than 0, got -3"),
         ("near(vehicle-1, vehicle-2) <= 1e999 m", "near: metres must be at most 200, got 1e999"),
+        (
+            "contact(vehicle-1, pedestrian-1) on rear",
+            "contact: pedestrian-1 is a pedestrian, which has no rear",
+        ),
+        ("brakes_for(vehicle-1, vehicle-2) in [3, 2] s", "brakes_for: range [3, 2] is empty"),
         ("before(vehicle-1, vehicle-1)", "before: needs two different agents, got vehicle-1 twice"),
     ],
 )
@@ -217,6 +261,6 @@ def test_size_is_limited() -> None:
 
 @pytest.mark.parametrize("pattern", patterns(), ids=lambda pattern: pattern.id)
 def test_the_clauses_of_every_relation_are_programs(pattern: Pattern) -> None:
-    roles = {"from": f"{pattern.from_.type}-1", "to": f"{pattern.to.type}-2"}
-    program = parse("\n".join(pattern.constraints).format(**roles))
-    assert len(program.clauses) == len(pattern.constraints)
+    first, second = f"{pattern.from_.type}-1", f"{pattern.to.type}-2"
+    lines = [pattern.filled(line, from_=first, to=second) for line in pattern.clauses]
+    assert len(parse("\n".join(lines)).clauses) == len(lines)

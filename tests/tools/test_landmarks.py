@@ -110,3 +110,15 @@ def test_a_jaywalker_has_no_red_light_to_run():
 
 def test_the_route_names_movement_and_stop_line():
     assert SOUTHBOUND.movement_id in {movement.id for movement in GROUND.on.movements}
+
+
+@pytest.mark.parametrize("wished", [20.0, 38.0, 50.0, 62.0, 90.0])
+def test_a_place_to_stand_blocks_no_crosswalk_but_ones_own(wished):
+    marks = landmarks(SOUTHWARDS, ground=GROUND)
+    s = marks.off_crosswalks(wished)
+    assert s <= wished
+    assert not any(begins < s < ends for _, begins, ends in marks.crosswalks)
+    on_one = [name for name, begins, ends in marks.crosswalks if begins < wished < ends]
+    assert (s == wished) is (not on_one)
+    for name in on_one:
+        assert marks.off_crosswalks(wished, own=name) == wished

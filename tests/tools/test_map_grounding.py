@@ -288,8 +288,12 @@ subtype = "following"
 relation = "follow"
 geometry = "same_way"
 entries = "same"
+zone = "lane"
 weight = 1000.0
+phrases = ["{from} rounds the corner after {to}"]
 constraints = ["headway({from}, {to}) in [1.0, 2.0] s"]
+[proof]
+event = "follow"
 [from]
 type = "vehicle"
 movements = ["right"]
@@ -313,3 +317,11 @@ def test_a_file_more_is_a_pattern_more(tmp_path, monkeypatch):
     mine = [cast for cast in casting if cast.patterns[0].pattern == "two_right_turns_follow"]
     assert len(mine) >= 18
     assert {cast.routes[CAR].movement for cast in mine} == {"right"}
+
+
+def test_a_pattern_that_the_edge_names_is_the_only_one_and_keeps_its_roles():
+    named = edge("collide_at", CAR, OTHER, pattern="straight_crossing_collision")
+    graph = SocialGraph(agents=(vehicle(), vehicle(OTHER)), relations=(named,))
+    casting = [cast for seed in range(5) for cast in drawn(graph, 20, seed)]
+    played = {(each.patterns[0].pattern, each.patterns[0].from_) for each in casting}
+    assert played == {("straight_crossing_collision", CAR)}

@@ -165,6 +165,10 @@ def test_draw_mode_does_not_always_take_the_likeliest():
         (f"{NEAR_MISS}\nmin_length(vehicle-2) >= 120 m", "at least 120"),
         (f"{NEAR_MISS}\nsame_lane(vehicle-1, vehicle-2) >= 50 m", "same_lane(vehicle-1, vehicle-2"),
         ("contact(vehicle-1, vehicle-2, rear_end)", "contact(vehicle-1, vehicle-2, rear_end)"),
+        (
+            "runs_red(vehicle-1)\ncontact(vehicle-1, vehicle-2, 18 m/s)",
+            "18 m/s: the fastest car on this movement strikes at 10.0 m/s",
+        ),
         ("time_gap(vehicle-1, vehicle-2) in [0.6, 1.2] s", "the signal programme allows no such"),
     ],
 )

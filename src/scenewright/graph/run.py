@@ -23,6 +23,8 @@ from scenewright.nodes.context import RefinerName, RunContext
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
+from scenewright.scene.relations import pattern_named
+from scenewright.scene.selection import Selection
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.dsl_validator.select import Mode
 from scenewright.tools.gmm_sampler import load_priors
@@ -272,9 +274,16 @@ def _refusal(state: SceneState) -> InputError | Unsatisfiable:
         return InputError(last.detail)
     if last.stage == "scene_planner":
         return Unsatisfiable(last.detail, rejections)
-    return Unsatisfiable(
-        f"no verified scene within {len(rejections)} attempts; last: {last.detail}", rejections
-    )
+    # Where most attempts failed on a clause that never held, the nearest of them tells most.
+    unserved = [each for each in rejections if each.missed is not None]
+    told = f"last: {last.detail}"
+    if 2 * len(unserved) > len(rejections):
+        told = f"nearest: {min(unserved, key=_missed).detail}"
+    return Unsatisfiable(f"no verified scene within {len(rejections)} attempts; {told}", rejections)
+
+
+def _missed(rejection: Rejection) -> tuple[int, float]:
+    return rejection.missed or (0, 0.0)
 
 
 def _provenance(
@@ -285,15 +294,30 @@ def _provenance(
         "seed": context.seed,
         "backend": context.backend.name,
         "selection": context.selection,
+        **_optimality(state["selection"], context.selection),
         "refiner": context.refiner,
         "refinement": state["refinement"],
         "intersection": context.intersection.name,
         "versions": _versions(),
         "constraints": [format_clause(each) for each in state["constraints"].clauses],
         "patterns": [each.pattern for each in state["candidates"].cast.patterns],
+        "taxonomy": [_leaf(each.pattern) for each in state["candidates"].cast.patterns],
         "rejections": [each.model_dump(mode="json") for each in state.get("rejections", [])],
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
     }
+
+
+def _optimality(selection: Selection, mode: Mode) -> dict[str, Any]:
+    """Whether no other combination can cost less, and if so by how much [nats] (`map`)."""
+    if mode != "map":
+        return {}
+    return {"optimal": selection.optimal, "gap": round(selection.figures["gap"], 3)}
+
+
+def _leaf(pattern: str) -> str:
+    """Where a pattern stands in the taxonomy (paper 3.1)."""
+    found = pattern_named(pattern)
+    return f"{found.theme} / {found.subtype} / {found.id}"
 
 
 @cache

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Self, TypeVar
 from pydantic import Field, model_validator
 
 from scenewright.scene.base import AgentId, Compass, Model
-from scenewright.scene.social import CollisionKind
+from scenewright.scene.social import CollisionKind, ImpactPoint
 
 _ModelT = TypeVar("_ModelT", bound=Model)
 
@@ -125,17 +125,50 @@ class Headway(_Pair):
 
 
 class Contact(_Pair):
-    """The two touch; `kind` restricts how, `speed` [m/s] is that of `first` at contact."""
+    """The two touch; `kind` restricts how, `speed` [m/s] is that of `first` at contact.
+
+    Attributes:
+        point_first, point_second: where on either vehicle the contact lies.
+        cause: `first` brakes hard, but too late.
+    """
 
     clause: Literal["contact"] = "contact"
     kind: CollisionKind | None = None
     speed: float | None = Field(default=None, gt=0, le=20)
+    point_first: ImpactPoint | None = None
+    point_second: ImpactPoint | None = None
+    cause: Literal["late_brake"] | None = None
+
+    @model_validator(mode="after")
+    def _on_vehicles(self) -> Self:
+        for name, point in ((self.first, self.point_first), (self.second, self.point_second)):
+            if point is not None and name.startswith("pedestrian"):
+                raise ValueError(f"{name} is a pedestrian, which has no {point}")
+        if self.cause is not None and self.first.startswith("pedestrian"):
+            raise ValueError(f"{self.first} is a pedestrian, which does not brake")
+        return self
 
 
 class GivesWay(_Pair):
     """`first` slows or stops upstream of the conflict zone until `second` has left it."""
 
     clause: Literal["gives_way"] = "gives_way"
+
+
+class BrakesFor(_Pair):
+    """`first` brakes hard for `second`, at more than 5 m/s^2, and lets it pass.
+
+    The least path TTC of the two lies in [low, high] [s] (SEMANTICS section 4).
+    """
+
+    clause: Literal["brakes_for"] = "brakes_for"
+    first: VehicleId
+    low: float = Field(ge=0, le=8)
+    high: float = Field(gt=0, le=8)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
 
 
 class RunsRed(Model):
@@ -158,7 +191,9 @@ class NoInteraction(Model):
 
 
 UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed
-PairClause = Near | SameLane | Before | TimeGap | Headway | Contact | GivesWay | NoInteraction
+PairClause = (
+    Near | SameLane | Before | TimeGap | Headway | Contact | GivesWay | BrakesFor | NoInteraction
+)
 Clause = Annotated[UnaryClause | PairClause, Field(discriminator="clause")]
 
 

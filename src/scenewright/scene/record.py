@@ -7,6 +7,8 @@ from typing import Any, Literal
 from pydantic import Field
 
 from scenewright.scene.base import AgentClass, Colour, Compass, Model, Movement, Point
+from scenewright.scene.events import EventZone
+from scenewright.scene.social import Cause, EntrySide, ImpactPoint
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
 
@@ -79,15 +81,36 @@ class EventRecord(Model):
 
 
 class RelationRecord(Model):
-    """A relation that was asked for, in scene ids: what the proof must find."""
+    """A relation that was asked for, in scene ids: what the proof must find.
+
+    Attributes:
+        cause, cause_agent: how it is to come about, and by whom, where the request says so.
+        zone: where the event must lie; first: who must pass first, as its relation file says.
+        within: figure of the event's evidence -> lowest and highest value that prove it.
+    """
 
     type: Literal["collision", "yielding", "near_miss", "follow"]
     from_: int = Field(alias="from")
     to: int
     kind: str | None = None
+    cause: Cause | None = None
+    cause_agent: int | None = None
     target_pet: float | None = None
     target_ttc: float | None = None
     impact_speed: float | None = None
+    point_from: ImpactPoint | None = None
+    point_to: ImpactPoint | None = None
+    zone: EventZone | None = None
+    first: int | None = None
+    within: dict[str, tuple[float, float]] = Field(default_factory=dict)
+
+
+class TieRecord(Model):
+    """Entries that were to lie to one another in some way: that of `agent` as seen by `of`."""
+
+    agent: int
+    of: int
+    side: EntrySide
 
 
 class SignalRecord(Model):
@@ -107,6 +130,7 @@ class SceneRecord(Model):
     agents: tuple[AgentRecord, ...]
     events: tuple[EventRecord, ...]
     relations: tuple[RelationRecord, ...] = ()
+    ties: tuple[TieRecord, ...] = ()
     signals: tuple[SignalRecord, ...] = ()
 
     def to_json(self) -> dict[str, Any]:

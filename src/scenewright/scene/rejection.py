@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from scenewright.scene.base import Model
 
 Stage = Literal[
@@ -40,9 +42,12 @@ class Rejection(Model):
         code: for tables, tests and routes.
         agents: the agents concerned, if any.
         detail: one sentence for whoever must repair it.
+        missed: how near the nearest attempt came to a clause that never held, for comparison with
+            other attempts: what it failed on, negated, and by how much. Not written to files.
     """
 
     stage: Stage
     code: RejectionCode
     agents: tuple[str, ...] = ()
     detail: str
+    missed: tuple[int, float] | None = Field(default=None, exclude=True)

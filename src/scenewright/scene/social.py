@@ -12,7 +12,16 @@ RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
 CollisionKind = Literal[
     "pedestrian_strike", "rear_end", "sideswipe", "head_on", "left_turn", "angle"
 ]
+ImpactPoint = Literal[
+    "front", "rear", "side", "left", "right",
+    "front_left", "front_right", "rear_left", "rear_right",
+]  # fmt: skip
+"""Where on a vehicle it is struck or strikes; front and rear take in their corners."""
+
 Cause = Literal["red_light_run", "late_brake"]
+EntrySide = Literal["same", "other", "opposite", "lateral", "left", "right"]
+"""How one entry lies to another: one leg, not that, oncoming, on the cross street, to its left."""
+
 Density = Literal["low", "medium", "high"]
 Subtype = Literal["car", "truck", "bus", "motorcycle"]
 TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
@@ -37,7 +46,9 @@ class RelationEdge(Model):
     Attributes:
         kind: collision kind, where the text names one (T-bone = angle, ...).
         cause: how it comes about, where the text says so.
+        pattern: id of the one relation file that may play it, where the text uses its phrase.
         target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
+        point_from, point_to: where on either vehicle a collision strikes, where the text says so.
     """
 
     type: RelationType
@@ -45,14 +56,34 @@ class RelationEdge(Model):
     to: AgentId
     kind: CollisionKind | None = None
     cause: Cause | None = None
+    pattern: str | None = Field(default=None, max_length=64)
     target_pet: float | None = Field(default=None, ge=0, le=8)
     target_ttc: float | None = Field(default=None, ge=0, le=8)
     impact_speed: float | None = Field(default=None, gt=0, le=20)
+    point_from: ImpactPoint | None = None
+    point_to: ImpactPoint | None = None
 
     @model_validator(mode="after")
     def _two_agents(self) -> Self:
         if self.from_ == self.to:
             raise ValueError(f"{self.type} needs two different agents, got {self.to} twice")
+        return self
+
+
+_VehicleId = Annotated[str, Field(pattern=r"^vehicle-[1-9][0-9]*$", max_length=32)]
+
+
+class EntryTie(Model):
+    """Where a vehicle comes from as seen by another one, where the text says that."""
+
+    agent: _VehicleId
+    of: _VehicleId
+    side: EntrySide
+
+    @model_validator(mode="after")
+    def _two_agents(self) -> Self:
+        if self.agent == self.of:
+            raise ValueError(f"an entry is tied to another agent's, got {self.of} twice")
         return self
 
 
@@ -72,10 +103,15 @@ class SceneContext(Model):
 
 
 class SocialGraph(Model):
-    """G = (V, E, C). No relations means a normal scene."""
+    """G = (V, E, C). No relations means a normal scene.
+
+    Attributes:
+        ties: entries that the text fixes by one another, such as those of oncoming vehicles.
+    """
 
     agents: tuple[AgentNode, ...] = Field(max_length=8)
     relations: tuple[RelationEdge, ...] = Field(default=(), max_length=6)
+    ties: tuple[EntryTie, ...] = Field(default=(), max_length=12)
     context: SceneContext = SceneContext()
 
     @model_validator(mode="after")
@@ -86,6 +122,9 @@ class SocialGraph(Model):
         for edge in self.relations:
             if not {edge.from_, edge.to} <= set(ids):
                 raise ValueError(f"{edge.type} names an agent that is not in the scene")
+        for tie in self.ties:
+            if not {tie.agent, tie.of} <= set(ids):
+                raise ValueError("a tie of entries names an agent that is not in the scene")
         return self
 
     def agent(self, agent_id: str) -> AgentNode:

@@ -14,6 +14,10 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.tools.ground import Ground
 from scenewright.tools.map_grounding import movement_of, signal_group
 
+_CROSSWALK_GAP, _CORNER = 0.6, 0.3
+"""How far before a crosswalk a vehicle stands that must not block it; how far beyond its middle a
+turning one's corners may reach into one [m]."""
+
 STOP_GAP = 0.6
 """How far before a stop line or kerb an agent comes to rest [m]."""
 
@@ -35,6 +39,17 @@ class Landmarks:
     group: str | None
     own_crosswalk: str | None = None
     steps_on: int = 1
+
+    def off_crosswalks(self, s: float, *, own: str | None = None) -> float:
+        """The last place up to `s` [m] to stand at and block no crosswalk.
+
+        Args:
+            own: the one crosswalk that does not count, as somebody is waited for there.
+        """
+        for name, begins, ends in reversed(self.crosswalks):
+            if begins - _CORNER < s < ends + _CORNER and name != own:
+                s = begins - _CROSSWALK_GAP
+        return s
 
 
 def landmarks(candidate: Candidate, *, ground: Ground) -> Landmarks:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from scenewright.errors import Rejected
 from scenewright.scene.grounding import Cast, CastPattern, Grounding
 from scenewright.scene.map import IntersectionMap, Route, VehicleMovement
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.relations import Pattern, Role, patterns
-from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
+from scenewright.scene.relations import Pattern, Role
+from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
+from scenewright.tools.relation_files import checked_patterns
 
 RouteWeight = Callable[[Route], float]
 """How common a route is; zero keeps it from being drawn unless nothing else is left."""
@@ -29,11 +31,15 @@ def ground(graph: SocialGraph, *, on: IntersectionMap) -> Grounding:
     for agent in graph.agents:
         if not routes[agent.id]:
             raise Rejected(_no_route(agent, on))
+    for refuse in (_two_collisions, _waits_for_a_wreck):
+        refuse(graph)
     grounding = Grounding(routes=routes)
     # One by one first: the search over all of them is exhaustive where one cannot be played.
     for edge in graph.relations:
-        if not _playable(graph.model_copy(update={"relations": (edge,)}), grounding, on):
-            raise Rejected(_never_meet(edge, on))
+        alone = graph.model_copy(update={"relations": (edge,)})
+        if not _playable(alone, grounding, on):
+            tied = graph.ties and _playable(alone.model_copy(update={"ties": ()}), grounding, on)
+            raise Rejected(_tied_apart(edge, graph.ties) if tied else _never_meet(edge, on))
     if not _playable(graph, grounding, on):
         raise Rejected(_not_together(graph.relations[-1]))
     return grounding
@@ -67,6 +73,35 @@ def green_together(a: Route, b: Route, *, on: IntersectionMap) -> bool:
         return True
     return any(
         all(phase.colours[str(group)] != "red" for group in groups) for phase in on.signals.phases
+    )
+
+
+def at_odds(cast: Cast, *, on: IntersectionMap) -> int:
+    """How many relations of a cast the lights do not allow as the programme runs.
+
+    Two who obey must have green together; of two, one runs red where the other has green. Changes
+    of the lights leave a little room for exceptions, so that such a cast is not hopeless.
+    """
+    runs = {each.violator for each in cast.patterns} - {None}
+    odd = 0
+    for each in cast.patterns:
+        pair = [cast.routes[name] for name in (each.from_, each.to) if name not in runs]
+        if len(pair) == 2:
+            odd += not green_together(*pair, on=on)
+        elif len(pair) == 1:
+            (runner,) = {each.from_, each.to} & runs
+            odd += not _red_at_green(cast.routes[runner], pair[0], on=on)
+    return odd
+
+
+def _red_at_green(runner: Route, other: Route, *, on: IntersectionMap) -> bool:
+    """Whether the light of the first is red at any time when that of the other is not."""
+    groups = [signal_group(route, on=on) for route in (runner, other)]
+    if on.signals is None or None in groups:
+        return True
+    return any(
+        phase.colours[str(groups[0])] == "red" and phase.colours[str(groups[1])] != "red"
+        for phase in on.signals.phases
     )
 
 
@@ -123,8 +158,53 @@ def _assign(
         for routes, cast_pattern in _play(edge, index, graph, on, rng, order, chosen):
             yield from _assign(graph, on, rng, order, chosen | routes, (*played, cast_pattern))
         return
-    free = {agent.id: order[agent.id][0] for agent in graph.agents if agent.id not in chosen}
-    yield Cast(routes=chosen | free, patterns=played)
+    for routes in _at_will(graph, order, chosen):
+        yield Cast(routes=routes, patterns=played)
+
+
+def _at_will(
+    graph: SocialGraph, order: dict[str, list[Route]], chosen: dict[str, Route]
+) -> Iterator[dict[str, Route]]:
+    """The routes chosen and, for whom no edge binds, the first that go with them."""
+    free = next((agent.id for agent in graph.agents if agent.id not in chosen), None)
+    if free is None:
+        yield chosen
+        return
+    for route in order[free]:
+        if _tied(graph, chosen | {free: route}):
+            yield from _at_will(graph, order, chosen | {free: route})
+
+
+def _tied(graph: SocialGraph, routes: dict[str, Route]) -> bool:
+    """Whether the entries lie to one another as the text has them, as far as they are chosen."""
+    return all(
+        lies(tie.side, routes[tie.agent].entry, of=routes[tie.of].entry)
+        for tie in graph.ties
+        if tie.agent in routes and tie.of in routes
+    )
+
+
+def lies(side: EntrySide, entry: str, *, of: str) -> bool:
+    """Whether an entry lies on that side of another one.
+
+    >>> lies("left", "east", of="north"), lies("lateral", "south", of="north")
+    (True, False)
+    """
+    turn = (_RING.index(entry) - _RING.index(of)) % len(_RING)
+    match side:
+        case "same":
+            return turn == 0
+        case "other":
+            return turn != 0
+        case "opposite":
+            return turn == 4
+        case "lateral":
+            return turn not in (0, 4)
+        # Who comes from the north drives southwards and has the east on its left.
+        case "left":
+            return 0 < turn < 4
+        case "right":
+            return turn > 4
 
 
 def _play(
@@ -136,20 +216,27 @@ def _play(
     order: dict[str, list[Route]],
     chosen: dict[str, Route],
 ) -> Iterator[tuple[dict[str, Route], CastPattern]]:
-    for pattern in _draw(patterns_for(edge, graph), rng):
-        for first, second in _role_orders(edge, pattern):
-            for a in _open(first, order, chosen):
-                for b in _open(second, order, chosen):
-                    if serves(pattern, a, b, on=on):
-                        violator = _violator(pattern, (first, second), (a, b), graph, on)
+    found = _draw(patterns_for(edge, graph), rng)
+    asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
+    # Who is to run red does so, if it can be, where the other one has green.
+    for apart in (True, False) if asked else (None,):
+        for pattern in found:
+            for first, second in _role_orders(edge, pattern):
+                for a, b in product(_open(first, order, chosen), _open(second, order, chosen)):
+                    routes = {first: a, second: b}
+                    if not serves(pattern, a, b, on=on) or not _tied(graph, chosen | routes):
+                        continue
+                    if apart is not None and apart is green_together(a, b, on=on):
+                        continue
+                    if _strikes_there(edge, routes) and _clear_of_wrecks(graph, chosen | routes):
                         yield (
-                            {first: a, second: b},
+                            routes,
                             CastPattern(
                                 edge=index,
                                 pattern=pattern.id,
                                 from_=first,
                                 to=second,
-                                violator=violator,
+                                violator=_violator(pattern, (first, second), (a, b), graph, on),
                             ),
                         )
 
@@ -158,16 +245,50 @@ def _open(agent: str, order: dict[str, list[Route]], chosen: dict[str, Route]) -
     return [chosen[agent]] if agent in chosen else order[agent]
 
 
+def _strikes_there(edge: RelationEdge, routes: dict[str, Route]) -> bool:
+    """Whether the striking one of two that cross straight comes from the side to be struck."""
+    striking, struck = routes[edge.from_], routes[edge.to]
+    if edge.point_to not in ("left", "right") or {striking.movement, struck.movement} != {
+        "straight"
+    }:
+        return True
+    turn = (_RING.index(striking.entry) - _RING.index(struck.entry)) % 8
+    # Who comes from the north drives southwards and has the east on its left.
+    return turn in (0, 4) or (edge.point_to == "left") == (turn < 4)
+
+
 def patterns_for(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
     """Patterns that serve the relation and, if one is named, the kind of collision."""
     classes = {graph.agent(edge.from_).type, graph.agent(edge.to).type}
     return [
         pattern
-        for pattern in patterns()
+        for pattern in checked_patterns()
         if pattern.relation == edge.type
+        and edge.pattern in (None, pattern.id)
         and {pattern.from_.type, pattern.to.type} == classes
         and edge.kind in (None, pattern.kind)
+        and _can_strike(pattern, edge)
+        and _can_run_red(pattern, edge)
     ]
+
+
+def _can_run_red(pattern: Pattern, edge: RelationEdge) -> bool:
+    """Whether running a red light could bring it about; who drives behind another needs none."""
+    by_red = edge.cause == "red_light_run" and edge.kind is None
+    return not by_red or pattern.entries != "same"
+
+
+def _can_strike(pattern: Pattern, edge: RelationEdge) -> bool:
+    """Whether collisions of the pattern's kind may touch the vehicles where the edge says."""
+    wanted = (edge.point_from or "", edge.point_to or "")
+    match pattern.kind:
+        case "rear_end":
+            return wanted[0][:5] in ("", "front") and wanted[1][:4] in ("", "rear")
+        case "head_on":
+            return all(point == "" or point.startswith("front") for point in wanted)
+        case "sideswipe":
+            return not {"front", "rear"}.intersection(wanted)
+    return True
 
 
 def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
@@ -177,7 +298,10 @@ def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
 
 def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     orders = [(edge.from_, edge.to)]
-    return [*orders, (edge.to, edge.from_)] if pattern.relation in _SYMMETRIC else orders
+    told = edge.pattern is not None and pattern.from_.type == pattern.to.type
+    if pattern.relation not in _SYMMETRIC or told:
+        return orders  # a phrase says who does it to whom
+    return [*orders, (edge.to, edge.from_)]
 
 
 def serves(pattern: Pattern, a: Route, b: Route, *, on: IntersectionMap) -> bool:
@@ -245,7 +369,14 @@ def _violator(
             return name
     if pattern.violator is None or green_together(*routes, on=on):
         return None
-    return names[0] if pattern.violator == "from" else names[1]
+    usual, other = names if pattern.violator == "from" else names[::-1]
+    # Who gives way at a red light gives way to the light, who drives in line needs one light, and
+    # who only brakes too late is not the one that ran red.
+    late = [edge for edge in graph.relations if edge.cause == "late_brake"]
+    bound = {name for edge in late for name in (edge.from_, edge.to) if name.startswith("vehicle")}
+    bound |= {edge.from_ for edge in graph.relations if edge.type in ("yield_to", "follow")}
+    bound |= {edge.to for edge in graph.relations if edge.type == "follow"}
+    return other if usual in bound and other not in bound else usual
 
 
 def _zone_key(route: Route) -> str:
@@ -267,6 +398,65 @@ def _no_route(agent: AgentNode, on: IntersectionMap) -> Rejection:
     return Rejection(stage="scene_planner", code="ungroundable", agents=(agent.id,), detail=detail)
 
 
+def _two_collisions(graph: SocialGraph) -> None:
+    """Raises Rejected if somebody is to collide twice."""
+    hits: dict[str, list[RelationEdge]] = {}
+    for edge in graph.relations:
+        if edge.type == "collide_at":
+            hits.setdefault(edge.from_, []).append(edge)
+            hits.setdefault(edge.to, []).append(edge)
+    for name, edges in hits.items():
+        if len(edges) > 1:
+            detail = (
+                f"{name} would be in {len(edges)} collisions, but its track ends at the first; "
+                "ask for one collision of each agent"
+            )
+            raise Rejected(_relation_fails(edges[1], detail))
+
+
+def _waits_for_a_wreck(graph: SocialGraph) -> None:
+    """Raises Rejected if somebody gives way to a vehicle that comes to a stand on its crosswalk."""
+    for wait, hit in _waits_and_hits(graph):
+        walker, struck = graph.agent(wait.from_), graph.agent(_other(hit, wait.to))
+        if walker.crosswalk is not None and walker.crosswalk == struck.crosswalk:
+            detail = (
+                f"{wait.to} is to hit {struck.id} on the {walker.crosswalk} crosswalk and stays "
+                f"there, so it never passes {walker.id}, who waits for it at that crosswalk; "
+                "give the two pedestrians different crosswalks"
+            )
+            raise Rejected(_relation_fails(wait, detail))
+
+
+def _waits_and_hits(graph: SocialGraph) -> Iterator[tuple[RelationEdge, RelationEdge]]:
+    """Pairs of edges: a pedestrian waits for somebody, who hits another pedestrian."""
+    walks = {agent.id for agent in graph.agents if _may_cross(agent)}
+    for wait, hit in product(graph.relations, repeat=2):
+        if (wait.type, hit.type) != ("yield_to", "collide_at") or wait.from_ not in walks:
+            continue
+        if wait.to in (hit.from_, hit.to) and _other(hit, wait.to) in walks - {wait.from_}:
+            yield wait, hit
+
+
+def _may_cross(agent: AgentNode) -> bool:
+    return agent.type == "pedestrian" and agent.movement != "jaywalking"
+
+
+def _other(edge: RelationEdge, name: str) -> str:
+    return edge.to if name == edge.from_ else edge.from_
+
+
+def _clear_of_wrecks(graph: SocialGraph, routes: dict[str, Route]) -> bool:
+    """Whether nobody waits to cross where the vehicle it waits for hits somebody and stays."""
+    for wait, hit in _waits_and_hits(graph):
+        named = (wait.from_, wait.to, _other(hit, wait.to))
+        if set(named) <= routes.keys():
+            walker, vehicle, struck = (routes[name] for name in named)
+            # It crosses the crosswalk of its entry before that of its exit.
+            if struck.crosswalk in (walker.crosswalk, vehicle.entry):
+                return False
+    return True
+
+
 def _playable(graph: SocialGraph, grounding: Grounding, on: IntersectionMap) -> bool:
     found = casts(graph, grounding, on=on, rng=np.random.default_rng(0))
     return next(found, None) is not None
@@ -278,6 +468,19 @@ def _never_meet(edge: RelationEdge, on: IntersectionMap) -> Rejection:
         f"the routes of {edge.from_} and {edge.to} do not meet "
         f"so that '{_words(edge)}' could happen at {on.title}",
     )
+
+
+_SIDE_WORDS: dict[EntrySide, str] = {
+    "same": "the same leg as", "other": "another leg than", "opposite": "opposite",
+    "lateral": "the cross street of", "left": "the left of", "right": "the right of",
+}  # fmt: skip
+
+
+def _tied_apart(edge: RelationEdge, ties: Sequence[EntryTie]) -> Rejection:
+    told = " and ".join(
+        f"{each.agent} comes from {_SIDE_WORDS[each.side]} {each.of}" for each in ties
+    )
+    return _relation_fails(edge, f"'{_words(edge)}' cannot happen where {told}")
 
 
 def _not_together(edge: RelationEdge) -> Rejection:
@@ -292,4 +495,5 @@ def _relation_fails(edge: RelationEdge, detail: str) -> Rejection:
 
 def _words(edge: RelationEdge) -> str:
     kind = f" ({edge.kind.replace('_', ' ')})" if edge.kind else ""
-    return f"{edge.from_} {edge.type.replace('_', ' ')} {edge.to}{kind}"
+    point = f" on its {edge.point_to.replace('_', ' ')}" if edge.point_to else ""
+    return f"{edge.from_} {edge.type.replace('_', ' ')} {edge.to}{point}{kind}"

@@ -254,6 +254,16 @@ def test_an_abrupt_yield_is_a_near_miss() -> None:
     assert (event.type, event.cause) == ("near_miss", "late_brake")
 
 
+@pytest.mark.parametrize(("braking", "cause"), [(2.0, "late_brake"), (3.0, None)])
+def test_who_slows_as_for_a_curve_may_still_brake_late(braking: float, cause: str | None) -> None:
+    before = 10.0 + 2.7 * braking
+    s = distance(before, (-braking, 2.7), (-6.5, 10 / 6.5), (0.0, 4.0), (2.0, 4.0), (0.0, 5.0))
+    car = line(1, (-23.0 - 2.7 * (10.0 + before) / 2, -1.75), EAST, s)
+    (event,) = find_events([car, crossing_walker(at=1.5)])
+    assert (event.type, event.cause) == ("near_miss", cause)
+    assert event.evidence.get("late_brake") == (1 if cause else None)
+
+
 def test_running_red_is_the_cause() -> None:
     car = line(1, (-50.0, -1.75), EAST, distance(10.0, (0.0, 8.0)), shape=CAR)
     walker = walk(2, (-8.0, -1.75 - 1.4 * 4.2), NORTH, distance(1.4, (0.0, 8.0)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from checker_tracks import (
+    CAR,
     EAST,
     NORTH,
     SOUTH,
@@ -26,7 +27,8 @@ from scenewright.scene.events import Proof
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram, VehicleMovement
 from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.scene.track import Track
-from scenewright.tools.relation_checker import RoadUser, check
+from scenewright.tools.relation_checker import RoadUser, as_mover, check
+from scenewright.tools.relation_checker.entries import entry_of
 
 MAP = plus_map()
 
@@ -74,6 +76,27 @@ def test_background_agents_may_yield_to_one_another() -> None:
     assert [e.type for e in proof.incidental] == ["yielding"]
 
 
+@pytest.mark.parametrize(
+    ("cause", "agent", "told"),
+    [
+        ("late_brake", 1, None),
+        ("red_light_run", 1, None),
+        ("late_brake", 2, "late_brake by 1 observed, by 2 asked for"),
+    ],
+)
+def test_late_braking_counts_beside_a_red_light_that_was_run(
+    cause: str, agent: int, told: str | None
+) -> None:
+    s = distance(10.0, (0.0, 2.7), (-6.5, 10 / 6.5), (0.0, 4.0), (2.0, 4.0), (0.0, 5.0))
+    users = [line(1, (-47.0, -1.75), EAST, s), crossing_walker(at=1.5)]
+    asked = ("near_miss", 1, 2, {"cause": cause, "cause_agent": agent})
+    proof = check(scene(users, asked, signals=(light("red", 0.0, 30.0),)), MAP)
+    assert (proof.events[0].type, proof.events[0].cause) == ("near_miss", "red_light_run")
+    details = [each.detail for each in proof.missing]
+    assert len(details) == (told is not None)
+    assert told is None or told in details[0]
+
+
 def collided(impact_speed: float | None = None, kind: str = "pedestrian_strike") -> SceneRecord:
     # the front, at x = -47.7 + 8 t, reaches the disc at x = -8.3 after 4.925 s
     car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 5.0)))
@@ -90,6 +113,27 @@ def test_a_collision_asked_for_is_verified_in_either_order() -> None:
 def test_kind_and_impact_speed_must_be_as_asked_for() -> None:
     assert "relation_not_realised" in rules(check(collided(9.2), MAP))
     assert "relation_not_realised" in rules(check(collided(kind="angle"), MAP))
+
+
+@pytest.mark.parametrize(
+    ("across", "point", "asked_and_true"),
+    [
+        (0.0, "front", {"front"}),
+        (0.8, "front_left", {"front", "front_left"}),
+        (-0.8, "front_right", {"front", "front_right"}),
+    ],
+)
+def test_a_collision_must_be_where_it_was_asked_for(
+    across: float, point: str, asked_and_true: set[str]
+) -> None:
+    # the walker stands so far to the left of the car's middle
+    car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 5.0)))
+    walker = walk(2, (-8.0, -1.75 + across), NORTH, distance(0.0, (0.0, 5.0)))
+    for asked in ("front", "front_left", "front_right", "side", "rear"):
+        proof = check(scene([car, walker], ("collision", 1, 2, {"point_from": asked})), MAP)
+        assert proof.events[0].evidence["point_from"] == point
+        assert "point_to" not in proof.events[0].evidence
+        assert ("relation_not_realised" in rules(proof)) == (asked not in asked_and_true)
 
 
 @pytest.mark.parametrize(("target", "verified"), [(1.0, True), (1.3, False)])
@@ -305,3 +349,73 @@ def test_degenerate_scenes() -> None:
     assert check(scene([]), None).verified
     still = walk(1, (-20.0, 5.0), SOUTH, np.zeros(1))
     assert check(scene([still]), MAP).verified
+
+
+class TestTies:
+    """A car from the west and one from the east pass one another on the plus."""
+
+    USERS = (
+        line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 8.0))),
+        line(2, (50.0, 1.75), WEST, distance(8.0, (0.0, 8.0))),
+    )
+
+    def tied(self, side: str, *, agent: int = 2, of: int = 1) -> SceneRecord:
+        ties = ({"agent": agent, "of": of, "side": side},)
+        known = scene(self.USERS).to_json()
+        return SceneRecord.model_validate(known | {"ties": ties})
+
+    @pytest.mark.parametrize("side", ["same", "other", "opposite", "lateral", "left", "right"])
+    def test_entries_lie_as_they_were_tied(self, side: str) -> None:
+        proof = check(self.tied(side), MAP)
+        assert proof.verified is (side in ("other", "opposite"))
+        assert rules(proof) == (set() if proof.verified else {"entry_elsewhere"})
+
+    def test_without_a_map_nobody_has_an_entry(self) -> None:
+        assert check(self.tied("left")).verified
+
+    def test_a_track_that_begins_past_the_middle_comes_from_nowhere(self) -> None:
+        late = line(2, (-5.0, 1.75), WEST, distance(8.0, (0.0, 4.0)))
+        assert entry_of(as_mover(late), MAP) is None
+        assert entry_of(as_mover(self.USERS[1]), MAP) == "east"
+
+    def test_a_tie_names_agents_of_the_scene(self) -> None:
+        with pytest.raises(InputError, match="ties name agent 7"):
+            check(self.tied("same", agent=7), MAP)
+
+
+def test_who_was_to_run_red_and_does_not_is_told() -> None:
+    car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 8.0)))
+    green = (light("green", 0.0, 30.0), light("green", 0.0, 30.0, crosswalk=True))
+    obeys = check(scene([car], signals=green, violates_signal=True), MAP)
+    assert rules(obeys) == {"red_light_not_run"}
+    assert obeys.figures["red_light_runs"] == []
+    runs = check(scene([car], signals=TestSignals.RED, violates_signal=True), MAP)
+    (run,) = runs.figures["red_light_runs"]
+    assert (run["agent"], run["light"]) == (1, "west:stop")
+    assert run["time"] == pytest.approx((38.0 - CAR.length / 2) / 8.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("cause", "told"),
+    [
+        ({"cause": "red_light_run", "cause_agent": 1}, None),
+        ({"cause": "red_light_run"}, None),
+        ({"cause": "red_light_run", "cause_agent": 2}, "by 1 observed, by 2 asked for"),
+        ({"cause": "late_brake"}, "cause red_light_run observed, late_brake asked for"),
+    ],
+)
+def test_a_cause_asked_for_is_looked_for(cause: dict[str, object], told: str | None) -> None:
+    car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 5.0)))
+    walker = walk(2, (-8.0, -1.75 - 1.4 * 5.0), NORTH, distance(1.4, (0.0, 5.0)))
+    lights = (light("red", 0.0, 30.0), light("green", 0.0, 30.0, crosswalk=True))
+    record = scene([car, walker], ("collision", 1, 2, cause), signals=lights)
+    details = [each.detail for each in check(record, MAP).missing]
+    assert len(details) == (told is not None)
+    assert told is None or told in details[0]
+
+
+def test_no_cause_is_looked_for_where_no_lights_are_seen() -> None:
+    record = collided()
+    relation = record.relations[0].model_copy(update={"cause": "red_light_run", "cause_agent": 1})
+    record = record.model_copy(update={"relations": (relation,)})
+    assert check(record).missing == check(record, MAP).missing == ()

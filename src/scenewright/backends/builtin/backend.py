@@ -6,7 +6,22 @@ from typing import Any
 
 from scenewright.backends import Question
 from scenewright.backends.builtin.planner import plan
-from scenewright.scene.relations import Pattern, pattern_named
+from scenewright.scene.relations import Pattern, RoleName, pattern_named
+
+_PET_BAND, _TTC_BAND = 0.05, 0.08
+"""How far from the PET and the TTC asked for the clauses may be met [s]."""
+
+_NEAR_MISS_PET = 1.4
+"""A longer PET is a near miss only where somebody brakes hard [s] (SEMANTICS 4, less a margin)."""
+
+_SHORT_HEADWAY = (0.9, 1.5)
+"""Behind a leader whose way ends in a collision, so that there is time to be seen following [s]."""
+
+_ANY_HEADWAY = (0.7, 3.4)
+"""Of who runs into its leader while that gives way [s]."""
+
+_CLOSE_CALL = (0.7, 1.35)
+"""Path TTC of a vehicle that brakes hard, where the text names none [s]."""
 
 
 class BuiltinBackend:
@@ -41,7 +56,8 @@ def _program(facts: dict[str, Any]) -> str:
     """Every relation's clauses, in order, then those of agents that no relation binds."""
     lines: list[str] = []
     for relation in facts["relations"]:
-        lines += _clauses(pattern_named(relation["pattern"]), relation)
+        clauses = _clauses(pattern_named(relation["pattern"]), relation)
+        lines += [_headway(line, relation, facts["relations"]) for line in clauses]
     for agent in facts["agents"]:
         name = agent["id"]
         if agent["movement"] != "jaywalking":
@@ -51,23 +67,84 @@ def _program(facts: dict[str, Any]) -> str:
     return "\n".join(dict.fromkeys(lines))
 
 
+def _headway(line: str, follow: dict[str, Any], relations: list[dict[str, Any]]) -> str:
+    """The clause, if it is a headway, as what else happens to the leader allows it."""
+    pair = {follow["from"], follow["to"]}
+    hits = [each for each in relations if each["type"] == "collide_at"]
+    hits = [each for each in hits if follow["to"] in (each["from"], each["to"])]
+    if not line.startswith("headway(") or not hits:
+        return line
+    waits = any(r["type"] == "yield_to" and r["from"] == follow["to"] for r in relations)
+    if {hits[0]["from"], hits[0]["to"]} != pair:
+        low, high = _SHORT_HEADWAY
+    elif waits:
+        low, high = _ANY_HEADWAY
+    else:
+        return line
+    return f"{line.partition(' in ')[0]} in [{low:g}, {high:g}] s"
+
+
 def _clauses(pattern: Pattern, relation: dict[str, Any]) -> list[str]:
-    names = {"from": relation["from"], "to": relation["to"]}
-    struck = {"from": relation["striker"], "to": relation["struck"]}
+    """The pattern's clauses, with the severity that the relation asks for."""
+    names = {"from_": relation["from"], "to": relation["to"]}
+    struck = {"from_": relation["striker"], "to": relation["struck"]}
     lines = [
-        line.format(**(struck if _names_striker(line) else names)) for line in pattern.constraints
+        pattern.filled(line, **(struck if _names_striker(line) else names))
+        for line in pattern.clauses
     ]
-    pair = f"({relation['from']}, {relation['to']}"
-    if relation["type"] == "near_miss" and relation["target_pet"] is not None:
-        low, high = max(relation["target_pet"] - 0.05, 0.0), relation["target_pet"] + 0.05
-        lines = [line for line in lines if not line.startswith("time_gap")]
-        lines.append(f"time_gap{pair}) in [{low:g}, {high:g}] s")
-    if relation["type"] == "collide_at" and relation["impact_speed"] is not None:
-        lines = [
-            f"{line[:-1]}, {relation['impact_speed']:g} m/s)" if "contact(" in line else line
-            for line in lines
-        ]
-    return lines
+    if relation["type"] == "collide_at":
+        return [_contact(line, relation) if line.startswith("contact(") else line for line in lines]
+    if relation["type"] == "near_miss":
+        return _near_miss(lines, relation, first=pattern.order)
+    pet = relation["target_pet"] if relation["type"] == "yield_to" else None
+    return lines if pet is None else [*lines, _time_gap(relation, pet)]
+
+
+def _near_miss(lines: list[str], relation: dict[str, Any], *, first: RoleName | None) -> list[str]:
+    """A gap in time; or hard braking, where the text speaks of it, of a TTC or of a longer PET."""
+    pet, ttc = relation["target_pet"], relation["target_ttc"]
+    brakes = ttc is not None or relation["cause"] == "late_brake"
+    brakes = brakes or (pet is not None and pet > _NEAR_MISS_PET)
+    if pet is None and not brakes:
+        return lines
+    # Who brakes lets the other pass first, whatever order the pattern has.
+    dropped = ("time_gap(", "brakes_for(", "before(") if brakes else ("time_gap(",)
+    kept = [line for line in lines if not line.startswith(dropped)]
+    if brakes:
+        kept.append(_brakes_for(relation, ttc, first=first))
+    return kept if pet is None else [*kept, _time_gap(relation, pet)]
+
+
+def _brakes_for(relation: dict[str, Any], ttc: float | None, *, first: RoleName | None) -> str:
+    """Who passes second brakes, else the first vehicle; a TTC that nobody names is free."""
+    names = [relation["striker"], relation["struck"]]
+    if first is not None:
+        names.sort(key=lambda name: name == relation[first])
+    names.sort(key=lambda name: not name.startswith("vehicle"))
+    low, high = _CLOSE_CALL if ttc is None else _around(ttc, _TTC_BAND)
+    return f"brakes_for({', '.join(names)}) in [{low:g}, {high:g}] s"
+
+
+def _time_gap(relation: dict[str, Any], pet: float) -> str:
+    low, high = _around(pet, _PET_BAND)
+    return f"time_gap({relation['from']}, {relation['to']}) in [{low:g}, {high:g}] s"
+
+
+def _around(target: float, band: float) -> tuple[float, float]:
+    return round(max(target - band, 0.0), 3), round(target + band, 3)
+
+
+def _contact(line: str, relation: dict[str, Any]) -> str:
+    """The contact clause with the speed, the points of impact and the braking asked for."""
+    speed = relation["impact_speed"]
+    line = line if speed is None else f"{line[:-1]}, {speed:g} m/s)"
+    points = {relation["striker"]: relation["point_from"], relation["struck"]: relation["point_to"]}
+    first = line[len("contact(") :].split(",")[0]
+    second = next(name for name in points if name != first)
+    for word, name in (("with", first), ("on", second)):
+        line += f" {word} {points[name]}" if points[name] is not None else ""
+    late = relation["cause"] == "late_brake" and first.startswith("vehicle")
+    return f"{line} late_brake" if late else line
 
 
 def _names_striker(line: str) -> bool:

@@ -55,6 +55,10 @@ _VERBS = frozenset(
 )
 
 
+_PROPERTIES = ("JAYWALK", "CROSS", "OPPOSITE", "OF_OTHER", "SAME", "REDRUN", "SIGNAL")
+_ALONG = (["on"], ["from"], ["along"])
+
+
 class Reader(Naming):
     """Reads items from left to right into a Draft."""
 
@@ -155,7 +159,7 @@ class Reader(Naming):
             self._connect(at, chunk)
         elif chunk.has("BE"):
             self.verb_seen = True
-        elif chunk.has("JAYWALK", "CROSS", "OPPOSITE", "OF_OTHER", "SAME", "REDRUN", "SIGNAL"):
+        elif chunk.has(*_PROPERTIES) or self._comes_across(at, chunk):
             self._property(at, chunk)
         elif chunk.has("LEFT", "RIGHT", "THROUGH"):
             self._bare_turn(at, chunk)
@@ -165,6 +169,12 @@ class Reader(Naming):
             self.verb_seen |= chunk.words[0].endswith(("s", "ed")) or chunk.words[0] in _VERBS
         elif chunk.has("HEAD", "TURN", "EXIT") and not chunk.words[0].endswith("ing"):
             self.verb_seen = True
+
+    def _comes_across(self, at: int, chunk: Chunk) -> bool:
+        """ "on the cross street", not "turns onto the side street"."""
+        before = [self._item(at - 1), self._item(at - 2)]
+        links = [item.text for item in before if isinstance(item, Chunk) and not item.has("DET")]
+        return chunk.has("ACROSS") and (chunk.words[0] in {"from", "on"} or links[:1] in _ALONG)
 
     def _end_sentence(self) -> None:
         for relation in sorted(self.open, key=lambda each: each.nominal and not each.explicit):

@@ -172,6 +172,9 @@ class Discourse:
             return described[-1:]
         if mention.det in _ORDINALS:
             index = _ORDINALS[mention.det]
+            alike = [] if pair else self._like(avoid)
+            if max(index, 0) < len(alike) and alike[index] not in avoid:
+                return [alike[index]]
             return [group[index]] if index < len(group) else self._twin(group[-1])
         if len(group) == 1 and group[0].generic and mention.det == "one":
             group[0].generic = False
@@ -199,6 +202,11 @@ class Discourse:
         if mention.det == "another" and group:
             return self._twin(group[-1])
         return []
+
+    def _like(self, acting: Sequence[AgentDraft]) -> list[AgentDraft]:
+        """ "a third car collides with the second": everybody of the class of who acts."""
+        kinds = {agent.type for agent in acting}
+        return [agent for agent in self.draft.agents if {agent.type} == kinds]
 
     def _twin(self, agent: AgentDraft) -> list[AgentDraft]:
         twin = self.create(agent.type, head=agent.head)

@@ -68,6 +68,7 @@ class OpenRelation:
     explicit: bool = False
     avoided: bool = False
     tag: str = ""
+    pattern: str | None = None
     causer: Group = field(default_factory=list)
     sentence: list[tuple[int, Group]] = field(default_factory=list)
 
@@ -162,6 +163,7 @@ class Cursor:
 
     def _verb_follows(self, at: int) -> bool:
         """A finite verb follows before the next mention or mark."""
+        at = self._after_insertion(at)
         for step in range(1, 8):
             item = self._item(at + step)
             if item is None or isinstance(item, Mention):
@@ -199,6 +201,23 @@ class Cursor:
             ):
                 return True
         return False
+
+    def _after_insertion(self, at: int) -> int:
+        """Where "a car, on the other approach, ..." and "a car behind the bus ..." go on."""
+        comma, named = self._item(at + 1), self._item(at + 2)
+        if isinstance(comma, Chunk) and comma.text == "behind" and isinstance(named, Mention):
+            return at + 2
+        if not (isinstance(comma, Chunk) and comma.mark == ","):
+            return at
+        for step in range(2, 6):
+            item = self._item(at + step)
+            if not isinstance(item, Chunk | Modifier):
+                return at
+            if isinstance(item, Chunk) and item.mark == ",":
+                return at + step if step > 2 else at
+            if isinstance(item, Chunk) and not item.has("ACROSS", "OPPOSITE", "SAME", "OF_OTHER"):
+                return at
+        return at
 
     def _is_finite(self, modifier: Modifier) -> bool:
         head = modifier.chunks[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from scenewright.scene.base import AgentClass
+from scenewright.scene.social import ImpactPoint
 
 
 class Refused(Exception):
@@ -21,8 +22,8 @@ class AgentDraft:
     """One agent with what the text says of it.
 
     Attributes:
-        relatives: (word, other agent or None): opposite, of_left, of_right, same,
-            exit_crosswalk, entry_crosswalk.
+        relatives: (word, other agent or None): opposite, mutual, of_left, of_right, same,
+            lateral, other, exit_crosswalk, entry_crosswalk.
         head: the noun it was introduced with.
         announced: named by a heading only, so far.
         generic: introduced by a bare plural.
@@ -55,7 +56,10 @@ class RelationDraft:
     """One relation with its roles; `kind` and `cause` where the text names them.
 
     Attributes:
-        soft: a yield that only a braking or stopping speaks of.
+        soft: a yield that only a braking or stopping speaks of; a follow of a row of vehicles,
+            which may also stand the other way round.
+        point_from, point_to: where on either vehicle a collision strikes.
+        pattern: id of the relation file whose phrase the text uses.
     """
 
     type: str
@@ -64,6 +68,9 @@ class RelationDraft:
     kind: str | None = None
     cause: str | None = None
     soft: bool = False
+    point_from: ImpactPoint | None = None
+    point_to: ImpactPoint | None = None
+    pattern: str | None = None
 
     def pair(self) -> frozenset[int]:
         """The two agents, unordered."""

@@ -94,7 +94,7 @@ def _pedestrian(agent: AgentDraft) -> None:
 
 def _relatives(agent: AgentDraft, draft: Draft) -> None:
     for word, named in agent.relatives:
-        other = named or _partner(agent, draft)
+        other = named or partner(agent, draft)
         if other is None or other is agent or other.type != "vehicle":
             continue
         if word.endswith("_crosswalk"):
@@ -132,7 +132,8 @@ def _relative_entry(word: str, entry: str) -> str | None:
     return None
 
 
-def _partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
+def partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
+    """The vehicle that the agent has to do with, else the only other one."""
     bound = [
         other
         for relation in draft.relations

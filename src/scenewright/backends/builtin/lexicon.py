@@ -13,6 +13,7 @@ from rapidfuzz import process
 from rapidfuzz.distance import OSA
 
 from scenewright.backends.builtin.normalise import Token, stem, tokenise
+from scenewright.backends.builtin.phrases import Phrase, all_phrases
 
 _MENDED_TAGS = [
     "AGENT",
@@ -185,9 +186,13 @@ def _agent_in(chunks: Sequence[Chunk]) -> bool:
     return False
 
 
-@lru_cache(maxsize=1)
 def lexicon() -> Lexicon:
-    """The lexicon shipped with the package, compiled once."""
+    """The lexicon shipped with the package, and the phrases of the relation files."""
+    return _compiled(all_phrases())
+
+
+@lru_cache(maxsize=2)
+def _compiled(spoken: tuple[Phrase, ...]) -> Lexicon:
     folder = files("scenewright.backends.builtin")
     table: dict[str, dict[str, Any]] = tomllib.loads(
         folder.joinpath("lexicon.toml").read_text("utf-8")
@@ -206,7 +211,19 @@ def lexicon() -> Lexicon:
                     targets.update(
                         form for word in words if len(word) >= 4 for form in _forms(word, tag)
                     )
+    known.update(_add_phrases(root, spoken))
     return Lexicon(root, frozenset(known), tuple(sorted(targets)))
+
+
+def _add_phrases(root: _Node, spoken: Sequence[Phrase]) -> set[str]:
+    """Adds them to the tree; the words they are made of."""
+    return {
+        word
+        for said in spoken
+        for spelling in said.spellings
+        for tag, value in said.tags
+        for word in _add(root, spelling, tag, value)
+    }
 
 
 def _forms(word: str, tag: str) -> tuple[str, ...]:

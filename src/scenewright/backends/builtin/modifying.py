@@ -63,6 +63,7 @@ _ANYBODY = frozenset(
         "elderly lady",
     ]
 )
+_ACROSS = {"cross_street": "lateral", "other_approach": "other"}
 _TOUCHES = {
     "from": {"entry"},
     "from_to": {"entry", "exit"},
@@ -304,12 +305,8 @@ class Modifying(Settling):
             if (finite and not self._made_way_for()) or self._after_while(at)
             else self.last
         )
-        if (
-            chunk.has("REDRUN")
-            and finite
-            and chunk.words[0] not in {"against", "on", "in", "through"}
-        ):
-            self._at_the_wheel(finite=True)
+        if chunk.has("REDRUN") and self._walks_on_red(at, chunk, finite=finite):
+            return
         fits = [agent for agent in prefer if can_hold(agent, chunk)]
         if not fits and finite and chunk.has("CROSS"):
             fits = [agent for agent in self.last if can_hold(agent, chunk)]
@@ -340,12 +337,36 @@ class Modifying(Settling):
             raise Refused(
                 "impossible", "Only pedestrians jaywalk; give the crossing to a pedestrian."
             )
-        elif chunk.has("JAYWALK", "REDRUN", "OPPOSITE", "OF_OTHER") or (
+        elif chunk.has("JAYWALK", "REDRUN", "OPPOSITE", "OF_OTHER", "ACROSS") or (
             chunk.has("CROSS") and not self.sentence
         ):
             self.fronted.append(chunk)
         if finite:
             self.verb_seen = True
+
+    def _walks_on_red(self, at: int, chunk: Chunk, *, finite: bool) -> bool:
+        """ "a pedestrian ignores the light", "crossing against the signal": said of who walks."""
+        placed = chunk.words[0] in {"against", "on", "in", "through"}
+        if finite and not placed:
+            self._at_the_wheel(finite=True)
+        walkers = self.last
+        if not walkers or any(agent.type != "pedestrian" for agent in walkers):
+            return False
+        before = self._item(at - 1)
+        if placed:
+            crossing = isinstance(before, Modifier) and before.means.startswith("cross")
+            walking = isinstance(before, Chunk) and (
+                before.has("CROSS") or before.text.startswith(("walk", "step"))
+            )
+            said = crossing or walking
+        elif chunk.words[0].endswith("ing"):
+            said = isinstance(before, Mention)
+        else:
+            said = finite and [*map(id, walkers)] == [*map(id, self.subject)]
+        for agent in walkers if said else []:
+            agent.runs_red = True
+        self.verb_seen |= said and finite
+        return said
 
     def _at_place(self, at: int, chunk: Chunk) -> None:
         """ "on the crosswalk of its exit", "a second one there"."""
@@ -415,6 +436,8 @@ class Modifying(Settling):
                 self._side(agent, chunk.tags["OF_OTHER"])
             elif chunk.has("SAME") and chunk.tags["SAME"] == "same":
                 self._relate(agent, "same")
+            elif chunk.has("ACROSS"):
+                self._relate(agent, _ACROSS[chunk.tags["ACROSS"]])
             elif chunk.has("REDRUN") and agent.type == "vehicle":
                 agent.runs_red = True
 

@@ -261,6 +261,8 @@ class Naming(Relating):
                 cross(agent)
             elif chunk.has("OPPOSITE"):
                 self._relate(agent, "opposite")
+            elif chunk.has("ACROSS"):
+                self._relate(agent, "lateral")
             elif chunk.has("THROUGH", "STRAIGHT") and agent.type == "vehicle":
                 put(agent, "movement", "straight")
             elif chunk.has("UTURN") and agent.type == "vehicle":

@@ -17,9 +17,11 @@ from scenewright.backends.builtin.context import read_context
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
 from scenewright.backends.builtin.entail import entail
 from scenewright.backends.builtin.grammar import modifiers
+from scenewright.backends.builtin.impacts import Impacts, brakes_hard, read_impacts
 from scenewright.backends.builtin.lexicon import Chunk, lexicon
 from scenewright.backends.builtin.mentions import noun_phrases
 from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.phrases import cast
 from scenewright.backends.builtin.scope import (
     check_language,
     check_scope,
@@ -27,9 +29,11 @@ from scenewright.backends.builtin.scope import (
     nothing_planned,
 )
 from scenewright.backends.builtin.shorthand import denied, expand
+from scenewright.backends.builtin.ties import name_left_turns, ties
 from scenewright.scene.social import (
     AgentNode,
     Background,
+    EntryTie,
     Plan,
     Refusal,
     RelationEdge,
@@ -37,7 +41,9 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 
-_FASTEST = 20.0
+_FASTEST, _LONGEST = 20.0, 8.0
+"""Speed [m/s], and PET and TTC [s], that may be asked for."""
+
 _MOST_BACKGROUND = 20
 _NOTHING = (
     "nothing happens",
@@ -82,7 +88,7 @@ def _base(previous: str) -> Draft | None:
 def _draft(text: str) -> Draft:
     """What a full instruction says, before entailments."""
     check_text(text)
-    plain = expand(clean(text))
+    plain, impacts = read_impacts(expand(clean(text)))
     check_language(text, tokenise(plain))
     without_figures, clock = read_clock(plain)
     chunks = lexicon().chunks(tokenise(without_figures))
@@ -93,6 +99,9 @@ def _draft(text: str) -> Draft:
     reader = _read(draft, chunks, without_figures)
     read_context(draft, chunks, clock)
     _told_by_figures(draft, chunks)
+    if brakes_hard(plain):
+        _brakes(draft)
+    _place_impacts(draft, impacts)
     _settle_normal(draft, reader, chunks)
     _check_denied(draft, denied(plain))
     if draft.agents and any(chunk.has("EMPTY") for chunk in chunks):
@@ -204,7 +213,10 @@ def _drop_generic(draft: Draft) -> None:
 
 def _finish(draft: Draft) -> Draft:
     _one_event_per_pair(draft)
+    for relation in draft.relations:
+        cast(relation)
     entail(draft)
+    name_left_turns(draft)
     if any(agent.runs_red for agent in draft.agents):
         _cause(draft, "red_light_run")
     for relation in draft.relations:
@@ -215,6 +227,12 @@ def _finish(draft: Draft) -> Draft:
             "impossible",
             f"{speed:.0f} m/s is too fast here; ask for at most {_FASTEST:.0f} m/s (72 km/h).",
         )
+    for name, seconds in (("PET", draft.context.pet), ("TTC", draft.context.ttc)):
+        if seconds is not None and seconds > _LONGEST:
+            raise Refused(
+                "impossible",
+                f"A {name} of {seconds:g} s is no encounter; ask for at most {_LONGEST:g} s.",
+            )
     empty = draft.context.vehicles == 0 and draft.context.pedestrians == 0
     if not draft.agents and empty:
         raise nothing_planned()
@@ -240,21 +258,51 @@ def _one_event_per_pair(draft: Draft) -> None:
 def _cause(draft: Draft, cause: str) -> None:
     for relation in draft.relations:
         ran = relation.from_.runs_red or relation.to.runs_red or cause == "late_brake"
+        made_to_yield = relation.type == "yield_to" and relation.to.runs_red
         if relation.type in {"collide_at", "near_miss"} and ran:
             relation.cause = relation.cause or cause
+        elif made_to_yield and cause == "red_light_run":
+            relation.cause = cause
+
+
+def _brakes(draft: Draft) -> None:
+    """Who brakes hard and is missed owes it to the braking."""
+    for relation in draft.relations:
+        if relation.type == "near_miss" and not (relation.from_.runs_red or relation.to.runs_red):
+            relation.cause = relation.cause or "late_brake"
+
+
+def _place_impacts(draft: Draft, impacts: Impacts) -> None:
+    """Points of impact belong to the one collision there is; pedestrians have none."""
+    collisions = [each for each in draft.relations if each.type == "collide_at"]
+    if len(collisions) != 1:
+        return
+    (hit,) = collisions
+    vehicles = [agent for agent in (hit.from_, hit.to) if agent.type == "vehicle"]
+    if len(vehicles) == 2:
+        hit.point_from, hit.point_to = impacts.striking, impacts.struck
+    elif vehicles == [hit.from_]:
+        hit.point_from = impacts.striking
+    else:  # "a pedestrian walks into the side of a bus"; the vehicle will be `from`
+        hit.point_to = impacts.struck
 
 
 def _orient(relation: RelationDraft) -> None:
     """The vehicle strikes the pedestrian, whoever is the subject of the sentence."""
     if relation.type in {"collide_at", "near_miss"} and relation.from_.type == "pedestrian":
         relation.from_, relation.to = relation.to, relation.from_
+        relation.point_from, relation.point_to = relation.point_to, relation.point_from
 
 
 def _graph(draft: Draft) -> SocialGraph:
     ids = _ids(draft.agents)
     nodes = tuple(_node(agent, ids[id(agent)]) for agent in draft.agents)
     edges = tuple(_edge(relation, ids, draft) for relation in draft.relations[:6])
-    return SocialGraph(agents=nodes, relations=edges, context=_context(draft))
+    tied = tuple(
+        EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
+        for agent, other, side in ties(draft)
+    )
+    return SocialGraph(agents=nodes, relations=edges, ties=tied, context=_context(draft))
 
 
 def _ids(agents: Sequence[AgentDraft]) -> dict[int, str]:
@@ -291,11 +339,12 @@ def _edge(relation: RelationDraft, ids: dict[int, str], draft: Draft) -> Relatio
             "to": ids[id(relation.to)],
             "kind": relation.kind if collision else None,
             "cause": relation.cause,
-            "target_pet": min(context.pet, 8.0)
-            if context.pet is not None and not collision
-            else None,
-            "target_ttc": min(context.ttc, 8.0) if context.ttc is not None and miss else None,
+            "pattern": relation.pattern,
+            "target_pet": context.pet if not collision else None,
+            "target_ttc": context.ttc if miss else None,
             "impact_speed": (context.speed or None) if collision else None,
+            "point_from": relation.point_from if collision else None,
+            "point_to": relation.point_to if collision else None,
         }
     )
 

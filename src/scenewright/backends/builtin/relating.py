@@ -11,10 +11,12 @@ from scenewright.backends.builtin.cursor import (
     is_pronoun,
     words_of,
 )
+from scenewright.backends.builtin.draft import RelationDraft
 from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.backends.builtin.mentions import Mention
 from scenewright.backends.builtin.modifying import Modifying
+from scenewright.backends.builtin.phrases import read_pattern
 
 _RELATION_TAGS = {
     "COLLIDE": "collide_at", "NEAR": "near_miss", "YIELD": "yield_to", "FOLLOW": "follow",
@@ -48,6 +50,7 @@ class Relating(Modifying):
         if tag == "FOLLOW" and value == "chain":
             self._chain()
             return
+        pattern, turned = read_pattern(chunk.tags.get("PATTERN"))
         relation = OpenRelation(
             type_,
             kind,
@@ -55,8 +58,9 @@ class Relating(Modifying):
             None,
             negated=negated,
             tag=tag,
-            reverse=value == "reverse",
+            reverse=turned or value == "reverse",
             avoided=almost == "avoided",
+            pattern=pattern if type_ == _RELATION_TAGS[tag] else None,
         )
         self._voice(relation, at, chunk)
         if relation.nominal:
@@ -181,8 +185,10 @@ class Relating(Modifying):
         if determined and (noun or not chunk.has("COLLIDE")):
             return not (isinstance(after, Chunk) and after.text in {"into", "to"})
         finite_object = isinstance(after, Mention)
+        crashes = chunk.text == "crash" and len(self.subject) > 1 and not self.verb_seen
         return (
             noun
+            and not crashes
             and chunk.words[-1]
             in {
                 "collision",
@@ -232,7 +238,7 @@ class Relating(Modifying):
             self.deferred.append(OpenRelation("follow", None, 0, None, nominal=True))
             return
         for first, second in pairwise(vehicles):
-            self._add("follow", first, second)
+            self._edge(RelationDraft("follow", first, second, soft=True))
 
     def _chain_behind(self) -> bool:
         """ "Two cars follow a truck in a chain": the second follows the first."""

@@ -43,6 +43,11 @@ class Settling(Cursor):
         if relation.weak and object_ is None:
             self._close_weak(relation)
             return
+        listed = self._listed_pairs(relation) if relation.nominal else []
+        if len(listed) > 1:
+            for first, second in listed:
+                self._settle(relation, *self._by_right_of_way(relation, (first, second)))
+            return
         if relation.nominal or subject is None:
             pair = self._nominal_pair(relation)
             if pair is None:
@@ -111,6 +116,17 @@ class Settling(Cursor):
                 self.draft.denied.add(relation.type)
             return
         self.deferred.append(relation)
+
+    def _listed_pairs(self, relation: OpenRelation) -> list[tuple[Group, Group]]:
+        """ "two near misses: a car with a pedestrian and a bus with another one"."""
+        after = [(at, group) for at, group in self.sentence if at > relation.at]
+        return [
+            (first, second)
+            for (start, first), (end, second) in pairwise(after)
+            if any(
+                isinstance(item, Chunk) and item.has("WITH") for item in self.items[start + 1 : end]
+            )
+        ]
 
     def _nominal_pair(self, relation: OpenRelation) -> tuple[Group, Group] | None:
         object_ = relation.object or []
@@ -184,6 +200,7 @@ class Settling(Cursor):
                 striker = self._at_wheel(actor, target) if relation.type in SYMMETRIC else actor
                 edge = RelationDraft(relation.type, striker, target, relation.kind)
                 edge.soft = relation.tag == "WAIT"
+                edge.pattern = relation.pattern
                 if relation.negated:
                     self.failed.append(edge)
                 elif relation.avoided and any(
@@ -207,13 +224,23 @@ class Settling(Cursor):
         for known in self.draft.relations:
             if known.type == edge.type and known.pair() == edge.pair():
                 if edge.type in {"yield_to", "follow"} and known.from_ is not edge.from_:
+                    if known.type == "follow" and known.soft:
+                        self._turn_row()
+                        return
                     raise Refused(
                         "contradictory",
                         "Two agents cannot each give way to, or follow, the other; say who does.",
                     )
                 known.kind = known.kind or edge.kind
+                known.pattern = known.pattern or edge.pattern
                 return
         self.draft.relations.append(edge)
+
+    def _turn_row(self) -> None:
+        """ "three cars in a row, the last follows ...": the row is told from behind."""
+        for edge in self.draft.relations:
+            if edge.type == "follow" and edge.soft:
+                edge.from_, edge.to = edge.to, edge.from_
 
     def _settle_deferred(self) -> None:
         strong = [r for r in self.deferred if not r.weak]

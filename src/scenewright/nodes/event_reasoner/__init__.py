@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TypedDict
 
@@ -12,7 +13,10 @@ from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, earlier
 from scenewright.nodes.context import RunContext
 from scenewright.scene.behavior import AgentSummary, BehaviorProgram, EventSummary, Segment
+from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.grounding import Cast
 from scenewright.scene.rejection import Rejection, RejectionCode
+from scenewright.scene.relations import pattern_named
 from scenewright.scene.selection import Selection
 from scenewright.scene.track import STEP
 from scenewright.tools.event_summary import facts_of, summarise
@@ -22,6 +26,7 @@ class ReasonerReads(TypedDict):
     """Channels read."""
 
     instruction: str
+    candidates: CandidateSet
     selection: Selection
     rejections: list[Rejection]
 
@@ -37,21 +42,35 @@ def reason_events(state: ReasonerReads, *, runtime: Runtime[RunContext]) -> Reas
     """Summarises the selected priors and asks which segments realise the relations."""
     context = runtime.context
     summary = summarise(state["selection"], ground=context.ground)
+    owed = _owed(state["candidates"].cast)
     question = Question(
         task="behavior",
-        facts={"instruction": state["instruction"], **facts_of(summary)},
+        facts={"instruction": state["instruction"], "owed": owed, **facts_of(summary)},
         rejections=earlier(state.get("rejections", []), "event_reasoner"),
     )
     program = ask(context.backend, question, BehaviorProgram, stage="event_reasoner")
     for agent in summary.agents:
-        _validate(agent, program.segments.get(agent.agent))
+        _validate(agent, program.segments.get(agent.agent), owed.get(agent.agent, []))
     stops = sum(s.status == "stop" for each in program.segments.values() for s in each)
     context.tell("event_reasoner", f"{stops} stops among {len(program.segments)} agents")
     return {"summary": summary, "behavior": program}
 
 
-def _validate(agent: AgentSummary, segments: tuple[Segment, ...] | None) -> None:
-    """Every agent has segments, on anchors that exist, in order of time."""
+def _owed(cast: Cast) -> dict[str, list[str]]:
+    """By agent: the statuses that the files of its relations want among its segments."""
+    owed: dict[str, list[str]] = {}
+    for played in cast.patterns:
+        pattern = pattern_named(played.pattern)
+        for name, role in ((played.from_, pattern.from_), (played.to, pattern.to)):
+            known = owed.setdefault(name, [])
+            known += [status for status in role.segments if status not in known]
+    return owed
+
+
+def _validate(
+    agent: AgentSummary, segments: tuple[Segment, ...] | None, owed: Sequence[str]
+) -> None:
+    """Every agent has segments that realise its relations, on anchors that exist, in order."""
     if not segments:
         raise _refused("malformed_reply", agent, "has no segments")
     known = {anchor.id for anchor in agent.anchors}
@@ -67,6 +86,17 @@ def _validate(agent: AgentSummary, segments: tuple[Segment, ...] | None) -> None
     for before, after in pairwise(segments):
         if after.start < before.end - 1e-6:
             raise _refused("times_not_increasing", agent, f"overlaps at {after.start:g} s")
+    statuses = [segment.status for segment in segments]
+    for status in owed:
+        if status not in statuses and not _excused(status, statuses):
+            raise _refused("malformed_reply", agent, f"has no {status}, which its role demands")
+
+
+def _excused(status: str, statuses: Sequence[str]) -> bool:
+    """Who stands to the end never goes on; who stands from the start never went before."""
+    if status == "proceed":
+        return statuses[-1] in ("stop", "terminate")
+    return status == "keep" and statuses[0] == "stop"
 
 
 def _refused(code: RejectionCode, agent: AgentSummary, what: str) -> Rejected:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+from typing import Any
 
 from scenewright.memory.state import Tracks
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
-from scenewright.scene.events import EVENT_OF_RELATION
+from scenewright.scene.grounding import Cast, CastPattern
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import (
     AgentRecord,
@@ -17,9 +18,11 @@ from scenewright.scene.record import (
     SceneRecord,
     SegmentRecord,
     SignalRecord,
+    TieRecord,
 )
+from scenewright.scene.relations import pattern_named
 from scenewright.scene.selection import SelectedAgent, Selection
-from scenewright.scene.social import SocialGraph
+from scenewright.scene.social import RelationEdge, SocialGraph
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.signals import SignalClock, plan_records
 
@@ -47,7 +50,11 @@ def assemble(
         meta=_meta(instruction, graph, pool, selection, on=on, seed=seed),
         agents=agents,
         events=(),
-        relations=_relations(graph, numbers),
+        relations=_relations(graph, pool.cast, numbers),
+        ties=tuple(
+            TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
+            for each in graph.ties
+        ),
         signals=_signals(selection, on),
     )
 
@@ -122,21 +129,56 @@ def _point(xy: FloatArray) -> Point:
     return x, y
 
 
-def _relations(graph: SocialGraph, numbers: dict[str, int]) -> tuple[RelationRecord, ...]:
+def _relations(
+    graph: SocialGraph, cast: Cast, numbers: dict[str, int]
+) -> tuple[RelationRecord, ...]:
+    """What was asked for, and what the file of the pattern that plays it demands besides."""
+    played = {each.edge: each for each in cast.patterns}
     return tuple(
         RelationRecord.model_validate(
             {
-                "type": EVENT_OF_RELATION[edge.type],
                 "from": numbers[edge.from_],
                 "to": numbers[edge.to],
-                "kind": edge.kind,
+                "cause_agent": _culprit(edge, graph, numbers),
                 "target_pet": edge.target_pet,
                 "target_ttc": edge.target_ttc,
                 "impact_speed": edge.impact_speed,
+                "point_from": edge.point_from,
+                "point_to": edge.point_to,
+                **_demands(edge, played[index], numbers),
             }
         )
-        for edge in graph.relations
+        for index, edge in enumerate(graph.relations)
     )
+
+
+def _demands(edge: RelationEdge, played: CastPattern, numbers: dict[str, int]) -> dict[str, Any]:
+    """What the relation's file wants to see; the text may ask for more, or for other figures."""
+    pattern = pattern_named(played.pattern)
+    roles = {"from": numbers[played.from_], "to": numbers[played.to]}
+    brakes = edge.target_ttc is not None or edge.cause == "late_brake"
+    severe = brakes or edge.target_pet is not None
+    return {
+        "type": pattern.proof.event,
+        "kind": edge.kind or pattern.proof.kind,
+        "cause": edge.cause or pattern.proof.cause,
+        "zone": pattern.zone,
+        "first": roles[pattern.order] if pattern.order and not brakes else None,
+        "within": {} if severe else pattern.bounds(),
+    }
+
+
+def _culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) -> int | None:
+    """Who is to bring the relation about: the one that runs red, the vehicle that brakes late."""
+    pair = (graph.agent(edge.from_), graph.agent(edge.to))
+    match edge.cause:
+        case "red_light_run":
+            found = [numbers[agent.id] for agent in pair if agent.runs_red]
+        case "late_brake":
+            found = [numbers[agent.id] for agent in pair if agent.type == "vehicle"][:1]
+        case None:
+            found = []
+    return found[0] if len(found) == 1 else None
 
 
 def _signals(selection: Selection, on: IntersectionMap) -> tuple[SignalRecord, ...]:

@@ -103,5 +103,8 @@ def _facts(instruction: str, graph: SocialGraph, pool: CandidateSet) -> dict[str
             | {"striker": graph.relations[each.edge].from_, "struck": graph.relations[each.edge].to}
             for each in played
         ],
-        "violators": sorted({each.violator for each in played if each.violator}),
+        "violators": sorted(
+            {each.violator for each in played if each.violator}
+            | {agent.id for agent in graph.agents if agent.runs_red}
+        ),
     }

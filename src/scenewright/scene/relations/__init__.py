@@ -1,10 +1,8 @@
 """Relations as data: one small TOML file per conflict pattern (paper 3.1, SEMANTICS section 4).
 
-A pattern is a leaf of the taxonomy theme -> subtype -> pattern. It names its roles, the relation
-it serves, where the two paths conflict, who ignores the red light if the two never have green
-together, the segments that realise it and the constraint program that must hold. Adding a file
-adds a pattern; no code knows their names. A user's own files lie in a folder that the environment
-variable SCENEWRIGHT_RELATIONS names; one with the id of a shipped pattern replaces it.
+Adding a file adds a pattern; no code knows their names (docs/relations.md). A user's own files lie
+in a folder that the environment variable SCENEWRIGHT_RELATIONS names; one with the id of a shipped
+pattern replaces it.
 """
 
 from __future__ import annotations
@@ -15,86 +13,39 @@ from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from scenewright.errors import InputError
-from scenewright.scene.base import AgentClass, Model, Movement
-from scenewright.scene.record import SegmentStatus
-from scenewright.scene.social import Cause, CollisionKind, RelationType
+from scenewright.scene.relations.pattern import Geometry, Pattern, Proof, Role, RoleName
 
-Geometry = Literal["crossing", "merging", "same_lane", "same_way", "lane_change", "opposing"]
-RoleName = Literal["from", "to"]
+__all__ = [
+    "Geometry", "Pattern", "Proof", "Role", "RoleName",
+    "file_of", "pattern_named", "patterns",
+]  # fmt: skip
 
-
-class Role(Model):
-    """Who can play a part, and by which segments it is realised."""
-
-    type: AgentClass
-    movements: tuple[Movement, ...]
-    segments: tuple[SegmentStatus, ...]
-
-
-class Pattern(Model):
-    """A conflict pattern.
-
-    Attributes:
-        geometry: how the two routes must meet on the map.
-        entries: how the two entries must lie to one another.
-        violator: the role that runs the red light where the two never have green together.
-        constraints: clauses of the constraint language, `{from}` and `{to}` filled in.
-        weight: how often it is drawn where the text leaves the pattern open.
-    """
-
-    id: str
-    theme: str
-    subtype: str
-    relation: RelationType
-    kind: CollisionKind | None = None
-    cause: Cause | None = None
-    geometry: Geometry
-    entries: Literal["any", "same", "opposite", "lateral"] = "any"
-    violator: RoleName | None = None
-    weight: float = 1.0
-    from_: Role = Field(alias="from")
-    to: Role
-    constraints: tuple[str, ...]
+_MOST_BYTES = 32_000
+_MOST_FILES = 500
+_LONGEST_QUOTE = 60
+_FIELDS: dict[str, frozenset[str]] = {
+    "": frozenset(field.alias or name for name, field in Pattern.model_fields.items()),
+    "from": frozenset(Role.model_fields),
+    "to": frozenset(Role.model_fields),
+    "proof": frozenset(Proof.model_fields),
+}
 
 
 def patterns() -> tuple[Pattern, ...]:
     """Every pattern, shipped or in the folder that SCENEWRIGHT_RELATIONS names, ordered by id.
 
+    The files of a folder are read once.
+
     Raises:
         InputError: a file of that folder is no pattern, or the folder cannot be read.
     """
-    return _patterns(os.environ.get("SCENEWRIGHT_RELATIONS"))
-
-
-@cache
-def _patterns(own: str | None) -> tuple[Pattern, ...]:
-    files: list[Traversable] = list(resources.files(__name__).iterdir())
-    if own is not None:
-        files += _files_of(Path(own))
-    loaded = [_load(file) for file in files if file.name.endswith(".toml")]
-    return tuple(sorted({each.id: each for each in loaded}.values(), key=lambda each: each.id))
-
-
-def _files_of(folder: Path) -> list[Path]:
-    try:
-        return sorted(folder.iterdir())
-    except OSError as error:
-        raise InputError(f"cannot read relations in {folder}: {error.strerror}") from error
-
-
-def _load(file: Traversable) -> Pattern:
-    try:
-        return Pattern.model_validate(tomllib.loads(file.read_text("utf-8")))
-    except (ValueError, OSError) as error:
-        first = error.errors(include_url=False)[0] if isinstance(error, ValidationError) else None
-        where = ".".join(str(part) for part in first["loc"]) + ": " if first else ""
-        why = first["msg"] if first else str(error)
-        raise InputError(f"{file.name} is not a relation: {where}{why}") from error
+    return tuple(pattern for _, pattern in _patterns(os.environ.get("SCENEWRIGHT_RELATIONS")))
 
 
 def pattern_named(name: str) -> Pattern:
@@ -103,3 +54,96 @@ def pattern_named(name: str) -> Pattern:
         if pattern.id == name:
             return pattern
     raise KeyError(name)
+
+
+def file_of(pattern: Pattern) -> str:
+    """The name of the file that holds a loaded pattern; KeyError if none does."""
+    for name, each in _patterns(os.environ.get("SCENEWRIGHT_RELATIONS")):
+        if each is pattern:
+            return name
+    raise KeyError(pattern.id)
+
+
+@cache
+def _patterns(own: str | None) -> tuple[tuple[str, Pattern], ...]:
+    found = _read(list(resources.files(__name__).iterdir()))
+    if own is not None:
+        found |= _read(_files_of(Path(own)))
+    _refuse_shared_phrases(found)
+    return tuple(found[key] for key in sorted(found))
+
+
+def _read(files: list[Traversable]) -> dict[str, tuple[str, Pattern]]:
+    """By id: the name of the file, and the pattern."""
+    found: dict[str, tuple[str, Pattern]] = {}
+    for file in files:
+        if not file.name.endswith(".toml"):
+            continue
+        pattern = _load(file)
+        if pattern.id in found:
+            other = found[pattern.id][0]
+            raise _refused(file.name, f"id: {other} has the id {pattern.id!r} as well")
+        found[pattern.id] = (file.name, pattern)
+    return found
+
+
+def _files_of(folder: Path) -> list[Traversable]:
+    try:
+        files: list[Traversable] = [*sorted(folder.iterdir())]
+    except OSError as error:
+        raise InputError(f"cannot read relations in {folder}: {error.strerror}") from error
+    if len(files) > _MOST_FILES:
+        raise InputError(f"cannot read relations in {folder}: more than {_MOST_FILES} files")
+    return files
+
+
+def _refuse_shared_phrases(found: dict[str, tuple[str, Pattern]]) -> None:
+    """A phrase names one pattern. Shipped files come first, so a user's file is told."""
+    owners: dict[str, str] = {}
+    for name, pattern in found.values():
+        for words, _ in pattern.spoken():
+            other = owners.setdefault(words, pattern.id)
+            if other != pattern.id:
+                raise _refused(name, f"phrases: {words!r} asks for {other} already")
+
+
+def _load(file: Traversable) -> Pattern:
+    if not file.is_file():
+        raise _refused(file.name, "not a file")
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(_MOST_BYTES + 1)
+        if len(data) > _MOST_BYTES:
+            raise _refused(file.name, f"larger than {_MOST_BYTES} bytes")
+        return Pattern.model_validate(tomllib.loads(data.decode("utf-8")))
+    except ValidationError as error:
+        raise _refused(file.name, _fault(error.errors(include_url=False)[0])) from None
+    except (ValueError, OSError) as error:
+        raise _refused(file.name, str(error)) from error
+    except RecursionError:
+        raise _refused(file.name, "nested too deeply") from None
+
+
+def _refused(name: str, why: str) -> InputError:
+    return InputError(f"{name} is not a relation: {why}")
+
+
+def _fault(error: ErrorDetails) -> str:
+    """The field, what was expected there, and what stands there."""
+    field = ".".join(str(part) for part in error["loc"])
+    where = f"{field}: " if field else ""
+    match error["type"]:
+        case "missing":
+            return f"{where}is missing"
+        case "extra_forbidden":
+            table = ".".join(str(part) for part in error["loc"][:-1])
+            return f"{where}no such field; there are {', '.join(sorted(_FIELDS.get(table, ())))}"
+        case "value_error":
+            return f"{where}{error['ctx']['error']}"
+        case _:
+            return f"{where}{error['msg']}, got {_quoted(error['input'])}"
+
+
+def _quoted(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}..."

@@ -3,16 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from scenewright.scene.base import FloatArray, Point
-from scenewright.scene.social import CollisionKind
+from scenewright.scene.social import CollisionKind, ImpactPoint
+from scenewright.scene.track import Shape
 from scenewright.tools.dsl_validator.actor import Actor, shared_times
 from scenewright.tools.encounter import footprint_clearance
 
 _LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(22.0)
 """How far a vehicle must have turned left for its collision to count as a left turn's [rad]."""
+
+_CORNER = 0.5
+"""How far from both its edges a contact still belongs to a corner [m]; at most a third."""
+
+_SURE = 0.2
+"""By how much a contact may lie elsewhere [m] and still be at the point it is said to be at."""
+
+_CORNERS: dict[tuple[str, str], ImpactPoint] = {
+    ("front", "left"): "front_left",
+    ("front", "right"): "front_right",
+    ("rear", "left"): "rear_left",
+    ("rear", "right"): "rear_right",
+}
 
 
 @dataclass(frozen=True)
@@ -22,6 +37,7 @@ class FirstContact:
     Attributes:
         closing: relative speed; speed: of the first actor [m/s].
         frontal: the first actor strikes with its front; where both fronts touch, it is the faster.
+        points: by actor, every impact point that the contact is surely at.
     """
 
     time: float
@@ -30,6 +46,7 @@ class FirstContact:
     closing: float
     speed: float
     frontal: bool
+    points: tuple[tuple[ImpactPoint, ...], tuple[ImpactPoint, ...]]
 
 
 def first_contact(a: Actor, b: Actor) -> FirstContact | None:
@@ -73,7 +90,41 @@ def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
         speed=speeds[0],
         frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
+        points=(_points(poses[0][1], a, spot), _points(poses[1][1], b, spot)),
     )
+
+
+def _points(pose: FloatArray, actor: Actor, spot: FloatArray) -> tuple[ImpactPoint, ...]:
+    """Every name that a place on a vehicle surely has; none for a pedestrian."""
+    shape = actor.candidate.shape
+    if shape.type == "pedestrian":
+        return ()
+    dx, dy = spot - pose[:2]
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    along = np.clip(dx * cos + dy * sin, -shape.length / 2, shape.length / 2)
+    across = np.clip(dy * cos - dx * sin, -shape.width / 2, shape.width / 2)
+    around = [
+        set(point_names(along + i * _SURE, across + j * _SURE, shape=shape))
+        for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
+    first, *others = around
+    return tuple(sorted(first.intersection(*others)))
+
+
+def point_names(along: float, across: float, *, shape: Shape) -> tuple[ImpactPoint, ...]:
+    """The names of a place on a vehicle, `along` and `across` (left) from its centre [m].
+
+    A corner is 0.5 m deep either way, but no more than a third of the vehicle. Front and rear are
+    the ends of that depth, corners included; left and right, which are sides, what lies between.
+    """
+    ahead = abs(along) - shape.length / 2 + min(_CORNER, shape.length / 3)
+    aside = abs(across) - shape.width / 2 + min(_CORNER, shape.width / 3)
+    end: Literal["front", "rear"] = "front" if along > 0 else "rear"
+    side: Literal["left", "right"] = "left" if across > 0 else "right"
+    if ahead >= 0.0 and aside >= 0.0:
+        return (end, _CORNERS[end, side])
+    at_end = ahead >= 0.0 or (aside < 0.0 and ahead >= aside)
+    return (end,) if at_end else (side, "side")
 
 
 def _kind(a: Actor, b: Actor, time: float, turned: float, sides: list[str]) -> CollisionKind:

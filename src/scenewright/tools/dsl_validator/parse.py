@@ -19,6 +19,7 @@ from pydantic import ValidationError
 from scenewright.errors import Rejected
 from scenewright.scene.base import Model
 from scenewright.scene.constraints import (
+    BrakesFor,
     Clause,
     ConstraintProgram,
     Contact,
@@ -44,6 +45,10 @@ _WORDS = {
     "VEHICLE": "a vehicle such as vehicle-1",
     "PEDESTRIAN": "a pedestrian such as pedestrian-1",
     "KIND": "a kind of collision such as angle",
+    "POINT": "a point of impact such as front_left",
+    "LATE": "'late_brake'",
+    "_WITH": "'with'",
+    "_ON": "'on'",
     "COMPASS": "a direction such as north",
     "CROSSWALK": "'crosswalk'",
     "LEG": "'leg'",
@@ -215,9 +220,13 @@ def _bound(clause: Clause) -> str:
             return f" >= {_number(clause.metres)} m"
         case Near():
             return f" <= {_number(clause.metres)} m"
+        case Contact():
+            where = (("with", clause.point_first), ("on", clause.point_second))
+            told = "".join(f" {word} {point}" for word, point in where if point is not None)
+            return told if clause.cause is None else f"{told} {clause.cause}"
         case SpeedBetween():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] m/s"
-        case TimeGap() | Headway():
+        case TimeGap() | Headway() | BrakesFor():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] s"
         case _:
             return ""

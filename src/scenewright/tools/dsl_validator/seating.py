@@ -1,230 +1,314 @@
 """Everybody else at once: the least-cost combination, exactly (paper Eq. 4).
 
-Lazy CP-SAT (ARCHITECTURE section 4). One Boolean per option (a candidate with a time law and
-edits), one integer entry time per agent; the summed NLL is least subject to the certificate of no
-other interaction. Pair constraints are added only for options actually chosen, until none is
-broken, so that the optimum is that of the full model without building it.
+Every guest offers candidates, each with the options (time laws, edits, entry times) that it allows;
+the summed cost is least subject to the certificate of no other interaction. Three steps, each of
+which may already prove the optimum:
+
+1. In turn: each guest takes its cheapest option, at the free moment nearest to its wish. Nothing
+   can cost less.
+2. Windows: of each guest only options that cost little more than its cheapest. Whoever takes an
+   option from outside pays for it alone more than the window is wide, so an optimum that costs no
+   more than the narrowest window is the optimum of all. Else the windows grow, where nobody finds
+   room only those of the guests that are in one another's way.
+3. In the windows, lazy CP-SAT: one Boolean per option, one integer entry time per guest. What two
+   options forbid of one another is computed and added only once a solution breaks it, until none
+   does, so that the optimum is that of the full model without building it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
-from typing import Any
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from scenewright.scene.base import AgentClass
-from scenewright.tools.dsl_validator.crowd import Guest, Option, Seating, Table
+from scenewright.scene.track import STEP
+from scenewright.tools.dsl_validator.actor import Actor
+from scenewright.tools.dsl_validator.crowd import Seating, Table
+from scenewright.tools.dsl_validator.offers import SCALE, Invited, Menu
+from scenewright.tools.dsl_validator.seating_model import (
+    Answer,
+    Conflict,
+    Found,
+    Key,
+    Need,
+    Place,
+    SeatingModel,
+    State,
+)
+from scenewright.tools.dsl_validator.separation import Presence
 
-_SCALE = 100
-"""Objective units per nat."""
+_WINDOW, _WIDER = 1.0, 2
+"""First window [nats], and by how much one grows that is too narrow."""
 
-_SOLVER_SECONDS = 0.5
-_MAX_ROUNDS = 40
-_SPARE_COST = 5.0
-"""Nats that a spare guest costs: those drawn first go first."""
+_MOST_SECONDS, _MOST_PAIRS = 1.0, 4000
+"""The solver's deterministic time, and pairs of options looked at, that one search may take."""
+
+_KIN = 8
+"""Options of either guest that are compared with the other's when two are in each other's way."""
+
+_CLEAR_STEPS = 30
+"""Whoever leaves this long before another comes [steps] is out of its way: the widest gap."""
 
 
-Place = tuple[int, int, int]
-"""Guest, option and entry time [steps]."""
-
-
-def seat(guests: Sequence[Guest], table: Table, wanted: Mapping[AgentClass, int]) -> Seating | str:
+def seat(
+    guests: Sequence[Invited],
+    table: Table,
+    wanted: Mapping[AgentClass, int],
+    *,
+    effort: float = 1.0,
+) -> Seating | str:
     """The least-cost seating around the fixed actors, or why there is none.
 
     Args:
         table: of the fixed actors; knows what earlier seatings around them found out.
         wanted: how many background guests of each class take part.
+        effort: share of the bounds of the search that may be spent before it settles for what it
+            has, or gives up.
     """
-    problem = _Problem(guests, table, wanted)
-    for rounds in range(1, _MAX_ROUNDS + 1):
-        solved = problem.solve()
-        if solved is None:
-            return f"no arrangement of {sum(wanted.values())} further agents keeps everybody apart"
-        barred = _barred(table, guests, solved)
-        for guest, option in barred:
-            problem.bar(guest, option)
-        settled = [place for place in solved if place[:2] not in barred]
-        broken = _broken(table, guests, settled)
-        for conflict in broken:
-            problem.forbid(conflict)
-        if not barred and not broken:
-            chosen = {guests[i].name: (guests[i].options[k], start) for i, k, start in solved}
-            return Seating(chosen, problem.optimal, rounds, table.evaluated)
-    return "the search for an arrangement ran out of rounds"
+    return _Search(guests, table, wanted, effort).run()
 
 
-@dataclass(frozen=True)
-class _Conflict:
-    """Forbids low < start_i - start_j < high [steps] while both options are taken.
-
-    Attributes:
-        always: no entry times that the two still have would do.
-    """
-
-    i: int
-    option_i: int
-    j: int
-    option_j: int
-    low: int
-    high: int
-    always: bool
+def seat_cheapest(
+    guests: Sequence[Invited], table: Table, wanted: Mapping[AgentClass, int]
+) -> Seating | None:
+    """Step 1 alone: everybody on its cheapest option, at once; None if that does not come off."""
+    return _Search(guests, table, wanted, 0.0).at_a_glance()
 
 
-class _Problem:
-    """The CP-SAT model, growing by one round of pair constraints at a time."""
+class _Search:
+    """One call of `seat`."""
 
     def __init__(
-        self, guests: Sequence[Guest], table: Table, wanted: Mapping[AgentClass, int]
+        self,
+        guests: Sequence[Invited],
+        table: Table,
+        wanted: Mapping[AgentClass, int],
+        effort: float,
     ) -> None:
-        from ortools.sat.python import cp_model
+        menus = [Menu(guest) for guest in guests]
+        self._state = State(table, menus, _needs(guests, wanted), effort * _MOST_SECONDS)
+        self._table, self._menus, self._option = table, menus, self._state.option
+        self._most_pairs = table.evaluated + effort * _MOST_PAIRS
+        self._rounds = 0
 
-        self._cp = cp_model
-        model: Any = cp_model.CpModel()
-        self._model = model
-        self.optimal = True
-        self._takes: list[list[Any]] = []
-        self._starts: list[Any] = []
-        costs: list[Any] = []
-        for guest in guests:
-            takes = [self._model.new_bool_var("") for _ in guest.options]
-            self._takes.append(takes)
-            self._starts.append(self._start(guest, takes, table))
-            if guest.foreground:
-                self._model.add_exactly_one(takes)
-            else:
-                self._model.add_at_most_one(takes)
-            costs += _costs(guest, takes)
-        for kind, count in wanted.items():
-            crowd = [g for g, guest in enumerate(guests) if _counts(guest, kind)]
-            self._model.add(sum(take for g in crowd for take in self._takes[g]) == count)
-        self._model.minimize(sum(costs))
-
-    def _start(self, guest: Guest, takes: list[Any], table: Table) -> Any:
-        """The guest's entry time; options with a choice of it already keep clear of the fixed."""
-        everything: Any = None
-        for take, option in zip(takes, guest.options, strict=True):
-            free = table.open_starts(option)
-            if not len(free):
-                self._model.add(take == 0)
-                continue
-            domain = self._cp.Domain.from_values(free.tolist())
-            everything = domain if everything is None else everything.union_with(domain)
-        if everything is None:
-            return self._model.new_constant(0)
-        start = self._model.new_int_var_from_domain(everything, "")
-        for take, option in zip(takes, guest.options, strict=True):
-            free = table.open_starts(option)
-            if len(free):
-                domain = self._cp.Domain.from_values(free.tolist())
-                self._model.add_linear_expression_in_domain(start, domain).only_enforce_if(take)
-        return start
-
-    def solve(self) -> list[Place] | None:
-        """Who takes part, how and when; None if there is no arrangement."""
-        solver: Any = self._cp.CpSolver()
-        solver.parameters.num_workers = 1
-        solver.parameters.catch_sigint_signal = False
-        solver.parameters.random_seed = 1
-        solver.parameters.max_deterministic_time = _SOLVER_SECONDS
-        solver.parameters.cp_model_presolve = False
-        status = solver.solve(self._model)
-        if status not in (self._cp.OPTIMAL, self._cp.FEASIBLE):
+    def at_a_glance(self) -> Seating | None:
+        """Everybody on its cheapest option, if it comes off in turn."""
+        best = None if self._short() else self._in_turn()
+        if best is None or best.cost > self._floor():
             return None
-        self.optimal &= status == self._cp.OPTIMAL
+        return self._seating(best, optimal=True)
+
+    def run(self) -> Seating | str:
+        """The least-cost seating, or why there is none."""
+        if self._short():
+            return self._short()
+        seating = self.at_a_glance()
+        if seating is not None:
+            return seating
+        self._widen(range(len(self._menus)), round(SCALE * _WINDOW))
+        best = self._in_turn()
+        answer = Answer(best, proven=best is not None and best.cost <= self._floor())
+        while not answer.proven:
+            answer = self._in_window(best)
+            best = answer.found or best
+            if not answer.proven:
+                break
+            answer = self._judged(answer, best)
+        if best is None:
+            return self._reason(answer)
+        return self._seating(best, optimal=answer.proven)
+
+    def _short(self) -> str:
+        """Which class has too few guests; empty if none has."""
+        short = (need for need in self._state.needs if len(need.guests) < need.count)
+        return "".join(f"only {len(each.guests)} of {each.count} agents came" for each in short)
+
+    def _judged(self, answer: Answer, best: Found | None) -> Answer:
+        """The answer as one for everything; unproven, and windows wider, if it is not."""
+        everybody = range(len(self._menus))
+        if best is not None:
+            narrow = [g for g in everybody if self._menus[g].width < best.cost - 1]
+            narrow = [g for g in narrow if not self._menus[g].complete]
+            if not narrow:
+                return Answer(best, proven=True)
+            width = _WIDER * min(self._menus[g].width for g in narrow)
+            self._widen(narrow, min(width, best.cost - 1))
+            return Answer(best, proven=False)
+        in_the_way = {g for need in answer.core for g in need.guests}
+        narrow = [g for g in in_the_way if not self._menus[g].complete]
+        if not narrow:
+            return answer
+        self._widen(narrow, _WIDER * min(self._menus[g].width for g in narrow))
+        return Answer(None, proven=False)
+
+    def _widen(self, guests: Iterable[int], width: int) -> None:
+        for g in guests:
+            self._menus[g].widen(width)
+
+    def _floor(self) -> int:
+        """What any arrangement costs at least [units]."""
+        return sum(
+            sum(sorted(self._menus[g].least for g in need.guests)[: need.count])
+            for need in self._state.needs
+        )
+
+    def _in_turn(self, only: Mapping[int, int] | None = None) -> Found | None:
+        """Everybody's cheapest way with room beside those before it; None if that fails.
+
+        Args:
+            only: the way that each guest shall take, if it is settled.
+        """
+        present, places = Presence(self._table.fixed), list[Place]()
+        for need in self._state.needs:
+            left = need.count
+            for g in sorted(need.guests, key=lambda g: self._menus[g].least):
+                room = self._room(g, present, only) if left else None
+                if room is not None:
+                    places.append((g, *room))
+                    left -= 1
+                    actor = self._option(g, room[0]).actor.shifted(STEP * room[1])
+                    present.add(actor, foreground=self._menus[g].guest.foreground)
+            if left:
+                return None
+        return Found(places, sum(self._menus[g].ways[k].cost for g, k, _ in places))
+
+    def _room(
+        self, g: int, present: Presence, only: Mapping[int, int] | None
+    ) -> tuple[int, int] | None:
+        menu = self._menus[g]
+        settled = None if only is None else [only[g]] if g in only else []
+        for k in menu.window() if settled is None else settled:
+            option = menu.ways[k].option
+            free = self._table.clear_of_fixed(option)
+            if len(free):
+                free = present.free(option.actor, free, foreground=menu.guest.foreground)
+            if len(free):
+                return k, int(free[np.argmin(np.abs(free - option.wish))])
+        return None
+
+    def _in_window(self, best: Found | None) -> Answer:
+        """The least-cost arrangement within the windows that costs less than `best`."""
+        model = SeatingModel(self._state, best)
+        while self._state.seconds > 0.0 and self._table.evaluated < self._most_pairs:
+            self._rounds += 1
+            answer = model.solve()
+            if answer.found is None:
+                return answer if best is not None else self._blamed(answer)
+            barred = self._bar(answer.found.places, model)
+            broken = self._broken(answer.found.places)
+            for conflict in broken:
+                model.forbid(conflict)
+            if not barred and not broken:
+                return answer
+        return Answer(None, proven=False)
+
+    def _blamed(self, answer: Answer) -> Answer:
+        """With the needs that cannot be met together within the windows."""
+        if not answer.proven:
+            return answer
+        return replace(answer, core=SeatingModel(self._state, None, explain=True).core())
+
+    def _bar(self, places: list[Place], model: SeatingModel) -> bool:
+        """Whether one of the options taken meets a fixed actor after all; if so, all its like."""
+        wrong = [g for g, k, _ in places if not len(self._table.clear_of_fixed(self._option(g, k)))]
+        for g in wrong:
+            for k in self._menus[g].window():
+                option = self._option(g, k)
+                if len(option.starts) == 1 and not len(self._table.clear_of_fixed(option)):
+                    self._state.barred.add((g, k))
+                    model.bar(g, k)
+        return bool(wrong)
+
+    def _broken(self, places: list[Place]) -> list[Conflict]:
+        """Separations that the arrangement breaks, and their kin: either option with all others."""
         return [
-            (g, k, solver.value(start))
-            for g, (takes, start) in enumerate(zip(self._takes, self._starts, strict=True))
-            for k, take in enumerate(takes)
-            if solver.value(take)
+            conflict
+            for n, one in enumerate(places)
+            for other in places[:n]
+            if self._breaks(one, other)
+            for key in self._kin(one, other)
+            for conflict in self._learned(key)
         ]
 
-    def bar(self, guest: int, option: int) -> None:
-        """Takes an option out of the choice."""
-        self._model.add(self._takes[guest][option] == 0)
+    def _breaks(self, one: Place, other: Place) -> bool:
+        (i, k, start_i), (j, m, start_j) = one, other
+        a, b = self._option(i, k), self._option(j, m)
+        if _far_apart(a.actor, b.actor, start_j - start_i):
+            return False
+        if _far_apart(b.actor, a.actor, start_i - start_j):
+            return False
+        forbidden = self._table.between(b, a, self._strict(i, j))
+        return any(low < start_i - start_j < high for low, high in forbidden)
 
-    def forbid(self, conflict: _Conflict) -> None:
-        """Adds one separation."""
-        taken = (
-            self._takes[conflict.i][conflict.option_i],
-            self._takes[conflict.j][conflict.option_j],
-        )
-        either = [~each for each in taken]
-        if not conflict.always:
-            difference = self._starts[conflict.i] - self._starts[conflict.j]
-            below, above = self._model.new_bool_var(""), self._model.new_bool_var("")
-            self._model.add(difference <= conflict.low).only_enforce_if(below)
-            self._model.add(difference >= conflict.high).only_enforce_if(above)
-            either += [below, above]
-        self._model.add_bool_or(either)
+    def _kin(self, one: Place, other: Place) -> list[Key]:
+        """The pair of options, and the cheapest unknown pairs of either with others."""
+        (i, k, _), (j, m, _) = one, other
+        mine = ((i, x, j, m) for x in self._menus[i].window())
+        theirs = ((i, k, j, y) for y in self._menus[j].window())
+        new = [
+            itertools.islice((key for key in keys if key not in self._state.conflicts), _KIN)
+            for keys in (mine, theirs)
+        ]
+        return [(i, k, j, m), *itertools.chain.from_iterable(new)]
 
+    def _learned(self, key: Key) -> list[Conflict]:
+        """What the pair of options forbids of the entry times that they have; nothing if known."""
+        if key in self._state.conflicts:
+            return []
+        i, k, j, m = key
+        a, b = self._option(i, k), self._option(j, m)
+        free_a, free_b = self._table.open_starts(a), self._table.open_starts(b)
+        found: list[Conflict] = []
+        if len(free_a) and len(free_b):
+            least, most = int(free_a[0] - free_b[-1]), int(free_a[-1] - free_b[0])
+            found = [
+                Conflict(key, low, high, below=least <= low, above=high <= most)
+                for low, high in self._table.between(b, a, self._strict(i, j))
+                if low < most and least < high
+            ]
+        self._state.conflicts[key] = found
+        return found
 
-def _costs(guest: Guest, takes: list[Any]) -> list[Any]:
-    """Nats above the guest's likeliest option: who takes part is no matter of likelihood."""
-    least = min((option.cost for option in guest.options), default=0.0)
-    extra = _SPARE_COST if guest.spare else 0.0
-    return [
-        round(_SCALE * (option.cost - least + extra)) * take
-        for option, take in zip(guest.options, takes, strict=True)
-    ]
+    def _strict(self, i: int, j: int) -> bool:
+        return self._menus[i].guest.foreground or self._menus[j].guest.foreground
 
+    def _seating(self, best: Found, *, optimal: bool) -> Seating:
+        if self._rounds:
+            best = self._in_turn({g: k for g, k, _ in best.places}) or best
+        chosen = {
+            self._menus[g].guest.name: (self._option(g, k), start) for g, k, start in best.places
+        }
+        return Seating(chosen, optimal, self._rounds, self._table.evaluated)
 
-def _counts(guest: Guest, kind: AgentClass) -> bool:
-    return guest.type == kind and not guest.foreground
-
-
-def _barred(table: Table, guests: Sequence[Guest], solved: list[Place]) -> list[tuple[int, int]]:
-    """(guest, option) that meet a fixed actor after all: of each guest whose choice does."""
-    wrong = [g for g, k, _ in solved if not len(table.clear_of_fixed(guests[g].options[k]))]
-    return [
-        (g, k)
-        for g in wrong
-        for k, option in enumerate(guests[g].options)
-        if len(option.starts) == 1 and not len(table.clear_of_fixed(option))
-    ]
-
-
-def _broken(table: Table, guests: Sequence[Guest], solved: list[Place]) -> list[_Conflict]:
-    """Separations that the solution breaks, and their kin: either option with all others."""
-    found: dict[tuple[int, ...], _Conflict] = {}
-    for n, one in enumerate(solved):
-        for other in solved[:n]:
-            for conflict in _kin(table, guests, one, other):
-                found[astuple(conflict)] = conflict
-    return list(found.values())
-
-
-def _kin(table: Table, guests: Sequence[Guest], one: Place, other: Place) -> list[_Conflict]:
-    (i, option_i, start_i), (j, option_j, start_j) = one, other
-    first, second = guests[i].options, guests[j].options
-    strict = guests[i].foreground or guests[j].foreground
-    between = table.between(second[option_j], first[option_i], strict)
-    if not any(low < start_i - start_j < high for low, high in between):
-        return []
-    pairs = [(k, option_j) for k in range(len(first)) if _flexible(first[k])]
-    pairs += [(option_i, k) for k in range(len(second)) if _flexible(second[k])]
-    pairs = list(dict.fromkeys([(option_i, option_j), *pairs]))
-    return [
-        conflict
-        for k, m in pairs
-        for conflict in _conflicts(table, (i, k, first[k]), (j, m, second[m]), strict)
-    ]
+    def _reason(self, answer: Answer) -> str:
+        if not answer.proven:
+            return "no arrangement of the further agents was found within the bounds of the search"
+        names = [self._menus[g].guest.name for need in answer.core for g in need.guests]
+        if len(names) == 1:
+            return f"{names[0]} finds no moment at which it would not interact"
+        wanted = sum(need.count for need in answer.core)
+        few = "" if wanted == len(names) else f"{wanted} of "
+        return f"no arrangement keeps {few}{', '.join(sorted(names))} apart"
 
 
-def _conflicts(
-    table: Table, one: tuple[int, int, Option], other: tuple[int, int, Option], strict: bool
-) -> list[_Conflict]:
-    """What the pair of options forbids of the entry times that they still have."""
-    (i, k, a), (j, m, b) = one, other
-    free_a, free_b = table.open_starts(a), table.open_starts(b)
-    if not len(free_a) or not len(free_b):
-        return []
-    least, most = int(free_a[0] - free_b[-1]), int(free_a[-1] - free_b[0])
-    return [
-        _Conflict(i, k, j, m, low, high, always=low < least and most < high)
-        for low, high in table.between(b, a, strict)
-        if low < most and least < high
-    ]
+def _needs(guests: Sequence[Invited], wanted: Mapping[AgentClass, int]) -> tuple[Need, ...]:
+    """The foreground, and so many of each class; each guest by itself where all are needed."""
+    needs = [Need((g,), 1) for g, guest in enumerate(guests) if guest.foreground]
+    for kind, count in wanted.items():
+        crowd = [g for g, guest in enumerate(guests) if guest.type == kind and not guest.foreground]
+        if count == len(crowd):
+            needs += [Need((g,), 1) for g in crowd]
+        else:
+            needs.append(Need(tuple(crowd), count))
+    return tuple(needs)
 
 
-def _flexible(option: Option) -> bool:
-    return len(option.starts) > 1
+def _far_apart(one: Actor, other: Actor, steps: int) -> bool:
+    """Whether `other`, who comes `steps` after `one`, comes too late to meet it."""
+    gives_way = any(stop.reason == "gives_way" for stop in (*one.stops, *other.stops))
+    if one.motion.ended or gives_way:
+        return False
+    return steps > len(one.motion.s) + _CLEAR_STEPS

@@ -8,21 +8,21 @@ the foreground by lazy CP-SAT (`crowd`).
 
 from __future__ import annotations
 
-import heapq
 import itertools
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from scenewright.errors import Rejected
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import AgentClass
 from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet
 from scenewright.scene.constraints import (
     Before,
+    BrakesFor,
     ConstraintProgram,
     Contact,
     GivesWay,
@@ -36,7 +36,7 @@ from scenewright.scene.constraints import (
 )
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
-from scenewright.scene.track import STEP
+from scenewright.scene.track import STEP, vehicle_shape
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.crowd import (
@@ -46,10 +46,16 @@ from scenewright.tools.dsl_validator.crowd import (
     Table,
     seat_in_turn,
 )
+from scenewright.tools.dsl_validator.offers import Invited, Offer
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.dsl_validator.seating import seat
+from scenewright.tools.dsl_validator.running import runs_in_time, with_runners
+from scenewright.tools.dsl_validator.seating import seat, seat_cheapest
 from scenewright.tools.dsl_validator.separation import Steps, forbidden_offsets
-from scenewright.tools.dsl_validator.stage import Stage, Staging, demands, passes_first
+from scenewright.tools.dsl_validator.setting import close_encounter
+from scenewright.tools.dsl_validator.shortfall import Shortfalls
+from scenewright.tools.dsl_validator.stage import Stage, demands, passes_first
+from scenewright.tools.dsl_validator.staging import Staging
+from scenewright.tools.dsl_validator.tuples import best_first
 from scenewright.tools.dsl_validator.waiting import (
     LINE_GAP,
     QUEUE_GAP,
@@ -73,8 +79,23 @@ _FIRST_EVENT = (6.0, 19.5)
 _TUPLES = 14
 _HOPELESS = 7
 """Tuples per relation that are tried; and after which routes are given up if none is staged."""
-_MAP_TUPLES = 400
-"""Tuples after which `map` settles for the best found and does not call it optimal."""
+_MAP_TUPLES, _MAP_GLANCES, _MAP_UNSEATED = 200, 48, 4
+"""Tuples, looks at whether everybody might have its cheapest, and futile seatings after which `map`
+settles for the best found."""
+
+_MAP_PLAYS, _MAP_STAGINGS, _MAP_FRAMINGS, _MAP_SEATINGS = 4, 8, 8, 2
+"""For one tuple: how often it is staged afresh, stagings looked at each time, framings in which
+everybody might have its cheapest, and framings in which the cheapest seating is computed."""
+
+_MAP_EFFORT = 0.1
+"""Share of its bounds that one such seating may spend: another framing is cheaper than a proof."""
+
+_FOLLOWS_AFTER = 1.2
+"""How much later than the first in its lane the second starts [s]."""
+
+_SAME, _PREFERENCE = 1e-6, 1e-5
+"""Costs so near one another are equal [nats]; and by so much a way of a candidate is cheaper than
+the next."""
 
 _STAGINGS_PER_TUPLE = 4
 _GUEST_DRAWS = 1
@@ -99,8 +120,8 @@ _ROOM_TO_COME = 3.0
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
 
-_Event = (Contact, TimeGap, Headway, GivesWay)
-_EventClause = Contact | TimeGap | Headway | GivesWay
+_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor)
+_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor
 
 
 def select(
@@ -123,6 +144,15 @@ def select(
     return _Search(program, pool, ground, rng, mode, lenient).run()
 
 
+@dataclass(frozen=True, eq=False)
+class _Framing:
+    """A staging in scene time, with the scene's length and the programme's offset [s]."""
+
+    staging: Staging
+    duration: float
+    offset: float | None
+
+
 class _Search:
     def __init__(
         self,
@@ -141,11 +171,12 @@ class _Search:
         self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
         bound = [name for c in self._events for name in (c.first, str(c.second))]
-        self._bound = list(dict.fromkeys(bound))
+        runners = [c.agent for c in program.clauses if isinstance(c, RunsRed)]
+        self._bound = list(dict.fromkeys((*bound, *runners)))
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
-        self._unseated = 0
-        self._staged = 0
+        self._shortfalls = Shortfalls()
+        self._unseated = self._staged = self._glances = 0
 
     def run(self) -> Selection:
         for clause in (*self._near, *self._before):
@@ -169,26 +200,121 @@ class _Search:
         return None
 
     def _least(self) -> Selection | None:
-        """The combination of least cost: tuples by ascending cost, until none can be better.
+        """The combination of least cost: tuples by ascending floor, until none can be better.
 
-        A tuple costs at least its own sum plus the cheapest option of everybody else.
+        The floor of a tuple is its own cost and the cheapest candidate of everybody else. A tuple
+        that stays above its floor at every moment tried is left undecided: the optimum is certain
+        only if it costs no more than the floors of these.
         """
-        others = sum(
-            float((draws.nll + draws.time_nll).min())
-            for name, draws in self._pool.agents.items()
-            if name not in self._bound and not draws.spare
-        )
+        others = sum(self._least_cost(draws) for draws in self._unbound() if not draws.spare)
         best: Selection | None = None
-        for tried, choice in enumerate(self._tuples(), start=1):
-            bound = others + sum(self._cost(name, m) for name, m in choice.items())
-            if best is not None and bound >= best.cost:
-                return _counted(best, tried)
-            if tried > _MAP_TUPLES:
-                return None if best is None else replace(best, optimal=False)
-            selection = self._try(choice)
-            if selection is not None and (best is None or selection.cost < best.cost):
-                best = selection
-        return best
+        undecided, tried = float("inf"), 0
+        for choice in self._by_cost():
+            floor = others + sum(self._cost(name, m) for name, m in choice.items())
+            if self._spent(best, floor, tried):
+                undecided = min(undecided, floor)
+                break
+            tried += 1
+            found, decided = self._cheapest(choice, floor)
+            if found is not None and (best is None or found.cost < best.cost):
+                best = found
+            undecided = undecided if decided else min(undecided, floor)
+        if best is None:
+            return None
+        gap = max(best.cost - undecided, 0.0)
+        counted = _counted(best, tried)
+        figures = {**counted.figures, "gap": gap}
+        return replace(counted, optimal=gap <= _SAME, figures=figures)
+
+    def _spent(self, best: Selection | None, floor: float, tried: int) -> bool:
+        """Whether `map` goes no further: nothing cheaper is left, or not found in reason."""
+        if best is not None and floor >= best.cost - _SAME:
+            return True
+        hopeless = self._unseated >= _MAP_UNSEATED and best is None
+        return hopeless or tried >= _MAP_TUPLES or self._glances >= _MAP_GLANCES
+
+    def _cheapest(self, choice: dict[str, int], floor: float) -> tuple[Selection | None, bool]:
+        """The cheapest selection found with a tuple; whether there certainly is no cheaper one."""
+        set_up = self._set_up(choice)
+        if set_up is None:
+            return None, True
+        framings: list[_Framing] = []
+        before = self._staged
+        for staging in self._stagings(*set_up):
+            self._staged += 1
+            framing = self._framed(staging, choice)
+            if framing is None:
+                continue
+            framings.append(framing)
+            self._glances += 1
+            seating = seat_cheapest(*self._party(framing))
+            if seating is not None:
+                selection = self._selection(framing, choice, seating)
+                if selection.cost <= floor + _SAME:
+                    return selection, True
+            if len(framings) >= _MAP_FRAMINGS:
+                break
+        if self._staged == before:
+            return None, not self._meet(set_up[0])
+        return self._above(framings[:_MAP_SEATINGS], choice), False
+
+    def _above(self, framings: list[_Framing], choice: dict[str, int]) -> Selection | None:
+        """The cheapest selection in one of these framings, if not everybody has its cheapest."""
+        found: list[Selection] = []
+        for framing in framings:
+            if self._unseated >= _MAP_UNSEATED:
+                break
+            seating = seat(*self._party(framing), effort=_MAP_EFFORT)
+            if isinstance(seating, str):
+                self._unseated += 1
+                self._failures[seating] += 1
+            else:
+                found.append(self._selection(framing, choice, seating))
+        return min(found, key=lambda each: each.cost, default=None)
+
+    def _party(self, framing: _Framing) -> tuple[list[Invited], Table, Mapping[AgentClass, int]]:
+        """Everybody else, around the foreground."""
+        table = Table(each.until(framing.duration) for each in framing.staging.actors.values())
+        return self._invited(self._moment(framing), table.fixed), table, self._pool.background
+
+    def _stagings(
+        self, candidates: Mapping[str, Candidate], marks: Mapping[str, Landmarks]
+    ) -> Iterator[Staging]:
+        """Stagings of a tuple, drawn afresh several times."""
+        stage = Stage(
+            candidates, marks, self._rng, lenient=self._lenient, shortfalls=self._shortfalls
+        )
+        for _ in range(_MAP_PLAYS):
+            yield from itertools.islice(stage.play(self._events, Staging()), _MAP_STAGINGS)
+
+    def _set_up(
+        self, choice: Mapping[str, int]
+    ) -> tuple[dict[str, Candidate], dict[str, Landmarks]] | None:
+        """A tuple's candidates and landmarks; None if it fails at any time whatever."""
+        built = {name: self._candidate(name, m) for name, m in choice.items()}
+        candidates = {name: pair[0] for name, pair in built.items() if pair}
+        marks = {name: pair[1] for name, pair in built.items() if pair}
+        if None in built.values() or not self._paths_fit(candidates):
+            return None
+        return candidates, marks
+
+    def _meet(self, candidates: Mapping[str, Candidate]) -> bool:
+        """Whether the paths of all who have to do with one another touch."""
+        pairs = ((candidates[c.first], candidates[str(c.second)]) for c in self._events)
+        return all(close_encounter(*pair).touches for pair in pairs)
+
+    def _by_cost(self) -> Iterator[dict[str, int]]:
+        draws = [self._pool.agents[name] for name in self._bound]
+        for choice in best_first([each.nll + each.time_nll for each in draws]):
+            yield dict(zip(self._bound, choice, strict=True))
+
+    def _unbound(self) -> list[AgentDraws]:
+        return [each for name, each in self._pool.agents.items() if name not in self._bound]
+
+    def _least_cost(self, draws: AgentDraws) -> float:
+        """Of an agent's cheapest candidate on which every unary clause holds; inf if on none."""
+        fits = (m for m in _ranked(draws) if self._candidate(draws.name, m) is not None)
+        return next((self._cost(draws.name, m) for m in fits), float("inf"))
 
     def _cost(self, name: str, m: int) -> float:
         draws = self._pool.agents[name]
@@ -199,9 +325,6 @@ class _Search:
         draws = [self._pool.agents[name] for name in self._bound]
         if not draws:
             yield {}
-            return
-        if self._mode == "map":
-            yield from _best_first(draws)
             return
         orders = [self._rng.permutation(len(each.nll)) for each in draws]
         for n in itertools.count():
@@ -220,7 +343,9 @@ class _Search:
         marks = {name: pair[1] for name, pair in built.items() if pair}
         if not self._paths_fit(candidates):
             return None
-        stage = Stage(candidates, marks, self._rng, lenient=self._lenient)
+        stage = Stage(
+            candidates, marks, self._rng, lenient=self._lenient, shortfalls=self._shortfalls
+        )
         count = 0
         for staging in stage.play(self._events, Staging()):
             selection = self._finish(staging, choice)
@@ -266,22 +391,32 @@ class _Search:
 
     def _finish(self, staging: Staging, choice: dict[str, int]) -> Selection | None:
         """In scene time, with lights and everybody else; None if one of these does not fit."""
-        timed = self._timed(staging)
-        if timed is None or not self._strangers_apart(timed):
+        framing = self._framed(staging, choice)
+        if framing is None:
             return None
-        if not self._in_order(timed):
-            return None
-        staging, duration = timed, self._duration(timed)
-        offset = self._signal_offset(staging, duration)
-        if offset is None and self._ground.on.signals is not None:
-            self._failures["the signal programme allows no such moment"] += 1
-            return None
-        seating = self._seat(staging, offset, duration)
+        seating = self._seat(framing)
         if isinstance(seating, str):
             self._unseated += 1
             self._failures[seating] += 1
             return None
-        return self._selection(staging, choice, seating, offset, duration)
+        return self._selection(framing, choice, seating)
+
+    def _framed(self, staging: Staging, choice: Mapping[str, int]) -> _Framing | None:
+        """In scene time and with lights; None if one of these does not fit."""
+        timed = self._timed(staging)
+        timed = None if timed is None else self._with_runners(timed, choice)
+        if timed is None or not self._strangers_apart(timed):
+            return None
+        if not self._in_order(timed):
+            return None
+        duration = self._duration(timed)
+        if not self._run_red(timed, duration):
+            return None
+        offset = self._signal_offset(timed, duration)
+        if offset is None and self._ground.on.signals is not None:
+            self._failures["the signal programme allows no such moment"] += 1
+            return None
+        return _Framing(timed, duration, offset)
 
     def _timed(self, staging: Staging) -> Staging | None:
         """Shifted so that the first event falls where it can be seen coming."""
@@ -302,6 +437,21 @@ class _Search:
         needed = _needed(staging) if staging.happenings else 0.0
         longer = needed + float(self._rng.uniform(0.0, 6.0))
         return float(np.ceil(np.clip(longer, _MIN_SECONDS, MAX_SECONDS)))
+
+    def _with_runners(self, staging: Staging, choice: Mapping[str, int]) -> Staging:
+        """Also those who run red on their own."""
+        alone = [name for name in self._bound if name not in staging.actors]
+        built = {name: self._candidate(name, choice[name]) for name in alone}
+        known = {name: pair for name, pair in built.items() if pair is not None}
+        return with_runners(staging, known, known, self._rng)
+
+    def _run_red(self, staging: Staging, duration: float) -> bool:
+        """Whether everybody who is to run red gets there in time."""
+        for name in sorted(self._violators):
+            if name not in staging.actors or not runs_in_time(name, staging, until=duration):
+                self._failures[f"runs_red({name}) before what it does to others"] += 1
+                return False
+        return True
 
     def _strangers_apart(self, staging: Staging) -> bool:
         related = {frozenset((c.first, str(c.second))) for c in self._events}
@@ -337,13 +487,16 @@ class _Search:
         offsets = feasible_offsets(program, tuple(wanted))
         return float(self._rng.choice(offsets)) if len(offsets) else None
 
-    def _seat(self, staging: Staging, offset: float | None, duration: float) -> Seating | str:
-        """Everybody else around the foreground; spares stand in for those who find no room."""
+    def _moment(self, framing: _Framing) -> Moment:
         clock = None
-        if offset is not None and self._ground.on.signals is not None:
-            clock = SignalClock(self._ground.on.signals, offset)
-        blocked = any(actor.contact is not None for actor in staging.actors.values())
-        moment = Moment(clock, duration, blocked)
+        if framing.offset is not None and self._ground.on.signals is not None:
+            clock = SignalClock(self._ground.on.signals, framing.offset)
+        blocked = any(actor.contact is not None for actor in framing.staging.actors.values())
+        return Moment(clock, framing.duration, blocked)
+
+    def _seat(self, framing: _Framing) -> Seating | str:
+        """Everybody else around the foreground; spares stand in for those who find no room."""
+        moment, actors = self._moment(framing), framing.staging.actors
         everybody = [
             Guest(
                 name=name,
@@ -353,13 +506,63 @@ class _Search:
                 spare=draws.spare,
             )
             for name, draws in self._pool.agents.items()
-            if name not in staging.actors
+            if name not in actors
         ]
-        table = Table(actor.until(duration) for actor in staging.actors.values())
-        if self._mode == "map":
-            invited = [guest for guest in everybody if not guest.spare]
-            return seat(invited, table, self._pool.background)
+        table = Table(actor.until(framing.duration) for actor in actors.values())
         return seat_in_turn(everybody, table, self._pool.background)
+
+    def _invited(self, moment: Moment, fixed: Sequence[Actor]) -> list[Invited]:
+        """Everybody else by their candidates, built when they are looked at."""
+        return [
+            Invited(
+                name=draws.name,
+                type=draws.route.type,
+                foreground=draws.role == "foreground",
+                offers=self._offers(draws, moment, fixed),
+            )
+            for draws in self._unbound()
+            if not draws.spare
+        ]
+
+    def _offers(
+        self, draws: AgentDraws, moment: Moment, fixed: Sequence[Actor]
+    ) -> tuple[Offer, ...]:
+        ways = partial(self._at_any_time, draws, moment=moment, fixed=fixed)
+        return tuple(Offer(self._cost(draws.name, m), partial(ways, m)) for m in _ranked(draws))
+
+    def _at_any_time(
+        self, draws: AgentDraws, m: int, moment: Moment, fixed: Sequence[Actor]
+    ) -> Iterator[Option]:
+        """Passing on green whenever there is room, else waiting: one candidate, one likelihood.
+
+        Of ways that are equally likely, the earlier is preferred.
+        """
+        built = self._candidate(draws.name, m)
+        if built is None:
+            return
+        actor = Actor.unplaced(*built)
+        half = STEP * len(actor.motion.s) / 2
+        around = (moment.duration / 2 if draws.arrival is None else draws.arrival) - half
+        starts, cost = starts_of(actor, moment), self._cost(draws.name, m)
+        if len(starts):
+            yield Option(lambda: actor, m, starts, cost, round(around / STEP))
+        drives = draws.route.type == "vehicle"
+        last = last_in_lane(built[0], fixed) if drives else None
+        if last is not None:
+            yield from self._behind(actor, m, cost + _PREFERENCE, around, moment, last)
+        waiting = list(self._reds(actor, moment, around, -half - _WAITING_ALREADY))
+        waiting += [self._second(red) for red in waiting if drives]
+        if moment.blocked:
+            goes = [red for red in waiting if red.release < moment.duration]
+            waiting += [replace(red, stays=True) for red in goes]
+        for rank, red in enumerate((red for red in waiting if red.holds), start=2):
+            step = np.array([round(red.enters / STEP)], dtype=np.int64)
+            yield Option(red.actor, m, step, cost + rank * _PREFERENCE)
+
+    def _second(self, red: RedLight) -> RedLight:
+        """The same, with room for a car ahead."""
+        room = vehicle_shape().length + float(self._rng.uniform(*QUEUE_GAP))
+        return replace(red, gap=red.gap + room, lag=red.lag + _FOLLOWS_AFTER)
 
     def _options(
         self, draws: AgentDraws, moment: Moment, standing: Sequence[Actor]
@@ -454,15 +657,8 @@ class _Search:
         actor = free.edited(stops=(stop,)).until(moment.duration - enters)
         yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64), cost)
 
-    def _selection(
-        self,
-        staging: Staging,
-        choice: dict[str, int],
-        seating: Seating,
-        offset: float | None,
-        duration: float,
-    ) -> Selection:
-        agents: dict[str, SelectedAgent] = {}
+    def _selection(self, framing: _Framing, choice: dict[str, int], seating: Seating) -> Selection:
+        staging, agents = framing.staging, dict[str, SelectedAgent]()
         for name, draws in self._pool.agents.items():
             if name in staging.actors:
                 actor, index = staging.actors[name], choice[name]
@@ -495,8 +691,8 @@ class _Search:
         return Selection(
             agents=agents,
             events=events,
-            duration=duration,
-            signal_offset=offset,
+            duration=framing.duration,
+            signal_offset=framing.offset,
             nll=nll,
             cost=sum(self._cost(name, agent.index) for name, agent in agents.items()),
             optimal=self._mode == "map" and seating.optimal,
@@ -506,43 +702,60 @@ class _Search:
     def _rejection(self) -> Rejection:
         most = self._failures.most_common(3)
         detail = "; ".join(f"{reason} ({count}x)" for reason, count in most)
+        culprit = None if self._staged else self._shortfalls.culprit(self._events)
+        if culprit is not None:
+            detail = f"{format_clause(culprit.clause)}: {culprit.words}"
         return Rejection(
             stage="waypoint_filter",
             code="no_surviving_combination",
             agents=tuple(self._bound),
             detail=f"no combination of candidates survives: {detail or 'none was drawn'}",
+            missed=None if culprit is None else (-culprit.reached, culprit.off),
         )
 
 
 def _in_playing_order(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
-    """Followers come last, behind whatever their leader does; but before a rear-end of the two."""
-    later: list[_EventClause] = []
-    for clause in clauses:
-        pair = {clause.first, str(clause.second)}
-        hits = any(isinstance(c, Contact) and {c.first, c.second} == pair for c in clauses)
-        if isinstance(clause, Headway) and not hits:
-            later.append(clause)
-    return (*(clause for clause in clauses if clause not in later), *later)
+    """Followers come last, behind whatever their leader does; but before they run into it.
+
+    A collision comes after what its agents do otherwise, as it ends them. Who has to do with those
+    on stage comes before others, as two who have come independently cannot be brought together.
+    """
+    later = [each for each in clauses if isinstance(each, Headway) and _comes_last(each, clauses)]
+    sooner = [each for each in clauses if each not in later]
+    ends = [each for each in sooner if isinstance(each, Contact) and _has_company(each, sooner)]
+    return _connected([*(each for each in sooner if each not in ends), *ends, *later])
 
 
-def _best_first(draws: list[AgentDraws]) -> Iterator[dict[str, int]]:
-    """Tuples of candidates by ascending summed NLL, lazily; never the whole product."""
-    orders = [np.argsort(each.nll + each.time_nll) for each in draws]
-    costs = [(each.nll + each.time_nll)[order] for each, order in zip(draws, orders, strict=True)]
-    if not draws:
-        yield {}
-        return
-    start = (0,) * len(draws)
-    heap = [(_sum(costs, start), start)]
-    seen = {start}
-    while heap:
-        _, ranks = heapq.heappop(heap)
-        yield {d.name: int(o[r]) for d, o, r in zip(draws, orders, ranks, strict=True)}
-        for axis, rank in enumerate(ranks):
-            step = (*ranks[:axis], rank + 1, *ranks[axis + 1 :])
-            if rank + 1 < len(orders[axis]) and step not in seen:
-                seen.add(step)
-                heapq.heappush(heap, (_sum(costs, step), step))
+def _connected(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
+    """The clauses in their order, but those first that bind somebody who is there already."""
+    ordered: list[_EventClause] = []
+    known: set[str] = set()
+    rest = list(clauses)
+    while rest:
+        joins = (each for each in rest if known & {each.first, str(each.second)})
+        ordered.append(next(joins, rest[0]))
+        rest.remove(ordered[-1])
+        known |= {ordered[-1].first, str(ordered[-1].second)}
+    return tuple(ordered)
+
+
+def _comes_last(follow: Headway, clauses: list[_EventClause]) -> bool:
+    """Whether the leader's way decides when it is followed: if it gives way, or is not hit."""
+    pair = {follow.first, follow.second}
+    hit = any(isinstance(c, Contact) and {c.first, c.second} == pair for c in clauses)
+    waits = any(isinstance(c, GivesWay) and c.first == follow.second for c in clauses)
+    return waits or not hit
+
+
+def _has_company(contact: _EventClause, clauses: list[_EventClause]) -> bool:
+    """Whether one of the two does something else as well."""
+    pair = {contact.first, str(contact.second)}
+    return any(each is not contact and pair & {each.first, str(each.second)} for each in clauses)
+
+
+def _ranked(draws: AgentDraws) -> list[int]:
+    """Candidates by ascending cost."""
+    return [int(m) for m in np.argsort(draws.nll + draws.time_nll, kind="stable")]
 
 
 def _unbound(clause: PairClause) -> Rejection:
@@ -551,16 +764,12 @@ def _unbound(clause: PairClause) -> Rejection:
         code="malformed_program",
         agents=(clause.first, str(clause.second)),
         detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
-        "headway or gives_way clause",
+        "headway, gives_way or brakes_for clause",
     )
 
 
 def _counted(selection: Selection, tried: int) -> Selection:
     return replace(selection, figures={**selection.figures, "tuples": tried})
-
-
-def _sum(costs: list[FloatArray], ranks: tuple[int, ...]) -> float:
-    return float(sum(cost[rank] for cost, rank in zip(costs, ranks, strict=True)))
 
 
 def _needed(staging: Staging) -> float:

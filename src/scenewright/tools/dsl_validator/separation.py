@@ -126,7 +126,9 @@ class Presence:
         self._nodes, self._met = None, {}
         inner = FOREGROUND if foreground else BACKGROUND
         self._stays.append(_stay(actor, actor.motion, inner, FOREGROUND))
-        if not any(stop.reason == "gives_way" for stop in actor.stops):
+        waits = any(stop.reason == "gives_way" for stop in actor.stops)
+        # Who brakes for one would, unheld, come near others too: the same as who waits.
+        if not waits and not (actor.slowings and actor.contact is None):
             return
         self._stays.append(_stay(actor, actor.free, AFTER_YIELD, AFTER_YIELD))
         if actor.candidate.route.type == "vehicle":

@@ -35,7 +35,7 @@ _TRAFFIC_SHARE = (0.55, 0.8)
 """Vehicles among the background where the text speaks of how dense the traffic is."""
 
 _SECONDS = 30.0
-_CASTS = 4
+_CASTS = 6
 
 
 def hour_of(context: SceneContext, priors: Priors, rng: np.random.Generator) -> float:
@@ -61,13 +61,17 @@ def cast_foreground(
     rng: np.random.Generator,
 ) -> Cast:
     """Routes and patterns of the foreground; no red light is run where that can be avoided."""
-    from scenewright.tools.map_grounding import casts
+    from scenewright.tools.map_grounding import at_odds, casts
 
     def weight(route: Route) -> float:
         return float(np.sqrt(_rate(priors, route, hour))) + 1e-3
 
     drawn = [next(casts(graph, grounding, on=on, rng=rng, weight=weight)) for _ in range(_CASTS)]
-    return min(drawn, key=lambda cast: sum(each.violator is not None for each in cast.patterns))
+    return min(drawn, key=lambda cast: (at_odds(cast, on=on), len(_violators(cast))))
+
+
+def _violators(cast: Cast) -> set[str]:
+    return {each.violator for each in cast.patterns if each.violator is not None}
 
 
 def amplify(

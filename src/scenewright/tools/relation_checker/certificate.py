@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.events import Event, Finding
-from scenewright.tools.relation_checker.contact import gap_at
+from scenewright.tools.relation_checker.contact import Crowd, gap_at
 from scenewright.tools.relation_checker.following import LaneGaps
 from scenewright.tools.relation_checker.motion import Mover
 from scenewright.tools.relation_checker.observation import Observation
@@ -157,7 +157,7 @@ def wrecks(seen: Observation, *, until: float) -> tuple[Finding, ...]:
         for n in (event.from_, event.to):
             if movers[n].end > event.time + WRECK_ENDS_WITHIN + 1e-6:
                 found.append(_drives_on(movers[n], event))
-            found += _near_wreck(movers[n], seen.movers, {event.from_, event.to}, until)
+            found += _near_wreck(movers[n], seen.crowd, {event.from_, event.to}, until)
     return tuple(found)
 
 
@@ -170,20 +170,19 @@ def _drives_on(mover: Mover, event: Event) -> Finding:
     )  # fmt: skip
 
 
-def _near_wreck(
-    wreck: Mover, movers: tuple[Mover, ...], involved: set[int], until: float
-) -> Iterator[Finding]:
-    for other in movers:
-        times = other.times[(other.times > wreck.end + 1e-6) & (other.times <= until + 1e-6)]
-        if other.id in involved or len(times) == 0:
+def _near_wreck(wreck: Mover, crowd: Crowd, involved: set[int], until: float) -> Iterator[Finding]:
+    after = (crowd.times > wreck.end + 1e-6) & (crowd.times <= until + 1e-6)
+    away = crowd.xy[:, after] - wreck.xy[-1]
+    near = np.hypot(away[..., 0], away[..., 1]) < (
+        crowd.reach[:, None] + wreck.reach + MIN_CLEARANCE
+    )
+    near &= crowd.present[:, after]
+    for n in np.flatnonzero(near.any(axis=1)).tolist():
+        other, times = crowd.movers[n], crowd.times[after][near[n]]
+        if other.id in involved:
             continue
-        away = other.at(times)[0] - wreck.xy[-1]
-        near = np.hypot(away[:, 0], away[:, 1]) < wreck.reach + other.reach + MIN_CLEARANCE
-        if not near.any():
-            continue
-        times = times[near]
         gaps = gap_at(wreck, other, times=times)
-        k = int(np.argmin(gaps))
+        k = int(gaps.argmin())
         if gaps[k] < MIN_CLEARANCE - ROUNDING:
             yield _measured(
                 "wreck_clearance", (other, wreck), time=float(times[k]),

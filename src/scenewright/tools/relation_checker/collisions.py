@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from scenewright.scene.social import CollisionKind
+from scenewright.scene.social import CollisionKind, ImpactPoint
 from scenewright.tools.relation_checker.contact import meeting_point, speed_before
 from scenewright.tools.relation_checker.footprints import angle_between
 from scenewright.tools.relation_checker.motion import Mover
@@ -20,6 +20,10 @@ IMPACT_SPEED = 1.0
 STRIKE_SPEED = 2.0
 BUMPER = 0.3
 """Depth of front and rear in which a contact belongs to them [m]."""
+CORNER = 0.5
+"""Depth either way of a corner [m], where that is no more than a third of the vehicle."""
+CURVE_BRAKING = 2.5
+"""Braking with which one slows for a curve at the most [m/s^2]; harder is a reaction."""
 LEFT_TURN = np.deg2rad(15.0)
 LEFT_TURN_HEAD_ON = np.deg2rad(25.0)
 
@@ -32,6 +36,7 @@ class Impact:
         place: middle of the contact [m].
         speeds: of both just before [m/s]; relative_speed [m/s].
         sides: on which side of each it lies; None for pedestrians.
+        points: the same more finely: a corner, front, rear, left or right.
         angle: between the headings [rad].
     """
 
@@ -39,6 +44,7 @@ class Impact:
     speeds: tuple[float, float]
     relative_speed: float
     sides: tuple[Side | None, Side | None]
+    points: tuple[ImpactPoint | None, ImpactPoint | None]
     angle: float
 
 
@@ -52,6 +58,7 @@ def impact(first: Mover, second: Mover, *, time: float) -> Impact:
         speeds=(float(np.hypot(*one)), float(np.hypot(*two))),
         relative_speed=float(np.hypot(*(one - two))),
         sides=(contact_side(first, place, time=time), contact_side(second, place, time=time)),
+        points=(impact_point(first, place, time=time), impact_point(second, place, time=time)),
         angle=float(angle[0]),
     )
 
@@ -69,6 +76,46 @@ def contact_side(mover: Mover, place: tuple[float, float], *, time: float) -> Si
     if along >= mover.half_length - BUMPER:
         return "front"
     return "rear" if along <= BUMPER - mover.half_length else "side"
+
+
+def impact_point(mover: Mover, place: tuple[float, float], *, time: float) -> ImpactPoint | None:
+    """The corner, end or side of a vehicle that a point of contact is at; None for a pedestrian.
+
+    A corner lies within 0.5 m of an end and of a side (a third of a small vehicle); front and rear
+    are what is left within that depth of an end, left and right what is left of the outline.
+    """
+    if not mover.is_vehicle:
+        return None
+    xy, heading = mover.at(np.array([time]))
+    delta, turn = np.array(place) - xy[0], float(heading[0])
+    along = float(delta @ (np.cos(turn), np.sin(turn)))
+    across = float(delta @ (-np.sin(turn), np.cos(turn)))
+    from_end = mover.half_length - abs(along) - min(CORNER, mover.length / 3)
+    from_side = mover.half_width - abs(across) - min(CORNER, mover.width / 3)
+    end: Literal["front", "rear"] = "front" if along > 0 else "rear"
+    side: Literal["left", "right"] = "left" if across > 0 else "right"
+    if from_end <= 0 and from_side <= 0:
+        return _CORNERS[end, side]
+    return end if from_end <= min(from_side, 0.0) or from_end < from_side else side
+
+
+_CORNERS: dict[tuple[str, str], ImpactPoint] = {
+    ("front", "left"): "front_left", ("front", "right"): "front_right",
+    ("rear", "left"): "rear_left", ("rear", "right"): "rear_right",
+}  # fmt: skip
+
+
+def is_at(asked: ImpactPoint, seen: ImpactPoint | None) -> bool:
+    """Whether a contact is where it was asked for; corners belong to front and rear, not to sides.
+
+    >>> is_at("front", "front_left"), is_at("side", "right"), is_at("left", "rear_left")
+    (True, True, False)
+    """
+    if seen is None:
+        return False
+    if asked in ("front", "rear"):
+        return seen.startswith(asked)
+    return seen in ("left", "right") if asked == "side" else seen == asked
 
 
 def kind_of(first: Mover, second: Mover, hit: Impact, *, time: float) -> CollisionKind | None:
@@ -116,15 +163,19 @@ def cause_of(first: Mover, second: Mover, *, time: float, lights: Lights) -> tup
 
     `red_light_run`: it crossed its stop line, or stepped into the crosswalk, on red before the
     event. `late_brake`: a vehicle brakes harder than 3.4 m/s^2 in the last 3 s, and half a second
-    before it began to, it had not braked above 1 m/s^2 for a second.
+    before it began to, it had for a second not braked harder than for a curve.
     """
     red = red_run(first, second, time=time, lights=lights)
     if red is not None:
         return red
-    for mover in (first, second):
-        if mover.is_vehicle and _brakes_late(mover, time):
-            return "late_brake", mover.id
-    return None
+    late = late_braker(first, second, time=time)
+    return None if late is None else ("late_brake", late)
+
+
+def late_braker(first: Mover, second: Mover, *, time: float) -> int | None:
+    """The id of the first of the two that brakes late before a time [s]; None if neither does."""
+    late = (m.id for m in (first, second) if m.is_vehicle and _brakes_late(m, time))
+    return next(late, None)
 
 
 def red_run(first: Mover, second: Mover, *, time: float, lights: Lights) -> tuple[str, int] | None:
@@ -142,4 +193,4 @@ def _brakes_late(mover: Mover, time: float) -> bool:
         return False
     onset = float(mover.times[int(np.argmax(hard))])
     before = (mover.times >= onset - 1.5) & (mover.times <= onset - 0.5)
-    return bool(before.any()) and not bool((mover.acceleration[before] < -1.0).any())
+    return bool(before.any()) and not bool((mover.acceleration[before] < -CURVE_BRAKING).any())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,9 +16,10 @@ from scenewright.tools.relation_checker.footprints import (
     IntArray,
     corners,
     extent,
+    extents,
     gap,
 )
-from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.motion import Mover, strung
 from scenewright.tools.relation_checker.planar import Area, geos
 
 TOUCH = 1e-3
@@ -65,41 +68,39 @@ def first_contact(first: Mover, second: Mover) -> Contact | None:
     Positions and headings are linear between samples. Within a step the search advances by the gap
     divided by the fastest possible approach, so it cannot jump over a contact; it ends within 1 mm.
     """
-    times = common_times(first, second)
-    if len(times) == 0:
-        return None
-    gaps = gap_at(first, second, times=times)
-    if gaps[0] <= TOUCH:
-        return Contact(float(times[0]), True)
-    bound = approach_bound(first, second, times)
-    for k in np.flatnonzero(gaps[:-1] + gaps[1:] <= bound + 2 * TOUCH):
-        time = _advance(first, second, float(times[k]), float(bound[k]))
-        if time is not None:
-            return Contact(time, False)
-    return None
+    return closeness(gather((first, second))).contacts.get(0)
 
 
-def approach_bound(first: Mover, second: Mover, times: FloatArray) -> FloatArray:
-    """[n-1] most that the gap can shrink between successive times [m]."""
-    xy, heading = first.at(times)
-    other_xy, other_heading = second.at(times)
-    shift = np.diff(other_xy - xy, axis=0)
-    turn = first.reach * np.abs(np.diff(heading)) + second.reach * np.abs(np.diff(other_heading))
-    return np.hypot(shift[:, 0], shift[:, 1]) + turn
-
-
-def _advance(first: Mover, second: Mover, start: float, bound: float) -> float | None:
+def _advance(first: Mover, second: Mover, start: float) -> float | None:
+    """The first contact within the step that begins at a sample time [s], None if there is none."""
+    ends = start + np.array((0.0, STEP))
+    states = [mover.at(ends) for mover in (first, second)]
+    dx, dy = np.diff(states[1][0] - states[0][0], axis=0)[0]
+    turn, other_turn = (np.abs(heading[1] - heading[0]) for _, heading in states)
+    bound = float(np.hypot(dx, dy) + first.reach * turn + second.reach * other_turn)
     part = 0.0
     for _ in range(200):
-        time = start + part * STEP
-        distance = float(gap_at(first, second, times=np.array([time]))[0])
+        distance = _gap_between(first, second, states, part)
         if distance <= TOUCH:
-            return time
+            return start + part * STEP
         part += max(distance / max(bound, 1e-9), 1e-3)
         if part > 1.0:
             break
-    last = float(gap_at(first, second, times=np.array([start + STEP]))[0])
-    return start + STEP if last <= TOUCH else None
+    return start + STEP if _gap_between(first, second, states, 1.0) <= TOUCH else None
+
+
+def _gap_between(
+    first: Mover, second: Mover, states: Sequence[tuple[FloatArray, FloatArray]], part: float
+) -> float:
+    """Gap [m] at a part of a step, from positions and headings at its two ends."""
+    (xy, heading), (other_xy, other_heading) = (
+        (xy[0] + part * (xy[1] - xy[0]), heading[0] + part * (heading[1] - heading[0]))
+        for xy, heading in states
+    )
+    return float(gap(
+        xy, heading, extent(first),
+        other_xy=other_xy, other_heading=other_heading, other_size=extent(second),
+    ))  # fmt: skip
 
 
 def least_clearance(
@@ -127,7 +128,8 @@ def meeting_point(first: Mover, second: Mover, *, time: float) -> tuple[float, f
         middle = line.interpolate(0.5, normalized=True)
         return float(middle.x), float(middle.y)
     overlap = one.buffer(0.05, quad_segs=2).intersection(two.buffer(0.05, quad_segs=2))
-    return float(overlap.centroid.x), float(overlap.centroid.y)
+    middle = overlap.centroid
+    return float(middle.x), float(middle.y)
 
 
 def _outline(mover: Mover, time: float) -> Area:
@@ -160,7 +162,8 @@ class Crowd:
     Attributes:
         movers: N of them; times: [T] [s].
         xy: [N, T, 2] and heading: [N, T], held outside of a mover's own time.
-        present: [N, T] bool.
+        present: [N, T] bool; first: [N] column of each mover's first sample.
+        origin: [N+1] where each mover's samples begin, if strung one after another.
         pairs: [M, 2] indices of all pairs.
     """
 
@@ -169,32 +172,34 @@ class Crowd:
     xy: FloatArray
     heading: FloatArray
     present: BoolArray
+    first: IntArray
+    origin: IntArray
     pairs: IntArray
 
+    @cached_property
     def extents(self) -> Extent:
         """Sizes of all movers, one row each."""
-        sizes = np.array([(m.half_length, m.half_width, m.radius) for m in self.movers])
-        return Extent(sizes[:, 0], sizes[:, 1], sizes[:, 2])
+        return extents(self.movers)
+
+    @cached_property
+    def reach(self) -> FloatArray:
+        """[N] radius of the circle round each footprint [m]."""
+        return np.array([m.reach for m in self.movers])
 
 
 def gather(movers: tuple[Mover, ...]) -> Crowd:
     """Puts movers on one grid from the first start to the last end."""
     start = min((m.start for m in movers), default=0.0)
     end = max((m.end for m in movers), default=0.0)
-    count = round((end - start) / STEP) + 1
-    xy, heading = np.zeros((len(movers), count, 2)), np.zeros((len(movers), count))
-    present = np.zeros((len(movers), count), dtype=np.bool_)
-    for n, mover in enumerate(movers):
-        i = round((mover.start - start) / STEP)
-        xy[n, :i], xy[n, i : i + len(mover)], xy[n, i + len(mover) :] = (
-            mover.xy[0], mover.xy, mover.xy[-1],
-        )  # fmt: skip
-        heading[n, :i], heading[n, i + len(mover) :] = mover.heading[0], mover.heading[-1]
-        heading[n, i : i + len(mover)] = mover.heading
-        present[n, i : i + len(mover)] = True
+    times = np.asarray(start + STEP * np.arange(round((end - start) / STEP) + 1), dtype=np.float64)
+    xy, heading, origin = strung(movers)
+    first = np.array([round((m.start - start) / STEP) for m in movers], dtype=np.intp)
+    sample = np.arange(len(times)) - first[:, None]
+    last = np.diff(origin)[:, None] - 1
+    held = np.minimum(np.maximum(sample, 0), last)
+    rows = origin[:-1, None] + held
     pairs = np.stack(np.triu_indices(len(movers), 1), axis=1)
-    times = np.asarray(start + STEP * np.arange(count), dtype=np.float64)
-    return Crowd(movers, times, xy, heading, present, pairs)
+    return Crowd(movers, times, xy[rows], heading[rows], held == sample, first, origin, pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +221,7 @@ def closeness(crowd: Crowd) -> Closeness:
     """Clearances and first contacts of all pairs; exact footprints only where centres are near."""
     a, b = crowd.pairs[:, 0], crowd.pairs[:, 1]
     shift = crowd.xy[b] - crowd.xy[a]
-    reach = np.array([m.reach for m in crowd.movers])
+    reach = crowd.reach
     gaps = np.sqrt(shift[..., 0] ** 2 + shift[..., 1] ** 2)
     gaps -= (reach[a] + reach[b])[:, None] if len(a) else 0.0
     gaps[~(crowd.present[a] & crowd.present[b])] = np.inf
@@ -232,7 +237,7 @@ def _exact(
     b: IntArray,
     col: IntArray,
 ) -> FloatArray:
-    sizes = crowd.extents()
+    sizes = crowd.extents
     one, two = sizes.rows(a), sizes.rows(b)
     return gap(
         crowd.xy[a, col], crowd.heading[a, col], one,
@@ -241,35 +246,39 @@ def _exact(
 
 
 def _first_contacts(crowd: Crowd, gaps: FloatArray) -> dict[int, Contact]:
-    """Pairs that touch at a sample or may touch between two get the continuous search."""
-    touching = (gaps <= TOUCH).any(axis=1)
-    if gaps.shape[1] > 1:
-        bound = _bounds(crowd) + 2 * TOUCH
-        most = bound[crowd.pairs[:, 0]] + bound[crowd.pairs[:, 1]]
-        touching |= _may_touch(crowd, gaps, most)
-    found = {
-        int(m): first_contact(*(crowd.movers[k] for k in crowd.pairs[m]))
-        for m in np.flatnonzero(touching)
-    }
-    return {m: contact for m, contact in found.items() if contact is not None}
+    """By row of `Crowd.pairs`; steps in which a gap may close get the continuous search."""
+    found: dict[int, Contact] = {}
+    for row in np.flatnonzero((gaps <= TOUCH).any(axis=1)).tolist():
+        first, second = (crowd.movers[k] for k in crowd.pairs[row])
+        begin = int(np.argmax(np.isfinite(gaps[row])))
+        if gaps[row, begin] <= TOUCH:
+            found[row] = Contact(max(first.start, second.start), True)
+    for row, col in zip(*_closing_steps(crowd, gaps), strict=True):
+        if row not in found:
+            first, second = (crowd.movers[k] for k in crowd.pairs[row])
+            time = _advance(first, second, float(crowd.times[col]))
+            if time is not None:
+                found[row] = Contact(time, False)
+    return dict(sorted(found.items()))
 
 
-def _may_touch(crowd: Crowd, gaps: FloatArray, most: FloatArray) -> BoolArray:
-    """Pairs with a step in which the gap may close, after a look at its middle."""
+def _closing_steps(crowd: Crowd, gaps: FloatArray) -> tuple[list[int], list[int]]:
+    """Pairs and steps, in order, in which the gap may close, after a look at their middle."""
+    bound = _bounds(crowd) + 2 * TOUCH
+    most = bound[crowd.pairs[:, 0]] + bound[crowd.pairs[:, 1]]
     row, col = np.nonzero(gaps[:, :-1] + gaps[:, 1:] <= most)
-    result = np.zeros(len(gaps), dtype=np.bool_)
     if len(row) == 0:
-        return result
+        return [], []
     a, b = crowd.pairs[row, 0], crowd.pairs[row, 1]
-    sizes, half = crowd.extents(), most[row, col] / 2
+    sizes, half = crowd.extents, most[row, col] / 2
     middle = gap(
         *_halfway(crowd, a, col), sizes.rows(a),
         **dict(zip(("other_xy", "other_heading"), _halfway(crowd, b, col), strict=True)),
         other_size=sizes.rows(b),
     )  # fmt: skip
     least = np.minimum(gaps[row, col], gaps[row, col + 1])
-    result[row[np.minimum(middle, middle + least - half) <= 0]] = True
-    return result
+    may = np.minimum(middle, middle + least - half) <= 0
+    return row[may].tolist(), col[may].tolist()
 
 
 def _halfway(crowd: Crowd, n: IntArray, col: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -279,7 +288,6 @@ def _halfway(crowd: Crowd, n: IntArray, col: IntArray) -> tuple[FloatArray, Floa
 
 def _bounds(crowd: Crowd) -> FloatArray:
     """[N, T-1] most that any point of a footprint moves within a step [m]."""
-    shift = np.diff(crowd.xy, axis=1)
-    reach = np.array([m.reach for m in crowd.movers])
-    turn = reach[:, None] * np.abs(np.diff(crowd.heading, axis=1))
+    shift = crowd.xy[:, 1:] - crowd.xy[:, :-1]
+    turn = crowd.reach[:, None] * np.abs(crowd.heading[:, 1:] - crowd.heading[:, :-1])
     return np.asarray(np.sqrt(shift[..., 0] ** 2 + shift[..., 1] ** 2) + turn)

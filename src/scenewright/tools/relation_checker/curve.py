@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,17 @@ from scenewright.scene.base import FloatArray
 
 SPACING = 0.5
 """Distance of path points [m]."""
+FOOT = 2 * SPACING
+"""The foot of a projection lies at most this far from the nearest path point [m]."""
+SHORTEST = 0.05
+"""Shorter tracks have no direction of their own [m]."""
+ROOM = 30_000
+"""Points times lane points that are looked at in one go: as many as a core keeps at hand."""
+LANE_BEFORE, LANE_AFTER = 30, 50
+"""Points by which a lane goes on straight before and after a path: 15 and 25 m."""
+
+IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
+BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,28 +44,90 @@ class Path:
     def extended(self, *, before: float, after: float) -> Path:
         """The path with straight pieces at both ends [m]."""
         back, on = (SPACING * np.arange(1, int(d / SPACING) + 1) for d in (before, after))
-        first, last = self.direction[0], self.direction[-1]
-        tail = self.xy[0] - back[::-1, None] * np.array((np.cos(first), np.sin(first)))
-        front = self.xy[-1] + on[:, None] * np.array((np.cos(last), np.sin(last)))
+        ends = self.direction[[0, -1]]
+        (tail, front), way = self.xy[[0, -1]], np.stack((np.cos(ends), np.sin(ends)), axis=1)
+        tail, front = tail - back[::-1, None] * way[0], front + on[:, None] * way[1]
         return Path(
             np.concatenate((self.s[0] - back[::-1], self.s, self.s[-1] + on)),
             np.concatenate((tail, self.xy, front)),
-            np.concatenate((np.full(len(back), first), self.direction, np.full(len(on), last))),
+            np.concatenate((ends[:1].repeat(len(back)), self.direction, ends[1:].repeat(len(on)))),
         )
 
 
-def curve(xy: FloatArray, s: FloatArray, heading: FloatArray) -> Path:
-    """The path through positions [T, 2] at arc lengths [T]; one point if shorter than 0.05 m."""
-    total = float(s[-1])
-    if total < 0.05:
-        return Path(np.zeros(1), xy[:1], heading[:1])
-    keep = np.concatenate(([True], np.diff(s) > 1e-4))
-    even = np.linspace(0.0, total, max(int(total / SPACING), 1) + 1)
-    points = np.stack([np.interp(even, s[keep], xy[keep, k]) for k in (0, 1)], axis=1)
+def curves(xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray) -> list[Path]:
+    """The paths of many tracks in one pass; one point where a track is shorter than 0.05 m.
+
+    Args:
+        xy: [S, 2] positions [m], track after track; s: [S] arc length since the first position of
+            the track; heading: [S]; origin: [N+1] where each track begins, the last entry being S.
+    """
+    first, total = origin[:-1], s[origin[1:] - 1]
+    still = total < SHORTEST
+    count = np.where(still, 1, np.maximum((total / SPACING).astype(np.intp), 1) + 1)
+    end = np.cumsum(count)
+    begin, owner = end - count, np.repeat(np.arange(len(count)), count)
+    even = (np.arange(len(owner)) - begin[owner]) * (total / np.maximum(count - 1, 1))[owner]
+    even[end - 1] = np.where(still, 0.0, total)
+    points = _interpolated(even, owner, xy, s, first)
     delta = np.empty_like(points)
     delta[1:-1] = points[2:] - points[:-2]
-    delta[0], delta[-1] = points[1] - points[0], points[-1] - points[-2]
-    return Path(even, points, np.unwrap(np.arctan2(delta[:, 1], delta[:, 0])))
+    delta[begin] = points[np.minimum(begin + 1, end - 1)] - points[begin]
+    delta[end - 1] = points[end - 1] - points[np.maximum(end - 2, begin)]
+    direction = np.arctan2(delta[:, 1], delta[:, 0])
+    direction[begin[still]] = heading[first[still]]
+    jumps = np.abs(direction[1:] - direction[:-1]) >= np.pi
+    for n in np.unique(owner[1:][jumps & (owner[1:] == owner[:-1])]).tolist():
+        direction[begin[n] : end[n]] = np.unwrap(direction[begin[n] : end[n]])
+    return [
+        Path(even[i:j], points[i:j], direction[i:j])
+        for i, j in zip(begin.tolist(), end.tolist(), strict=True)
+    ]
+
+
+def _interpolated(
+    even: FloatArray, owner: IntArray, xy: FloatArray, s: FloatArray, first: IntArray
+) -> FloatArray:
+    """Positions at arc lengths `even` of the tracks `owner`, linear between samples that differ.
+
+    Each track's arc lengths are shifted beyond those of the track before, so that one search finds
+    the places of all.
+    """
+    kept = np.concatenate(([True], s[1:] - s[:-1] > 1e-4))
+    kept[first] = True
+    xy, s, low = xy[kept], s[kept], np.cumsum(kept)[first] - 1
+    high = np.append(low[1:], len(s)) - 1
+    shift = np.cumsum(s[high] + 1.0) - s[high]
+    key = s + np.repeat(shift, high - low + 1)
+    k = np.searchsorted(key, even + shift[owner], side="right") - 1
+    k = np.minimum(np.maximum(k, low[owner]), high[owner])
+    after = np.minimum(k + 1, high[owner])
+    slope = (xy[after] - xy[k]) / np.maximum(s[after] - s[k], 1e-9)[:, None]
+    return np.asarray(slope * (even - s[k])[:, None] + xy[k])
+
+
+def lanes(paths: Sequence[Path]) -> list[Path]:
+    """Every path at every second point, with straight pieces before and after it, in one pass."""
+    count = np.array([len(path.s) for path in paths])
+    size = (count + LANE_BEFORE + LANE_AFTER + 1) // 2
+    end, owner = np.cumsum(size), np.repeat(np.arange(len(paths)), size)
+    k = 2 * (np.arange(len(owner)) - (end - size)[owner]) - LANE_BEFORE
+    on_path = np.minimum(np.maximum(k, 0), count[owner] - 1)
+    beyond, at = SPACING * (k - on_path), on_path + (np.cumsum(count) - count)[owner]
+    direction = np.concatenate([path.direction for path in paths])[at]
+    way = np.stack((np.cos(direction), np.sin(direction)), axis=1)
+    xy = np.concatenate([path.xy for path in paths])[at] + beyond[:, None] * way
+    s = np.concatenate([path.s for path in paths])[at] + beyond
+    return [
+        Path(s[i:j], xy[i:j], direction[i:j])
+        for i, j in zip((end - size).tolist(), end.tolist(), strict=True)
+    ]
+
+
+def unwrapped(angles: FloatArray) -> FloatArray:
+    """Angles [rad] without jumps of full turns; most have none, which is far quicker to see."""
+    if (np.abs(angles[1:] - angles[:-1]) < np.pi).all():
+        return angles
+    return np.unwrap(angles)
 
 
 def curvature(path: Path) -> FloatArray:
@@ -81,16 +155,93 @@ class Projection:
 
 def project(points: FloatArray, path: Path) -> Projection:
     """Projects points [..., 2] on the nearest place of a path."""
-    dx = points[..., None, 0] - path.xy[:, 0]
-    dy = points[..., None, 1] - path.xy[:, 1]
-    square = dx * dx
-    square += dy * dy
-    k = np.argmin(square, axis=-1)
-    least = np.take_along_axis(square, k[..., None], axis=-1)[..., 0]
-    direction = path.direction[k]
-    px, py = points[..., 0] - path.xy[k, 0], points[..., 1] - path.xy[k, 1]
-    along = np.clip(np.cos(direction) * px + np.sin(direction) * py, -2 * SPACING, 2 * SPACING)
-    return Projection(path.s[k] + along, np.sqrt(np.maximum(least - along**2, 0.0)), direction)
+    x, y = points[..., 0], points[..., 1]
+    square, more = np.subtract.outer(x, path.xy[:, 0]), np.subtract.outer(y, path.xy[:, 1])
+    square *= square
+    more *= more
+    square += more
+    k = square.argmin(axis=-1)
+    direction, foot = path.direction[k], path.xy[k]
+    along, lateral = _foot(x - foot[..., 0], y - foot[..., 1], direction)
+    return Projection(path.s[k] + along, lateral, direction)
+
+
+@dataclass(frozen=True, eq=False)
+class Lanes:
+    """Lanes of N movers side by side, padded to one length.
+
+    Attributes:
+        x, y: [N, P] points [m], inf where a lane has no more; s, direction: [N, P], see `Path`.
+        low, high: [2, N] corners of the boxes round the lanes [m].
+    """
+
+    x: FloatArray
+    y: FloatArray
+    s: FloatArray
+    direction: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def side_by_side(lanes: Sequence[Path]) -> Lanes:
+    """Lanes in one table, for many projections at once."""
+    size = max(len(lane.s) for lane in lanes)
+    xy = np.full((2, len(lanes), size), np.inf)
+    s, direction = np.zeros((len(lanes), size)), np.zeros((len(lanes), size))
+    for n, lane in enumerate(lanes):
+        xy[:, n, : len(lane.s)] = lane.xy.T
+        s[n, : len(lane.s)], direction[n, : len(lane.s)] = lane.s, lane.direction
+    high = np.where(np.isinf(xy), -np.inf, xy).max(axis=2)
+    return Lanes(xy[0], xy[1], s, direction, xy.min(axis=2), high)
+
+
+def project_each(
+    points: FloatArray, lanes: Lanes, which: IntArray, *, within: FloatArray
+) -> Projection:
+    """Projects points [n, 2], each on a lane of its own, `which` [n].
+
+    Args:
+        within: [n] distance from the lane [m] beyond which a point does not matter; points that the
+            box of the lane already excludes are not projected: lateral inf, the rest 0.
+    """
+    place, low, high = points.T, lanes.low[:, which], lanes.high[:, which]
+    outside = np.maximum(low - place, place - high)
+    near = (outside < within + FOOT).all(axis=0)
+    new = np.ones(len(points), dtype=np.bool_)
+    new[1:] = (place[:, 1:] != place[:, :-1]).any(axis=0)
+    new[1:] |= (which[1:] != which[:-1]) | (within[1:] != within[:-1])
+    rows, most = np.flatnonzero(near & new), max(ROOM // lanes.x.shape[1], 1)
+    found = np.empty((3, len(rows)))
+    for k in range(0, len(rows), most):
+        part = rows[k : k + most]
+        found[:, k : k + most] = _nearest(points[part], lanes, which[part])
+    result = np.zeros((3, len(points)))
+    result[1] = np.inf
+    # Who stands keeps the projection of its first sample there.
+    result[:, near] = found[:, (np.cumsum(near & new) - 1)[near]]
+    return Projection(*result)
+
+
+def _nearest(
+    points: FloatArray, lanes: Lanes, which: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    x, y = points[:, 0], points[:, 1]
+    square, more = x[:, None] - lanes.x[which], y[:, None] - lanes.y[which]
+    square *= square
+    more *= more
+    square += more
+    k = square.argmin(axis=1)
+    direction = lanes.direction[which, k]
+    foot = np.stack((lanes.x[which, k], lanes.y[which, k]), axis=1)
+    along, lateral = _foot(x - foot[:, 0], y - foot[:, 1], direction)
+    return lanes.s[which, k] + along, lateral, direction
+
+
+def _foot(px: FloatArray, py: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far along a direction a place is, at most 1 m, and how far beside it [m]."""
+    along = np.cos(direction) * px + np.sin(direction) * py
+    along = np.minimum(np.maximum(along, -FOOT), FOOT)
+    return along, np.sqrt(np.maximum(px * px + py * py - along**2, 0.0))
 
 
 def at_distance(path: Path, s: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -10,13 +10,14 @@ resolved to 0.01 s.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import TOUCH
-from scenewright.tools.relation_checker.curve import project
+from scenewright.tools.relation_checker.curve import project_each, side_by_side
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
     Extent,
@@ -25,7 +26,7 @@ from scenewright.tools.relation_checker.footprints import (
     pose,
     touch,
 )
-from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.motion import Mover, strung
 from scenewright.tools.relation_checker.paths import MERGE_LENGTH, SHARED
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
@@ -34,7 +35,9 @@ STILL = 0.02
 BLOCK = 8
 SUBSTEPS = 5
 FINER = 3
-BATCH = 4
+BATCH = 8
+_WHOLE = (np.linspace(0.0, 1.0, SUBSTEPS)[None],) * 2
+"""Parts of the way to the next place that are tried first, for either agent."""
 SPLIT = 3.0
 """Contacts further apart along a path than this [m] belong to different encounters."""
 
@@ -61,8 +64,9 @@ class _Places:
 
     Attributes:
         owner: [K] mover; xy, heading: at the place; next_xy, next_heading: one sample after it.
-        arrive, depart: [K] first and last sample time there [s]; s: [K] arc length [m].
-        size: footprints; swept: footprints lengthened by the way to the next place.
+        arrive, depart: [K] first and last sample time there [s]; leave: [K] when the next place is
+            reached, at the end of a track the same as depart; s: [K] arc length [m].
+        size: footprints; swept: footprints midway to the next place, lengthened by the way.
         origin: [N+1] where each mover's places begin.
     """
 
@@ -73,9 +77,10 @@ class _Places:
     next_heading: FloatArray
     arrive: FloatArray
     depart: FloatArray
+    leave: FloatArray
     s: FloatArray
     size: Extent
-    swept: Extent
+    swept: Pose
     slack: FloatArray
     reach: FloatArray
     origin: IntArray
@@ -117,32 +122,31 @@ def encounters(
 
 
 def _places(movers: tuple[Mover, ...]) -> _Places:
-    parts, origin = [], [0]
-    for n, mover in enumerate(movers):
-        key = np.floor(mover.s / STILL)
-        first = np.flatnonzero(np.concatenate(([True], np.diff(key) > 0)))
-        last = np.append(first[1:], len(mover)) - 1
-        after = np.minimum(last + 1, len(mover) - 1)
-        parts.append((
-            np.full(len(first), n), mover.xy[first], mover.heading[first], mover.xy[after],
-            mover.heading[after], mover.times[first], mover.times[last], mover.s[first],
-        ))  # fmt: skip
-        origin.append(origin[-1] + len(first))
-    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    owner, xy, heading, next_xy, next_heading, arrive, depart, s = columns
-    stride = np.hypot(*(next_xy - xy).T) / 2
-    table = np.array([(m.half_length, m.half_width, m.radius) for m in movers])
-    length, width, radius = table[owner].T
+    xy, heading, origin = strung(movers)
+    times = np.concatenate([m.times for m in movers])
+    s = np.concatenate([m.s for m in movers])
+    key = np.floor(s / STILL)
+    new = np.concatenate(([True], key[1:] > key[:-1]))
+    new[origin[:-1]] = True
+    first = np.flatnonzero(new)
+    last = np.append(first[1:], len(xy)) - 1
+    owner = np.repeat(np.arange(len(movers)), np.diff(origin))[first]
+    after = np.minimum(last + 1, origin[owner + 1] - 1)
+    way, turn = xy[after] - xy[first], heading[after] - heading[first]
+    stride = np.hypot(way[:, 0], way[:, 1]) / 2
+    table = np.array([(m.half_length, m.half_width, m.radius, m.reach) for m in movers])
+    length, width, radius, reach = table[owner].T
     disc = radius > 0
-    reach = np.array([m.reach for m in movers])[owner]
     return _Places(
-        owner, xy, heading, next_xy, next_heading, arrive, depart, s,
+        owner, xy[first], heading[first], xy[after], heading[after], times[first], times[last],
+        times[after], s[first],
         size=Extent(length, width, radius),
-        swept=Extent(
-            np.where(disc, 0.0, length + stride), width, np.where(disc, radius + stride, 0.0)
+        swept=pose(
+            (xy[first] + xy[after]) / 2, heading[first],
+            Extent(np.where(disc, 0.0, length + stride), width, np.where(disc, radius + stride, 0)),
         ),
-        slack=reach * np.abs(next_heading - heading) + TOUCH,
-        reach=reach + stride, origin=np.array(origin),
+        slack=reach * np.abs(turn) + TOUCH, reach=reach + stride,
+        origin=np.searchsorted(first, origin),
     )  # fmt: skip
 
 
@@ -150,58 +154,59 @@ def _candidates(
     places: _Places, movers: tuple[Mover, ...], horizon: float | None, pedestrians: bool
 ) -> tuple[IntArray, IntArray]:
     """Pairs of places whose circles overlap; blocks of places first, within the horizon."""
-    begin = np.concatenate(
-        [np.arange(a, b, BLOCK) for a, b in zip(places.origin, places.origin[1:], strict=False)]
-    )
+    begin = np.flatnonzero((np.arange(len(places.s)) - places.origin[places.owner]) % BLOCK == 0)
     end = np.minimum(begin + BLOCK, places.origin[places.owner[begin] + 1])
-    middle = (places.xy + places.next_xy) / 2
-    low, high = (f.reduceat(middle, begin, axis=0) for f in (np.minimum, np.maximum))
-    radius = np.hypot(*((high - low) / 2).T) + np.maximum.reduceat(places.reach, begin)
+    middle = np.stack((places.swept.x, places.swept.y))
+    low, high = (f.reduceat(middle, begin, axis=1) for f in (np.minimum, np.maximum))
+    radius = np.hypot(*(high - low)) + 2 * np.maximum.reduceat(places.reach, begin)
     i, j = _block_pairs(places, movers, begin, pedestrians)
-    away = (low + high)[i] - (low + high)[j]
-    near = np.square(away[:, 0]) + np.square(away[:, 1]) <= np.square(2 * (radius[i] + radius[j]))
+    x, y = low + high
+    near = np.square(x[i] - x[j]) + np.square(y[i] - y[j]) <= np.square(radius[i] + radius[j])
     i, j = i[near], j[near]
     if horizon is not None:
         arrive, depart = places.arrive[begin], places.depart[end - 1] + STEP
         soon = np.maximum(arrive[i] - depart[j], arrive[j] - depart[i]) <= horizon
         i, j = i[soon], j[soon]
-    return _expanded(places, middle, begin, end, np.stack((i, j)))
+    return _expanded(places, begin, end, np.stack((i, j)))
 
 
 def _block_pairs(
     places: _Places, movers: tuple[Mover, ...], begin: IntArray, pedestrians: bool
 ) -> tuple[IntArray, IntArray]:
     """Pairs of blocks of two movers whose tracks' boxes overlap, the earlier mover first."""
+    a, b = np.nonzero(_box_pairs(movers, pedestrians))
     blocks = np.searchsorted(places.owner[begin], np.arange(len(movers) + 1))
-    boxes = [(*(m.xy.min(axis=0) - m.reach), *(m.xy.max(axis=0) + m.reach)) for m in movers]
-    first, second = [], []
-    for a in range(len(movers)):
-        for b in range(a + 1, len(movers)):
-            walking = not (pedestrians or movers[a].is_vehicle or movers[b].is_vehicle)
-            if walking or _disjoint(boxes[a], boxes[b]):
-                continue
-            first.append(np.repeat(np.arange(blocks[a], blocks[a + 1]), blocks[b + 1] - blocks[b]))
-            second.append(np.tile(np.arange(blocks[b], blocks[b + 1]), blocks[a + 1] - blocks[a]))
-    if not first:
-        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
-    return np.concatenate(first), np.concatenate(second)
+    wide = (blocks[1:] - blocks[:-1])[b]
+    count = (blocks[1:] - blocks[:-1])[a] * wide
+    pair = np.repeat(np.arange(len(a)), count)
+    i, j = np.divmod(np.arange(len(pair)) - (np.cumsum(count) - count)[pair], wide[pair])
+    return blocks[a[pair]] + i, blocks[b[pair]] + j
 
 
-def _disjoint(one: tuple[float, ...], two: tuple[float, ...]) -> bool:
-    return one[0] > two[2] or two[0] > one[2] or one[1] > two[3] or two[1] > one[3]
+def _box_pairs(movers: tuple[Mover, ...], pedestrians: bool) -> BoolArray:
+    """[N, N] whether the boxes of two tracks overlap, above the diagonal."""
+    west, south, east, north = np.array([m.bounds for m in movers]).T
+    reach = np.array([m.reach for m in movers])
+    result = np.ones((len(movers), len(movers)), dtype=np.bool_)
+    for low, high in ((west - reach, east + reach), (south - reach, north + reach)):
+        result &= (low[:, None] <= high) & (low <= high[:, None])
+    if not pedestrians:
+        vehicle = np.array([m.is_vehicle for m in movers])
+        result &= vehicle | vehicle[:, None]
+    return np.triu(result, 1)
 
 
 def _expanded(
-    places: _Places, middle: FloatArray, begin: IntArray, end: IntArray, pairs: IntArray
+    places: _Places, begin: IntArray, end: IntArray, pairs: IntArray
 ) -> tuple[IntArray, IntArray]:
     """Pairs of places of pairs of blocks [2, n] whose own circles overlap."""
     member = begin[:, None] + np.arange(BLOCK)
-    k = np.minimum(member, len(middle) - 1)
-    x, y, reach = middle[k, 0], middle[k, 1], places.reach[k]
+    k = np.minimum(member, len(places.s) - 1)
+    x, y, reach = places.swept.x[k], places.swept.y[k], places.reach[k]
     x[member >= end[:, None]] = np.nan
     i, j = pairs
-    away = np.square(x[i][:, :, None] - x[j][:, None, :])
-    away += np.square(y[i][:, :, None] - y[j][:, None, :])
+    away, more = (np.square(v[i][:, :, None] - v[j][:, None, :]) for v in (x, y))
+    away += more
     row, one, two = np.nonzero(away <= np.square(reach[i][:, :, None] + reach[j][:, None, :]))
     return member[i[row], one], member[j[row], two]
 
@@ -212,17 +217,16 @@ def _touching(places: _Places, p: IntArray, q: IntArray, *, horizon: float | Non
     if horizon is not None:
         soon = lag <= horizon
         p, q, lag = p[soon], q[soon], lag[soon]
-    middle = np.ascontiguousarray(((places.xy + places.next_xy) / 2).T)
-    lengthened = pose(middle.T, places.heading, places.swept)
-    beside = _beside(places, lengthened, p, q)
+    beside = _beside(places, p, q)
     p, q, lag = p[beside], q[beside], lag[beside]
     slack = places.slack[p] + places.slack[q]
-    near = touch(lengthened.rows(p), lengthened.rows(q), tolerance=slack)
+    near = touch(places.swept.rows(p), places.swept.rows(q), tolerance=slack)
     return _Cells(p[near], q[near], np.maximum(lag[near], 0.0))
 
 
-def _beside(places: _Places, at: Pose, p: IntArray, q: IntArray) -> BoolArray:
+def _beside(places: _Places, p: IntArray, q: IntArray) -> BoolArray:
     """Cheap and necessary: q reaches the strip that p drives in."""
+    at = places.swept
     sin, cos = at.sin[p], at.cos[p]
     across = np.abs(cos * (at.y[q] - at.y[p]) - sin * (at.x[q] - at.x[p]))
     strip = np.asarray(at.size.width) + at.size.radius + places.slack
@@ -236,12 +240,13 @@ def _without_lanes(places: _Places, movers: tuple[Mover, ...], cells: _Cells) ->
     a, b = places.owner[cells.p], places.owner[cells.q]
     pair = a * len(movers) + b
     alike = np.array([m.is_vehicle for m in movers])
-    parallel = angle_between(places.heading[cells.p], places.heading[cells.q]) <= SHARED
+    cos, sin = places.swept.cos, places.swept.sin
+    parallel = cos[cells.p] * cos[cells.q] + sin[cells.p] * sin[cells.q] >= np.cos(SHARED)
     keep = np.ones(len(pair), dtype=np.bool_)
-    for code in np.unique(pair[parallel & (alike[a] == alike[b])]):
-        i, j = divmod(int(code), len(movers))
+    codes = np.flatnonzero(np.bincount(pair[parallel & (alike[a] == alike[b])]))
+    first, second = np.divmod(codes, len(movers))
+    for code, one, two in zip(codes, *_lane_parts(movers, first, second), strict=True):
         rows = np.flatnonzero(pair == code)
-        one, two = _lane_part(movers[i], movers[j]), _lane_part(movers[j], movers[i])
         if one is not None and two is not None:
             in_lane = one.beyond(places.s[cells.p[rows]]) | two.beyond(places.s[cells.q[rows]])
             keep[rows[in_lane]] = False
@@ -261,17 +266,41 @@ class _LanePart:
         return np.asarray(inside.any(axis=1))
 
 
-def _lane_part(mover: Mover, other: Mover) -> _LanePart | None:
-    """Where the mover is in one lane with the other, past the first 5 m of a merge."""
-    path = mover.path.coarser()
-    foot = project(path.xy, other.lane)
-    near = foot.lateral < (mover.width + other.width) / 2
-    along = near & (angle_between(path.direction, foot.direction) <= SHARED)
+def _lane_parts(
+    movers: tuple[Mover, ...], first: IntArray, second: IntArray
+) -> tuple[list[_LanePart | None], list[_LanePart | None]]:
+    """For pairs of movers, where the first is in the lane of the second, and the second in its."""
+    if len(first) == 0:
+        return [], []
+    lanes = side_by_side([m.lane for m in movers])
+    pairs = [*zip(first, second, strict=True), *zip(second, first, strict=True)]
+    paths = [movers[i].path.coarser() for i, _ in pairs]
+    size = [len(path.s) for path in paths]
+    beside = np.array([(movers[i].width + movers[j].width) / 2 for i, j in pairs])
+    foot = project_each(
+        np.concatenate([path.xy for path in paths]), lanes,
+        np.repeat([j for _, j in pairs], size), within=np.repeat(beside, size),
+    )  # fmt: skip
+    near = foot.lateral < np.repeat(beside, size)
+    direction = np.concatenate([path.direction for path in paths])
+    along = near & (angle_between(direction, foot.direction) <= SHARED)
+    end = np.cumsum(size)
+    parts = [
+        _lane_part(movers[i], path.s, foot.s[k - n : k], near[k - n : k], along[k - n : k])
+        for (i, _), path, n, k in zip(pairs, paths, size, end, strict=True)
+    ]
+    return parts[: len(first)], parts[len(first) :]
+
+
+def _lane_part(
+    mover: Mover, s: FloatArray, foot: FloatArray, near: BoolArray, along: BoolArray
+) -> _LanePart | None:
+    """Where the mover is in one lane with another, past the first 5 m of a merge."""
     if not along.any():
         return None
     edges = np.flatnonzero(np.diff(np.concatenate(([False], near, [False])).astype(np.int8)))
     runs = [(i, j - 1) for i, j in edges.reshape(-1, 2) if along[i:j].any()]
-    stretches = [_beyond_merge(mover, path.s, foot.s, along, run) for run in runs]
+    stretches = [_beyond_merge(mover, s, foot, along, run) for run in runs]
     begin, end = np.array(stretches).T
     return _LanePart(begin, end)
 
@@ -313,7 +342,7 @@ def _resolved(places: _Places, cells: _Cells, begin: IntArray) -> list[Encounter
         rows = (begin[open_] + done[open_])[:, None] + np.arange(BATCH)
         inside = rows < begin[open_ + 1][:, None]
         group = np.broadcast_to(open_[:, None], rows.shape)[inside]
-        lag, part = _exact_lags(places, cells[rows[inside]], *_whole(int(inside.sum())))
+        lag, part = _exact_lags(places, cells[rows[inside]], *_WHOLE)
         order = np.lexsort((lag[:, 0], group))
         first = order[np.searchsorted(group[order], open_)]
         better = lag[first, 0] < best[open_, 0]
@@ -329,12 +358,6 @@ def _resolved(places: _Places, cells: _Cells, begin: IntArray) -> list[Encounter
         for k, row in zip(begin[:-1], best, strict=True)
         if np.isfinite(row[0])
     ]
-
-
-def _whole(count: int) -> tuple[FloatArray, FloatArray]:
-    """Parts of the way to the next place that are tried first, for either agent."""
-    part = np.broadcast_to(np.linspace(0.0, 1.0, SUBSTEPS), (count, SUBSTEPS))
-    return part, part
 
 
 def _refined(places: _Places, cells: _Cells, best: FloatArray, place: IntArray) -> FloatArray:
@@ -356,25 +379,23 @@ def _exact_lags(
     """Least lag of pairs of places and the two times [n, 3] [s], inf where they do not touch.
 
     Args:
-        part, other_part: [n, k] parts of the way to the next place that are tried.
+        part, other_part: [n or 1, k] parts of the way to the next place that are tried.
 
     Returns:
         The lags, and [n, 2] which of the parts give them.
     """
-    shape = (len(cells.p), part.shape[1], other_part.shape[1])
-    one = _on_the_way(places, cells.p, part, axis=2)
-    two = _on_the_way(places, cells.q, other_part, axis=1)
+    one = _on_the_way(places, cells.p, part, np.s_[:, :, None])
+    two = _on_the_way(places, cells.q, other_part, np.s_[:, None, :])
     hit = touch(one.pose, two.pose, tolerance=TOUCH)
     lag = np.maximum(np.maximum(one.begin - two.end, two.begin - one.end), 0.0)
     flat = np.where(hit, lag, np.inf).reshape(len(cells.p), -1)
-    k = np.argmin(flat, axis=1)
+    k = flat.argmin(axis=1)
+    i, j = np.divmod(k, part.shape[1])
     row = np.arange(len(k))
-    a0, a1, b0, b1 = (
-        np.broadcast_to(t, shape).reshape(len(k), -1)[row, k]
-        for t in (one.begin, one.end, two.begin, two.end)
-    )
-    times = np.clip(b0, a0, a1), np.clip(a0, b0, b1)
-    return np.stack((flat[row, k], *times), axis=1), np.stack(np.divmod(k, shape[2]), axis=1)
+    a0, a1 = one.begin[row, i, 0], one.end[row, i, 0]
+    b0, b1 = two.begin[row, 0, j], two.end[row, 0, j]
+    times = np.minimum(np.maximum(b0, a0), a1), np.minimum(np.maximum(a0, b0), b1)
+    return np.stack((flat[row, k], *times), axis=1), np.stack((i, j), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -386,16 +407,12 @@ class _Way:
     end: FloatArray
 
 
-def _on_the_way(places: _Places, k: IntArray, part: FloatArray, *, axis: int) -> _Way:
-    xy, way = places.xy[k][:, None], (places.next_xy - places.xy)[k][:, None]
-    turn = (places.next_heading - places.heading)[k][:, None]
-    end = places.depart[k][:, None] + part * STEP
+def _on_the_way(places: _Places, k: IntArray, part: FloatArray, spread: Any) -> _Way:
+    """Footprints [n, k], spread over the axes of [n, k of the first, k of the second]."""
+    xy, heading = places.xy[k][:, None], places.heading[k][:, None]
+    way, turn = places.next_xy[k][:, None] - xy, places.next_heading[k][:, None] - heading
+    end = places.depart[k][:, None] + part * (places.leave - places.depart)[k][:, None]
     begin = np.where(part > 0, end, places.arrive[k][:, None])
-    return _Way(
-        pose(
-            np.expand_dims(xy + part[..., None] * way, axis),
-            np.expand_dims(places.heading[k][:, None] + part * turn, axis),
-            places.size.rows(k[:, None, None]),
-        ),
-        np.expand_dims(begin, axis), np.expand_dims(end, axis),
-    )  # fmt: skip
+    heading = (heading + part * turn)[spread]
+    at = (xy + part[..., None] * way)[spread]
+    return _Way(pose(at, heading, places.size.rows(k[:, None, None])), begin[spread], end[spread])

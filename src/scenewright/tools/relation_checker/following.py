@@ -9,11 +9,12 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import Crowd
-from scenewright.tools.relation_checker.curve import project
-from scenewright.tools.relation_checker.footprints import BoolArray, angle_between
-from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.curve import project_each, side_by_side
+from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, angle_between
 
 LOOK_AHEAD = 60.0
+ROOM = 1_000_000
+"""Pairs times samples that are looked at in one go."""
 STRIDE = 2
 MIN_DURATION = 3.0
 HEADWAY = (0.5, 4.0)
@@ -64,59 +65,71 @@ class Following:
 
 def lane_gaps(crowd: Crowd) -> tuple[LaneGaps, ...]:
     """Leaders and gaps of all movers that have someone ahead at some time."""
-    movers, may_lead = crowd.movers, _may_lead(crowd)
-    found = []
-    for n, mover in enumerate(movers):
-        gaps = np.full((len(movers), len(mover.times[::STRIDE])), np.inf)
-        for k in np.flatnonzero(may_lead[n]):
-            gaps[k] = _gaps_to(mover, movers[k])
-        if np.isfinite(gaps).any():
-            found.append(_nearest(n, mover, gaps))
-    return tuple(found)
+    followers, others = np.nonzero(_may_lead(crowd))
+    if len(followers) == 0:
+        return ()
+    # Portion by portion, for the memory's sake; a follower's pairs stay together.
+    begin = np.searchsorted(followers, followers)
+    cuts = np.flatnonzero(np.diff(begin // max(ROOM // len(crowd.times), 1))) + 1
+    found: list[LaneGaps | None] = []
+    for part in np.split(np.arange(len(followers)), cuts):
+        n, k = followers[part], others[part]
+        gaps = _gaps(crowd, n, k)
+        found += [_nearest(crowd, m, k[n == m], gaps[n == m]) for m in dict.fromkeys(n.tolist())]
+    return tuple(lane for lane in found if lane is not None)
 
 
 def _may_lead(crowd: Crowd) -> BoolArray:
     """[N, N] whether k is somewhere ahead of n and heads roughly the same way; generous."""
+    vehicle = np.array([m.is_vehicle for m in crowd.movers])
+    n, k = crowd.pairs[vehicle[crowd.pairs[:, 0]] == vehicle[crowd.pairs[:, 1]]].T
     xy, heading, here = (a[:, ::4] for a in (crowd.xy, crowd.heading, crowd.present))
-    x, y = xy[..., 0], xy[..., 1]
-    dx, dy = x[None] - x[:, None], y[None] - y[:, None]
-    c, s = np.cos(heading), np.sin(heading)
-    ahead = dx * c[:, None] + dy * s[:, None] > 0
-    near = dx * dx + dy * dy <= LOOK_AHEAD**2
-    same_way = c[:, None] * c + s[:, None] * s >= 0.5
-    kind = np.array([m.is_vehicle for m in crowd.movers])
-    result = (ahead & near & same_way & here[:, None] & here).any(axis=2)
-    return np.asarray(result & (kind[:, None] == kind) & ~np.eye(len(kind), dtype=np.bool_))
+    x, y, cos, sin = xy[..., 0], xy[..., 1], np.cos(heading), np.sin(heading)
+    dx, dy = x[k] - x[n], y[k] - y[n]
+    together = here[n] & here[k] & (dx * dx + dy * dy <= LOOK_AHEAD**2)
+    together &= cos[n] * cos[k] + sin[n] * sin[k] >= 0.5
+    result = np.zeros((len(vehicle), len(vehicle)), dtype=np.bool_)
+    result[n, k] = (together & (dx * cos[n] + dy * sin[n] > 0)).any(axis=1)
+    result[k, n] = (together & (dx * cos[k] + dy * sin[k] < 0)).any(axis=1)
+    return result
 
 
-def _common(mover: Mover, other: Mover) -> tuple[int, int, int]:
-    """First common sample in either track, and how many there are."""
-    shift = round((other.start - mover.start) / STEP)
-    i, j = max(shift, 0), max(-shift, 0)
-    return i, j, min(len(mover) - i, len(other) - j)
+def _gaps(crowd: Crowd, followers: IntArray, others: IntArray) -> FloatArray:
+    """[M, T] gap of each follower to the other on the grid of the crowd, inf where it is not ahead.
+
+    Looked at every 0.2 s from each follower's start.
+    """
+    gaps = np.full((len(followers), len(crowd.times)), np.inf)
+    sample = np.arange(len(crowd.times)) - crowd.first[followers, None]
+    away = crowd.xy[others] - crowd.xy[followers]
+    near = np.square(away[..., 0]) + np.square(away[..., 1]) <= LOOK_AHEAD**2
+    near &= crowd.present[followers] & crowd.present[others] & (sample % STRIDE == 0)
+    row, column = np.nonzero(near)
+    if len(row) == 0:
+        return gaps
+    n, k = followers[row], others[row]
+    nose, width = np.array([(m.nose, m.width) for m in crowd.movers]).T
+    driven = np.concatenate([m.s for m in crowd.movers])[crowd.origin[n] + sample[row, column]]
+    beside = (width[n] + width[k]) / 2
+    lanes = side_by_side([m.lane for m in crowd.movers])
+    foot = project_each(crowd.xy[k, column], lanes, n, within=beside)
+    gap = foot.s - driven - nose[n] - nose[k]
+    inside = (foot.lateral < beside) & (gap > -nose[n]) & (foot.s > driven)
+    inside &= angle_between(crowd.heading[k, column], foot.direction) <= np.deg2rad(30.0)
+    gaps[row[inside], column[inside]] = gap[inside]
+    return gaps
 
 
-def _gaps_to(mover: Mover, other: Mover) -> FloatArray:
-    i, j, n = _common(mover, other)
-    result = np.full(len(mover), np.inf)
-    k = np.arange(i + (-i) % STRIDE, i + n, STRIDE)
-    away = other.xy[k - i + j] - mover.xy[k]
-    k = k[away[:, 0] ** 2 + away[:, 1] ** 2 <= LOOK_AHEAD**2]
-    if len(k) == 0:
-        return result[::STRIDE]
-    foot = project(other.xy[k - i + j], mover.lane)
-    gap = foot.s - mover.s[k] - mover.nose - other.nose
-    inside = foot.lateral < (mover.width + other.width) / 2
-    inside &= angle_between(other.heading[k - i + j], foot.direction) <= np.deg2rad(30.0)
-    inside &= (gap > -mover.nose) & (foot.s > mover.s[k])
-    result[k[inside]] = gap[inside]
-    return result[::STRIDE]
-
-
-def _nearest(n: int, mover: Mover, gaps: FloatArray) -> LaneGaps:
-    leader = np.argmin(gaps, axis=0)
-    gap = np.take_along_axis(gaps, leader[None], axis=0)[0]
-    leader[~np.isfinite(gap)] = -1
+def _nearest(crowd: Crowd, n: int, others: IntArray, gaps: FloatArray) -> LaneGaps | None:
+    """The nearest of the others ahead of mover n; None if none of them ever is."""
+    mover, first = crowd.movers[n], int(crowd.first[n])
+    gaps = gaps[:, first : first + len(mover) : STRIDE]
+    nearest = gaps.argmin(axis=0)
+    gap = gaps[nearest, np.arange(gaps.shape[1])]
+    ahead = np.isfinite(gap)
+    if not ahead.any():
+        return None
+    leader = np.where(ahead, others[nearest], -1)
     return LaneGaps(n, mover.times[::STRIDE], leader, gap, mover.speed[::STRIDE])
 
 

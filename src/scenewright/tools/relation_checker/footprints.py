@@ -6,6 +6,7 @@ no extent. One formula then covers all pairs of classes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,12 @@ class Extent:
 def extent(mover: Mover) -> Extent:
     """The extent of a mover's footprint."""
     return Extent(mover.half_length, mover.half_width, mover.radius)
+
+
+def extents(movers: Sequence[Mover]) -> Extent:
+    """The extents of many movers, one row each."""
+    table = np.array([(m.half_length, m.half_width, m.radius) for m in movers]).reshape(-1, 3)
+    return Extent(table[:, 0], table[:, 1], table[:, 2])
 
 
 def gap(
@@ -133,25 +140,33 @@ def _separation(a: Pose, b: Pose, seen: Pose, back: Pose) -> FloatArray:
 
 def _corner_distance(seen: Pose, box: Extent, other: Extent) -> FloatArray:
     """Least distance to `box` of the corners of the other rectangle, as seen from the box."""
-    ux, uy = other.length * seen.cos, other.length * seen.sin
-    wx, wy = -other.width * seen.sin, other.width * seen.cos
-    squares = [
-        np.square(np.maximum(np.abs(seen.x + i * ux + j * wx) - box.length, 0.0))
-        + np.square(np.maximum(np.abs(seen.y + i * uy + j * wy) - box.width, 0.0))
-        for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1))
-    ]
-    least = np.minimum(np.minimum(squares[0], squares[1]), np.minimum(squares[2], squares[3]))
-    return np.asarray(np.sqrt(least))
+    cos, sin = seen.cos, seen.sin
+    x = np.abs(
+        seen.x
+        + np.multiply.outer(_ENDS, other.length * cos)
+        + np.multiply.outer(_SIDES, -other.width * sin)
+    )
+    y = np.abs(
+        seen.y
+        + np.multiply.outer(_ENDS, other.length * sin)
+        + np.multiply.outer(_SIDES, other.width * cos)
+    )
+    square = np.square(np.maximum(x - box.length, 0.0))
+    square += np.square(np.maximum(y - box.width, 0.0))
+    return np.asarray(np.sqrt(square.min(axis=0)))
+
+
+_ENDS, _SIDES = np.array((1.0, 1.0, -1.0, -1.0)), np.array((1.0, -1.0, 1.0, -1.0))
+"""The four corners of a rectangle: front or rear, left or right."""
 
 
 def corners(xy: FloatArray, heading: FloatArray, *, length: float, width: float) -> FloatArray:
     """[n, 4, 2] corners of rectangles, counter-clockwise from the front left [m]."""
-    along = np.stack((np.cos(heading), np.sin(heading)), axis=-1) * (length / 2)
-    across = np.stack((-np.sin(heading), np.cos(heading)), axis=-1) * (width / 2)
-    return np.stack(
-        (xy + along + across, xy - along + across, xy - along - across, xy + along - across),
-        axis=-2,
-    )
+    cos, sin = np.cos(heading), np.sin(heading)
+    along = np.stack((cos, sin), axis=-1) * (length / 2)
+    across = np.stack((-sin, cos), axis=-1) * (width / 2)
+    front, rear = xy + along, xy - along
+    return np.stack((front + across, rear + across, rear - across, front - across), axis=-2)
 
 
 def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:

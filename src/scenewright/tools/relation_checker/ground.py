@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import IntersectionMap, PolygonWithHoles
+from scenewright.scene.map import Crosswalk, IntersectionMap, PolygonWithHoles
 from scenewright.tools.relation_checker.planar import Area, geos
 
 CELL = 1.0
@@ -33,11 +33,11 @@ class Region:
 
     def contains(self, xy: FloatArray) -> BoolArray:
         """Which points [n, 2] lie in the area, its edge included."""
-        k = np.floor((xy - self.origin) / CELL).astype(np.intp)
-        inside = (k >= 0).all(axis=1) & (k[:, 0] < self.cells.shape[1])
-        inside &= k[:, 1] < self.cells.shape[0]
+        column, row = np.floor((xy - self.origin) / CELL).astype(np.intp).T
+        inside = (column >= 0) & (column < self.cells.shape[1])
+        inside &= (row >= 0) & (row < self.cells.shape[0])
         state = np.zeros(len(xy), dtype=np.int8)
-        state[inside] = self.cells[k[inside, 1], k[inside, 0]]
+        state[inside] = self.cells[row[inside], column[inside]]
         cut = np.flatnonzero(state == 2)
         result = state == 1
         result[cut] = geos.intersects_xy(self.area, xy[cut, 0], xy[cut, 1])
@@ -45,12 +45,26 @@ class Region:
 
 
 @dataclass(frozen=True, eq=False)
+class CrosswalkArea:
+    """A crosswalk with its prepared polygon; bounds: its west, south, east and north end [m]."""
+
+    crosswalk: Crosswalk
+    area: Area
+    bounds: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
 class Ground:
-    """Where vehicles and pedestrians belong: road, walkable (with crosswalks), and both."""
+    """Where vehicles and pedestrians belong: road, walkable (with crosswalks), and both.
+
+    Attributes:
+        crosswalks: each on its own, in the order of the map.
+    """
 
     road: Region
     walkable: Region
     anywhere: Region
+    crosswalks: tuple[CrosswalkArea, ...]
 
 
 def region(area: Area) -> Region:
@@ -76,12 +90,18 @@ def ground_of(intersection: IntersectionMap) -> Ground:
         if known is intersection:
             return ground
     road = geos.union_all([_polygon(p) for p in intersection.road])
-    walks = [geos.Polygon(w.polygon) for w in intersection.crosswalks]
-    walkable = geos.union_all([*(_polygon(p) for p in intersection.walkable), *walks])
-    walkable = walkable.buffer(KERB, quad_segs=2)
-    ground = Ground(region(road), region(walkable), region(road.union(walkable)))
+    walks = tuple(_crosswalk(each) for each in intersection.crosswalks)
+    walkable = [*(_polygon(p) for p in intersection.walkable), *(each.area for each in walks)]
+    walkable = geos.union_all(walkable).buffer(KERB, quad_segs=2)
+    ground = Ground(region(road), region(walkable), region(road.union(walkable)), walks)
     _prepared[:] = [(intersection, ground), *_prepared[:3]]
     return ground
+
+
+def _crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
+    area = geos.Polygon(crosswalk.polygon)
+    geos.prepare(area)
+    return CrosswalkArea(crosswalk, area, area.bounds)
 
 
 def _polygon(area: PolygonWithHoles) -> Any:

@@ -8,17 +8,22 @@ acceleration holds the nearest value that has a full window.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Shape, Track
-from scenewright.tools.relation_checker.curve import Path, curve
+from scenewright.tools.relation_checker.curve import Path, curves, lanes, unwrapped
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
+
+FULL_WINDOW = 3
+"""Samples at either end of a track that have no full window for the acceleration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +42,17 @@ class RoadUser:
 
 
 @dataclass(frozen=True, eq=False)
+class Kinematics:
+    """What follows from a track's positions alone; see `Mover` for shapes and units."""
+
+    steps: FloatArray
+    velocity: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    lateral_acceleration: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Mover:
     """A road user on the 0.1 s grid, with its kinematics.
 
@@ -46,8 +62,7 @@ class Mover:
         start: time of the first sample [s], a multiple of 0.1.
         xy: [T, 2] positions [m]; heading: [T], unwrapped [rad].
         s: [T] arc length driven since the first sample [m].
-        velocity: [T, 2] [m/s]; speed: [T].
-        acceleration: [T] rate of change of speed [m/s^2], negative when braking.
+        kinematics, path, lane: see `derive`, which fills them in for many movers in one pass.
     """
 
     id: int
@@ -61,27 +76,27 @@ class Mover:
     def __len__(self) -> int:
         return len(self.xy)
 
-    @property
+    @cached_property
     def is_vehicle(self) -> bool:
         """Whether the footprint is a rectangle."""
         return self.type == "vehicle"
 
-    @property
+    @cached_property
     def half_length(self) -> float:
         """Half the rectangle's length [m]; 0 for a disc."""
         return self.length / 2 if self.is_vehicle else 0.0
 
-    @property
+    @cached_property
     def half_width(self) -> float:
         """Half the rectangle's width [m]; 0 for a disc."""
         return self.width / 2 if self.is_vehicle else 0.0
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Radius of the disc [m]; 0 for a rectangle."""
         return 0.0 if self.is_vehicle else self.width / 2
 
-    @property
+    @cached_property
     def nose(self) -> float:
         """Distance from the centre to the foremost point [m]."""
         return self.half_length + self.radius
@@ -96,90 +111,153 @@ class Mover:
         """[T] sample times [s]."""
         return np.asarray(self.start + STEP * np.arange(len(self.xy)), dtype=np.float64)
 
-    @property
+    @cached_property
     def end(self) -> float:
         """Time of the last sample [s]."""
         return self.start + STEP * (len(self.xy) - 1)
 
     @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """West, south, east and north end of the positions [m]."""
+        x, y = self.xy[:, 0], self.xy[:, 1]
+        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Steps, velocity, speed and acceleration."""
+        return _kinematics(self.xy, np.array((0, len(self.xy))))[0]
+
+    @property
     def steps(self) -> FloatArray:
         """[T-1] distance between successive samples [m]."""
-        delta = np.diff(self.xy, axis=0)
-        return np.hypot(delta[:, 0], delta[:, 1])
+        return self.kinematics.steps
 
     @cached_property
     def s(self) -> FloatArray:
         """[T] arc length since the first sample [m]."""
-        return np.append(0.0, np.cumsum(self.steps))
+        result = np.zeros(len(self.xy))
+        np.cumsum(self.steps, out=result[1:])
+        return result
 
-    @cached_property
+    @property
     def velocity(self) -> FloatArray:
         """[T, 2] velocity by central differences [m/s]."""
-        return central_difference(self.xy)
+        return self.kinematics.velocity
 
-    @cached_property
+    @property
     def speed(self) -> FloatArray:
         """[T] length of the velocity [m/s]."""
-        return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
+        return self.kinematics.speed
 
-    @cached_property
+    @property
     def acceleration(self) -> FloatArray:
-        """[T] rate of change of speed [m/s^2]."""
-        return windowed_derivative(self.speed)
+        """[T] rate of change of speed [m/s^2], negative when braking."""
+        return self.kinematics.acceleration
 
-    @cached_property
+    @property
     def lateral_acceleration(self) -> FloatArray:
         """[T] acceleration across the direction of motion, v^2 times curvature [m/s^2], >= 0."""
-        push = windowed_derivative(self.velocity)
-        across = self.velocity[:, 0] * push[:, 1] - self.velocity[:, 1] * push[:, 0]
-        return np.abs(across) / np.maximum(self.speed, 0.1)
+        return self.kinematics.lateral_acceleration
 
     @cached_property
     def path(self) -> Path:
         """The curve of the whole track."""
-        return curve(self.xy, self.s, self.heading)
+        return curves(self.xy, self.s, self.heading, np.array((0, len(self.xy))))[0]
 
     @cached_property
     def lane(self) -> Path:
         """The path every metre, with 15 m straight before and 25 m after it."""
-        return self.path.extended(before=15.0, after=25.0).coarser()
+        return lanes((self.path,))[0]
 
     def index(self, time: float) -> int:
         """The sample nearest to a time, within the track."""
-        return int(np.clip(round((time - self.start) / STEP), 0, len(self.xy) - 1))
+        return min(max(round((time - self.start) / STEP), 0), len(self.xy) - 1)
 
     def indices(self, times: FloatArray) -> IntArray:
         """The samples nearest to times, within the track."""
         k = np.rint((times - self.start) / STEP).astype(np.intp)
-        return np.asarray(np.clip(k, 0, len(self.xy) - 1))
+        return np.asarray(np.minimum(np.maximum(k, 0), len(self.xy) - 1))
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions [..., 2] and headings [...] at times [s], linear in between, held outside."""
-        f = np.clip((times - self.start) / STEP, 0.0, len(self.xy) - 1.0)
+        f = np.minimum(np.maximum((times - self.start) / STEP, 0.0), len(self.xy) - 1.0)
         low = np.minimum(f.astype(np.intp), max(len(self.xy) - 2, 0))
         high = np.minimum(low + 1, len(self.xy) - 1)
-        part = f - low
-        xy = self.xy[low] + part[..., None] * (self.xy[high] - self.xy[low])
-        return xy, self.heading[low] + part * (self.heading[high] - self.heading[low])
+        part, xy, heading = f - low, self.xy[low], self.heading[low]
+        xy = xy + part[..., None] * (self.xy[high] - xy)
+        return xy, heading + part * (self.heading[high] - heading)
 
 
-def central_difference(values: FloatArray) -> FloatArray:
-    """Derivative of samples 0.1 s apart: (x[i+1] - x[i-1]) / 0.2 s; one-sided at the ends."""
+def strung(movers: Sequence[Mover]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """All movers' samples one after another, and where each mover's begin.
+
+    Returns:
+        xy [S, 2] [m]; heading [S] [rad]; origin [N+1], the last entry being S.
+    """
+    xy = np.concatenate([np.zeros((0, 2)), *(m.xy for m in movers)])
+    heading = np.concatenate([np.zeros(0), *(m.heading for m in movers)])
+    return xy, heading, np.cumsum([0, *(len(m.xy) for m in movers)])
+
+
+def derive(movers: Sequence[Mover]) -> None:
+    """Gives all movers kinematics, path and lane in one pass, far cheaper than one by one."""
+    if not movers:
+        return
+    xy, heading, origin = strung(movers)
+    for mover, part in zip(movers, _kinematics(xy, origin), strict=True):
+        object.__setattr__(mover, "kinematics", part)
+    paths = curves(xy, np.concatenate([m.s for m in movers]), heading, origin)
+    for mover, path, lane in zip(movers, paths, lanes(paths), strict=True):
+        object.__setattr__(mover, "path", path)
+        object.__setattr__(mover, "lane", lane)
+
+
+def _kinematics(xy: FloatArray, origin: IntArray) -> list[Kinematics]:
+    delta = xy[1:] - xy[:-1]
+    steps = np.hypot(delta[:, 0], delta[:, 1])
+    velocity = central_difference(xy, origin)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    acceleration, push = (windowed_derivative(v, origin) for v in (speed, velocity))
+    across = velocity[:, 0] * push[:, 1] - velocity[:, 1] * push[:, 0]
+    lateral = np.abs(across) / np.maximum(speed, 0.1)
+    return [
+        Kinematics(steps[a : b - 1], velocity[a:b], speed[a:b], acceleration[a:b], lateral[a:b])
+        for a, b in pairwise(origin.tolist())
+    ]
+
+
+def central_difference(values: FloatArray, origin: IntArray) -> FloatArray:
+    """Derivative of samples 0.1 s apart: (x[i+1] - x[i-1]) / 0.2 s; one-sided at the ends.
+
+    Args:
+        values: [S, ...] samples of all tracks; origin: [N+1] where each track begins.
+    """
+    first, last = origin[:-1], origin[1:] - 1
     result = np.zeros_like(values)
-    if len(values) > 1:
-        result[1:-1] = (values[2:] - values[:-2]) / (2 * STEP)
-        result[0] = (values[1] - values[0]) / STEP
-        result[-1] = (values[-1] - values[-2]) / STEP
+    result[1:-1] = (values[2:] - values[:-2]) / (2 * STEP)
+    result[first] = (values[np.minimum(first + 1, last)] - values[first]) / STEP
+    result[last] = (values[last] - values[np.maximum(last - 1, first)]) / STEP
     return result
 
 
-def windowed_derivative(values: FloatArray) -> FloatArray:
-    """Central difference averaged over 0.3 s; ends hold the nearest value with a full window."""
-    raw = central_difference(values)
-    if len(values) < 7:
-        return raw if len(values) >= 3 else np.zeros_like(values)
-    mean = (raw[2:-4] + raw[3:-3] + raw[4:-2]) / 3
-    return np.concatenate((np.repeat(mean[:1], 3, axis=0), mean, np.repeat(mean[-1:], 3, axis=0)))
+def windowed_derivative(values: FloatArray, origin: IntArray) -> FloatArray:
+    """Central difference averaged over 0.3 s; ends hold the nearest value with a full window.
+
+    Tracks of fewer than 7 samples have no full window and are not averaged; those of fewer than 3
+    have derivative 0. Arguments as for `central_difference`.
+    """
+    raw = central_difference(values, origin)
+    count = np.diff(origin)
+    mean = raw.copy()
+    mean[1:-1] = (raw[:-2] + raw[1:-1] + raw[2:]) / 3
+    first = np.repeat(origin[:-1] + FULL_WINDOW, count)
+    last = np.repeat(origin[1:] - 1 - FULL_WINDOW, count)
+    full = np.minimum(np.maximum(np.arange(len(values)), first), np.maximum(last, 0))
+    result = mean[full]
+    for n in np.flatnonzero(count <= 2 * FULL_WINDOW):
+        part = slice(origin[n], origin[n + 1])
+        result[part] = raw[part] if count[n] >= 3 else 0.0
+    return result
 
 
 def extended(mover: Mover, *, distance: float, speed: float) -> Mover:
@@ -200,7 +278,7 @@ def as_mover(user: RoadUser) -> Mover:
     Tracks already on the grid are taken as they are; finer ones are interpolated linearly, coarser
     ones by cubic Hermite splines through the samples.
     """
-    track, heading = user.track, np.unwrap(user.track.heading)
+    track, heading = user.track, unwrapped(user.track.heading)
     first = round(track.start / STEP)
     if abs(track.step - STEP) < 1e-9 and abs(track.start - first * STEP) < 1e-6:
         return _mover(user, first * STEP, track.xy, heading)
@@ -252,4 +330,6 @@ def as_movers(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Mover, ...]
             raise InputError(
                 f"agent {user.id}: size {user.shape.length} x {user.shape.width} m is not usable"
             )
-    return tuple(as_mover(user) for user in users)
+    movers = tuple(as_mover(user) for user in users)
+    derive(movers)
+    return movers

@@ -17,6 +17,7 @@ from scenewright.tools.relation_checker.collisions import (
     cause_of,
     impact,
     kind_of,
+    late_braker,
     red_run,
     striking,
 )
@@ -31,6 +32,7 @@ from scenewright.tools.relation_checker.contact import (
 )
 from scenewright.tools.relation_checker.encroachment import Encounter, encounters
 from scenewright.tools.relation_checker.following import LaneGaps, followings, lane_gaps
+from scenewright.tools.relation_checker.ground import ground_of
 from scenewright.tools.relation_checker.motion import Mover, RoadUser, as_movers, extended
 from scenewright.tools.relation_checker.paths import Stay, Zone, conflict_zones, zone_stay
 from scenewright.tools.relation_checker.planar import geos
@@ -62,13 +64,15 @@ class Observation:
 
     Attributes:
         crowd: all movers on one grid; near: their gaps and contacts; meetings: encounters with
-            their PET; lanes: who is behind whom; events: in order of time.
+            their PET; lanes: who is behind whom; lights: who meets which light.
+        events: in order of time.
     """
 
     crowd: Crowd
     near: Closeness
     meetings: tuple[Encounter, ...]
     lanes: tuple[LaneGaps, ...]
+    lights: Lights
     events: tuple[Event, ...]
 
     @property
@@ -119,12 +123,13 @@ def observe(
     near = closeness(crowd)
     meetings = encounters(crowd.movers)
     lanes = lane_gaps(crowd)
-    search = _Search(crowd, near, meetings, ground, Lights(signals, ground), frozenset(asked))
+    lights = Lights(signals, ground)
+    lights.meet(crowd.movers)
+    search = _Search(crowd, near, meetings, ground, lights, frozenset(asked))
     wanted = {m.id for m in crowd.movers} if detailed is None else set(detailed)
     events = [*search.events(wanted), *_follow_events(crowd.movers, lanes)]
-    return Observation(
-        crowd, near, meetings, lanes, tuple(sorted(events, key=lambda e: (e.time, e.from_, e.to)))
-    )
+    events.sort(key=lambda e: (e.time, e.from_, e.to))
+    return Observation(crowd, near, meetings, lanes, lights, tuple(events))
 
 
 def _follow_events(movers: tuple[Mover, ...], lanes: tuple[LaneGaps, ...]) -> list[Event]:
@@ -201,7 +206,9 @@ class _Search:
             "relative_speed": hit.relative_speed, "speed_from": hit.speeds[k],
             "speed_to": hit.speeds[1 - k], "angle": hit.angle,
             "side_from": hit.sides[k], "side_to": hit.sides[1 - k],
+            "point_from": hit.points[k], "point_to": hit.points[1 - k],
             "cause_agent": cause[1] if cause else None,
+            "late_brake": late_braker(first, second, time=contact.time),
         }  # fmt: skip
         return [
             _event(
@@ -271,7 +278,7 @@ class _Search:
             if self.ground is None or other.is_vehicle:
                 return False
             xy, _ = other.at(np.array([time]))
-            walks = (geos.Polygon(w.polygon) for w in self.ground.crosswalks)
+            walks = (each.area for each in ground_of(self.ground).crosswalks)
             return other.start <= time <= other.end and any(
                 w.intersects(zone.polygon) and w.intersects(geos.Point(xy[0])) for w in walks
             )
@@ -351,6 +358,7 @@ class _Search:
         cause = cause_of(first, second, time=time, lights=self.lights)
         evidence = {
             "pet": pet, "clearance": clearance, "cause_agent": cause[1] if cause else None,
+            "late_brake": late_braker(first, second, time=time),
         } | (_measures(first, second, until=max(*around, time)) if full else {})  # fmt: skip
         place = meeting_point(first, second, time=time)
         return [
@@ -418,9 +426,10 @@ def _measures(first: Mover, second: Mover, *, until: float) -> dict[str, float |
     if len(times) == 0:
         return {}
     along = float(path_ttc(first, second, times=times).min())
-    straight = float(ttc_2d(first, second, times=times).min())
+    ttc = ttc_2d(first, second, times=times)
+    straight = float(ttc.min())
     return {
         "path_ttc": along if np.isfinite(along) else None,
         "ttc_2d": straight if np.isfinite(straight) else None,
-        "drac": float(drac(first, second, times=times).max()),
+        "drac": float(drac(first, second, times=times, ttc=ttc).max()),
     }

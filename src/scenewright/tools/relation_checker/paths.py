@@ -40,7 +40,11 @@ def _sweep(mover: Mover) -> Area:
     path = path_of(mover)
     if len(path.s) < 2:
         return footprint_polygons(mover, np.array([mover.start]))[0]
-    return geos.LineString(path.xy).simplify(0.01).buffer(mover.width / 2, cap_style="flat")
+    return (
+        geos.LineString(path.xy)
+        .simplify(0.01, preserve_topology=False)
+        .buffer(mover.width / 2, cap_style="flat")
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +121,8 @@ class Stay:
 def zone_stay(mover: Mover, polygon: Area) -> Stay | None:
     """When the mover's footprint first and last touches a polygon, to 0.01 s; None if never."""
     times = mover.times
-    touching = _touches(mover, polygon, times)
-    hits = np.flatnonzero(touching)
+    geos.prepare(polygon)
+    hits = np.flatnonzero(_touches(mover, polygon, times))
     if len(hits) == 0:
         return None
     first, last = int(hits[0]), int(hits[-1])
@@ -135,16 +139,14 @@ def zone_stay(mover: Mover, polygon: Area) -> Stay | None:
 def _touches(
     mover: Mover, polygon: Area, times: FloatArray
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    xy, _ = mover.at(times)
-    west, south, east, north = geos.bounds(polygon)
-    near = (
-        (xy[:, 0] > west - mover.reach) & (xy[:, 0] < east + mover.reach)
-        & (xy[:, 1] > south - mover.reach) & (xy[:, 1] < north + mover.reach)
-    )  # fmt: skip
+    xy, heading = mover.at(times)
+    (west, south, east, north), reach = polygon.bounds, mover.reach
+    x, y = xy[:, 0], xy[:, 1]
+    near = (x > west - reach) & (x < east + reach) & (y > south - reach) & (y < north + reach)
     result = np.zeros(len(times), dtype=np.bool_)
-    geos.prepare(polygon)
     if mover.is_vehicle:
-        result[near] = geos.intersects(polygon, footprint_polygons(mover, times[near]))
+        box = corners(xy[near], heading[near], length=mover.length, width=mover.width)
+        result[near] = geos.intersects(polygon, geos.polygons(box))
     else:
         result[near] = geos.dwithin(polygon, geos.points(xy[near]), mover.radius)
     return result

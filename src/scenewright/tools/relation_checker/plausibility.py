@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,9 +13,9 @@ from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.footprints import angle_between
+from scenewright.tools.relation_checker.footprints import IntArray, angle_between
 from scenewright.tools.relation_checker.ground import ground_of
-from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.motion import Mover, strung
 
 VEHICLE_SPEED = 20.0
 VEHICLE_ACCELERATION = 4.0
@@ -75,27 +75,87 @@ def _usual_size(agent: AgentRecord) -> bool:
     return 1.5 <= agent.length <= 20.0 and 0.5 <= agent.width <= 3.0
 
 
-def implausible(mover: Mover, *, licence: Licence) -> tuple[Finding, ...]:
-    """Every limit of SEMANTICS section 5 that the motion of one agent breaks, worst value each."""
-    rules = _vehicle(mover, licence) if mover.is_vehicle else _pedestrian(mover, licence)
-    return tuple(f for f in (*rules, _steps(mover)) if f is not None)
+class _Rule(NamedTuple):
+    """A limit on all samples of all movers of one class.
+
+    Attributes:
+        values: [S]; limit: one for all or [S]; tolerance: for positions kept to 1 mm.
+    """
+
+    name: str
+    values: FloatArray
+    limit: FloatArray | float
+    unit: str
+    tolerance: float = ROUNDING
 
 
-def _vehicle(mover: Mover, licence: Licence) -> Iterator[Finding | None]:
-    yield _worst(mover, "speed", mover.speed, VEHICLE_SPEED, "m/s")
-    yield _worst(mover, "acceleration", mover.acceleration, VEHICLE_ACCELERATION, "m/s^2")
-    yield _worst(mover, "braking", -mover.acceleration, _braking_limit(mover, licence), "m/s^2")
-    yield _worst(mover, "lateral_acceleration", mover.lateral_acceleration, LATERAL, "m/s^2")
-    yield _worst(mover, "heading", slip_angle(mover), SLIP, "rad from the motion")
-    yield _worst(mover, "heading_step", _turns(mover), SLIP, "rad in one step")
-    yield _worst(mover, "heading_held", _standing_turns(mover), HELD, "rad turned at standstill")
+def implausible(
+    movers: Sequence[Mover], licences: Sequence[Licence]
+) -> tuple[tuple[Finding, ...], ...]:
+    """Every limit of SEMANTICS section 5 that each agent's motion breaks, worst value each."""
+    found: tuple[list[Finding], ...] = tuple([] for _ in movers)
+    for rules, vehicles in ((_vehicle, True), (_pedestrian, False)):
+        rows = [n for n, m in enumerate(movers) if m.is_vehicle == vehicles]
+        chosen = [movers[n] for n in rows]
+        origin = strung(chosen)[2]
+        for rule in rules(chosen, [licences[n] for n in rows], origin) if rows else ():
+            for n, k in _broken(rule, origin):
+                found[rows[n]].append(_finding(chosen[n], rule, origin[n], k))
+    return tuple(map(tuple, found))
 
 
-def _pedestrian(mover: Mover, licence: Licence) -> Iterator[Finding | None]:
-    limit = RUNNING_SPEED if licence.running else PEDESTRIAN_SPEED
-    yield _worst(mover, "speed", mover.speed, limit, "m/s")
-    change = np.abs(mover.acceleration)
-    yield _worst(mover, "acceleration", change, PEDESTRIAN_ACCELERATION, "m/s^2")
+def _broken(rule: _Rule, origin: IntArray) -> Iterator[tuple[int, int]]:
+    """Whose samples break a rule, and at which sample most."""
+    excess = rule.values - rule.limit
+    worst = np.maximum.reduceat(excess, origin[:-1])
+    for n in np.flatnonzero(worst > rule.tolerance).tolist():
+        yield n, int(excess[origin[n] : origin[n + 1]].argmax())
+
+
+def _finding(mover: Mover, rule: _Rule, begin: int, k: int) -> Finding:
+    measured = float(rule.values[begin + k])
+    limit = rule.limit if isinstance(rule.limit, float) else float(rule.limit[begin + k])
+    return Finding(
+        rule=rule.name, agents=(mover.id,), time=round(float(mover.times[k]), 3),
+        measured=round(measured, 3), limit=round(limit, 3),
+        detail=f"{mover.type} {mover.id}: {rule.name} {measured:.2f} {rule.unit} at "
+        f"{mover.times[k]:.1f} s; at most {limit:.2f}",
+    )  # fmt: skip
+
+
+def _vehicle(
+    movers: Sequence[Mover], licences: Sequence[Licence], origin: IntArray
+) -> Iterator[_Rule]:
+    speed, acceleration = _all(movers, "speed"), _all(movers, "acceleration")
+    heading = _all(movers, "heading")
+    braking = np.concatenate([_braking_limit(*each) for each in zip(movers, licences, strict=True)])
+    lateral = _all(movers, "lateral_acceleration")
+    yield _Rule("speed", speed, VEHICLE_SPEED, "m/s")
+    yield _Rule("acceleration", acceleration, VEHICLE_ACCELERATION, "m/s^2")
+    yield _Rule("braking", -acceleration, braking, "m/s^2")
+    yield _Rule("lateral_acceleration", lateral, LATERAL, "m/s^2")
+    yield _Rule(
+        "heading", _slip(_all(movers, "velocity"), speed, heading), SLIP, "rad from the motion"
+    )
+    yield _Rule("heading_step", _turns(heading, origin), SLIP, "rad in one step")
+    yield _Rule(
+        "heading_held", _standing_turns(speed, heading, origin), HELD, "rad turned at standstill"
+    )
+    yield _steps(movers, origin)
+
+
+def _pedestrian(
+    movers: Sequence[Mover], licences: Sequence[Licence], origin: IntArray
+) -> Iterator[_Rule]:
+    fastest = [RUNNING_SPEED if each.running else PEDESTRIAN_SPEED for each in licences]
+    change = np.abs(_all(movers, "acceleration"))
+    yield _Rule("speed", _all(movers, "speed"), np.repeat(fastest, np.diff(origin)), "m/s")
+    yield _Rule("acceleration", change, PEDESTRIAN_ACCELERATION, "m/s^2")
+    yield _steps(movers, origin)
+
+
+def _all(movers: Sequence[Mover], name: str) -> FloatArray:
+    return np.concatenate([getattr(mover, name) for mover in movers])
 
 
 def _braking_limit(mover: Mover, licence: Licence) -> FloatArray:
@@ -107,58 +167,37 @@ def _braking_limit(mover: Mover, licence: Licence) -> FloatArray:
     return limit
 
 
-def slip_angle(mover: Mover) -> FloatArray:
-    """[T] angle between heading and motion [rad]; 0 at speeds up to 1 m/s."""
-    course = np.arctan2(mover.velocity[:, 1], mover.velocity[:, 0])
-    return np.where(mover.speed > SLIP_ABOVE, angle_between(course, mover.heading), 0.0)
+def _slip(velocity: FloatArray, speed: FloatArray, heading: FloatArray) -> FloatArray:
+    """[S] angle between heading and motion [rad]; 0 at speeds up to 1 m/s."""
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    return np.where(speed > SLIP_ABOVE, angle_between(course, heading), 0.0)
 
 
-def _turns(mover: Mover) -> FloatArray:
-    return np.append(np.abs(np.diff(mover.heading)), 0.0)
+def _turns(heading: FloatArray, origin: IntArray) -> FloatArray:
+    turns = np.zeros(len(heading))
+    turns[:-1] = np.abs(heading[1:] - heading[:-1])
+    turns[origin[1:] - 1] = 0.0
+    return turns
 
 
-def _standing_turns(mover: Mover) -> FloatArray:
-    """[T] how far the heading has turned since this standstill began [rad]; 0 while moving."""
-    still = mover.speed < 0.05
-    begin = np.maximum.accumulate(np.where(still, 0, np.arange(1, len(mover) + 1)))
-    begin = np.minimum(begin, len(mover) - 1)
-    return np.where(still, np.abs(mover.heading - mover.heading[begin]), 0.0)
+def _standing_turns(speed: FloatArray, heading: FloatArray, origin: IntArray) -> FloatArray:
+    """[S] how far the heading has turned since this standstill began [rad]; 0 while moving."""
+    still = speed < 0.05
+    begin = np.where(still, 0, np.arange(1, len(speed) + 1))
+    begin[origin[:-1]] = np.maximum(begin[origin[:-1]], origin[:-1])
+    begin = np.minimum(np.maximum.accumulate(begin), len(speed) - 1)
+    return np.where(still, np.abs(heading - heading[begin]), 0.0)
 
 
-def _steps(mover: Mover) -> Finding | None:
+def _steps(movers: Sequence[Mover], origin: IntArray) -> _Rule:
     """Step length <= 1.2 x the larger of the speeds in the steps before and after, + 0.05 m."""
-    if len(mover.steps) < 2:
-        return None
-    before = np.concatenate(([0.0], mover.steps[:-1]))
-    after = np.concatenate((mover.steps[1:], [0.0]))
+    steps, padding = np.zeros(origin[-1]), np.ones(origin[-1], dtype=np.bool_)
+    padding[origin[1:] - 1] = False
+    steps[padding] = _all(movers, "steps")
+    before, after = np.concatenate(([0.0], steps[:-1])), np.concatenate((steps[1:], [0.0]))
     limit = STEP_FACTOR * np.maximum(before, after) + STEP_MARGIN
-    k = int(np.argmax(mover.steps - limit))
-    if mover.steps[k] <= limit[k] + 2e-3:
-        return None
-    measured, most = float(mover.steps[k]), float(limit[k])
-    return _finding(mover, "step_length", k, measured=measured, limit=most, unit="m in one step")
-
-
-def _worst(
-    mover: Mover, rule: str, values: FloatArray, limit: FloatArray | float, unit: str
-) -> Finding | None:
-    excess = values - limit
-    k = int(np.argmax(excess))
-    if excess[k] <= ROUNDING:
-        return None
-    most = float(limit if isinstance(limit, float) else np.broadcast_to(limit, values.shape)[k])
-    return _finding(mover, rule, k, measured=float(values[k]), limit=most, unit=unit)
-
-
-def _finding(
-    mover: Mover, rule: str, k: int, *, measured: float, limit: float, unit: str
-) -> Finding:
-    return Finding(
-        rule=rule, agents=(mover.id,), time=round(float(mover.times[k]), 3),
-        measured=round(measured, 3), limit=round(limit, 3),
-        detail=f"{mover.type} {mover.id}: {rule} {measured:.2f} {unit} at {mover.times[k]:.1f} s; "
-        f"at most {limit:.2f}",
-    )  # fmt: skip
+    limit[np.repeat(np.diff(origin) < 3, np.diff(origin))] = np.inf
+    return _Rule("step_length", steps, limit, "m in one step", 2e-3)
 
 
 def off_ground(
@@ -192,10 +231,10 @@ def ground_shares(
                            if not m.is_vehicle and m.id in jaywalkers]),
     ):  # fmt: skip
         if chosen:
-            inside = area.contains(np.concatenate([movers[n].xy for n in chosen]))
-            ends = np.cumsum([len(movers[n]) for n in chosen])[:-1]
-            for n, part in zip(chosen, np.split(inside, ends), strict=True):
-                shares[n] = float(part.mean())
+            xy, _, origin = strung([movers[n] for n in chosen])
+            inside = np.add.reduceat(area.contains(xy), origin[:-1], dtype=np.float64)
+            for n, share in zip(chosen, (inside / np.diff(origin)).tolist(), strict=True):
+                shares[n] = share
     return shares
 
 

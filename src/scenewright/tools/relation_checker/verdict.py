@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,9 @@ from scenewright.tools.relation_checker.certificate import (
     is_incidental,
     wrecks,
 )
+from scenewright.tools.relation_checker.collisions import is_at
+from scenewright.tools.relation_checker.conditions import unmet
+from scenewright.tools.relation_checker.entries import misplaced
 from scenewright.tools.relation_checker.motion import Mover, RoadUser
 from scenewright.tools.relation_checker.observation import Observation, observe
 from scenewright.tools.relation_checker.plausibility import (
@@ -28,7 +32,7 @@ from scenewright.tools.relation_checker.plausibility import (
     odd_form,
     off_ground,
 )
-from scenewright.tools.relation_checker.signals import Lights, plan_contradictions
+from scenewright.tools.relation_checker.signals import plan_contradictions
 
 PET_TOLERANCE = 0.15
 TTC_TOLERANCE = 0.3
@@ -45,14 +49,16 @@ def check(scene: SceneRecord, intersection: IntersectionMap | None = None) -> Pr
     contradict is reported as missing. Without a map, ground and signals are not checked.
 
     Returns:
-        The proof; `verified` if every relation asked for is observed with its roles, nothing else
-        happens, no motion is implausible and nobody unnamed runs a red light.
+        The proof; `verified` if every relation asked for is observed with its roles and its cause,
+        tied entries lie as they should, who is named as running red does and nobody else, nothing
+        else happens and no motion is implausible.
 
     Raises:
         InputError: values that are not finite, an id twice, an empty track, lengths that differ.
     """
     users = read_users(scene)
     known = {a.id for a in scene.agents}
+    _check_ties(scene, known)
     asked = tuple(_known_pair(r, known) for r in scene.relations)
     roles = Roles(
         frozenset(a.id for a in scene.agents if a.role == "foreground").union(*asked),
@@ -62,7 +68,8 @@ def check(scene: SceneRecord, intersection: IntersectionMap | None = None) -> Pr
         users, ground=intersection, signals=scene.signals, asked=asked,
         detailed=frozenset(n for pair in asked for n in pair),
     )  # fmt: skip
-    matched, missing = _match(scene.relations, seen.events)
+    asked_for = scene.relations if intersection and scene.signals else _unlit(scene.relations)
+    matched, missing = _match(asked_for, seen, intersection)
     return _proof(scene, intersection, seen=seen, roles=roles, matched=matched, missing=missing)
 
 
@@ -75,7 +82,12 @@ def _proof(
     matched: frozenset[int],
     missing: tuple[Finding, ...],
 ) -> Proof:
-    missing = (*missing, *_false_labels(scene.events, seen.events))
+    missing = (
+        *missing,
+        *_false_labels(scene.events, seen.events),
+        *_not_as_tied(scene, seen, intersection),
+        *_obedient(scene, seen, intersection, roles),
+    )
     unasked = (
         *interference(seen, roles, expected=matched),
         *wrecks(seen, until=scene.meta.duration),
@@ -107,7 +119,8 @@ def read_users(scene: SceneRecord) -> tuple[RoadUser, ...]:
 
 
 def _read_user(agent: AgentRecord, step: float) -> RoadUser:
-    xy = np.array(agent.trajectory, dtype=np.float64).reshape(-1, 2)
+    count = len(agent.trajectory)
+    xy = np.fromiter(chain.from_iterable(agent.trajectory), np.float64, 2 * count).reshape(-1, 2)
     heading = np.array(agent.heading, dtype=np.float64)
     if len(xy) == 0:
         raise InputError(f"agent {agent.id} has an empty trajectory")
@@ -133,10 +146,26 @@ def _known_pair(relation: RelationRecord, known: set[int]) -> tuple[int, int]:
     return pair
 
 
+def _check_ties(scene: SceneRecord, known: set[int]) -> None:
+    for tie in scene.ties:
+        for n in (tie.agent, tie.of):
+            if n not in known:
+                raise InputError(f"ties name agent {n}, which the scene lacks")
+
+
+def _unlit(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:
+    """Without lights nobody is seen to run red, so that such a cause is not looked for."""
+    nobody = {"cause": None, "cause_agent": None}
+    return tuple(
+        r.model_copy(update=nobody) if r.cause == "red_light_run" else r for r in relations
+    )
+
+
 def _match(
-    relations: Sequence[RelationRecord], events: Sequence[Event]
+    relations: Sequence[RelationRecord], seen: Observation, intersection: IntersectionMap | None
 ) -> tuple[frozenset[int], tuple[Finding, ...]]:
     """Positions of the events that realise relations, and the relations without one."""
+    events = seen.events
     used: set[int] = set()
     missing: list[Finding] = []
     for relation in relations:
@@ -144,7 +173,7 @@ def _match(
         for k, event in enumerate(events):
             if k in used or not _same_roles(relation, event):
                 continue
-            reason = _falls_short(relation, event)
+            reason = _falls_short(relation, event) or unmet(relation, event, seen, intersection)
             if reason is None:
                 used.add(k)
                 break
@@ -164,6 +193,9 @@ def _falls_short(relation: RelationRecord, event: Event) -> str | None:
     """Why an event of the right type and roles is not the one asked for."""
     if relation.kind is not None and event.kind != relation.kind:
         return f"kind {event.kind} observed, {relation.kind} asked for"
+    uncaused = _uncaused(relation, event)
+    if uncaused is not None:
+        return uncaused
     for name, target, seen, tolerance in (
         ("PET", relation.target_pet, event.evidence.get("pet"), PET_TOLERANCE),
         ("path TTC", relation.target_ttc, event.evidence.get("path_ttc"), TTC_TOLERANCE),
@@ -172,6 +204,32 @@ def _falls_short(relation: RelationRecord, event: Event) -> str | None:
         if target is not None and (seen is None or abs(seen - target) > tolerance + 1e-6):
             found = "none" if seen is None else f"{seen:.2f}"
             return f"{name} {found} observed, {target:.2f} +/- {tolerance} asked for"
+    return _struck_elsewhere(relation, event)
+
+
+def _uncaused(relation: RelationRecord, event: Event) -> str | None:
+    """Why the cause asked for is not seen; late braking may come on top of a red light run."""
+    culprits = {event.cause: event.evidence.get("cause_agent")}
+    if "late_brake" in event.evidence:
+        culprits["late_brake"] = event.evidence["late_brake"]
+    if relation.cause is not None and relation.cause not in culprits:
+        return f"cause {event.cause or 'none'} observed, {relation.cause} asked for"
+    culprit = culprits.get(relation.cause)
+    if relation.cause_agent is not None and culprit != relation.cause_agent:
+        return f"{relation.cause} by {culprit} observed, by {relation.cause_agent} asked for"
+    return None
+
+
+def _struck_elsewhere(relation: RelationRecord, event: Event) -> str | None:
+    """Where a vehicle was struck, if that is not where it was to be."""
+    seen = [event.evidence.get("point_from"), event.evidence.get("point_to")]
+    if relation.from_ != event.from_:
+        seen.reverse()
+    for agent, asked, found in (
+        (relation.from_, relation.point_from, seen[0]), (relation.to, relation.point_to, seen[1]),
+    ):  # fmt: skip
+        if asked is not None and not is_at(asked, found):
+            return f"impact at {found or 'no point'} of {agent} observed, {asked} asked for"
     return None
 
 
@@ -223,8 +281,9 @@ def _implausible(
     scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None, roles: Roles
 ) -> tuple[Finding, ...]:
     found: list[Finding] = []
-    for agent, mover in zip(scene.agents, seen.movers, strict=True):
-        found += implausible(mover, licence=_licence(agent, seen.events))
+    licences = [_licence(agent, seen.events) for agent in scene.agents]
+    for mover, broken in zip(seen.movers, implausible(seen.movers, licences), strict=True):
+        found += broken
         found += _outside_scene(mover, scene.meta.duration)
     if intersection is not None:
         jaywalkers = frozenset(a.id for a in scene.agents if _jaywalks(a, roles))
@@ -266,7 +325,6 @@ def _red_crossings(
     plan = plan_contradictions(scene.signals, intersection)
     if not scene.signals:
         return plan
-    lights = Lights(scene.signals, intersection)
     return plan + tuple(
         Finding(
             rule="red_crossing", agents=(agent.id,), time=round(crossing.time, 3),
@@ -276,8 +334,41 @@ def _red_crossings(
         for agent, mover in zip(scene.agents, seen.movers, strict=True)
         if not (agent.violates_signal and agent.id in roles.foreground)
         and not _jaywalks(agent, roles)
-        for crossing in lights.ran_red(mover)
+        for crossing in seen.lights.ran_red(mover)
     )  # fmt: skip
+
+
+def _not_as_tied(
+    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None
+) -> tuple[Finding, ...]:
+    if intersection is None:
+        return ()
+    return misplaced(scene.ties, {m.id: m for m in seen.movers}, intersection)
+
+
+def _obedient(
+    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None, roles: Roles
+) -> tuple[Finding, ...]:
+    """Agents that were to run a red light and never do."""
+    if intersection is None or not scene.signals:
+        return ()
+    return tuple(
+        Finding(
+            rule="red_light_not_run", agents=(agent.id,),
+            detail=f"{agent.type} {agent.id} was to run a red light and never does",
+        )
+        for agent, mover in zip(scene.agents, seen.movers, strict=True)
+        if agent.violates_signal and agent.id in roles.foreground
+        and not seen.lights.ran_red(mover)
+    )  # fmt: skip
+
+
+def _red_runs(seen: Observation) -> list[dict[str, Any]]:
+    return [
+        {"agent": mover.id, "time": round(crossing.time, 3), "light": crossing.light}
+        for mover in seen.movers
+        for crossing in seen.lights.ran_red(mover)
+    ]
 
 
 def _figures(
@@ -289,5 +380,6 @@ def _figures(
         "agents": len(scene.agents),
         "map_checked": intersection is not None,
         "pet": {k: round(v, 3) for k, v in pet.items() if v is not None},
+        "red_light_runs": _red_runs(seen),
         "extremes": extremes(seen.movers),
     }

@@ -1,0 +1,103 @@
+"""How hard it gets: where vehicles strike one another, and whether somebody brakes hard."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from scenewright.scene.social import ImpactPoint
+
+_ENDS = {"front": "front", "rear": "rear", "back": "rear"}
+_SIDES = {
+    "left": "left", "driver": "left", "drivers": "left",
+    "right": "right", "passenger": "right", "passengers": "right",
+}  # fmt: skip
+_PART = r"(?:corner|fender|bumper|quarter|wing|headlight|tail ?light|wheel|end|side|panel)s?"
+_POINT = (
+    rf"(?:(?P<end>front|rear|back)[ -](?P<hand>left|right)(?:[ -]hand)?(?: {_PART})*"
+    rf"|(?P<hand2>left|right)(?:[ -]hand)?[ -](?P<end2>front|rear|back)(?: {_PART})*"
+    r"|(?P<side>left|right|drivers?|passengers?)(?:[ -]hand)?[ -]+(?:side|flank|doors?)"
+    r"|(?P<plain>front|rear|back)(?:[ -](?:end|bumper|side))?"
+    r"|(?P<any>sides?|flank|doors?))"
+)
+_VERB = (
+    r"\b(?:hit(?:s|ting)?|str(?:ik(?:es?|ing)|uck)|clip(?:s|ped|ping)?|ram(?:s|med|ming)?"
+    r"|crash(?:es|ed|ing)?|slam(?:s|med|ming)?|smash(?:es|ed|ing)?|plow(?:s|ed|ing)?"
+    r"|plough(?:s|ed|ing)?|collid(?:es?|ed|ing)|bump(?:s|ed|ing)?|scrap(?:es?|ed|ing)"
+    r"|runs?|ran|running|drives?|drove|driving|walks?|walked|walking|steps?|stepped"
+    r"|graz(?:es?|ed|ing)|nudg(?:es?|ed|ing)|tap(?:s|ped|ping)?|t ?-?bon(?:es?|ed|ing)"
+    r"|catch(?:es)?|caught|impact(?:s|ed)?)"
+)
+_NO_VEHICLE = (
+    r"(?! of (?:the |an? )?(?:\w+ )?(?:road|street|intersection|crosswalk|junction|map|screen|"
+    r"avenue|leg|lane|crossing))"
+)
+_STRUCK_AT = re.compile(
+    rf"(?P<before>{_VERB}(?: straight| right| head on)?(?: in ?to| against| with)?)"
+    rf" (?:the|its|his|her) {_POINT}{_NO_VEHICLE} of(?= (?:the|an?|its|another|one)\b)"
+)
+_STRUCK_BY = re.compile(rf"(?P<before>\bby) (?:the|its) {_POINT}{_NO_VEHICLE} of(?= (?:the|an?)\b)")
+_ON = re.compile(
+    rf"(?P<before>{_VERB}(?:(?!\bwith\b)[^.;,])*?) (?:on|in|at|along)(?: to)?"
+    rf" (?:the|its|his|her|their) {_POINT}\b{_NO_VEHICLE}(?! (?:of|lane|turn))"
+)
+_OWN = re.compile(rf"(?P<before>{_VERB}(?:(?!\bwith\b)[^.;,])*?\w)  {_POINT}\b{_NO_VEHICLE}")
+"""A genitive leaves two blanks behind: "hits the bus's side"."""
+
+_WITH = re.compile(rf"(?P<before>),? with (?:the|its|his|her|their) {_POINT}\b(?! of)")
+
+_HARD_BRAKING = re.compile(
+    r"\bbrak(?:es?|ed|ing) (?:very |so |really |extremely |that )?"
+    r"(?:hard|sharply|abruptly|suddenly|violently|heavily|harshly|fiercely|at the last)\b"
+    r"|\b(?:slam|jam|stamp|stomp|stand|step|hit)(?:s|m?ed|m?ing|ping)?(?: hard)? (?:on )?"
+    r"(?:the|its|his|her|their) brakes?\b"
+    r"|\bslam(?:s|med|ming)? (?:the )?brakes?\b"
+    r"|\b(?:emergency|hard|harsh|panic|sudden|sharp|heavy)[ -](?:brak\w+|stop)\b"
+    r"|\b(?:hard|sharply|abruptly|suddenly|harshly) brak(?:es?|ed|ing)\b"
+    r"|\bscreech(?:es|ed|ing)? to a (?:halt|stop)\b"
+)
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """Where the striking and the struck vehicle touch; None where the text does not say."""
+
+    striking: ImpactPoint | None = None
+    struck: ImpactPoint | None = None
+
+
+def read_impacts(text: str) -> tuple[str, Impacts]:
+    """The text without its points of impact, and these."""
+    found: dict[str, ImpactPoint] = {}
+    for pattern, whose in (
+        (_STRUCK_BY, "striking"), (_STRUCK_AT, "struck"), (_WITH, "striking"), (_ON, "struck"),
+        (_OWN, "struck"),
+    ):  # fmt: skip
+        match = pattern.search(text)
+        if match is None or whose in found:
+            continue
+        found[whose] = _named(match)
+        # "into the back of a bus" is a rear-end, which the words themselves must go on saying.
+        if not (match["plain"] and found[whose] == "rear"):
+            text = f"{text[: match.start()]}{match['before']}{text[match.end() :]}"
+    return text, Impacts(found.get("striking"), found.get("struck"))
+
+
+def brakes_hard(text: str) -> bool:
+    """Whether somebody in the text brakes hard."""
+    return _HARD_BRAKING.search(text) is not None
+
+
+def _named(match: re.Match[str]) -> ImpactPoint:
+    end, hand = match["end"] or match["end2"], match["hand"] or match["hand2"]
+    corners: dict[tuple[str, str], ImpactPoint] = {
+        ("front", "left"): "front_left", ("front", "right"): "front_right",
+        ("rear", "left"): "rear_left", ("rear", "right"): "rear_right",
+    }  # fmt: skip
+    if end and hand:
+        return corners[_ENDS[end], hand]
+    if match["side"]:
+        return "left" if _SIDES[match["side"]] == "left" else "right"
+    if match["plain"]:
+        return "front" if _ENDS[match["plain"]] == "front" else "rear"
+    return "side"

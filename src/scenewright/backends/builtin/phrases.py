@@ -1,0 +1,107 @@
+"""Phrases of relation files: each asks for its relation, played as that file says."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+
+from scenewright.backends.builtin.clock import read_clock
+from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraft
+from scenewright.backends.builtin.impacts import read_impacts
+from scenewright.backends.builtin.normalise import clean
+from scenewright.backends.builtin.shorthand import expand
+from scenewright.scene.relations import Pattern, Role, patterns
+from scenewright.scene.social import RelationType
+
+_TAGS: dict[RelationType, str] = {
+    "collide_at": "COLLIDE", "near_miss": "NEAR", "yield_to": "YIELD", "follow": "FOLLOW",
+}  # fmt: skip
+_CARRIER = re.compile(r"^ *a car (.+) a truck *$")
+_REVERSED = "<"
+
+
+@dataclass(frozen=True)
+class Phrase:
+    """Words that ask for a pattern.
+
+    Attributes:
+        spellings: the words as written, and as they are once the text has been made plain.
+        tags: what they mean to the reader: the relation, and the pattern.
+    """
+
+    spellings: tuple[str, ...]
+    tags: tuple[tuple[str, str], ...]
+
+
+def all_phrases() -> tuple[Phrase, ...]:
+    """Every phrase of every relation file."""
+    return tuple(
+        _phrase(pattern.relation, pattern.kind or "any", pattern.id, words, turned)
+        for pattern in patterns()
+        for words, turned in pattern.spoken()
+    )
+
+
+@lru_cache(maxsize=4096)
+def _phrase(relation: RelationType, kind: str, name: str, words: str, turned: bool) -> Phrase:
+    meaning = kind if relation == "collide_at" else "any"
+    pattern = f"{name}{_REVERSED if turned else ''}"
+    return Phrase(
+        tuple(dict.fromkeys((words, _plain(words)))),
+        ((_TAGS[relation], meaning), ("PATTERN", pattern)),
+    )
+
+
+def _plain(words: str) -> str:
+    """The words after all that is done to a text before it is read; unchanged if they dissolve."""
+    said, _ = read_impacts(expand(clean(f"a car {words} a truck")))
+    found = _CARRIER.match(read_clock(said)[0])
+    return found[1] if found else words
+
+
+def read_pattern(value: str | None) -> tuple[str | None, bool]:
+    """Of a PATTERN tag: the id, and whether `to` is named first."""
+    if value is None:
+        return None, False
+    return value.removesuffix(_REVERSED), value.endswith(_REVERSED)
+
+
+def cast(relation: RelationDraft) -> None:
+    """Gives both agents what the pattern of the phrase leaves no choice about.
+
+    Raises:
+        Refused: the phrase cannot be said of these two.
+    """
+    pattern = next((each for each in patterns() if each.id == relation.pattern), None)
+    if pattern is None:
+        return
+    for agent, role in _roles(relation, pattern):
+        if agent.movement is None and len(role.movements) == 1:
+            agent.movement = role.movements[0]
+        if agent.movement is not None and agent.movement not in role.movements:
+            raise Refused(
+                "contradictory",
+                f"'{_said(pattern)}' is for {' or '.join(role.movements)}, not {agent.movement}; "
+                "change the one or the other.",
+            )
+
+
+def _roles(relation: RelationDraft, pattern: Pattern) -> list[tuple[AgentDraft, Role]]:
+    given, wanted = (relation.from_, relation.to), (pattern.from_, pattern.to)
+    for pair in (given, given[::-1]):
+        if [agent.type for agent in pair] == [role.type for role in wanted]:
+            return list(zip(pair, wanted, strict=True))
+    raise Refused(
+        "contradictory",
+        f"'{_said(pattern)}' is said of {_two(pattern)}; name these, or use other words.",
+    )
+
+
+def _said(pattern: Pattern) -> str:
+    return pattern.spoken()[0][0]
+
+
+def _two(pattern: Pattern) -> str:
+    first, second = pattern.from_.type, pattern.to.type
+    return f"two {first}s" if first == second else f"a {first} and a {second}"

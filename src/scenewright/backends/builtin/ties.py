@@ -1,0 +1,76 @@
+"""Entries that the text fixes by one another alone: oncoming, from its left, cross street."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scenewright.backends.builtin.attach import LEFT_OF_HEADING
+from scenewright.backends.builtin.coreference import OPPOSITE
+from scenewright.backends.builtin.draft import AgentDraft, Draft, RelationDraft
+from scenewright.backends.builtin.entail import partner
+from scenewright.scene.social import EntrySide
+
+_SIDES: dict[str, EntrySide] = {
+    "opposite": "opposite", "mutual": "opposite", "same": "same", "lateral": "lateral",
+    "of_left": "left", "of_right": "right", "other": "other",
+}  # fmt: skip
+
+Tie = tuple[AgentDraft, AgentDraft, EntrySide]
+"""Agent, the other one, and where the agent comes from as seen by the other one."""
+
+
+def ties(draft: Draft) -> list[Tie]:
+    """What the text says of entries, once for every pair, without what an edit has overruled."""
+    found: dict[frozenset[int], Tie] = {}
+    for agent, other, side in (*_told(draft), *_implied(draft)):
+        vehicles = agent.type == other.type == "vehicle" and agent is not other
+        if vehicles and other in draft.agents and not _overruled(agent, other, side):
+            found.setdefault(frozenset((id(agent), id(other))), (agent, other, side))
+    return list(found.values())
+
+
+def name_left_turns(draft: Draft) -> None:
+    """Who turns left across an oncoming vehicle and hits it has a left-turn collision."""
+    opposite = {frozenset((id(a), id(b))) for a, b, side in ties(draft) if side == "opposite"}
+    for relation in draft.relations:
+        moves = {relation.from_.movement, relation.to.movement}
+        turns = "left" in moves and moves <= {"left", None, "straight"} and len(moves) == 2
+        oncoming = relation.pair() in opposite or _facing(relation)
+        if relation.type == "collide_at" and relation.kind is None and turns and oncoming:
+            relation.kind = "left_turn"
+
+
+def _told(draft: Draft) -> Iterator[Tie]:
+    for agent in draft.agents:
+        for word, named in agent.relatives:
+            other = named or partner(agent, draft)
+            if word in _SIDES and other is not None:
+                yield agent, other, _SIDES[word]
+
+
+def _implied(draft: Draft) -> Iterator[Tie]:
+    """ "nearly collide head-on": they come towards one another."""
+    for relation in draft.relations:
+        if relation.type == "near_miss" and relation.kind == "head_on":
+            yield relation.to, relation.from_, "opposite"
+
+
+def _facing(relation: RelationDraft) -> bool:
+    entry = relation.from_.entry
+    return entry is not None and relation.to.entry == OPPOSITE[entry]
+
+
+def _overruled(agent: AgentDraft, other: AgentDraft, side: EntrySide) -> bool:
+    """Whether both entries are known and lie otherwise."""
+    if agent.entry is None or other.entry is None:
+        return False
+    left = LEFT_OF_HEADING.get(OPPOSITE[other.entry])
+    lies: dict[EntrySide, bool] = {
+        "same": agent.entry == other.entry,
+        "other": agent.entry != other.entry,
+        "opposite": agent.entry == OPPOSITE[other.entry],
+        "lateral": agent.entry not in (other.entry, OPPOSITE[other.entry]),
+        "left": agent.entry == left,
+        "right": agent.entry == OPPOSITE.get(left or ""),
+    }
+    return not lies[side]

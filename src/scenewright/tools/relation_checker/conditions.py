@@ -1,0 +1,130 @@
+"""What a relation demands of its event besides type, roles and severity: zone, order, figures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from scenewright.scene.base import Point
+from scenewright.scene.events import Event, EventZone
+from scenewright.scene.map import IntersectionMap, Lanelet
+from scenewright.scene.record import RelationRecord
+from scenewright.tools.relation_checker.footprints import angle_between
+from scenewright.tools.relation_checker.ground import ground_of
+from scenewright.tools.relation_checker.motion import Mover, extended
+from scenewright.tools.relation_checker.observation import Observation
+from scenewright.tools.relation_checker.paths import SHARED, conflict_zones
+from scenewright.tools.relation_checker.planar import geos
+
+ON_CROSSWALK = 0.5
+"""How far beside a crosswalk [m] still counts as on it."""
+
+_BEYOND = {"vehicle": 25.0, "pedestrian": 5.0}
+"""How far [m] the path of somebody who still waits is followed on."""
+
+TOLERANCES = {
+    "pet": 0.15, "path_ttc": 0.3, "clearance": 0.2, "relative_speed": 1.0,
+    "least_headway": 0.3, "least_gap": 0.5,
+}  # fmt: skip
+
+
+def unmet(
+    relation: RelationRecord, event: Event, seen: Observation, on: IntersectionMap | None
+) -> str | None:
+    """Why an event of the right type and roles is not what the relation's file demands."""
+    return (
+        _out_of_bounds(relation, event)
+        or _wrong_order(relation, seen)
+        or (_elsewhere(relation, event, seen, on))
+    )
+
+
+def _out_of_bounds(relation: RelationRecord, event: Event) -> str | None:
+    for figure, (low, high) in relation.within.items():
+        value = event.evidence.get(figure)
+        if not isinstance(value, int | float) or not math.isfinite(value):
+            return f"no {figure} observed, [{low:g}, {high:g}] demanded"
+        slack = TOLERANCES.get(figure, 0.0) + 1e-6
+        if not low - slack <= value <= high + slack:
+            return f"{figure} {value:.2f} observed, [{low:g}, {high:g}] demanded"
+    return None
+
+
+def _wrong_order(relation: RelationRecord, seen: Observation) -> str | None:
+    """Who comes first through the stretch where the two come closest in time."""
+    if relation.first is None:
+        return None
+    pair = {relation.from_, relation.to}
+    ids = [mover.id for mover in seen.movers]
+    between = [e for e in seen.meetings if {ids[e.first], ids[e.second]} == pair]
+    if not between:  # the scene ends while one of the two still waits
+        return None if relation.type == "yielding" else "nobody passes before the other"
+    closest = min(between, key=lambda each: each.pet)
+    early = closest.first if closest.first_time < closest.second_time else closest.second
+    if ids[early] == relation.first:
+        return None
+    return f"{ids[early]} passes first, {relation.first} was to"
+
+
+def _elsewhere(
+    relation: RelationRecord, event: Event, seen: Observation, on: IntersectionMap | None
+) -> str | None:
+    zone = relation.zone
+    if zone is None or (zone != "lane" and on is None):
+        return None
+    movers = {mover.id: mover for mover in seen.movers}
+    pair = movers[event.from_], movers[event.to]
+    inside = _one_way(*pair, time=event.time) if zone == "lane" else False
+    if on is not None and zone != "lane":
+        inside = lies_in(_place(event, *pair), zone, on, on_foot=_walks(*pair))
+    return None if inside else f"not in the zone demanded ({zone})"
+
+
+def _walks(first: Mover, second: Mover) -> bool:
+    return not (first.is_vehicle and second.is_vehicle)
+
+
+def lies_in(place: Point, zone: EventZone, on: IntersectionMap, *, on_foot: bool) -> bool:
+    """Whether a place [m] lies in a zone of the map; `on_foot`: one of the two walks."""
+    ground, point = ground_of(on), geos.Point(place)
+    marked = any(each.area.distance(point) <= ON_CROSSWALK for each in ground.crosswalks)
+    on_road = bool(ground.road.contains(np.array([place]))[0])
+    match zone:
+        case "crosswalk":
+            return marked
+        case "conflict":
+            return on_road and not any(_covers(lane, point) for lane in on.lanelets)
+        case "roadway":
+            return on_road and not (on_foot and marked)
+        case "lane":
+            return on_road
+
+
+def _covers(lane: Lanelet, point: geos.Point) -> bool:
+    """Whether a lane of a leg, thus outside the junction, covers the point."""
+    if lane.kind == "connector":
+        return False
+    return bool(geos.Polygon([*lane.left, *reversed(lane.right)]).intersects(point))
+
+
+def _one_way(first: Mover, second: Mover, *, time: float) -> bool:
+    at = np.array([time])
+    headings = first.at(at)[1], second.at(at)[1]
+    return bool(angle_between(*headings)[0] <= SHARED)
+
+
+def _place(event: Event, first: Mover, second: Mover) -> Point:
+    """Where the two met, or would have: their conflict zone; the contact itself where they did."""
+    if event.type in ("collision", "follow"):
+        return event.location
+    if event.type == "yielding":  # it may still wait when the scene ends
+        first = extended(
+            first, distance=_BEYOND[first.type], speed=2.0 if first.is_vehicle else 1.0
+        )
+    here = geos.Point(event.location)
+    zones = [zone.polygon for zone in conflict_zones(first, second)]
+    if not zones:
+        return event.location
+    middle = min(zones, key=lambda area: float(area.distance(here))).centroid
+    return float(middle.x), float(middle.y)

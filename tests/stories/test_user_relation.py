@@ -1,0 +1,151 @@
+"""A relation of a user's own, as docs/relations.md tells it: from the file to a verified scene."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scenewright import synthesize
+from scenewright.backends import Question, load_backend
+from scenewright.intersections import load_map
+from scenewright.scene.record import RelationRecord, SceneRecord
+from scenewright.tools.relation_checker import check
+
+PAGE = (Path(__file__).parents[2] / "docs" / "relations.md").read_text("utf-8")
+EXAMPLE = PAGE.split("```toml\n")[1].split("```")[0]
+COMMANDS = PAGE.split("```sh\n")[1].split("```")[0].strip().splitlines()
+ANSWER = PAGE.split("```text\n")[1].split("```")[0].strip()
+MAP = load_map("amsterdam_120")
+
+
+def run(command: str, *, inside: Path) -> subprocess.CompletedProcess[str]:
+    """A line of the page, with its variables, in a folder."""
+    words = shlex.split(command)
+    given = dict(word.split("=", 1) for word in words if re.match(r"[A-Z_]+=", word))
+    program, *arguments = words[len(given) :]
+    return subprocess.run(
+        [str(Path(sys.executable).parent / program), *arguments],
+        cwd=inside, env=os.environ | given, stdin=subprocess.DEVNULL,
+        capture_output=True, text=True, timeout=120.0, check=False,
+    )  # fmt: skip
+
+
+def test_the_page_leads_from_a_file_to_a_verified_scene(tmp_path: Path) -> None:
+    (tmp_path / "my_relations").mkdir()
+    (tmp_path / "my_relations" / "noses_out.toml").write_text(EXAMPLE, "utf-8")
+    for command in COMMANDS:
+        done = run(command, inside=tmp_path)
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+    assert "verified" in done.stdout
+    provenance = json.loads((tmp_path / "scene" / "provenance.json").read_text("utf-8"))
+    assert provenance["patterns"] == ["noses_out"]
+    scene = json.loads((tmp_path / "scene" / "scene.json").read_text("utf-8"))
+    (relation,) = scene["relations"]
+    assert (relation["zone"], relation["first"]) == ("conflict", relation["from"])
+    assert relation["within"] == {"pet": [0.7, 1.1]}
+    kinds = {agent["id"]: agent["subtype"] for agent in scene["agents"]}
+    assert (kinds[relation["from"]], kinds[relation["to"]]) == ("car", "bus")
+
+
+def test_the_page_shows_what_a_faulty_file_is_answered(tmp_path: Path) -> None:
+    (tmp_path / "my_relations").mkdir()
+    faulty = EXAMPLE.replace("in {gap} s", "in 0.7 s")
+    (tmp_path / "my_relations" / "noses_out.toml").write_text(faulty, "utf-8")
+    done = run(COMMANDS[0], inside=tmp_path)
+    assert (done.returncode, done.stderr.strip()) == (2, ANSWER)
+
+
+@pytest.fixture
+def noses_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.toml").write_text(EXAMPLE, "utf-8")
+    monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path))
+
+
+@pytest.mark.usefixtures("noses_out")
+@pytest.mark.parametrize("seed", range(3))
+def test_the_one_named_first_passes_first(seed: int) -> None:
+    scene = synthesize("A truck noses out in front of a car. Nobody else is around.", seed=seed)
+    (seen,) = scene.proof.events
+    assert 0.7 - 0.15 <= seen.evidence["pet"] <= 1.1 + 0.15
+    (asked,) = scene.record.relations
+    agents = {agent.id: agent for agent in scene.record.agents}
+    assert agents[asked.from_].subtype == "truck"
+    assert asked.first == asked.from_
+
+
+@pytest.mark.usefixtures("noses_out")
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"zone": "crosswalk"}, "not in the zone demanded (crosswalk)"),
+        ({"zone": "lane"}, "not in the zone demanded (lane)"),
+        ({"first": 2}, "1 passes first, 2 was to"),
+        ({"within": {"pet": (2.0, 3.0)}}, "observed, [2, 3] demanded"),
+        ({"within": {"path_ttc": (0.0, 0.01)}}, "demanded"),
+        ({"within": {"nonsense": (0.0, 9.0)}}, "no nonsense observed"),
+        ({"cause": "late_brake"}, "late_brake"),
+    ],
+)
+def test_the_gate_looks_for_all_that_the_file_demands(change: dict[str, object], why: str) -> None:
+    scene = synthesize("A car noses out in front of a bus. Nobody else is around.", seed=1)
+    assert check(scene.record, MAP).verified
+    proof = check(demanding(scene.record, change), MAP)
+    assert not proof.verified
+    assert why in proof.missing[0].detail
+
+
+def demanding(record: SceneRecord, change: dict[str, object]) -> SceneRecord:
+    (relation,) = record.relations
+    other = RelationRecord.model_validate(relation.model_dump(by_alias=True) | change)
+    return record.model_copy(update={"relations": (other,)})
+
+
+@pytest.mark.usefixtures("noses_out")
+def test_a_severity_in_the_request_replaces_that_of_the_file() -> None:
+    text = "A car noses out in front of a bus with a PET of 1.4 seconds. Nobody else is around."
+    scene = synthesize(text, seed=0)
+    (seen,) = scene.proof.events
+    assert seen.evidence["pet"] == pytest.approx(1.4, abs=0.15)
+    assert scene.record.relations[0].within == {}
+
+
+class Forgetful:
+    """The builtin backend, which at first leaves one status out of every behaviour program."""
+
+    name = "forgetful"
+    deterministic = False
+
+    def __init__(self, status: str) -> None:
+        self._status, self._builtin = status, load_backend("builtin")
+
+    def answer(self, question: Question) -> dict[str, Any]:
+        reply = self._builtin.answer(question)
+        if question.task == "behavior" and not question.rejections:
+            for segments in reply["segments"].values():
+                segments[:] = [each for each in segments if each["status"] != self._status]
+        return reply
+
+
+@pytest.mark.parametrize(
+    ("text", "status", "agent"),
+    [
+        ("A car hits a bus.", "terminate", "vehicle-1"),
+        ("A car from the south yields to a pedestrian.", "stop", "vehicle-1"),
+    ],
+)
+def test_a_program_without_the_segments_of_a_role_is_told_so(
+    text: str, status: str, agent: str
+) -> None:
+    scene = synthesize(f"{text} Nobody else is around.", backend=Forgetful(status), seed=1)
+    first = scene.provenance["rejections"][0]
+    assert (first["stage"], first["agents"]) == ("event_reasoner", [agent])
+    assert first["detail"] == f"{agent} has no {status}, which its role demands"
+    assert scene.proof.verified

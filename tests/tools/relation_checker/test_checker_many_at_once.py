@@ -1,0 +1,110 @@
+"""What is computed for many movers in one pass is what each of them gives alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from checker_tracks import EAST, NORTH, along, bend, distance, light, line, plus_map, walk
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenewright.tools.relation_checker import RoadUser, as_mover, as_movers, gather, lane_gaps
+from scenewright.tools.relation_checker.curve import project, project_each, side_by_side
+from scenewright.tools.relation_checker.signals import Lights
+
+LENGTHS = st.lists(st.integers(1, 30), min_size=1, max_size=6)
+
+
+def wanderers(lengths: list[int], seed: int) -> list[RoadUser]:
+    """Cars on wandering tracks of given numbers of samples; every third one mostly stands."""
+    rng = np.random.default_rng(seed)
+    users = []
+    for n, length in enumerate(lengths):
+        turn = np.cumsum(rng.normal(0.0, 0.3, length)) + rng.uniform(-4.0, 4.0)
+        steps = rng.uniform(0.0, 1.2, length) * (rng.random(length) > (0.9 if n % 3 == 2 else 0.2))
+        way = np.cumsum(steps[:, None] * np.stack((np.cos(turn), np.sin(turn)), axis=1), axis=0)
+        user = line(n, (0.0, 0.0), 0.0, np.zeros(length), at=0.1 * n)
+        track = type(user.track)(np.round(way, 3), np.unwrap(turn), user.track.start)
+        users.append(RoadUser(n, track, user.shape))
+    return users
+
+
+@given(LENGTHS, st.integers(0, 10_000))
+def test_kinematics_paths_and_lanes(lengths: list[int], seed: int) -> None:
+    users = wanderers(lengths, seed)
+    for together, user in zip(as_movers(users), users, strict=True):
+        alone = as_mover(user)
+        for name in ("steps", "velocity", "speed", "acceleration", "lateral_acceleration"):
+            np.testing.assert_array_equal(getattr(together, name), getattr(alone, name), name)
+        for curve, own in ((together.path, alone.path), (together.lane, alone.lane)):
+            np.testing.assert_allclose(curve.xy, own.xy, atol=1e-9)
+            np.testing.assert_allclose(curve.s, own.s, atol=1e-9)
+            assert len(curve.direction) == len(own.direction)
+
+
+@given(LENGTHS, st.integers(0, 10_000))
+def test_a_path_goes_through_its_track(lengths: list[int], seed: int) -> None:
+    for mover in as_movers(wanderers(lengths, seed)):
+        path = mover.path
+        if mover.s[-1] < 0.05:
+            assert len(path.s) == 1
+            continue
+        assert path.s[-1] == pytest.approx(mover.s[-1])
+        for k in (0, 1):
+            expected = np.interp(path.s, mover.s, mover.xy[:, k])
+            np.testing.assert_allclose(path.xy[:, k], expected, atol=2e-4)
+
+
+def test_the_acceleration_at_the_ends_holds_the_nearest_full_window() -> None:
+    (mover,) = as_movers([line(1, (0.0, 0.0), EAST, distance(2.0, (1.5, 3.0)))])
+    assert mover.acceleration == pytest.approx(np.full(len(mover), 1.5), abs=0.06)
+    assert (mover.acceleration[:3] == mover.acceleration[3]).all()
+    assert (mover.acceleration[-3:] == mover.acceleration[-4]).all()
+
+
+@given(st.integers(0, 10_000))
+def test_each_point_on_a_lane_of_its_own(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turning = along(1, bend((-20.0, 0.0), EAST, 20.0, 10.0, 1.5, 30.0), distance(6.0, (0.0, 9.0)))
+    straight = line(2, (3.0, -40.0), NORTH, distance(8.0, (0.0, 9.0)))
+    lanes = [m.lane for m in as_movers([turning, straight])]
+    points, which = rng.uniform(-40.0, 40.0, (60, 2)), rng.integers(0, 2, 60)
+    found = project_each(points, side_by_side(lanes), which, within=np.full(60, 5.0))
+    for k, n in enumerate(which):
+        one = project(points[k], lanes[n])
+        if one.lateral < 5.0:
+            assert found.s[k] == pytest.approx(float(one.s))
+            assert found.lateral[k] == pytest.approx(float(one.lateral))
+            assert found.direction[k] == pytest.approx(float(one.direction))
+        else:
+            assert found.lateral[k] >= 5.0
+
+
+def test_gaps_in_one_lane_do_not_depend_on_who_else_is_there() -> None:
+    s = distance(8.0, (0.0, 6.0))
+    pair = [line(1, (0.0, 0.0), EAST, s), line(2, (-16.6, 0.0), EAST, s, at=0.3)]
+    others = [line(3, (0.0, 30.0), EAST, s), line(4, (-12.0, 30.0), EAST, s), walk(5, (0, 9), 0, s)]
+    (alone,) = lane_gaps(gather(as_movers(pair)))
+    second, _ = lane_gaps(gather(as_movers([*others[:1], *pair, *others[1:]])))
+    assert (alone.follower, second.follower) == (1, 2)
+    np.testing.assert_allclose(alone.times, second.times)
+    np.testing.assert_allclose(alone.gap, second.gap)
+    assert second.leader.tolist() == np.where(alone.leader == 0, 1, -1).tolist()
+    assert (second.leader == 1).sum() > 20
+
+
+def test_crossings_of_many_are_those_of_each() -> None:
+    ground, s = plus_map(), distance(9.0, (0.0, 12.0))
+    plan = [light("green", 0.0, 30.0), light("green", 0.0, 30.0, crosswalk=True)]
+    users = [
+        *(line(n, (-60.0 - 7.0 * n, -1.75), EAST, s) for n in range(4)),
+        *(walk(n, (x, -9.0), NORTH, s / 6) for n, x in enumerate((-8.0, -9.0, 40.0), start=4)),
+    ]
+    movers, together = as_movers(users), Lights(plan, ground)
+    together.meet(movers)
+    for mover in movers:
+        assert together.crossings(mover) == Lights(plan, ground).crossings(mover)
+    # the front, 2.3 m ahead of the centre, reaches the line at x = -12 after 45.7 + 7 n metres
+    times = [c.time for mover in movers[:4] for c in together.crossings(mover)]
+    assert times == pytest.approx([(45.7 + 7.0 * n) / 9.0 for n in range(4)], abs=2e-3)
+    assert [len(together.crossings(mover)) for mover in movers[4:]] == [1, 1, 0]
