@@ -63,6 +63,7 @@ from scenewright.tools.dsl_validator.waiting import (
     Moment,
     RedLight,
     last_in_lane,
+    passes_on_green,
     starts_of,
 )
 from scenewright.tools.encounter import encounter
@@ -655,7 +656,8 @@ class _Search:
             return
         stop = Stop("queue", s, stands, release - enters, "red_light")
         actor = free.edited(stops=(stop,)).until(moment.duration - enters)
-        yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64), cost)
+        if passes_on_green(actor, moment, enters):
+            yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64), cost)
 
     def _selection(self, framing: _Framing, choice: dict[str, int], seating: Seating) -> Selection:
         staging, agents = framing.staging, dict[str, SelectedAgent]()

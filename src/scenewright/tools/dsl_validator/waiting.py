@@ -103,6 +103,18 @@ def starts_of(actor: Actor, moment: Moment) -> NDArray[np.int64]:
     return steps[green.all(axis=0)]
 
 
+def passes_on_green(actor: Actor, moment: Moment, enters: float) -> bool:
+    """Whether an actor that enters at scene time [s] has green at its line, or never gets there.
+
+    The light may have changed again since whoever it queues behind went.
+    """
+    line, group, clock = actor.marks.line, actor.marks.group, moment.clock
+    if clock is None or line is None or group is None:
+        return True
+    crosses = enters + actor.motion.time_at(line)
+    return bool(np.isinf(crosses)) or clock.colour(group, crosses) == "green"
+
+
 def last_in_lane(
     candidate: Candidate, standing: Sequence[Actor]
 ) -> tuple[float, float, float] | None:
