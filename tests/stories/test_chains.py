@@ -143,3 +143,21 @@ def test_what_cannot_be_is_refused_at_once_and_says_why(text: str, told: str) ->
     with pytest.raises(Unsatisfiable, match=told) as refused:
         synthesize(text, seed=0)
     assert [each.stage for each in refused.value.rejections] == ["scene_planner"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "A car brakes too late and hits a pedestrian on the north crosswalk.",
+        "A car brakes too late and crashes into the side of another car.",
+        "A taxi fails to stop in time and rear-ends a bus.",
+    ],
+)
+@pytest.mark.parametrize("seed", [1, 5])
+def test_who_brakes_too_late_is_seen_braking(text: str, seed: int) -> None:
+    scene = synthesize(text, seed=seed)
+    (hit,) = scene.proof.events
+    (asked,) = scene.record.relations
+    driver = agent(scene, "vehicle-1").id
+    assert (asked.cause, asked.cause_agent) == ("late_brake", driver)
+    assert hit.evidence["late_brake"] == driver
