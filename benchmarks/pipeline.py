@@ -43,7 +43,7 @@ def main() -> None:
     attempts = failed = 0
     with tempfile.TemporaryDirectory() as folder:
         synthesize(f"{REQUESTS[0]} {CROWD}", seed=99).save(Path(folder) / "warm")
-        for request in REQUESTS:
+        for number, request in enumerate(REQUESTS):
             for seed in SEEDS:
                 start = time.perf_counter()
                 try:
@@ -51,7 +51,7 @@ def main() -> None:
                 except Unsatisfiable:
                     failed += 1
                     continue
-                scene.save(Path(folder) / "scene")
+                scene.save(Path(folder) / f"{number}-{seed}")
                 wall.setdefault(request, []).append(time.perf_counter() - start)
                 stages.update(scene.provenance["seconds"])
                 attempts += 1 + len(scene.provenance["rejections"])
@@ -65,6 +65,7 @@ def report(wall: dict[str, list[float]], stages: Counter[str], attempts: int, fa
         f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, "
         f"commit {commit()}, n = {n}, not satisfied: {failed}"
     )
+    print(f"{n / sum(every):.1f} verified scenes a second on one core")
     print(
         f"median {statistics.median(every):.3f} s, mean {statistics.fmean(every):.3f} s, "
         f"p90 {every[int(0.9 * n)]:.3f} s, attempts per scene {attempts / n:.2f}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from contextlib import suppress
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from typing import cast, get_args
 
@@ -77,8 +77,11 @@ _FOUND = re.compile(r"[\w.+-]+(/\w+)?|.", re.DOTALL)
 _LONGEST_QUOTE = 40
 
 
+@lru_cache(maxsize=256)
 def parse(text: str) -> ConstraintProgram:
     """The program that a text spells, clause for clause in its order.
+
+    Requests of one kind share their programs, so the latest are remembered.
 
     Args:
         text: at most 20 kB and 200 clauses in the language of docs/constraint-language.md.
