@@ -9,10 +9,12 @@ import pytest
 
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
+from scenewright.scene.grounding import Cast, CastPattern
 from scenewright.scene.social import AgentNode, EntryTie, RelationEdge, SocialGraph
 from scenewright.tools.map_grounding import at_odds, casts, green_together, ground, lies
 
 ON = load_map("amsterdam_120")
+ROUTES = {route.id: route for route in ON.routes}
 CAR, OTHER, THIRD, WALKER, SECOND = (
     "vehicle-1", "vehicle-2", "vehicle-3", "pedestrian-1", "pedestrian-2",
 )  # fmt: skip
@@ -156,3 +158,23 @@ def test_nobody_waits_for_a_wreck_to_pass():
     for cast in drawn(chain(None, None)):
         assert cast.routes[WALKER].crosswalk == "south"
         assert cast.routes[SECOND].crosswalk == cast.routes[CAR].exit
+
+
+def test_a_pedestrian_gives_way_from_the_kerb_next_to_the_lane():
+    def odd(entry, exit_):
+        routes = {
+            "pedestrian-1": ROUTES[f"pedestrian:north:{entry}>{exit_}:along>along"],
+            "vehicle-1": ROUTES["vehicle:south>north:straight"],
+        }
+        yields = CastPattern(
+            edge=0,
+            pattern="pedestrian_yields_to_vehicle_through",
+            from_="pedestrian-1",
+            to="vehicle-1",
+            violator="vehicle-1",
+        )
+        return at_odds(Cast(routes=routes, patterns=(yields,)), on=ON)
+
+    # Northbound traffic keeps to the east side of the avenue.
+    assert odd("east", "west") == 0
+    assert odd("west", "east") == 1

@@ -11,7 +11,7 @@ from scenewright.errors import Rejected
 from scenewright.scene.grounding import Cast, CastPattern, Grounding
 from scenewright.scene.map import IntersectionMap, Route, VehicleMovement
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.relations import Pattern, Role
+from scenewright.scene.relations import Pattern, Role, pattern_named
 from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
 from scenewright.tools.relation_files import checked_patterns
 
@@ -19,6 +19,10 @@ RouteWeight = Callable[[Route], float]
 """How common a route is; zero keeps it from being drawn unless nothing else is left."""
 
 _SYMMETRIC = ("collide_at", "near_miss")
+
+_FROM_THE_KERB = 4.3
+"""Farthest from a kerb [m] that a conflict zone may begin for a pedestrian at the kerb to give way
+there (SEMANTICS 4: 5 m, less a margin)."""
 
 
 def ground(graph: SocialGraph, *, on: IntersectionMap) -> Grounding:
@@ -77,10 +81,11 @@ def green_together(a: Route, b: Route, *, on: IntersectionMap) -> bool:
 
 
 def at_odds(cast: Cast, *, on: IntersectionMap) -> int:
-    """How many relations of a cast the lights do not allow as the programme runs.
+    """How many relations of a cast the lights do not allow as the programme runs, or the map.
 
     Two who obey must have green together; of two, one runs red where the other has green. Changes
-    of the lights leave a little room for exceptions, so that such a cast is not hopeless.
+    of the lights leave a little room for exceptions, so that such a cast is not hopeless. Nor is
+    one in which a pedestrian would give way from the kerb on the far side of the roadway.
     """
     runs = {each.violator for each in cast.patterns} - {None}
     odd = 0
@@ -91,7 +96,24 @@ def at_odds(cast: Cast, *, on: IntersectionMap) -> int:
         elif len(pair) == 1:
             (runner,) = {each.from_, each.to} & runs
             odd += not _red_at_green(cast.routes[runner], pair[0], on=on)
+        if pattern_named(each.pattern).relation == "yield_to":
+            odd += not _kerb_is_near(cast.routes[each.from_], cast.routes[each.to], on=on)
     return odd
+
+
+def _kerb_is_near(walker: Route, other: Route, *, on: IntersectionMap) -> bool:
+    """Whether the first, if on foot, steps off its kerb close to where it meets the other."""
+    crosswalk = next((each for each in on.crosswalks if each.leg == walker.crosswalk), None)
+    if walker.type == "vehicle" or crosswalk is None or walker.entry not in crosswalk.sides:
+        return True
+    kerb, beyond = (np.array(point) for point in crosswalk.centreline)
+    if crosswalk.sides[0] != walker.entry:
+        kerb, beyond = beyond, kerb
+    ahead = (beyond - kerb) / np.hypot(*(beyond - kerb))
+    both = {_zone_key(walker), _zone_key(other)}
+    zones = [each.polygon for each in on.conflict_zones if {each.first, each.second} == both]
+    ways = [float(((np.array(zone) - kerb) @ ahead).min()) for zone in zones]
+    return not ways or min(ways) <= _FROM_THE_KERB
 
 
 def _red_at_green(runner: Route, other: Route, *, on: IntersectionMap) -> bool:
