@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import stat
 import time
 import zlib
 from collections.abc import Callable, Mapping
@@ -41,6 +42,7 @@ from scenewright.tools.relation_checker.recording import off_map, recorded_event
 DEFAULT_INTERSECTION = "amsterdam_120"
 REFINERS = ("none",)
 MAX_SEED = 2**63 - 1
+_PAPER_LACKS = {"intersection", "step", "duration", "heading", "length", "width"}
 
 Profile = Literal["full", "paper"]
 Tell = Callable[[str, str], None]
@@ -179,15 +181,26 @@ def load_tracks(path: str | Path) -> ForeignTracks:
     Raises:
         InputError: missing or unreadable; names the line and what to mend.
     """
-    file = Path(path)
+    return read_tracks(_content(Path(path)), name=str(path))
+
+
+def _content(file: Path) -> bytes:
+    """The bytes of a file; devices and pipes, which may never end, are refused.
+
+    Raises:
+        InputError: missing, unreadable, too large or no file.
+    """
     try:
-        size = file.stat().st_size
-        if size > MOST_BYTES:
-            raise InputError(too_large(str(file), size))
-        data = file.read_bytes()
+        mode, size = file.stat().st_mode, file.stat().st_size
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise InputError(f"cannot read {file}: it is a device or a pipe, not a file")
+        with file.open("rb") as stream:
+            data = stream.read(MOST_BYTES + 1)
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-    return read_tracks(data, name=str(file))
+    if len(data) > MOST_BYTES:
+        raise InputError(too_large(str(file), max(size, len(data))))
+    return data
 
 
 def load_scene(path: str | Path) -> SceneRecord:
@@ -198,11 +211,15 @@ def load_scene(path: str | Path) -> SceneRecord:
     """
     file = Path(path) / "scene.json" if Path(path).is_dir() else Path(path)
     try:
-        return SceneRecord.model_validate_json(file.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+        return SceneRecord.model_validate_json(_content(file))
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+        faults = error.errors(include_url=False)
+        if {each["loc"][-1] for each in faults if each["type"] == "missing"} >= _PAPER_LACKS:
+            raise InputError(
+                f"{file} is a scene of the paper profile (Listing 1): without headings, sizes, "
+                "relations and signals nothing can be proven; verify the full scene.json"
+            ) from error
+        first = faults[0]
         where = ".".join(str(part) for part in first["loc"]) or "file"
         raise InputError(f"{file} is not a scene: {where}: {first['msg']}") from error
 

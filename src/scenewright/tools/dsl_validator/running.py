@@ -21,10 +21,14 @@ _LONE = (6.0, 19.0)
 
 def runs_in_time(name: str, staging: Staging, *, until: float) -> bool:
     """Whether the agent passes its line in the scene, and before the last event it is in."""
-    actor = staging.actors[name]
+    return _SEEN <= passes_line(staging.actors[name]) <= until and runs_first(name, staging)
+
+
+def runs_first(name: str, staging: Staging) -> bool:
+    """Whether the agent passes its line before the last event it is in, whenever all that is."""
     own = [each for each in staging.happenings if name in pair_of(each.clause)]
-    latest = max((_decided(each, name) for each in own), default=until)
-    return _SEEN <= passes_line(actor) <= min(latest, until)
+    latest = max((_decided(each, name) for each in own), default=float("inf"))
+    return passes_line(staging.actors[name]) <= latest
 
 
 def passes_line(actor: Actor) -> float:

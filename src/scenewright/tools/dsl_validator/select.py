@@ -48,7 +48,7 @@ from scenewright.tools.dsl_validator.crowd import (
 )
 from scenewright.tools.dsl_validator.offers import Invited, Offer
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.dsl_validator.running import runs_in_time, with_runners
+from scenewright.tools.dsl_validator.running import runs_first, runs_in_time, with_runners
 from scenewright.tools.dsl_validator.seating import seat, seat_cheapest
 from scenewright.tools.dsl_validator.separation import Steps, forbidden_offsets
 from scenewright.tools.dsl_validator.setting import close_encounter
@@ -286,7 +286,8 @@ class _Search:
             candidates, marks, self._rng, lenient=self._lenient, shortfalls=self._shortfalls
         )
         for _ in range(_MAP_PLAYS):
-            yield from itertools.islice(stage.play(self._events, Staging()), _MAP_STAGINGS)
+            played = itertools.islice(stage.play(self._events, Staging()), _MAP_STAGINGS)
+            yield from filter(self._red_first, played)
 
     def _set_up(
         self, choice: Mapping[str, int]
@@ -348,7 +349,7 @@ class _Search:
             candidates, marks, self._rng, lenient=self._lenient, shortfalls=self._shortfalls
         )
         count = 0
-        for staging in stage.play(self._events, Staging()):
+        for staging in filter(self._red_first, stage.play(self._events, Staging())):
             selection = self._finish(staging, choice)
             if selection is not None:
                 return selection
@@ -446,11 +447,18 @@ class _Search:
         known = {name: pair for name, pair in built.items() if pair is not None}
         return with_runners(staging, known, known, self._rng)
 
+    def _red_first(self, staging: Staging) -> bool:
+        """Whether those on stage who are to run red do so before what they do to others."""
+        there = sorted(self._violators & staging.actors.keys())
+        late = [name for name in there if not runs_first(name, staging)]
+        self._failures.update(f"runs_red({name}) before what it does to others" for name in late)
+        return not late
+
     def _run_red(self, staging: Staging, duration: float) -> bool:
         """Whether everybody who is to run red gets there in time."""
         for name in sorted(self._violators):
             if name not in staging.actors or not runs_in_time(name, staging, until=duration):
-                self._failures[f"runs_red({name}) before what it does to others"] += 1
+                self._failures[f"runs_red({name}) within the scene"] += 1
                 return False
         return True
 

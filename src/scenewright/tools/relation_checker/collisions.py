@@ -18,6 +18,8 @@ Side = Literal["front", "rear", "side"]
 IMPACT_SPEED = 1.0
 """Least relative speed of a collision [m/s]."""
 STRIKE_SPEED = 2.0
+STANDS = 0.3
+"""Who is slower than this [m/s] strikes nobody that moves."""
 BUMPER = 0.3
 """Depth of front and rear in which a contact belongs to them [m]."""
 CORNER = 0.5
@@ -149,9 +151,12 @@ def left_turned(mover: Mover, *, time: float) -> float:
 
 
 def striking(first: Mover, second: Mover, hit: Impact) -> int:
-    """0 or 1: who strikes. The vehicle; the one whose front is hit; else the faster."""
+    """0 or 1: who strikes. The vehicle; who moves; whose front is hit; else the faster."""
     if first.is_vehicle != second.is_vehicle:
         return 0 if first.is_vehicle else 1
+    still = [speed <= STANDS for speed in hit.speeds]
+    if still[0] != still[1]:
+        return 1 if still[0] else 0
     front = [side == "front" for side in hit.sides]
     if front[0] != front[1]:
         return 0 if front[0] else 1

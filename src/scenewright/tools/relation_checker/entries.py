@@ -13,6 +13,8 @@ from scenewright.tools.relation_checker.motion import Mover
 
 ALONG = np.deg2rad(40.0)
 """How far a track may begin off the direction of the leg that it comes in by [rad]."""
+WELL_OUT = 8.0
+"""How far out of the middle a track has chosen its exit [m]."""
 
 _SEEN_AS = {"lateral": ("left", "right"), "other": ("left", "right", "opposite")}
 
@@ -28,6 +30,17 @@ def entry_of(mover: Mover, ground: IntersectionMap) -> str | None:
         return None
     outward = float(mover.xy[0] @ (-np.cos(inwards[name]), -np.sin(inwards[name])))
     return name if outward > 0.0 else None
+
+
+def exit_of(mover: Mover, ground: IntersectionMap) -> str | None:
+    """The leg along which a track goes out; None if it ends before that can be told."""
+    off = {leg.name: abs(_turn(float(mover.heading[-1]) - leg.bearing)) for leg in ground.legs}
+    name = min(off, key=off.__getitem__, default=None)
+    if name is None or off[name] > ALONG:
+        return None
+    way = next(leg.bearing for leg in ground.legs if leg.name == name)
+    outward = float(mover.xy[-1] @ (np.cos(way), np.sin(way)))
+    return name if outward > WELL_OUT else None
 
 
 def side_of(entry: str, *, seen_from: str) -> str:

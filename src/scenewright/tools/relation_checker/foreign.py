@@ -24,6 +24,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
+from scenewright.tools.relation_checker.doubts import doubts
 from scenewright.tools.relation_checker.motion import RoadUser
 
 MOST_BYTES = 200_000_000
@@ -565,7 +566,9 @@ def _notes(
     blind = [names[user.id] for user in users if _is_blind(user, table.agents[names[user.id]])]
     if blind:
         notes.append(f"{_listed(blind)} without heading or motion: taken to face east")
-    return tuple(notes)
+    own = {who for who, rows in table.agents.items() if not np.isnan(rows.column("heading")).all()}
+    headed = {number for number, who in names.items() if who in own}
+    return (*notes, *doubts(users, headed=headed))
 
 
 def _is_blind(user: RoadUser, rows: _Rows) -> bool:

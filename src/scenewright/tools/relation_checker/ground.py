@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import AgentClass, Compass, FloatArray, Point
 from scenewright.scene.map import Crosswalk, IntersectionMap, PolygonWithHoles
 from scenewright.tools.relation_checker.planar import Area, geos
 
@@ -15,6 +16,7 @@ CELL = 1.0
 KERB = 0.1
 """Walkable areas and crosswalks are widened by this [m], to close the seams between them."""
 
+Bounds = tuple[float, float, float, float]
 BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
@@ -50,7 +52,7 @@ class CrosswalkArea:
 
     crosswalk: Crosswalk
     area: Area
-    bounds: tuple[float, float, float, float]
+    bounds: Bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +61,16 @@ class Ground:
 
     Attributes:
         crosswalks: each on its own, in the order of the map.
+        routes: class, entry, exit, movement and crosswalk by id of the route.
+        goals: class, leg and bounds (west, south, east, north [m]) of every goal region.
     """
 
     road: Region
     walkable: Region
     anywhere: Region
     crosswalks: tuple[CrosswalkArea, ...]
+    routes: Mapping[str, tuple[str | None, ...]]
+    goals: tuple[tuple[AgentClass, Compass, Bounds], ...]
 
 
 def region(area: Area) -> Region:
@@ -93,7 +99,11 @@ def ground_of(intersection: IntersectionMap) -> Ground:
     walks = tuple(_crosswalk(each) for each in intersection.crosswalks)
     walkable = [*(_polygon(p) for p in intersection.walkable), *(each.area for each in walks)]
     walkable = geos.union_all(walkable).buffer(KERB, quad_segs=2)
-    ground = Ground(region(road), region(walkable), region(road.union(walkable)), walks)
+    routes = {r.id: (r.type, r.entry, r.exit, r.movement, r.crosswalk) for r in intersection.routes}
+    goals = tuple((g.type, g.leg, _bounds(g.polygon)) for g in intersection.goal_regions)
+    ground = Ground(
+        region(road), region(walkable), region(road.union(walkable)), walks, routes, goals
+    )
     _prepared[:] = [(intersection, ground), *_prepared[:3]]
     return ground
 
@@ -102,6 +112,11 @@ def _crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
     area = geos.Polygon(crosswalk.polygon)
     geos.prepare(area)
     return CrosswalkArea(crosswalk, area, area.bounds)
+
+
+def _bounds(polygon: Sequence[Point]) -> Bounds:
+    x, y = zip(*polygon, strict=True)
+    return min(x), min(y), max(x), max(y)
 
 
 def _polygon(area: PolygonWithHoles) -> Any:

@@ -2,12 +2,14 @@
 
 All derivatives are taken on a grid of 0.1 s. Velocity is the central difference of positions, speed
 its length; acceleration is the central difference of speed, averaged over three samples (0.3 s). At
-the ends, where a central difference does not exist, velocity is the one-sided difference and
-acceleration holds the nearest value that has a full window.
+the ends, where a central difference does not exist, velocity is the one-sided difference, and the
+last three samples hold the acceleration over the 0.2 s nearest to the end.
 """
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,6 +24,8 @@ from scenewright.tools.relation_checker.curve import Path, curves, lanes, unwrap
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 
+ON_GRID = 1e-4
+"""Samples this near to a time of the grid [s] are on it."""
 FULL_WINDOW = 3
 """Samples at either end of a track that have no full window for the acceleration."""
 
@@ -59,7 +63,7 @@ class Mover:
     Attributes:
         half_length, half_width: of the rectangle [m]; 0 for pedestrians.
         radius: of the disc [m]; 0 for vehicles.
-        start: time of the first sample [s], a multiple of 0.1.
+        start: time of the first sample [s], a multiple of 0.1 but for the offset of the grid.
         xy: [T, 2] positions [m]; heading: [T], unwrapped [rad].
         s: [T] arc length driven since the first sample [m].
         kinematics, path, lane: see `derive`, which fills them in for many movers in one pass.
@@ -241,19 +245,23 @@ def central_difference(values: FloatArray, origin: IntArray) -> FloatArray:
 
 
 def windowed_derivative(values: FloatArray, origin: IntArray) -> FloatArray:
-    """Central difference averaged over 0.3 s; ends hold the nearest value with a full window.
+    """Central difference averaged over 0.3 s.
 
-    Tracks of fewer than 7 samples have no full window and are not averaged; those of fewer than 3
-    have derivative 0. Arguments as for `central_difference`.
+    The three samples at either end, which have no full window, hold the central difference of the
+    third: that over the 0.2 s nearest to the end. Tracks of fewer than 7 samples have no full
+    window and are not averaged; those of fewer than 3 have derivative 0. Arguments as for
+    `central_difference`.
     """
     raw = central_difference(values, origin)
     count = np.diff(origin)
     mean = raw.copy()
     mean[1:-1] = (raw[:-2] + raw[1:-1] + raw[2:]) / 3
-    first = np.repeat(origin[:-1] + FULL_WINDOW, count)
-    last = np.repeat(origin[1:] - 1 - FULL_WINDOW, count)
-    full = np.minimum(np.maximum(np.arange(len(values)), first), np.maximum(last, 0))
-    result = mean[full]
+    edges = np.arange(FULL_WINDOW)
+    long = count > 2 * FULL_WINDOW
+    first, last = origin[:-1][long, None], origin[1:][long, None] - 1
+    result = mean
+    result[first + edges] = raw[first + FULL_WINDOW - 1]
+    result[last - edges] = raw[last - FULL_WINDOW + 1]
     for n in np.flatnonzero(count <= 2 * FULL_WINDOW):
         part = slice(origin[n], origin[n + 1])
         result[part] = raw[part] if count[n] >= 3 else 0.0
@@ -272,21 +280,40 @@ def extended(mover: Mover, *, distance: float, speed: float) -> Mover:
     )  # fmt: skip
 
 
-def as_mover(user: RoadUser) -> Mover:
-    """The road user on the common 0.1 s grid.
+def as_mover(user: RoadUser, *, offset: float = 0.0) -> Mover:
+    """The road user on the common 0.1 s grid, which begins `offset` seconds after 0.
 
     Tracks already on the grid are taken as they are; finer ones are interpolated linearly, coarser
-    ones by cubic Hermite splines through the samples.
+    ones by cubic Hermite splines through the samples. Ends that lie between two times of the grid
+    are continued straight on to the next of them, so that nothing of a track is lost.
     """
     track, heading = user.track, unwrapped(user.track.heading)
-    first = round(track.start / STEP)
-    if abs(track.step - STEP) < 1e-9 and abs(track.start - first * STEP) < 1e-6:
-        return _mover(user, first * STEP, track.xy, heading)
-    count = max(round((track.end - first * STEP) / STEP), 0) + 1
-    position = np.clip((first * STEP - track.start + STEP * np.arange(count)) / track.step, 0, None)
-    position = np.minimum(position, len(heading) - 1)
+    first = round((track.start - offset) / STEP)
+    if abs(track.step - STEP) < 1e-9 and abs(track.start - offset - first * STEP) < ON_GRID:
+        return _mover(user, offset + first * STEP, track.xy, heading)
+    first = math.floor((track.start - offset + ON_GRID) / STEP)
+    last = math.ceil((track.end - offset - ON_GRID) / STEP)
+    times = offset + STEP * np.arange(first, max(last, first) + 1)
+    wanted = (times - track.start) / track.step
+    position = np.minimum(np.maximum(wanted, 0.0), len(heading) - 1.0)
     xy = _hermite(track.xy, position) if track.step > STEP else _linear(track.xy, position)
-    return _mover(user, first * STEP, xy, np.interp(position, np.arange(len(heading)), heading))
+    if len(heading) > 1:
+        for k, edge in ((0, slice(0, 2)), (-1, slice(-2, None))):
+            beyond = (wanted[k] - position[k]) * np.diff(track.xy[edge], axis=0)[0]
+            xy[k] += beyond
+    turned = np.interp(position, np.arange(len(heading)), heading)
+    return _mover(user, offset + first * STEP, xy, turned)
+
+
+def grid_offset(users: Sequence[RoadUser]) -> float:
+    """Where between two multiples of 0.1 s most tracks of that step have their samples [s].
+
+    So tracks that all begin at, say, 0.037 s are taken as they are, not interpolated.
+    """
+    found = Counter(
+        round(u.track.start % STEP, 4) % STEP for u in users if abs(u.track.step - STEP) < 1e-9
+    )
+    return max(found, key=lambda each: (found[each], -each), default=0.0)
 
 
 def _mover(user: RoadUser, start: float, xy: FloatArray, heading: FloatArray) -> Mover:
@@ -330,6 +357,7 @@ def as_movers(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Mover, ...]
             raise InputError(
                 f"agent {user.id}: size {user.shape.length} x {user.shape.width} m is not usable"
             )
-    movers = tuple(as_mover(user) for user in users)
+    offset = grid_offset(users)
+    movers = tuple(as_mover(user, offset=offset) for user in users)
     derive(movers)
     return movers

@@ -32,15 +32,17 @@ from scenewright.tools.relation_checker.contact import (
 )
 from scenewright.tools.relation_checker.encroachment import Encounter, encounters
 from scenewright.tools.relation_checker.following import LaneGaps, followings, lane_gaps
+from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.ground import ground_of
 from scenewright.tools.relation_checker.motion import Mover, RoadUser, as_movers, extended
-from scenewright.tools.relation_checker.paths import Stay, Zone, conflict_zones, zone_stay
+from scenewright.tools.relation_checker.paths import SHARED, Stay, Zone, conflict_zones, zone_stay
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.signals import Lights
 from scenewright.tools.relation_checker.surrogates import drac, path_ttc, ttc_2d
 from scenewright.tools.relation_checker.yielding import (
     LIMITS,
     MAX_PET,
+    RESUME_WITHIN,
     Giving,
     Passage,
     Surroundings,
@@ -54,6 +56,10 @@ NEAR_MISS_BRAKING = 3.4
 YIELD_CLEARANCE = 0.3
 YIELD_PET = 0.5
 YIELD_BRAKING = 5.0
+CUT = 0.2 + 1e-6
+"""A track that ends this shortly before the scene, or after a contact [s], was ended by it."""
+ONWARDS = {"vehicle": 15.0, "pedestrian": 5.0}
+"""How far who still waits at the end is taken to go straight on, if nothing was asked for [m]."""
 
 Pair = tuple[int, int]
 
@@ -92,16 +98,20 @@ def find_events(
     *,
     ground: IntersectionMap | None = None,
     signals: Sequence[SignalRecord] = (),
+    until: float | None = None,
 ) -> tuple[Event, ...]:
     """All collisions, yields, near misses and follows in any tracks, in order of time.
 
     Needs neither roles nor relations nor a map; a map and its signals add the red light as a reason
     to stop and as a cause, and crosswalks as places where pedestrians have priority.
 
+    Args:
+        until: end of the recording [s]; None means the last sample.
+
     Raises:
         InputError: an id twice, an empty track, an unusable step or size.
     """
-    return observe(users, ground=ground, signals=signals).events
+    return observe(users, ground=ground, signals=signals, until=until).events
 
 
 def observe(
@@ -111,13 +121,15 @@ def observe(
     signals: Sequence[SignalRecord] = (),
     asked: Collection[Pair] = (),
     detailed: Collection[int] | None = None,
+    until: float | None = None,
 ) -> Observation:
     """Measures all pairs and finds all events.
 
     Args:
-        asked: pairs of ids bound by a relation, `from` first; a yield asked for is also found where
-            the giver's track ends before the zone (SEMANTICS: the scene ends first).
+        asked: pairs of ids bound by a relation, `from` first; the path of a giver that still waits
+            when the scene ends is followed on further for them.
         detailed: ids whose events carry TTC and DRAC as evidence; None means all.
+        until: end of the scene [s], which may cut a wait short; None means the last sample.
     """
     crowd = gather(as_movers(list(users)))
     near = closeness(crowd)
@@ -125,7 +137,8 @@ def observe(
     lanes = lane_gaps(crowd)
     lights = Lights(signals, ground)
     lights.meet(crowd.movers)
-    search = _Search(crowd, near, meetings, ground, lights, frozenset(asked))
+    until = float(crowd.times[-1]) if until is None and len(crowd.times) else until or 0.0
+    search = _Search(crowd, near, meetings, ground, lights, frozenset(asked), until)
     wanted = {m.id for m in crowd.movers} if detailed is None else set(detailed)
     events = [*search.events(wanted), *_follow_events(crowd.movers, lanes)]
     events.sort(key=lambda e: (e.time, e.from_, e.to))
@@ -170,6 +183,7 @@ class _Search:
     ground: IntersectionMap | None
     lights: Lights
     asked: frozenset[Pair]
+    until: float
 
     @cached_property
     def by_pair(self) -> dict[Pair, list[Encounter]]:
@@ -304,16 +318,32 @@ class _Search:
                 return True
         return False
 
+    @cached_property
+    def _cut_off(self) -> list[bool]:
+        """Of every mover, whether it slowed and the scene's end or a collision ends its track."""
+        ended = [m.end >= self.until - CUT for m in self.movers]
+        for row, contact in self.near.contacts.items():
+            for k in self.crowd.pairs[row].tolist():
+                ended[k] |= contact.time >= self.movers[k].end - CUT
+        return [end and _slows(m, until=m.end) for end, m in zip(ended, self.movers, strict=True)]
+
+    @cached_property
+    def _crossed(self) -> BoolArray:
+        """[N, N] whether the second crosses the way ahead of the first, which was cut off."""
+        return _ahead(self.crowd, [k for k, cut in enumerate(self._cut_off) if cut])
+
     def _unfinished(self, row: int, pair: Pair, full: bool) -> list[Event]:
-        """A yield asked for whose giver's track ends while it waits."""
+        """A yield whose giver still waits when the scene, or a collision, ends its track."""
         found: list[Event] = []
         for i, j in (pair, pair[::-1]):
             giver, other = self.crowd.movers[i], self.crowd.movers[j]
-            if (giver.id, other.id) not in self.asked or not _slows(giver, until=giver.end):
+            asked = (giver.id, other.id) in self.asked
+            onwards = 25.0 if asked else ONWARDS[giver.type]
+            if not self._cut_off[i] or not (asked or self._crossed[i, j]):
                 continue
             if float(self.near.gaps[row].min()) < YIELD_CLEARANCE:
                 continue
-            further = extended(giver, distance=25.0, speed=2.0 if giver.is_vehicle else 1.0)
+            further = extended(giver, distance=onwards, speed=2.0 if giver.is_vehicle else 1.0)
             for zone in conflict_zones(further, other):
                 giving = self._yields_at(zone, further, other, real_end=giver.end)
                 if giving is not None and giving.braking <= YIELD_BRAKING:
@@ -403,6 +433,36 @@ def _slows(giver: Mover, *, until: float) -> bool:
     speed = giver.speed[: giver.index(until) + 1]
     peak = np.maximum.accumulate(speed)
     return bool(((peak >= LIMITS[giver.type].moving) & (speed <= 0.6 * peak)).any())
+
+
+def _ahead(crowd: Crowd, givers: Sequence[int]) -> BoolArray:
+    """[N, N] whether the second crosses the way straight ahead of a giver's last place.
+
+    Cheap and necessary for a yield. And late enough: who stands at its end has not done so for more
+    than 4 s since.
+    """
+    ahead = np.zeros((len(crowd.movers),) * 2, dtype=np.bool_)
+    if not givers:
+        return ahead
+    movers = [crowd.movers[k] for k in givers]
+    still = [RESUME_WITHIN + 1.0 if m.speed[-1] <= LIMITS[m.type].resumed else MAX_PET
+             for m in movers]  # fmt: skip
+    since = np.array([m.end for m in movers]) - still
+    late = slice(int(np.searchsorted(crowd.times, since.min() - 1e-6)), None)
+    x, y, facing, way = np.array(
+        [(*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type]) for m in movers]
+    ).T[..., None, None]
+    east, north = crowd.xy[:, late, 0] - x, crowd.xy[:, late, 1] - y
+    cos, sin, turn = np.cos(facing), np.sin(facing), crowd.heading[:, late] - facing
+    alike = np.array([m.is_vehicle for m in crowd.movers])
+    half = np.array([(m.half_width + m.radius, m.half_length) for m in crowd.movers])
+    room = half[:, :1] + half[givers, :1, None] + half[:, 1:] * np.abs(np.sin(turn))
+    along = cos * east + sin * north
+    inside = (along >= 0) & (along <= way) & (np.abs(cos * north - sin * east) <= room)
+    inside &= (np.cos(turn) < np.cos(SHARED)) | (alike[givers, None] != alike)[..., None]
+    inside &= crowd.present[:, late] & (crowd.times[late] >= since[:, None, None])
+    ahead[givers] = inside.any(axis=2)
+    return ahead
 
 
 def _nearest_zone(giver: Mover, other: Mover, meeting: Encounter, later: bool) -> Zone | None:

@@ -12,7 +12,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
-from scenewright.scene.track import STEP
+from scenewright.scene.track import STEP, VEHICLE_SIZES
 from scenewright.tools.relation_checker.footprints import IntArray, angle_between
 from scenewright.tools.relation_checker.ground import ground_of
 from scenewright.tools.relation_checker.motion import Mover, strung
@@ -34,7 +34,13 @@ STEP_FACTOR = 1.2
 STEP_MARGIN = 0.05
 HELD = np.deg2rad(5.0)
 ON_ROAD = 0.98
+ENDS_WITHIN = 0.2 + 1e-6
+"""A track that ends this shortly before the scene [s] was ended by it."""
+OUTSKIRTS = 8.0
+"""How far beside the goal regions of its class a track may end before the scene does [m]."""
 LONGEST = 30.0
+SIZE = 0.3
+"""How much a vehicle may differ from the usual size of its subtype, as a share of it."""
 ROUNDING = 0.02
 """Allowance for positions kept to 1 mm, in m/s and m/s^2 alike."""
 
@@ -72,7 +78,12 @@ def odd_form(scene: SceneRecord) -> tuple[Finding, ...]:
 def _usual_size(agent: AgentRecord) -> bool:
     if agent.type == "pedestrian":
         return max(abs(agent.length - 0.6), abs(agent.width - 0.6)) < 0.01
-    return 1.5 <= agent.length <= 20.0 and 0.5 <= agent.width <= 3.0
+    named = VEHICLE_SIZES.get(agent.subtype or "")
+    sizes = [named] if named else VEHICLE_SIZES.values()
+    return any(
+        max(abs(agent.length / length - 1), abs(agent.width / width - 1)) <= SIZE
+        for length, width in sizes
+    )
 
 
 class _Rule(NamedTuple):
@@ -215,6 +226,39 @@ def off_ground(
                 f"at least {ON_ROAD:.0%}",
             ))  # fmt: skip
     return tuple(found)
+
+
+def vanished(
+    movers: Sequence[Mover],
+    intersection: IntersectionMap,
+    *,
+    until: float,
+    collided: frozenset[int],
+) -> tuple[Finding, ...]:
+    """Tracks that end before the scene does, far from every goal, though nothing ended them.
+
+    Pedestrians may end anywhere beside the road: there are doors.
+
+    Args:
+        until: end of the scene [s]; collided: ids of those that a collision may end.
+    """
+    ground = ground_of(intersection)
+    goals = ground.goals
+    return tuple(
+        Finding(
+            rule="vanishes", agents=(mover.id,), time=round(mover.end, 3),
+            detail=f"{mover.type} {mover.id} ends at {mover.end:.1f} s in the middle of the map",
+        )
+        for mover in movers
+        if goals and mover.end < until - ENDS_WITHIN and mover.id not in collided
+        and (mover.is_vehicle or ground.road.contains(mover.xy[-1:])[0])
+        and not any(
+            max(west - x, x - east, south - y, y - north) <= OUTSKIRTS
+            for x, y in (mover.xy[-1].tolist(),)
+            for kind, _, (west, south, east, north) in goals
+            if kind == mover.type
+        )
+    )  # fmt: skip
 
 
 def ground_shares(

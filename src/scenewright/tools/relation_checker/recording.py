@@ -41,7 +41,10 @@ def recorded_events(
     users, names = tracks.users, tracks.names
     begin = min((u.track.start for u in users), default=0.0)
     end = max((u.track.end for u in users), default=0.0) + 1.0
-    found = find_events(users, ground=ground) if _fits(users) else _split(users, begin, end, ground)
+    if _fits(users):
+        found: Sequence[Event] = find_events(users, ground=ground)
+    else:
+        found = _split(users, begin, end, ground, until=end - 1.0)
     return tuple(e for e in found if names[e.from_] != names[e.to])
 
 
@@ -50,7 +53,7 @@ def off_map(tracks: ForeignTracks, intersection: IntersectionMap) -> tuple[Findi
     return off_ground(as_movers(tracks.users), intersection, jaywalkers=frozenset())
 
 
-def _cells(users: Sequence[RoadUser]) -> float:
+def cells(users: Sequence[RoadUser]) -> float:
     """Pairs times samples from the first start to the last end."""
     if len(users) < 2:
         return 0.0
@@ -59,35 +62,49 @@ def _cells(users: Sequence[RoadUser]) -> float:
 
 
 def _fits(users: Sequence[RoadUser]) -> bool:
-    return _cells(users) <= ROOM
+    return cells(users) <= ROOM
 
 
 def _split(
-    users: Sequence[RoadUser], begin: float, end: float, ground: IntersectionMap | None
+    users: Sequence[RoadUser],
+    begin: float,
+    end: float,
+    ground: IntersectionMap | None,
+    *,
+    until: float,
 ) -> list[Event]:
-    """Events from begin to end [s], by halves until they fit."""
+    """Events from begin to end [s], by halves until they fit; the recording ends at `until`."""
     present = _clipped(users, begin - CONTEXT, end + CONTEXT)
     if len(present) < 2:
         return []
     if _fits(present):
-        return [e for e in find_events(present, ground=ground) if begin <= e.time < end]
+        seen = find_events(present, ground=ground, until=until)
+        return [e for e in seen if begin <= e.time < end]
     if end - begin <= 2 * SHORTEST:
-        return _forced(present, begin, end, ground)
+        return _forced(present, begin, end, ground, until=until)
     middle = STEP * round((begin + end) / 2 / STEP)
     return [
-        event for a, b in ((begin, middle), (middle, end)) for event in _split(users, a, b, ground)
+        event
+        for a, b in ((begin, middle), (middle, end))
+        for event in _split(users, a, b, ground, until=until)
     ]
 
 
 def _forced(
-    users: Sequence[RoadUser], begin: float, end: float, ground: IntersectionMap | None
+    users: Sequence[RoadUser],
+    begin: float,
+    end: float,
+    ground: IntersectionMap | None,
+    *,
+    until: float,
 ) -> list[Event]:
-    if _cells(users) > MOST:
+    if cells(users) > MOST:
         raise InputError(
             f"{len(users)} agents around {begin:.0f} s are too many at once; "
             "check the tracks of a smaller area"
         )
-    return [e for e in find_events(users, ground=ground) if begin <= e.time < end]
+    seen = find_events(users, ground=ground, until=until)
+    return [e for e in seen if begin <= e.time < end]
 
 
 def _clipped(users: Sequence[RoadUser], begin: float, end: float) -> list[RoadUser]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
+from math import isfinite
 
 import numpy as np
 
@@ -23,6 +24,10 @@ CROSSING = 2.0
 """Who walks less than this across the street in a crosswalk [m] only rounds its corner."""
 RED_TOLERANCE = 0.1
 """A crossing this shortly after the light turned red [s] is one sample's doubt, no violation."""
+WRONG_WAY = np.cos(np.deg2rad(40.0))
+"""Who passes the line's other half must head for the junction within 40 degrees."""
+SEAM = 2e-3
+"""Stretches of a plan may part or overlap by this [s]: times are kept to 1 ms."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +91,9 @@ class Lights:
         lines = self._ground.stop_lines if self._ground else ()
         legs = self._ground.legs if self._ground else ()
         shown = [line for line in lines if line.id in self._spans]
-        return _stop_lines(shown, {leg.name: leg.bearing for leg in legs})
+        left_hand = self._ground is not None and self._ground.left_hand_traffic
+        bearing = {leg.name: leg.bearing for leg in legs}
+        return _stop_lines(shown, bearing, left_hand=left_hand)
 
     def ran_red(self, mover: Mover) -> tuple[Crossing, ...]:
         """Crossings on red."""
@@ -120,6 +127,8 @@ class _StopLines:
     Attributes:
         ids: L of them; start: [L, 2] one end [m]; along: [L, 2] unit vector to the other end.
         length: [L] [m]; outward: bearing of each leg [rad], None if the map lacks the leg.
+        left: [L] 1 where the other half of the road lies past the end, -1 before the start, 0 if
+            unknown; it is as wide as the line is long.
     """
 
     ids: tuple[str, ...]
@@ -127,6 +136,7 @@ class _StopLines:
     along: FloatArray
     length: FloatArray
     outward: tuple[float | None, ...]
+    left: FloatArray
 
     def passed(self, movers: Sequence[Mover]) -> Iterator[tuple[Mover, float, str]]:
         """When the middle of whose front bumper passes which line, towards the junction."""
@@ -140,79 +150,137 @@ class _StopLines:
         before, after = side[:, :-1], side[:, 1:]
         n, k = np.nonzero((before * after <= 0) & (before != after))
         place = self.along[n, 0] * east[n, k] + self.along[n, 1] * north[n, k]
-        hit = (place > -0.5) & (place < self.length[n] + 0.5)
+        reach = self.length[n] + 0.5
+        hit = (place > -0.5) & (place < reach)
+        wrong_way = ~hit & (place > np.where(self.left[n] < 0, -reach, -0.5))
+        wrong_way &= place < self.length[n] + np.where(self.left[n] > 0, reach, 0.5)
+        hit |= wrong_way
         owner = np.searchsorted(origin, k, side="right") - 1
         hit &= k + 1 < origin[owner + 1]
-        for line, i, m in zip(n[hit].tolist(), k[hit].tolist(), owner[hit].tolist(), strict=True):
-            if _towards(front[:, i + 1] - front[:, i], self.outward[line]):
+        rows = (each[hit].tolist() for each in (n, k, owner, wrong_way))
+        for line, i, m, wrong in zip(*rows, strict=True):
+            least = WRONG_WAY if wrong else 0.0
+            if _towards(front[:, i + 1] - front[:, i], self.outward[line], least=least):
                 part = float(side[line, i] / (side[line, i] - side[line, i + 1]))
                 time = float(movers[m].times[i - origin[m]])
                 yield movers[m], time + STEP * part, self.ids[line]
 
 
-def _stop_lines(lines: Sequence[StopLine], bearing: Mapping[Compass, float]) -> _StopLines:
+def _stop_lines(
+    lines: Sequence[StopLine], bearing: Mapping[Compass, float], *, left_hand: bool
+) -> _StopLines:
     ends = np.array([line.line for line in lines]).reshape(-1, 2, 2)
     way = ends[:, 1] - ends[:, 0]
     length = np.hypot(way[:, 0], way[:, 1])
+    outward = tuple(bearing.get(line.leg) for line in lines)
+    facing = np.array([np.nan if each is None else each + np.pi for each in outward])
+    left = np.sign(way[:, 1] * np.cos(facing) - way[:, 0] * np.sin(facing))
     return _StopLines(
         ids=tuple(line.id for line in lines), start=ends[:, 0], length=length,
-        along=way / np.maximum(length, 1e-9)[:, None],
-        outward=tuple(bearing.get(line.leg) for line in lines),
+        along=way / np.maximum(length, 1e-9)[:, None], outward=outward,
+        left=np.nan_to_num(-left if left_hand else left),
     )  # fmt: skip
 
 
-def _towards(step: FloatArray, outward: float | None) -> bool:
-    """Whether a step leads towards the junction; a leg of unknown bearing does not say."""
+def _towards(step: FloatArray, outward: float | None, *, least: float) -> bool:
+    """Whether more than a share of a step leads to the junction; without a bearing, any does."""
     if outward is None:
         return True
-    return bool(step[0] * np.cos(outward) + step[1] * np.sin(outward) < 0)
+    inwards = -(step[0] * np.cos(outward) + step[1] * np.sin(outward))
+    return bool(inwards > least * np.hypot(step[0], step[1]))
 
 
 def plan_contradictions(
-    records: Sequence[SignalRecord], ground: IntersectionMap
+    records: Sequence[SignalRecord], ground: IntersectionMap, *, until: float
 ) -> tuple[Finding, ...]:
-    """A plan that is missing, or that is the map's programme at no offset whatever."""
+    """A plan that is missing, incomplete, or that is the map's programme at no offset whatever.
+
+    Args:
+        until: end of the scene [s]; every light of the programme must be shown from 0 up to it.
+    """
     if ground.signals is None:
         return ()
     if not records:
         detail = "the map has signals, but the scene has no signal plan"
         return (Finding(rule="no_signal_plan", agents=(), detail=detail),)
-    shown = _shown(records, _groups(ground))
-    if any(_fits(shown, ground.signals, k) for k in _offsets(records, ground.signals)):
+    owners = _owners(ground)
+    reason = _malformed(records, owners) or _uncovered(records, owners, until)
+    if reason is None:
+        shown = _shown(records, {k: next(iter(v)) for k, v in owners.items() if len(v) == 1})
+        offsets = _offsets(records, ground.signals)
+        fits = any(_fits(shown, ground.signals, k) for k in offsets)
+        reason = None if fits else "is the programme of the map at no offset"
+    if reason is None:
         return ()
-    detail = "the signal plan is the programme of the map at no offset"
-    return (Finding(rule="signal_plan", agents=(), detail=detail),)
+    return (Finding(rule="signal_plan", agents=(), detail=f"the signal plan {reason}"),)
+
+
+def _malformed(records: Sequence[SignalRecord], owners: Mapping[str, set[str]]) -> str | None:
+    """What is wrong with a record in itself."""
+    for record in records:
+        names = [n for n in (record.stop_line, record.crosswalk) if n is not None]
+        if len(names) != 1:
+            return "has a record that names no light, or two"
+        if names[0] not in owners:
+            return f"names the light {names[0]}, which the programme of the map lacks"
+        if not (isfinite(record.start) and isfinite(record.end) and record.start < record.end):
+            return f"has a record of {names[0]} that ends before it begins, or at no time"
+    return None
+
+
+def _uncovered(
+    records: Sequence[SignalRecord], owners: Mapping[str, set[str]], until: float
+) -> str | None:
+    """A light whose records leave a gap between 0 and the end of the scene, or overlap.
+
+    Of a light of several groups, each of which may show its own colour, only gaps are told.
+    """
+    spans: dict[str, list[tuple[float, float]]] = {name: [] for name in owners}
+    for record in records:
+        spans[record.stop_line or record.crosswalk or ""].append((record.start, record.end))
+    for name, found in spans.items():
+        shown = 0.0
+        for start, end in sorted(found):
+            if start > shown + SEAM:
+                return f"says nothing of {name} at {shown:.1f} s"
+            if start < shown - SEAM and len(owners[name]) == 1 and shown > 0:
+                return f"says two things of {name} at {start:.1f} s"
+            shown = max(shown, end)
+        if shown < until - SEAM:
+            return f"says nothing of {name} at {shown:.1f} s"
+    return None
 
 
 def _offsets(records: Sequence[SignalRecord], program: SignalProgram) -> list[float]:
     """Offsets at which a change of the plan falls on a change of the programme; else all."""
-    change = next((r.start for r in records if r.start > 0.1), None)
+    change = next((r.start for r in records if r.start > 1e-6), None)
     if change is None:
         return [0.1 * k for k in range(round(program.cycle * 10))]
     ends = np.cumsum([phase.duration for phase in program.phases])
     return [float(end - change) for end in ends]
 
 
-def _groups(ground: IntersectionMap) -> dict[str, str]:
-    """Signal group of every stop line and crosswalk that belongs to exactly one."""
+def _owners(ground: IntersectionMap) -> dict[str, set[str]]:
+    """Signal groups of every stop line and crosswalk of the programme."""
     owners: dict[str, set[str]] = {}
     for group in ground.signals.groups if ground.signals else ():
         lines = (m.stop_line for m in ground.movements if m.id in group.movements)
         for light in (*lines, *group.crosswalks):
             owners.setdefault(light, set()).add(group.id)
-    return {light: next(iter(ids)) for light, ids in owners.items() if len(ids) == 1}
+    return owners
 
 
 def _shown(
-    records: Sequence[SignalRecord], groups: dict[str, str]
+    records: Sequence[SignalRecord], groups: Mapping[str, str]
 ) -> set[tuple[str, float, Colour]]:
     """Group, time and colour in the middle, and near both ends, of every stretch of the plan."""
     return {
-        (groups[light], round(time, 3), r.colour)
+        (groups[light], round(time, 4), r.colour)
         for r in records
         for light in (r.stop_line, r.crosswalk)
-        if light in groups and light is not None and r.end - r.start > 0.4
-        for time in (r.start + 0.2, (r.start + r.end) / 2, r.end - 0.2)
+        if light in groups and light is not None
+        for within in (min(0.2, (r.end - r.start) / 2),)
+        for time in (r.start + within, (r.start + r.end) / 2, r.end - within)
     }
 
 
@@ -226,7 +294,10 @@ def _fits(shown: set[tuple[str, float, Colour]], program: SignalProgram, offset:
 
 
 def _entries(mover: Mover, area: CrosswalkArea) -> list[float]:
-    """Times at which a pedestrian steps into the crosswalk and walks at least 2 m across."""
+    """Times at which a pedestrian steps into the crosswalk and walks at least 2 m across.
+
+    Who begins inside steps into it then: on red it cannot be known to have come on green.
+    """
     (west, south, east, north), box = mover.bounds, area.bounds
     if west > box[2] or south > box[3] or east < box[0] or north < box[1]:
         return []
@@ -237,5 +308,5 @@ def _entries(mover: Mover, area: CrosswalkArea) -> list[float]:
     return [
         float(mover.times[i])
         for i, j in edges.reshape(-1, 2)
-        if i > 0 and float(np.ptp(along[i:j])) >= CROSSING
+        if float(np.ptp(along[i:j])) >= CROSSING
     ]

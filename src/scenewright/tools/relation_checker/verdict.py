@@ -12,7 +12,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.record import AgentRecord, EventRecord, RelationRecord, SceneRecord
+from scenewright.scene.record import AgentRecord, RelationRecord, SceneRecord
 from scenewright.scene.track import Shape, Track
 from scenewright.tools.relation_checker.certificate import (
     Roles,
@@ -23,6 +23,8 @@ from scenewright.tools.relation_checker.certificate import (
 from scenewright.tools.relation_checker.collisions import is_at
 from scenewright.tools.relation_checker.conditions import unmet
 from scenewright.tools.relation_checker.entries import misplaced
+from scenewright.tools.relation_checker.foreign import FARTHEST
+from scenewright.tools.relation_checker.labels import false_journeys, false_labels
 from scenewright.tools.relation_checker.motion import Mover, RoadUser
 from scenewright.tools.relation_checker.observation import Observation, observe
 from scenewright.tools.relation_checker.plausibility import (
@@ -31,22 +33,25 @@ from scenewright.tools.relation_checker.plausibility import (
     implausible,
     odd_form,
     off_ground,
+    vanished,
 )
+from scenewright.tools.relation_checker.recording import ROOM, cells
 from scenewright.tools.relation_checker.signals import plan_contradictions
 
 PET_TOLERANCE = 0.15
 TTC_TOLERANCE = 0.3
 IMPACT_TOLERANCE = 1.0
-LABEL_TIME = 0.3
-LABEL_PLACE = 1.5
+AGES = 3600.0
+"""Longer than this [s] no scene is, and nobody waits for one to begin."""
 RUNNERS = ("running", "runner")
 
 
 def check(scene: SceneRecord, intersection: IntersectionMap | None = None) -> Proof:
     """Proves a scene from its final tracks (SEMANTICS sections 1, 4 and 5).
 
-    Segments are not looked at; labels (`scene.events`) decide nothing, but one that the tracks
-    contradict is reported as missing. Without a map, ground and signals are not checked.
+    Segments are not looked at; labels (`scene.events`, entries, exits, movements, goals) decide
+    nothing, but one that the tracks or the map contradict is reported as missing. Without a map,
+    ground, signals and journeys are not checked.
 
     Returns:
         The proof; `verified` if every relation asked for is observed with its roles and its cause,
@@ -66,7 +71,7 @@ def check(scene: SceneRecord, intersection: IntersectionMap | None = None) -> Pr
     )
     seen = observe(
         users, ground=intersection, signals=scene.signals, asked=asked,
-        detailed=frozenset(n for pair in asked for n in pair),
+        detailed=frozenset(n for pair in asked for n in pair), until=scene.meta.duration,
     )  # fmt: skip
     asked_for = scene.relations if intersection and scene.signals else _unlit(scene.relations)
     matched, missing = _match(asked_for, seen, intersection)
@@ -82,9 +87,13 @@ def _proof(
     matched: frozenset[int],
     missing: tuple[Finding, ...],
 ) -> Proof:
+    incidental = [k for k, e in enumerate(seen.events)
+                  if k not in matched and is_incidental(e, roles)]  # fmt: skip
+    events = tuple(e for k, e in enumerate(seen.events) if k not in incidental)
     missing = (
         *missing,
-        *_false_labels(scene.events, seen.events),
+        *false_labels(scene, events, lit=bool(intersection and scene.signals)),
+        *(false_journeys(scene, seen.movers, intersection) if intersection else ()),
         *_not_as_tied(scene, seen, intersection),
         *_obedient(scene, seen, intersection, roles),
     )
@@ -94,11 +103,9 @@ def _proof(
     )
     motion = (*odd_form(scene), *_implausible(scene, seen, intersection, roles))
     red = _red_crossings(scene, seen, intersection, roles)
-    incidental = [k for k, e in enumerate(seen.events)
-                  if k not in matched and is_incidental(e, roles)]  # fmt: skip
     return Proof(
         verified=not (missing or unasked or motion or red),
-        events=tuple(e for k, e in enumerate(seen.events) if k not in incidental),
+        events=events,
         incidental=tuple(seen.events[k] for k in incidental),
         missing=missing, interference=unasked, implausible=motion, signal_violations=red,
         figures=_figures(scene, seen, intersection),
@@ -115,7 +122,10 @@ def read_users(scene: SceneRecord) -> tuple[RoadUser, ...]:
         raise InputError(f"meta.step must be a positive number of seconds, got {scene.meta.step}")
     if not math.isfinite(scene.meta.duration):
         raise InputError(f"meta.duration must be a number of seconds, got {scene.meta.duration}")
-    return tuple(_read_user(agent, scene.meta.step) for agent in scene.agents)
+    users = tuple(_read_user(agent, scene.meta.step) for agent in scene.agents)
+    if cells(users) > ROOM:
+        raise InputError(f"{len(users)} agents are too many for one scene")
+    return users
 
 
 def _read_user(agent: AgentRecord, step: float) -> RoadUser:
@@ -132,6 +142,15 @@ def _read_user(agent: AgentRecord, step: float) -> RoadUser:
         raise InputError(f"agent {agent.id}: trajectory or heading holds NaN or infinity")
     if not math.isfinite(agent.spawn_time):
         raise InputError(f"agent {agent.id}: spawn_time {agent.spawn_time} is not a number")
+    if max(abs(agent.spawn_time), step * count) > AGES:
+        raise InputError(
+            f"agent {agent.id}: {count} positions from {agent.spawn_time:g} s on are no scene; "
+            "times are seconds since its start"
+        )
+    if np.abs(xy).max() > FARTHEST or np.abs(heading).max() > FARTHEST:
+        raise InputError(
+            f"agent {agent.id}: a position or heading is too far off; they are metres and radians"
+        )
     shape = Shape(agent.type, agent.length, agent.width)
     return RoadUser(agent.id, Track(xy, heading, agent.spawn_time, step), shape)
 
@@ -253,30 +272,6 @@ def _not_realised(
     )  # fmt: skip
 
 
-def _false_labels(labels: Sequence[EventRecord], events: Sequence[Event]) -> tuple[Finding, ...]:
-    """Labels that the tracks contradict: no such event at that time and place."""
-    return tuple(
-        Finding(
-            rule="label_contradicted",
-            agents=tuple(n for n in (label.from_, label.to) if n is not None), time=label.time,
-            detail=f"the label {label.type} of {label.from_} and {label.to} at {label.time} s "
-            "is not borne out by the tracks",
-        )
-        for label in labels
-        if label.type != "normal" and not any(_bears_out(label, e) for e in events)
-    )  # fmt: skip
-
-
-def _bears_out(label: EventRecord, event: Event) -> bool:
-    if label.type != event.type or {label.from_, label.to} != {event.from_, event.to}:
-        return False
-    if label.type in ("yielding", "follow") and label.from_ != event.from_:
-        return False
-    if label.time is not None and abs(label.time - event.time) > LABEL_TIME:
-        return False
-    return label.location is None or math.dist(label.location, event.location) <= LABEL_PLACE
-
-
 def _implausible(
     scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None, roles: Roles
 ) -> tuple[Finding, ...]:
@@ -286,6 +281,10 @@ def _implausible(
         found += broken
         found += _outside_scene(mover, scene.meta.duration)
     if intersection is not None:
+        hits = (e for e in seen.events if e.type == "collision")
+        collided = frozenset(n for e in hits for n in (e.from_, e.to))
+        until = scene.meta.duration
+        found += vanished(seen.movers, intersection, until=until, collided=collided)
         jaywalkers = frozenset(a.id for a in scene.agents if _jaywalks(a, roles))
         found += off_ground(seen.movers, intersection, jaywalkers=jaywalkers)
     return tuple(found)
@@ -322,7 +321,7 @@ def _red_crossings(
 ) -> tuple[Finding, ...]:
     if intersection is None:
         return ()
-    plan = plan_contradictions(scene.signals, intersection)
+    plan = plan_contradictions(scene.signals, intersection, until=scene.meta.duration)
     if not scene.signals:
         return plan
     return plan + tuple(

@@ -1,0 +1,148 @@
+"""What a scene says of itself, held against its tracks: events, journeys.
+
+Labels prove nothing, but who trains on a scene trains on them, so a false one is as bad as a false
+track.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from scenewright.scene.base import Compass
+from scenewright.scene.events import Event, Finding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
+from scenewright.tools.relation_checker.entries import entry_of, exit_of
+from scenewright.tools.relation_checker.ground import ground_of
+from scenewright.tools.relation_checker.motion import Mover
+
+LABEL_TIME = 0.3
+LABEL_PLACE = 1.5
+GOAL = 15.0
+"""How far a goal may lie beside the goal regions of its class (of a vehicle: on its exit) [m]."""
+BACKWARDS = 1.0
+"""How far a pedestrian may end behind its start, from its entry towards its exit [m]."""
+SYMMETRIC = ("collision", "near_miss")
+
+_TOWARDS: dict[Compass, complex] = {
+    "east": 1, "northeast": 1 + 1j, "north": 1j, "northwest": 1j - 1,
+    "west": -1, "southwest": -1 - 1j, "south": -1j, "southeast": 1 - 1j,
+}  # fmt: skip
+
+
+def false_labels(scene: SceneRecord, events: Sequence[Event], *, lit: bool) -> tuple[Finding, ...]:
+    """Rows of `scene.events` without an event, and events without a row; none if there are no rows.
+
+    Args:
+        events: what the proof will show, without what is incidental.
+        lit: whether the lights were looked at; if not, a red light run cannot be borne out.
+    """
+    if not scene.events:
+        return ()
+    asked: set[tuple[str, int, int]] = {(r.type, r.from_, r.to) for r in scene.relations}
+    left = list(events)
+    found: list[Finding] = []
+    for label in scene.events:
+        if label.type == "normal" and not events and len(scene.events) == 1:
+            continue
+        borne_out = (e for e in left if _bears_out(label, e, asked, lit=lit))
+        event = next(borne_out, None)
+        if event is None:
+            found.append(_contradicted(label))
+        else:
+            left.remove(event)
+    return (*found, *(_unlabelled(event) for event in left))
+
+
+def _bears_out(
+    label: EventRecord, event: Event, asked: set[tuple[str, int, int]], *, lit: bool
+) -> bool:
+    if label.type != event.type or label.kind != event.kind:
+        return False
+    if label.cause != event.cause and (lit or label.cause != "red_light_run"):
+        return False
+    orders = [(event.from_, event.to)]
+    if event.type in SYMMETRIC and (event.type, event.to, event.from_) in asked:
+        orders.append((event.to, event.from_))
+    if (label.from_, label.to) not in orders or label.time is None or label.location is None:
+        return False
+    late, off = abs(label.time - event.time), math.dist(label.location, event.location)
+    return late <= LABEL_TIME and off <= LABEL_PLACE
+
+
+def _contradicted(label: EventRecord) -> Finding:
+    return Finding(
+        rule="label_contradicted",
+        agents=tuple(n for n in (label.from_, label.to) if n is not None),
+        time=label.time if label.time is not None and math.isfinite(label.time) else None,
+        detail=f"the label {label.type} of {label.from_} and {label.to} at {label.time} s "
+        "is not borne out by the tracks",
+    )  # fmt: skip
+
+
+def _unlabelled(event: Event) -> Finding:
+    return Finding(
+        rule="label_missing", agents=(event.from_, event.to), time=event.time,
+        detail=f"no label names the {event.type} of {event.from_} and {event.to} at "
+        f"{event.time:.1f} s",
+    )  # fmt: skip
+
+
+def false_journeys(
+    scene: SceneRecord, movers: Sequence[Mover], on: IntersectionMap
+) -> tuple[Finding, ...]:
+    """Agents whose route, entry, exit, movement or goal the map or their track contradicts.
+
+    A map without routes says nothing about them.
+    """
+    if not on.routes:
+        return ()
+    return tuple(
+        Finding(
+            rule="journey_contradicted", agents=(agent.id,),
+            detail=f"{agent.type} {agent.id}: {reason}",
+        )
+        for agent, mover in zip(scene.agents, movers, strict=True)
+        for reason in _misstatements(agent, mover, on)
+    )  # fmt: skip
+
+
+def _misstatements(agent: AgentRecord, mover: Mover, on: IntersectionMap) -> Iterator[str]:
+    said = (agent.type, agent.entry, agent.exit, agent.movement, agent.crosswalk)
+    routes = ground_of(on).routes
+    if agent.route not in routes:
+        yield f"the map has no route {agent.route}"
+    elif said != routes[agent.route]:
+        yield f"its labels are not those of its route {agent.route}"
+    if not _near_goal(agent, on):
+        yield f"its goal {agent.goal[0]:.0f}, {agent.goal[1]:.0f} is none of its exit"
+    if agent.type == "vehicle":
+        for word, label, seen in (
+            ("comes from", agent.entry, entry_of(mover, on)),
+            ("leaves to", agent.exit, exit_of(mover, on)),
+        ):
+            if seen is not None and seen != label:
+                yield f"it {word} the {seen}, its label says {label}"
+    elif _walks_back(agent, mover):
+        yield f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
+
+
+def _walks_back(agent: AgentRecord, mover: Mover) -> bool:
+    way = _TOWARDS[agent.exit] - _TOWARDS[agent.entry]
+    east, north = (mover.xy[-1] - mover.xy[0]).tolist()
+    return way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS
+
+
+def _near_goal(agent: AgentRecord, on: IntersectionMap) -> bool:
+    """Whether a goal is one of its exit; jaywalkers may be bound for any place beside the road."""
+    x, y = agent.goal
+    if agent.movement == "jaywalking":
+        return not ground_of(on).road.contains(np.array([(x, y)]))[0]
+    return any(
+        west - GOAL <= x <= east + GOAL and south - GOAL <= y <= north + GOAL
+        for kind, leg, (west, south, east, north) in ground_of(on).goals
+        if kind == agent.type and (leg == agent.exit or agent.type == "pedestrian")
+    )

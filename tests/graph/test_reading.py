@@ -1,0 +1,88 @@
+"""Files that are no scene or no tracks end in one clear line, whatever they are."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scenewright.errors import InputError
+from scenewright.graph import run
+from scenewright.graph.run import load_scene, load_tracks, verify
+from scenewright.scene.record import AgentRecord, SceneMeta, SceneRecord
+
+
+def record() -> SceneRecord:
+    """One car that drives east for two seconds."""
+    meta = SceneMeta(
+        scene_id="s", map_id=0, timestamp=0.0, user_prompt="", intersection="amsterdam_120",
+        step=0.1, duration=2.0, time_of_day="12:00", seed=0,
+    )  # fmt: skip
+    car = AgentRecord(
+        id=1, type="vehicle", spawn_time=0.0, goal=(0.0, 0.0), role="foreground", name="vehicle-1",
+        trajectory=tuple((0.8 * k, 0.0) for k in range(21)), entry="west", exit="east",
+        movement="straight", route="r", heading=(0.0,) * 21, length=4.6, width=1.85,
+    )  # fmt: skip
+    return SceneRecord(meta=meta, agents=(car,), events=())
+
+
+@pytest.mark.parametrize("load", [load_scene, load_tracks])
+@pytest.mark.parametrize("name", ["tracks.csv", "scene.json"])
+def test_pipes_and_devices_are_not_read(
+    tmp_path: Path, load: Callable[[Path], Any], name: str
+) -> None:
+    pipe, endless = tmp_path / f"pipe-{name}", tmp_path / f"endless-{name}"
+    os.mkfifo(pipe)
+    endless.symlink_to("/dev/zero")
+    for file in (pipe, endless):
+        with pytest.raises(InputError, match="a device or a pipe"):
+            load(file)
+
+
+@pytest.mark.parametrize(("load", "name"), [(load_scene, "scene.json"), (load_tracks, "a.csv")])
+def test_no_more_is_read_than_can_be_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, load: Callable[[Path], Any], name: str
+) -> None:
+    monkeypatch.setattr(run, "MOST_BYTES", 1000)
+    (tmp_path / name).write_bytes(b"t,id,class,x,y\n" + b" " * 2000)
+    with pytest.raises(InputError, match="at most"):
+        load(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"spawn_time": 1e9}, "are no scene"),
+        ({"spawn_time": -1e9}, "are no scene"),
+        ({"trajectory": ((0.0, 0.0),) * 50_000, "heading": (0.0,) * 50_000}, "are no scene"),
+        ({"trajectory": ((1e308, 0.0), (-1e308, 0.0)), "heading": (0.0, 0.0)}, "too far off"),
+        ({"heading": (1e308,) * 21}, "too far off"),
+    ],
+)
+def test_scenes_beyond_all_measure(change: dict[str, Any], told: str) -> None:
+    scene = record()
+    verify(scene)
+    odd = scene.agents[0].model_copy(update=change)
+    with pytest.raises(InputError, match=told):
+        verify(scene.model_copy(update={"agents": (odd,)}))
+
+
+def test_more_agents_than_a_scene_holds() -> None:
+    scene = record()
+    many = tuple(scene.agents[0].model_copy(update={"id": n}) for n in range(3000))
+    with pytest.raises(InputError, match="3000 agents are too many"):
+        verify(scene.model_copy(update={"agents": many}))
+
+
+def test_a_scene_of_the_paper_profile_says_why_it_cannot_be_proven(tmp_path: Path) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(record().to_paper()))
+    with pytest.raises(InputError, match=r"paper profile .* verify the full scene\.json"):
+        verify(file, intersection="amsterdam_120")
+    file.write_text(json.dumps({"meta": {}, "agents": [], "events": []}))
+    with pytest.raises(InputError, match="Field required"):
+        load_scene(file)
