@@ -46,7 +46,7 @@ FOLDS = (
 )  # fmt: skip
 TRAINED = {
     "refiner": {},
-    "lstm": {"pooling": False, "goals": False, "apart": None},
+    "lstm": {"pooling": False, "goals": False, "mirrored": False, "apart": None},
     "no_goals": {"goals": False},
     "no_pooling": {"pooling": False},
 }

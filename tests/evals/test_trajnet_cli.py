@@ -121,7 +121,7 @@ def test_windows_hold_everybody_who_is_there_and_weigh_by_type(recording: Path) 
     windows = training_windows([read_recording(recording)], weights={3: 2.0, 4: 3.0})
     assert len(windows) == 31
     assert all(w.xy.shape == (12, 21, 2) for w in windows)
-    assert [w.weight[0] for w in windows[:16]] == [2.0] + 14 * [0.3] + [3.0]
+    assert [w.weight[0] for w in windows[:16]] == [2.0] + 14 * [0.6] + [3.0]
     assert np.isnan(windows[-1].xy[:, 10:]).all()
     assert (windows[0].destination == windows[30].xy[:, 9]).all()
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,14 +71,41 @@ def test_the_benchmarks_own_collision_file(tmp_path: Path) -> None:
 def test_goals_are_ends_of_tracks_or_of_the_scene(tmp_path: Path, goals: Goals) -> None:
     rows = [scene(), *walk(3, 0, 0, 0.5, range(100, 401, 10))]
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
-    told = []
+    told: list[Any] = []
 
-    def listener(pasts: list[np.ndarray], goals: list[np.ndarray]) -> list[np.ndarray]:
-        told.extend(goals)
+    def listener(
+        pasts: Sequence[np.ndarray],
+        goals: Sequence[np.ndarray] | None = None,
+        *,
+        due: float | None = None,
+        step: float = 0.4,
+    ) -> list[np.ndarray]:
+        assert goals is not None
+        told.extend([*goals, due, step])
         return constant_velocity(pasts)
 
     predict_scenes(recording, listener, goals=goals)
     assert told[0].tolist() == [[15.0, 0.0] if goals == "destination" else [10.0, 0.0]]
+    assert told[1:] == [None if goals == "destination" else 12, 0.4]
+
+
+def test_longer_steps_are_predicted_at_the_networks_own_pace(tmp_path: Path) -> None:
+    """At 2 steps a second, a network that goes straight on goes straight on."""
+    import torch
+
+    from scenewright.evals.trajnet.predictors import Refining
+    from scenewright.evals.trajnet.windows import training_windows
+    from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+
+    net = Refiner(RefinerConfig(hidden=8, embedding=8, pooled=8)).eval()
+    torch.nn.init.zeros_(net.output.weight)
+    rows = [scene(fps=2), *walk(3, 0, 0, 0.5)]
+    recording = read_recording(written(tmp_path / "a.ndjson", rows))
+    for goals in ("none", "horizon"):
+        (predicted,) = predict_scenes(recording, Refining(net), goals=goals)
+        assert predicted.xy[0] == pytest.approx(recording.stretch(100)[0, 9:], abs=0.011)
+    window = training_windows([recording])[0]
+    assert window.xy[0, :, 0] == pytest.approx(4.0 + 0.4 * np.arange(-8, 13))
 
 
 def test_types_are_worked_out_where_they_are_missing(tmp_path: Path) -> None:
@@ -98,6 +127,8 @@ def test_types_are_worked_out_where_they_are_missing(tmp_path: Path) -> None:
         ([scene(), {"other": 1}], "line 2"),
         ([scene(), 3], "line 2"),
         ([scene(), scene(e=120), *walk(3, 0, 0, 0.5)], "different steps"),
+        ([scene(), scene(fps=2), *walk(3, 0, 0, 0.5)], "different steps"),
+        ([scene(fps=0), *walk(3, 0, 0, 0.5)], "line 1"),
         ([scene(), *walk(3, 0, 0, 0.5, range(100, 171, 10))], "ninth"),
         ([scene(), *walk(4, 0, 0, 0.5)], "ninth"),
     ],

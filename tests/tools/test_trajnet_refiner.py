@@ -16,6 +16,8 @@ from scenewright.tools.trajnet_refiner.model import (
     Refiner,
     RefinerConfig,
     Scenes,
+    _Now,
+    _present,
     goal_features,
     heading,
     nearest,
@@ -116,6 +118,23 @@ def test_turning_and_shifting_the_scene_turns_and_shifts_the_prediction() -> Non
     assert close(other.spread, plain.spread, 1e-3)
 
 
+def test_left_and_right_are_alike_where_mirrored() -> None:
+    net, scenes = awake(), crowd()
+    assert scenes.goal is not None
+    swap = torch.tensor([1.0, -1.0])
+    other = scenes._replace(xy=scenes.xy * swap, goal=scenes.goal * swap)
+    assert close(predict(net, other).xy, predict(net, scenes).xy * swap)
+    assert not close(net(other).xy, net(scenes).xy * swap)
+
+
+def test_more_steps_begin_like_fewer() -> None:
+    net, scenes = awake(), crowd()
+    many = net(scenes, 16)
+    assert many.xy.shape[2] == many.spread.shape[2] == 16
+    assert close(many.xy[:, :, :12], net(scenes).xy)
+    assert close(net(scenes, 2).xy, net(scenes).xy[:, :, :2])
+
+
 def test_the_order_of_agents_is_of_no_account() -> None:
     net, scenes = awake(), crowd()
     order = torch.tensor([3, 0, 4, 1, 2])
@@ -208,28 +227,46 @@ def test_the_goal_lies_ahead_not_behind() -> None:
 
 
 def test_what_is_noticed_of_a_neighbour_by_hand() -> None:
-    """I walk north at 0.5 m a step; 3 m ahead and 4 m to the right another walks west at 1 m."""
-    from scenewright.tools.trajnet_refiner.model import _Now
+    """I walk north at 0.5 m a step; 3 m ahead and 4 m to the right another walks west at 1 m.
 
-    there = torch.ones(1, 2, dtype=torch.bool)
+    It slows down by 0.1 m a step each step; four steps ago it was 5 m ahead and 8 m to the right.
+    """
+    here = torch.ones(1, 2, dtype=torch.bool)
     now = _Now(
-        torch.tensor([[[0.0, 0.0], [4.0, 3.0]]]), torch.tensor([[[0.0, 0.5], [-1.0, 0.0]]]),
-        there, there,
+        xy=torch.tensor([[[0.0, 0.0], [4.0, 3.0]]]),
+        move=torch.tensor([[[0.0, 0.5], [-1.0, 0.0]]]),
+        change=torch.tensor([[[0.0, 0.0], [0.1, 0.0]]]),
+        before=torch.tensor([[[0.0, -2.0], [8.0, 3.0]]]),
+        here=here, moved=here, known=here,
     )  # fmt: skip
     along = torch.tensor([[[0.0, 1.0], [-1.0, 0.0]]])
     classes, unit = torch.tensor([[0, 1]]), torch.full((1, 2, 1), 0.5)
-    near, who = nearest(now.xy, there, torch.tensor([[8.0, 4.0]]), 3)
+    near, who = nearest(now.xy, here, torch.tensor([[8.0, 4.0]]), 3)
     assert near.tolist() == [[[True], [False]]]
     assert who.tolist() == [[[1], [0]]]
     told = pair_features(now, who, classes, along, unit)[0, 0, 0].tolist()
     steps = 5.5 / 1.251  # offset (3, -4), relative motion (-0.5, 1.0) in my frame
     closest = (3 - 0.5 * steps, -4 + steps)
-    gap = math.hypot(*closest)
-    assert told == pytest.approx(
-        [3 / 6, -4 / 6, math.exp(-5), math.exp(-5 / 4), -1.0, 2.0, steps / 12,
-         math.exp(-2 * gap), closest[0] / (0.5 + gap), closest[1] / (0.5 + gap), 1.0, 1.0],
-        abs=1e-4,
-    )  # fmt: skip
+    gap, then = math.hypot(*closest), math.hypot(5, 8)
+    expected = [3 / 6, -4 / 6, math.exp(-5), math.exp(-5 / 4), -1.0, 2.0, steps / 12]
+    expected += [math.exp(-2 * gap), closest[0] / (0.5 + gap), closest[1] / (0.5 + gap), 1.0, 1.0]
+    expected += [0.0, -1.0, 5 / (1 + then), -8 / (1 + then), 1.0]
+    assert told == pytest.approx(expected, abs=1e-4)
+    unseen = now._replace(known=torch.tensor([[True, False]]))
+    assert pair_features(unseen, who, classes, along, unit)[0, 0, 0, -3:].tolist() == [0.0] * 3
+
+
+def test_the_present_by_hand() -> None:
+    """Moves of 1, 2, 3, 4 m north grow by 1 m a step; four steps ago is the start."""
+    y = torch.tensor([0.0, 1.0, 3.0, 6.0, 10.0])
+    xy = torch.stack((torch.zeros(5), y), -1)[None, None]
+    seen = torch.ones(1, 1, 5, dtype=torch.bool)
+    now = _present(xy, seen, xy.diff(dim=2), seen[:, :, 1:])
+    assert [each.flatten().tolist() for each in now[:4]] == [[0, 10], [0, 4], [0, 1], [0, 0]]
+    seen[0, 0, 2] = False
+    now = _present(xy, seen, xy.diff(dim=2), seen[:, :, 1:] & seen[:, :, :-1])
+    assert now.change.flatten().tolist() == [0, 0]
+    assert [bool(each) for each in now[4:]] == [True, True, True]
 
 
 def test_the_density_is_that_of_the_normal_distribution() -> None:

@@ -144,7 +144,7 @@ def _cell(row: Row, measure: str) -> str:
 def trajnet_train(
     files: Files,
     out: Annotated[str, typer.Option(metavar="W.safetensors", help="File for the weights.")],
-    epochs: Annotated[int, typer.Option(min=1, help="How often every window is seen.")] = 10,
+    epochs: Annotated[int, typer.Option(min=1, help="How often every window is seen.")] = 12,
     seed: Annotated[int, typer.Option(min=0, help="The same seed, the same weights.")] = 0,
     held_out: Annotated[
         list[str] | None, typer.Option(help="A recording to validate on; may be given again.")

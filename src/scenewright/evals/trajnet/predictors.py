@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED
+from scenewright.evals.trajnet.timing import around_now, at_times
 from scenewright.scene.base import FloatArray
 
 if TYPE_CHECKING:
@@ -19,13 +20,20 @@ class Predictor(Protocol):
     """Predicts all agents of many scenes."""
 
     def __call__(
-        self, pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None
+        self,
+        pasts: Sequence[FloatArray],
+        goals: Sequence[FloatArray] | None = None,
+        *,
+        due: float | None = None,
+        step: float = 0.4,
     ) -> list[FloatArray]:
         """Where everybody goes.
 
         Args:
             pasts: of each scene [N, 9, 2] [m], NaN where unseen; all are seen at the last step.
-            goals: of each scene [N, 2] where they are headed [m], or None.
+            goals: of each scene [N, 2] where they are headed [m], NaN for none; or None.
+            due: predicted step, from 1, at which everybody is at its goal; None if unknown.
+            step: [s] between positions.
 
         Returns:
             of each scene [N, 12, 2].
@@ -34,24 +42,63 @@ class Predictor(Protocol):
 
 
 def constant_velocity(
-    pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None = None
+    pasts: Sequence[FloatArray],
+    goals: Sequence[FloatArray] | None = None,
+    *,
+    due: float | None = None,
+    step: float = 0.4,
 ) -> list[FloatArray]:
     """Everybody repeats the last step; who was unseen before it stays. Goals are not looked at."""
-    del goals
+    del goals, due, step
     ahead = np.arange(1, PREDICTED + 1)[:, None]
     return [past[:, -1:] + ahead * np.nan_to_num(past[:, -1:] - past[:, -2:-1]) for past in pasts]
 
 
 class Refining:
-    """The refiner as a predictor of pedestrians."""
+    """The refiner as a predictor of pedestrians.
+
+    It thinks in steps of its own; where a recording has longer ones, what it is told and what it
+    predicts are drawn in between.
+    """
 
     def __init__(self, net: Refiner, *, agents: int = 2048) -> None:
         self.net, self.agents = net, agents
 
     def __call__(
-        self, pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None
+        self,
+        pasts: Sequence[FloatArray],
+        goals: Sequence[FloatArray] | None = None,
+        *,
+        due: float | None = None,
+        step: float = 0.4,
     ) -> list[FloatArray]:
         """See `Predictor`."""
+        own = self.net.config.step
+        if step < own + 1e-6:
+            return self._grouped(pasts, goals, due, PREDICTED)
+        given, wanted = (around_now(OBSERVED, before=OBSERVED - 1, step=s) for s in (step, own))
+        steps = int(np.ceil(PREDICTED * step / own - 1e-6))
+        ahead = self._grouped(
+            [at_times(past, given, wanted) for past in pasts],
+            goals,
+            None if due is None else due * step / own,
+            steps,
+        )
+        drawn = around_now(steps + 1, before=0, step=own)
+        wanted = around_now(PREDICTED + 1, before=0, step=step)[1:]
+        return [
+            at_times(np.concatenate((past[:, -1:], path), axis=1), drawn, wanted)
+            for past, path in zip(pasts, ahead, strict=True)
+        ]
+
+    def _grouped(
+        self,
+        pasts: Sequence[FloatArray],
+        goals: Sequence[FloatArray] | None,
+        due: float | None,
+        steps: int,
+    ) -> list[FloatArray]:
+        """[N, steps, 2] of each scene at the network's step, scenes of like size together."""
         from scenewright.tools.trajnet_refiner.windows import grouped
 
         found: dict[int, FloatArray] = {}
@@ -59,13 +106,18 @@ class Refining:
         for group in grouped(sizes, agents=self.agents, rng=np.random.default_rng(0)):
             chosen = [int(i) for i in group]
             given = None if goals is None else [goals[i] for i in chosen]
-            results = self._batch([pasts[i] for i in chosen], given)
+            results = self._batch([pasts[i] for i in chosen], given, due, steps)
             found.update(zip(chosen, results, strict=True))
         return [found[i] for i in range(len(pasts))]
 
     def _batch(
-        self, pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None
+        self,
+        pasts: Sequence[FloatArray],
+        goals: Sequence[FloatArray] | None,
+        due: float | None,
+        steps: int,
     ) -> list[FloatArray]:
+        """[N, steps, 2] of each scene; see `Predictor`."""
         import torch
 
         from scenewright.tools.trajnet_refiner.model import Scenes, predict
@@ -83,8 +135,11 @@ class Refining:
             torch.from_numpy(xy.astype(np.float32)),
             torch.zeros(xy.shape[:2], dtype=torch.long),
             torch.from_numpy(goal.astype(np.float32)),
+            torch.full(xy.shape[:2], torch.nan if due is None else float(due)),
         )
-        ahead = predict(self.net, scenes.to(device)).xy.cpu().numpy().astype(np.float64)
+        ahead = (
+            predict(self.net, scenes.to(device), steps=steps).xy.cpu().numpy().astype(np.float64)
+        )
         return [
             ahead[b, : len(past)] + centre
             for b, (past, centre) in enumerate(zip(pasts, centres, strict=True))
@@ -128,10 +183,15 @@ class BoostedTrees:
         return self
 
     def __call__(
-        self, pasts: Sequence[FloatArray], goals: Sequence[FloatArray] | None
+        self,
+        pasts: Sequence[FloatArray],
+        goals: Sequence[FloatArray] | None = None,
+        *,
+        due: float | None = None,
+        step: float = 0.4,
     ) -> list[FloatArray]:
         """See `Predictor`; goals are not looked at."""
-        del goals
+        del goals, due, step
         told = [self._features(past) for past in pasts]
         x = np.concatenate([features for features, _ in told])
         off = np.stack([tree.predict(x) for tree in self._trees], axis=1)

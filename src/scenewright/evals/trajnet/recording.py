@@ -51,7 +51,7 @@ class Recording:
     Attributes:
         name: of the file, without its ending.
         scenes: in the order of the file.
-        stride: frame numbers per step.
+        stride: frame numbers per step; step: [s].
         ids: [P] pedestrians, ascending.
         rows: by frame, the places in `ids` of who is seen then, and where [m].
         last: [P, 2] where each pedestrian is last seen [m], its goal by the benchmark's definition.
@@ -60,6 +60,7 @@ class Recording:
     name: str
     scenes: tuple[SceneRow, ...]
     stride: int
+    step: float
     ids: NDArray[np.int64]
     rows: dict[int, tuple[NDArray[np.int64], FloatArray]]
     last: FloatArray
@@ -121,10 +122,13 @@ def _scene(entry: dict[str, Any]) -> SceneRow:
     parts = tag[1] if isinstance(tag, list) and len(tag) > 1 else []
     known = kind if kind in (1, 2, 3, 4) else None
     start, end = int(entry["s"]), int(entry["e"])
+    fps = float(entry["fps"])
+    if not 0.1 <= fps <= 100.0:
+        raise ValueError(f"{fps} steps per second")
     if end <= start or (end - start) % (STEPS - 1):
         raise ValueError(f"a scene spans {STEPS} steps, but frames {start} to {end} do not")
     return SceneRow(
-        int(entry["id"]), int(entry["p"]), start, end, float(entry["fps"]), known,
+        int(entry["id"]), int(entry["p"]), start, end, fps, known,
         tuple(int(part) for part in parts),
     )  # fmt: skip
 
@@ -132,9 +136,10 @@ def _scene(entry: dict[str, Any]) -> SceneRow:
 def _recording(
     path: Path, scenes: tuple[SceneRow, ...], rows: dict[tuple[int, int], tuple[float, float]]
 ) -> Recording:
-    strides = {(s.end - s.start) // (STEPS - 1) for s in scenes}
+    strides = {((s.end - s.start) // (STEPS - 1), s.fps) for s in scenes}
     if len(strides) > 1:
-        raise InputError(f"{path}: scenes of different steps, {sorted(strides)} frames")
+        raise InputError(f"{path}: scenes of different steps (frames, fps): {sorted(strides)}")
+    stride, fps = strides.pop()
     keys = np.array(sorted(rows, key=lambda key: (key[1], key[0])))
     xy = np.array([rows[p, f] for p, f in keys.tolist()])
     ids, who = np.unique(keys[:, 0], return_inverse=True)
@@ -143,7 +148,7 @@ def _recording(
     last = np.empty((len(ids), 2))
     last[who] = xy  # rows are in the order of time, so each pedestrian's last one stays
     by_frame = dict(zip(frames.tolist(), parts, strict=True))
-    return Recording(path.stem, scenes, strides.pop(), ids, by_frame, last)
+    return Recording(path.stem, scenes, stride, 1.0 / fps, ids, by_frame, last)
 
 
 def prediction_lines(

@@ -15,6 +15,7 @@ from scenewright.evals.trajnet.metrics import collides, displacement
 from scenewright.evals.trajnet.predictors import Predictor
 from scenewright.evals.trajnet.recording import (
     OBSERVED,
+    PREDICTED,
     Recording,
     SceneRow,
     prediction_lines,
@@ -23,7 +24,7 @@ from scenewright.scene.base import FloatArray
 
 Goals = Literal["none", "destination", "horizon"]
 """What a predictor is told: nothing; where each pedestrian is last seen in the file, which is the
-benchmark's definition; or where it is at the end of the scene, a goal one horizon ahead."""
+benchmark's definition; or where it is at the end of the scene, and that it is there then."""
 MEASURES = ("ade", "fde", "col1", "col2")
 _RESAMPLES = 1000
 
@@ -77,7 +78,12 @@ def predict_scenes(
         places.append(who)
         pasts.append(xy[who, :OBSERVED])
         given.append(recording.last[who] if goals == "destination" else xy[who, -1])
-    ahead = predictor(pasts, None if goals == "none" else given)
+    ahead = predictor(
+        pasts,
+        None if goals == "none" else given,
+        due=PREDICTED if goals == "horizon" else None,
+        step=recording.step,
+    )
     by_start = dict(zip(starts, zip(places, ahead, strict=True), strict=True))
     return [_scene(recording, row, *by_start[row.start]) for row in recording.scenes]
 

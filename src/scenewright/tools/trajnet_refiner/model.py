@@ -27,7 +27,7 @@ from scenewright.tools.trajnet_refiner.separation import separate
 
 CLASSES = ("pedestrian", "vehicle")
 """Class ids of the tensors: the place in this tuple."""
-GOAL_FEATURES, PAIR_FEATURES, OUTPUTS = 7, 12, 5
+GOAL_FEATURES, PAIR_FEATURES, OUTPUTS = 7, 17, 5
 
 
 class RefinerConfig(Model):
@@ -38,7 +38,10 @@ class RefinerConfig(Model):
         stride: predicted samples per step of the decoder, after which everybody looks again.
         neighbours: how many of the nearest are pooled; reach: up to which distance [m], by class.
         pace: a usual speed [m/s] by class, the unit of every velocity inside.
+        dropout: share of what is read and remembered that training leaves out at random.
         pooling, goals: what the ablations switch off.
+        mirrored: whether `predict` takes the mean with the mirror image of what is predicted for
+            the mirror image of a scene, so that left and right are alike.
         apart: distance [m] that predicted pedestrians keep from each other; None leaves the
             network's output as it is.
     """
@@ -46,15 +49,17 @@ class RefinerConfig(Model):
     step: float = Field(default=0.4, gt=0)
     observed: int = Field(default=9, ge=2)
     predicted: int = Field(default=12, ge=1)
-    stride: int = Field(default=3, ge=1)
-    hidden: int = Field(default=128, ge=1)
+    stride: int = Field(default=2, ge=1)
+    hidden: int = Field(default=192, ge=1)
     embedding: int = Field(default=64, ge=1)
-    pooled: int = Field(default=64, ge=1)
-    neighbours: int = Field(default=12, ge=1)
-    reach: tuple[float, float] = (8.0, 30.0)
+    pooled: int = Field(default=128, ge=1)
+    neighbours: int = Field(default=16, ge=1)
+    reach: tuple[float, float] = (10.0, 30.0)
     pace: tuple[float, float] = (1.25, 8.0)
+    dropout: float = Field(default=0.1, ge=0, lt=1)
     pooling: bool = True
     goals: bool = True
+    mirrored: bool = True
     apart: float | None = Field(default=0.26, gt=0)
     kind: Literal["lstm"] = "lstm"
 
@@ -97,12 +102,27 @@ class Prediction(NamedTuple):
 
 
 class _Now(NamedTuple):
-    """Everybody at one step: places [B, N, 2] [m], moves since the last step [m], who is there."""
+    """Everybody at one step.
+
+    Attributes:
+        xy, move: [B, N, 2] places and moves since the step before [m]; change: how the move has
+            changed per step of late [m]; before: places `_BEFORE` steps before the first
+            prediction [m].
+        here, moved, known: [B, N] whether there is a place, a move and a place before.
+    """
 
     xy: Tensor
     move: Tensor
+    change: Tensor
+    before: Tensor
     here: Tensor
     moved: Tensor
+    known: Tensor
+
+
+_BEFORE = 4
+_LATE = 3
+"""Steps over which the latest change of a move is taken."""
 
 
 class Refiner(nn.Module):
@@ -124,17 +144,24 @@ class Refiner(nn.Module):
         if c.pooling:
             self.memory = nn.Linear(c.hidden, c.pooled, bias=False)
             self.pair = nn.Linear(PAIR_FEATURES, c.pooled)
+            self.impression = nn.Linear(c.pooled, c.pooled)
             self.pool = nn.Linear(c.pooled, c.pooled)
             width += c.pooled
         self.decoder = nn.LSTMCell(width, c.hidden)
+        self.dropout = nn.Dropout(c.dropout)
         self.output = nn.Linear(c.hidden, OUTPUTS * c.stride)
         nn.init.normal_(self.output.weight, std=1e-2)
         nn.init.zeros_(self.output.bias)
         self.register_buffer("pace", torch.tensor(c.pace) * c.step, persistent=False)
         self.register_buffer("reach", torch.tensor(c.reach), persistent=False)
 
-    def forward(self, scenes: Scenes) -> Prediction:
-        """The motion to come, a stride after the other, each from the network's own output."""
+    def forward(self, scenes: Scenes, steps: int | None = None) -> Prediction:
+        """The motion to come, a stride after the other, each from the network's own output.
+
+        Args:
+            steps: how many are predicted; as many as the configuration says if None.
+        """
+        steps = steps or self.config.predicted
         observed = latest(scenes.xy, self.config.observed)
         seen = ~observed.isnan().any(-1)
         xy = torch.nan_to_num(observed)
@@ -143,21 +170,30 @@ class Refiner(nn.Module):
         both = seen[:, :, 1:] & seen[:, :, :-1]
         moves = torch.where(both[..., None], xy[:, :, 1:] - xy[:, :, :-1], 0.0)
         state = self._encode(moves, both, scenes.classes, along, unit)
-        now = _Now(xy[:, :, -1], moves[:, :, -1], seen[:, :, -1], both[:, :, -1])
+        now = _present(xy, seen, moves, both)
         places, spreads = [], []
-        for step in range(0, self.config.predicted, self.config.stride):
+        for step in range(0, steps, self.config.stride):
             state = self._advance(state, now, scenes, step, along, unit)
-            out = self.output(state[0]).view(*now.here.shape, self.config.stride, OUTPUTS)
+            out = self.output(self.dropout(state[0])).view(
+                *now.here.shape, self.config.stride, OUTPUTS
+            )
             change = turn(out[..., :2] * (0.5 * unit[..., None]), along[:, :, None])
             change = change + self._in_time(now, scenes, step)
             path = now.xy[:, :, None] + (now.move[:, :, None] + change).cumsum(2)
-            now = _Now(path[:, :, -1], now.move + change[:, :, -1], now.here, now.here)
+            last = change[:, :, -1]
+            now = now._replace(
+                xy=path[:, :, -1],
+                move=now.move + last,
+                change=last / self.config.stride,
+                moved=now.here,
+            )
             places.append(path)
             spreads.append(out[..., 2:])
-        spread = torch.cat(spreads, dim=2)
+        spread = torch.cat(spreads, dim=2)[:, :, :steps]
         spread = torch.cat((spread[..., :2].clamp(-6, 4), 0.95 * torch.tanh(spread[..., 2:])), -1)
         absent = ~now.here[..., None, None]
-        return Prediction(torch.cat(places, dim=2).masked_fill(absent, torch.nan), spread, along)
+        mean = torch.cat(places, dim=2)[:, :, :steps]
+        return Prediction(mean.masked_fill(absent, torch.nan), spread, along)
 
     def _in_time(self, now: _Now, scenes: Scenes, step: int) -> Tensor:
         """[B, N, stride, 2] changes of the present move that even acceleration makes.
@@ -203,7 +239,8 @@ class Refiner(nn.Module):
         read = [torch.relu(embedded + self.class_embedding(scenes.classes))]
         if self.config.pooling:
             read.append(self._pool(state[0], now, scenes.classes, along, unit))
-        new: tuple[Tensor, Tensor] = self.decoder(torch.cat(read, -1).flatten(0, 1), state)
+        seen = self.dropout(torch.cat(read, -1).flatten(0, 1))
+        new: tuple[Tensor, Tensor] = self.decoder(seen, state)
         return new
 
     def _pool(
@@ -213,18 +250,51 @@ class Refiner(nn.Module):
         near, who = nearest(now.xy, now.here, self.reach[classes], self.config.neighbours)
         told = self.memory(memory).view(*classes.shape, -1)
         seen = self.pair(pair_features(now, who, classes, along, unit))
-        impression = torch.relu(seen + pick(told, who)).masked_fill(~near[..., None], 0.0)
-        return torch.relu(self.pool(impression.amax(dim=2)))
+        impression = torch.relu(self.impression(torch.relu(seen + pick(told, who))))
+        strongest = impression.masked_fill(~near[..., None], 0.0).amax(dim=2)
+        return torch.relu(self.pool(strongest))
 
 
 @torch.no_grad()
-def predict(net: Refiner, scenes: Scenes) -> Prediction:
-    """Everybody's motion to come, with pedestrians kept apart as the configuration says."""
-    raw: Prediction = net(scenes)
+def predict(net: Refiner, scenes: Scenes, *, steps: int | None = None) -> Prediction:
+    """Everybody's motion to come, mirrored and kept apart as the configuration says.
+
+    Args:
+        steps: how many are predicted; as many as the configuration says if None.
+    """
+    raw: Prediction = net(scenes, steps)
+    if net.config.mirrored:
+        raw = _mean(raw, net(_mirrored(scenes), steps))
     if net.config.apart is None:
         return raw
     walkers = scenes.classes == CLASSES.index("pedestrian")
     return raw._replace(xy=separate(raw.xy, among=walkers, apart=net.config.apart))
+
+
+def _present(xy: Tensor, seen: Tensor, moves: Tensor, both: Tensor) -> _Now:
+    """The last of the observed steps; moves and both [B, N, T - 1] between each two."""
+    early = -1 - min(_LATE, moves.shape[2] - 1)
+    steady = both[:, :, early:].all(-1, keepdim=True)
+    change = torch.where(steady, (moves[:, :, -1] - moves[:, :, early]) / (-1.0 - early), 0.0)
+    past = -1 - min(_BEFORE, xy.shape[2] - 1)
+    return _Now(
+        xy[:, :, -1], moves[:, :, -1], change, xy[:, :, past],
+        seen[:, :, -1], both[:, :, -1], seen[:, :, past],
+    )  # fmt: skip
+
+
+def _mirrored(scenes: Scenes) -> Scenes:
+    """The scenes with north and south exchanged."""
+    swap = scenes.xy.new_tensor((1.0, -1.0))
+    goal = None if scenes.goal is None else scenes.goal * swap
+    return scenes._replace(xy=scenes.xy * swap, goal=goal)
+
+
+def _mean(one: Prediction, mirrored: Prediction) -> Prediction:
+    """The mean of a prediction and of what was predicted for the mirror image."""
+    xy = 0.5 * (one.xy + mirrored.xy * one.xy.new_tensor((1.0, -1.0)))
+    spread = 0.5 * (one.spread + mirrored.spread * one.spread.new_tensor((1.0, 1.0, -1.0)))
+    return one._replace(xy=xy, spread=spread)
 
 
 def latest(xy: Tensor, steps: int) -> Tensor:
@@ -290,16 +360,22 @@ def pick(of_all: Tensor, who: Tensor) -> Tensor:
 
 
 def pair_features(now: _Now, who: Tensor, classes: Tensor, along: Tensor, unit: Tensor) -> Tensor:
-    """[B, N, K, 12] what an agent notices of a neighbour, in its own frame and bounded.
+    """[B, N, K, 17] what an agent notices of a neighbour, in its own frame and bounded.
 
     Where it is (towards it, by distance), how it moves relative to the agent, when and how close
-    they would come if both kept going, and whether it is a vehicle.
+    they would come if both kept going, whether its motion is known and whether it is a vehicle,
+    how its motion changes, and where it was some steps ago, as seen from the agent then.
     """
     facing = along[:, :, None].expand(-1, -1, who.shape[2], -1)
     kind = classes[..., None].to(now.xy.dtype)
-    other = pick(torch.cat((now.xy, now.move, now.moved[..., None].to(kind), kind), -1), who)
+    flags = (now.moved[..., None].to(kind), kind, now.known[..., None].to(kind))
+    other = pick(torch.cat((now.xy, now.move, now.change, now.before, *flags), -1), who)
     offset = turn_back(other[..., :2] - now.xy[:, :, None], facing)
     relative = turn_back(other[..., 2:4] - now.move[:, :, None], facing)
+    change = turn_back(other[..., 4:6], facing)
+    then = turn_back(other[..., 6:8] - now.before[:, :, None], facing)
+    known = other[..., 10:] * now.known[:, :, None, None]
+    then = known * then / (1.0 + then.norm(dim=-1, keepdim=True))
     distance = (offset.square().sum(-1, keepdim=True) + 1e-6).sqrt()
     steps = -(offset * relative).sum(-1, keepdim=True)
     steps = (steps / (relative.square().sum(-1, keepdim=True) + 1e-3)).clamp(0, 12)
@@ -314,7 +390,10 @@ def pair_features(now: _Now, who: Tensor, classes: Tensor, along: Tensor, unit: 
             steps / 12.0,
             torch.exp(-2.0 * gap),
             closest / (0.5 + gap),
-            other[..., 4:6],
+            other[..., 8:10],
+            5.0 * change / unit[:, :, None],
+            then,
+            known,
         ),
         dim=-1,
     )

@@ -40,14 +40,14 @@ class Recipe(Model):
         seed: of the first weights and of every draw.
     """
 
-    epochs: int = Field(default=10, ge=1)
+    epochs: int = Field(default=12, ge=1)
     share: float = Field(default=1.0, gt=0, le=1)
     agents: int = Field(default=192, ge=1)
     rate: float = Field(default=4e-3, gt=0)
     decay: float = Field(default=1e-4, ge=0)
     likelihood: float = Field(default=0.05, ge=0)
     average: float = Field(default=0.99, ge=0, lt=1)
-    stretch: float = Field(default=0.15, ge=0, lt=1)
+    stretch: float = Field(default=0.25, ge=0, lt=1)
     noise: float = Field(default=0.0, ge=0)
     unseen: float = Field(default=0.1, ge=0, le=1)
     goals: float = Field(default=0.4, ge=0, le=1)
@@ -105,7 +105,8 @@ def train(
         run.restore(checkpoint)
     while run.epochs < recipe.epochs:
         start = time.perf_counter()
-        loss = run.epoch(windows, tell)
+        with torch.random.fork_rng():
+            loss = run.epoch(windows, tell)
         if checkpoint is not None:
             run.store(checkpoint)
         if after_epoch is not None:
@@ -189,6 +190,7 @@ class _Run:
         """One pass over the windows; the mean loss of its batches."""
         recipe = self.recipe
         rng = np.random.default_rng([recipe.seed, self.epochs])
+        torch.manual_seed(int(rng.integers(2**62)))
         count = max(1, round(recipe.share * len(windows)))
         drawn = [windows[i] for i in np.sort(rng.permutation(len(windows))[:count])]
         self.net.train()

@@ -55,8 +55,8 @@ class Variation:
         goals: share of windows in which agents are given goals.
     """
 
-    stretch: float = 0.15
-    noise: float = 0.02
+    stretch: float = 0.25
+    noise: float = 0.0
     unseen: float = 0.1
     goals: float = 0.4
 
