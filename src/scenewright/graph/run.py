@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from pydantic import ValidationError
+from pydantic_core import PydanticSerializationError
 
 from scenewright.backends import Backend, load_backend
 from scenewright.errors import InputError, Unsatisfiable
@@ -236,7 +237,10 @@ def make_folder(folder: str | Path) -> Path:
 
 def scene_bytes(record: SceneRecord) -> bytes:
     """scene.json: the same scene, the same bytes."""
-    return _json(record.to_json())
+    try:
+        return record.model_dump_json(by_alias=True).encode() + b"\n"
+    except PydanticSerializationError:  # text that no UTF-8 can hold
+        return _json(record.to_json())
 
 
 @lru_cache(maxsize=8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -30,7 +31,8 @@ class Model(BaseModel):
 def frozen(array: FloatArray) -> FloatArray:
     """The array as read-only float64; raises ValueError unless every entry is finite."""
     result = np.ascontiguousarray(array, dtype=np.float64)
-    if not np.isfinite(result).all():
+    # One pass: a sum is finite only if every term is.
+    if not math.isfinite(np.add.reduce(result, axis=None)):
         raise ValueError("array holds NaN or infinity")
     if result.flags.writeable:
         result = result.copy() if result is array else result

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,9 @@ class Landmarks:
         return s
 
 
+@lru_cache(maxsize=512)
 def landmarks(candidate: Candidate, *, ground: Ground) -> Landmarks:
-    """The landmarks on a candidate's path."""
+    """The landmarks on a candidate's path; candidates are known by identity."""
     route, on = candidate.route, ground.on
     inside = ground.on_crosswalks(candidate.path.xy)
     crossed, group = _crosswalks(candidate, inside), signal_group(route, on=on)

@@ -112,17 +112,18 @@ def _moved(candidate: Candidate, holds: tuple[Hold, ...], slowings: tuple[Slowin
     """Solver, summary and editor ask for the same motions; candidates are known by identity."""
     ordered = sorted((hold for hold in holds if hold.s < candidate.path.length), key=_at)
     s, w = _profile(candidate, ordered, slowings)
-    times = _travel_times(s, w)
+    v, took = _travel(s, w)
+    times = _running(took)
     for hold in ordered:
         times = _dwell(s, times, hold)
-    return Motion(candidate, _smooth(_sample(s, w, times)))
+    return Motion(candidate, _smooth(_sample(s, v, took, times)))
 
 
 def arrival(candidate: Candidate, hold: Hold, earlier: tuple[Hold, ...] = ()) -> float:
     """Local time [s] at which the candidate comes to a standstill at `hold`."""
     ordered = sorted((*earlier, hold), key=_at)
     s, w = _profile(candidate, ordered, ())
-    times = _travel_times(s, w)
+    times = _running(_travel(s, w)[1])
     for each in ordered:
         if each.s < hold.s:
             times = _dwell(s, times, each)
@@ -164,13 +165,20 @@ def _profile(
     extra = [hold.s for hold in holds] + [slow.s for slow in slowings]
     if not extra:
         return path.s, _limit(candidate)
-    s = np.union1d(path.s, np.clip(extra, 0.0, path.length))
+    s = _with_nodes(path.s, extra)
     w = np.interp(s, path.s, _limit(candidate))
     for hold in holds:
         w = _approach(s, w, at=hold.s, speed=0.0, braking=hold.braking or law.braking)
     for slow in slowings:
         w = _approach(s, w, at=slow.s, speed=slow.speed, braking=slow.braking)
     return s, _forward(s, w, law.acceleration)
+
+
+def _with_nodes(s: FloatArray, extra: list[float]) -> FloatArray:
+    """Ascending nodes [m] with further ones among them, none twice."""
+    every = np.concatenate([s, np.minimum(np.maximum(extra, 0.0), s[-1])])
+    every.sort()
+    return every[np.concatenate([[True], every[1:] != every[:-1]])]
 
 
 def _approach(
@@ -189,10 +197,16 @@ def _forward(s: FloatArray, w: FloatArray, acceleration: float) -> FloatArray:
     return np.maximum(reached, 0.0)
 
 
-def _travel_times(s: FloatArray, w: FloatArray) -> FloatArray:
+def _travel(s: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """[N] speed at the nodes [m/s], and [N - 1] time from each to the next [s]."""
     v = np.sqrt(w)
-    dt = 2.0 * np.diff(s) / np.maximum(v[:-1] + v[1:], 2 * _CREEP)
-    return np.concatenate([[0.0], np.cumsum(dt)])
+    return v, 2.0 * (s[1:] - s[:-1]) / np.maximum(v[:-1] + v[1:], 2 * _CREEP)
+
+
+def _running(took: FloatArray) -> FloatArray:
+    times = np.zeros(len(took) + 1)
+    np.add.accumulate(took, out=times[1:])
+    return times
 
 
 def _dwell(s: FloatArray, times: FloatArray, hold: Hold) -> FloatArray:
@@ -201,17 +215,15 @@ def _dwell(s: FloatArray, times: FloatArray, hold: Hold) -> FloatArray:
     return np.where(np.arange(len(s)) > node, times + wait, times)
 
 
-def _sample(s: FloatArray, w: FloatArray, times: FloatArray) -> FloatArray:
+def _sample(s: FloatArray, v: FloatArray, took: FloatArray, times: FloatArray) -> FloatArray:
     """Arc length every 0.1 s; constant acceleration between nodes, standstill while dwelling."""
     grid = STEP * np.arange(int(times[-1] / STEP + 1e-9) + 1)
-    cell = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(s) - 2)
-    ds = s[cell + 1] - s[cell]
-    v0, v1 = np.sqrt(w[cell]), np.sqrt(w[cell + 1])
-    moving = 2.0 * ds / np.maximum(v0 + v1, 2 * _CREEP)
+    cell = np.minimum(times.searchsorted(grid, side="right") - 1, len(s) - 2)
     # A dwell sits at the start of its cell: the cell's own travel comes last.
-    tau = np.maximum(grid - (times[cell + 1] - moving), 0.0)
-    share = np.clip((v0 * tau + 0.5 * (v1 - v0) / moving * tau**2) / ds, 0.0, 1.0)
-    return np.maximum.accumulate(s[cell] + ds * share)
+    tau = np.maximum(grid - (times[1:] - took)[cell], 0.0)
+    way = (v[:-1][cell] + (0.5 * (v[1:] - v[:-1]) / took)[cell] * tau) * tau
+    within = np.minimum(np.maximum(way, 0.0), (s[1:] - s[:-1])[cell])
+    return np.asarray(np.maximum.accumulate(s[cell] + within))
 
 
 def _smooth(s: FloatArray) -> FloatArray:

@@ -121,7 +121,7 @@ def _agent(
 
 
 def _points(xy: FloatArray) -> tuple[Point, ...]:
-    return tuple((x, y) for x, y in xy.round(3).tolist())
+    return tuple(map(tuple, xy.round(3).tolist()))
 
 
 def _point(xy: FloatArray) -> Point:

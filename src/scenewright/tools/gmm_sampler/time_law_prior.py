@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from statistics import NormalDist
 
 import numpy as np
 
@@ -22,7 +21,7 @@ def sample_time_laws(
     quantile = low + (high - low) * rng.uniform(size=(size, len(LAW_FIELDS)))
     drawn = prior.median * np.exp(prior.spread * _inverse_normal(quantile))
     drawn = np.clip(drawn, prior.low, prior.high)
-    return [TimeLaw(*(float(value) for value in row)) for row in drawn]
+    return [TimeLaw(*row) for row in drawn.tolist()]
 
 
 def time_law_nll(priors: Priors, route: str, laws: Sequence[TimeLaw]) -> FloatArray:
@@ -44,8 +43,6 @@ def _of_route(priors: Priors, route: str) -> TimeLawPrior:
 
 
 def _inverse_normal(quantile: FloatArray) -> FloatArray:
-    safe = np.clip(quantile, 1e-12, 1 - 1e-12)
-    return np.array([_NORMAL.inv_cdf(q) for q in safe.ravel().tolist()]).reshape(safe.shape)
+    from scipy.special import ndtri
 
-
-_NORMAL = NormalDist()
+    return np.asarray(ndtri(np.clip(quantile, 1e-12, 1 - 1e-12)))

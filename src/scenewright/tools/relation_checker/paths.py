@@ -144,9 +144,15 @@ def _touches(
     x, y = xy[:, 0], xy[:, 1]
     near = (x > west - reach) & (x < east + reach) & (y > south - reach) & (y < north + reach)
     result = np.zeros(len(times), dtype=np.bool_)
+    poses = np.column_stack((xy[near], heading[near]))
+    # Whoever stands is looked at once.
+    new = np.ones(len(poses), dtype=np.bool_)
+    new[1:] = (poses[1:] != poses[:-1]).any(axis=1)
+    xy, heading = poses[new, :2], poses[new, 2]
     if mover.is_vehicle:
-        box = corners(xy[near], heading[near], length=mover.length, width=mover.width)
-        result[near] = geos.intersects(polygon, geos.polygons(box))
+        box = corners(xy, heading, length=mover.length, width=mover.width)
+        touches = geos.intersects(polygon, geos.polygons(box))
     else:
-        result[near] = geos.dwithin(polygon, geos.points(xy[near]), mover.radius)
+        touches = geos.dwithin(polygon, geos.points(xy), mover.radius)
+    result[near] = touches[np.cumsum(new) - 1]
     return result
