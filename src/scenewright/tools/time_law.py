@@ -74,7 +74,7 @@ class Motion:
 
     def time_at(self, s: float) -> float:
         """First time [s, local] at which the centre is at arc length `s`; inf if it never is."""
-        index = int(np.searchsorted(self.s, s - 1e-9))
+        index = int(self.s.searchsorted(s - 1e-9))
         if index >= len(self.s):
             return float("inf")
         if index == 0:
@@ -143,9 +143,10 @@ def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
         return None
     s = motion.s[first : last + 1]
     path = motion.path
-    xy = np.column_stack([np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1)])
+    xy = np.empty((len(s), 2))
+    xy[:, 0], xy[:, 1] = (np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1))
     heading = np.interp(s, path.s, path.heading)
-    return Track(xy=np.round(xy, 3), heading=heading, start=round(enters + first * STEP, 1))
+    return Track(xy=xy.round(3), heading=heading, start=round(enters + first * STEP, 1))
 
 
 def _at(hold: Hold) -> float:
@@ -178,7 +179,7 @@ def _with_nodes(s: FloatArray, extra: list[float]) -> FloatArray:
     """Ascending nodes [m] with further ones among them, none twice."""
     every = np.concatenate([s, np.minimum(np.maximum(extra, 0.0), s[-1])])
     every.sort()
-    return every[np.concatenate([[True], every[1:] != every[:-1]])]
+    return np.asarray(every[np.concatenate([[True], every[1:] != every[:-1]])])
 
 
 def _approach(
@@ -210,7 +211,7 @@ def _running(took: FloatArray) -> FloatArray:
 
 
 def _dwell(s: FloatArray, times: FloatArray, hold: Hold) -> FloatArray:
-    node = int(np.searchsorted(s, hold.s - 1e-9))
+    node = int(s.searchsorted(hold.s - 1e-9))
     wait = max(0.0, hold.release - float(times[node]))
     return np.where(np.arange(len(s)) > node, times + wait, times)
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import Candidate
+from scenewright.scene.candidates import Candidate, evenly
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.encounter import IntArray, axis_gap, close_nodes, occupancy
@@ -70,10 +70,11 @@ class Corridor:
 def corridor_of(candidate: Candidate) -> Corridor:
     """The nodes of a candidate's path; candidates are known by identity."""
     path, shape, kind = candidate.path, candidate.shape, candidate.route.type
-    s = np.linspace(0.0, path.length, max(2, round(path.length / _NODE[kind]) + 1))
+    s = evenly(path.length, max(2, round(path.length / _NODE[kind]) + 1))
     heading = np.interp(s, path.s, path.heading)
-    x, y = (np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1))
-    pose = np.stack([x, y, np.cos(heading), np.sin(heading)])
+    pose = np.empty((4, len(s)))
+    pose[0], pose[1] = (np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1))
+    pose[2], pose[3] = np.cos(heading), np.sin(heading)
     return Corridor(s, pose, (shape.length / 2, shape.width / 2), kind == "pedestrian")
 
 
@@ -141,8 +142,8 @@ class Presence:
             return starts
         low, high = self.barred(actor, foreground=foreground)
         base, size = int(starts[0]), int(starts[-1] - starts[0]) + 1
-        begin = np.clip(_floor(low) - base, 0, size)
-        end = np.maximum(np.clip(_ceil(high) + 1 - base, 0, size), begin)
+        begin = np.minimum(np.maximum(_floor(low) - base, 0), size)
+        end = np.minimum(np.maximum(_ceil(high) + 1 - base, begin), size)
         count = np.bincount(begin, minlength=size + 1) - np.bincount(end, minlength=size + 1)
         unmet: Steps = starts[np.cumsum(count)[starts - base] == 0]
         return unmet

@@ -227,8 +227,8 @@ def _shape(
         return None, PEDESTRIAN
     if subtype is None:
         shares = priors.subtypes.get(route.id) or {"car": 1.0}
-        weights = np.array(list(shares.values()), dtype=np.float64)
-        subtype = str(rng.choice(list(shares), p=weights / weights.sum()))
+        total = np.cumsum(np.array(list(shares.values()), dtype=np.float64))
+        subtype = list(shares)[int(np.searchsorted(total / total[-1], rng.random(), side="right"))]
     return subtype, vehicle_shape(subtype)
 
 

@@ -57,6 +57,12 @@ class WaypointPrior:
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @cached_property
+    def cumulated(self) -> FloatArray:
+        """[C] probability of a component or one before it."""
+        total = np.cumsum(self.weights / self.weights.sum())
+        return np.asarray(total / total[-1])
+
+    @cached_property
     def whitening(self) -> FloatArray:
         """[C, 20, 20] inverses of the Cholesky factors [1/m]."""
         return np.asarray(np.linalg.inv(self.cholesky))

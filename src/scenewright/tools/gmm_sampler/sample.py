@@ -13,7 +13,7 @@ from scenewright.tools.gmm_sampler.priors import DIMENSIONS, CountPrior, Priors,
 
 def sample_waypoints(prior: WaypointPrior, rng: np.random.Generator, *, size: int) -> FloatArray:
     """[size, K, 2] draws from p_wp of a route [m] (paper Eq. 2)."""
-    chosen = rng.choice(len(prior.weights), size=size, p=prior.weights / prior.weights.sum())
+    chosen = prior.cumulated.searchsorted(rng.random(size), side="right")
     noise = rng.standard_normal((size, DIMENSIONS))
     drawn = prior.means[chosen] + np.einsum("mij,mj->mi", prior.cholesky[chosen], noise)
     return np.asarray(drawn.reshape(size, K, 2))

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import K, Path
+from scenewright.scene.candidates import K, Path, evenly
 from scenewright.tools.gmm_sampler.priors import WaypointPrior
 from scenewright.tools.gmm_sampler.sample import component_log_densities
 
@@ -75,8 +75,9 @@ def even_path(curve: FloatArray) -> Path:
     step = curve[1:] - curve[:-1]
     length = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
     count = max(round(float(length[-1]) / SPACING), 2) + 1
-    s = np.linspace(0.0, length[-1], count)
-    xy = np.column_stack([np.interp(s, length, curve[:, 0]), np.interp(s, length, curve[:, 1])])
+    s = evenly(float(length[-1]), count)
+    xy = np.empty((count, 2))
+    xy[:, 0], xy[:, 1] = (np.interp(s, length, curve[:, axis]) for axis in (0, 1))
     step = xy[1:] - xy[:-1]
     dx, dy = step[:, 0], step[:, 1]
     cross, dot = dx[:-1] * dy[1:] - dy[:-1] * dx[1:], dx[:-1] * dx[1:] + dy[:-1] * dy[1:]
