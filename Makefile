@@ -5,13 +5,14 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 PEERS := $(VENV)/crosscheck
 PINS := tests/crosscheck/environments
+ENGINE := $(VENV)/vllm
 
 INSTRUCTION ?= A vehicle yields to a pedestrian at 8 am
 SEED ?= 7
 OUT ?= scenes/demo
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test lint format bench check crosscheck
+.PHONY: demo test lint format bench check crosscheck ray test-vllm
 
 demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
@@ -38,10 +39,27 @@ check: lint test
 crosscheck: $(PEERS)/.installed
 	$(BIN)/pytest tests/crosscheck
 
+# Batches on a Ray cluster (extra `ray`), and their tests. About 250 MB more.
+ray: $(INSTALLED)
+	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev,ray]'
+	$(BIN)/pytest tests/graph/test_batch_on_ray.py
+
 $(INSTALLED): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo 'Installing into $(VENV), about 2 GB ...'
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+# A served model with random weights, constrained by the schemas; not part of check. About 4 GB.
+test-vllm: $(ENGINE)/.installed
+	SCENEWRIGHT_VLLM=$(abspath $(ENGINE)) $(BIN)/pytest -s tests/vllm
+
+$(ENGINE)/.installed: $(INSTALLED) tests/vllm/environment.txt
+	@echo 'Installing an engine into $(ENGINE), about 4 GB ...'
+	test -x $(ENGINE)/bin/python || $(BIN)/python -m venv $(ENGINE)
+	$(ENGINE)/bin/python -m pip install -qq --disable-pip-version-check $$(grep '^torch==' tests/vllm/environment.txt)
+	$(ENGINE)/bin/python -m pip install -qq --disable-pip-version-check -r tests/vllm/environment.txt
+	$(ENGINE)/bin/python -m pip uninstall -qq -y torchvision torchaudio torchcodec
 	touch $@
 
 $(PEERS)/.installed: $(INSTALLED) $(wildcard $(PINS)/*.txt)

@@ -18,6 +18,7 @@ NEEDED = (
     "scenewright/scene/relations/*.toml",
     "scenewright/tools/dsl_validator/constraints.lark",
     "scenewright/backends/builtin/*lexicon*",
+    "scenewright/nodes/*/prompt.md",
     "scenewright-*.dist-info/licenses/LICENSE",
 )
 

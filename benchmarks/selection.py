@@ -328,11 +328,11 @@ def compare(
 def requests(seeds: int) -> None:
     """Whole requests with ten agents, least cost, warm; seconds from text to proof."""
     seconds, tried, proved, gaps = [], 0, 0, []
-    synthesize(f"{REQUESTS[0]} {CROWD}", seed=99, selection="map")
+    synthesize(f"{REQUESTS[0]} {CROWD}", seed=99, selection="map", refiner="none")
     for request, seed in product(REQUESTS, range(seeds)):
         tried, start = tried + 1, time.process_time()
         try:
-            scene = synthesize(f"{request} {CROWD}", seed=seed, selection="map")
+            scene = synthesize(f"{request} {CROWD}", seed=seed, selection="map", refiner="none")
         except Unsatisfiable:
             continue
         seconds.append(time.process_time() - start)

@@ -1,12 +1,16 @@
-"""No network, and properties that are tried the same way on every machine."""
+"""No network, no learned refiner unless a test names it, and the same examples on every machine."""
 
 from __future__ import annotations
 
+import os
 import socket
 from typing import Any
 
 import pytest
 from hypothesis import settings
+
+# Most tests are about what comes before the refiner, which takes longer than all of it.
+os.environ["SCENEWRIGHT_REFINER"] = "none"
 
 settings.register_profile("scenewright", deadline=None, max_examples=30, derandomize=True)
 settings.load_profile("scenewright")

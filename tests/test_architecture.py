@@ -11,7 +11,7 @@ import grimp
 import scenewright
 
 ROOT = Path(__file__).parents[1]
-HEAVY = {"torch", "sklearn", "ortools", "rerun", "matplotlib"}
+HEAVY = {"torch", "sklearn", "ortools", "rerun", "matplotlib", "openai", "anthropic", "httpx"}
 
 
 def test_floors_hold() -> None:

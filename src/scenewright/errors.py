@@ -44,9 +44,17 @@ class Unsatisfiable(ScenewrightError):
 
 
 class BackendFault(ScenewrightError):
-    """The backend that answers stage prompts failed (transport, timeout, refusal)."""
+    """The backend that answers stage prompts failed (transport, timeout, key).
+
+    Attributes:
+        final: it was asked as often as makes sense, or asking again cannot help.
+    """
 
     exit_code = 4
+
+    def __init__(self, message: str, *, final: bool = False) -> None:
+        super().__init__(message)
+        self.final = final
 
 
 class Rejected(ScenewrightError):

@@ -66,7 +66,7 @@ def test_documented_commands_run(page: Path, tmp_path: Path) -> None:
         done = subprocess.run(
             [str(BIN / words[0]), *words[1:]],
             cwd=tmp_path,
-            env=offline(),
+            env=offline() | {"SCENEWRIGHT_DATA": str(tmp_path / "data")},
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
@@ -78,7 +78,9 @@ def test_documented_commands_run(page: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("page", pages_with("make"), ids=lambda page: page.name)
 def test_documented_targets_exist(page: Path) -> None:
-    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+    targets = set(
+        re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+    )
     for command in commands(page, "make"):
         words = [word for word in shlex.split(command, comments=True)[1:] if "=" not in word]
         assert set(words) <= targets, command

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import prompts
+
 FOLDER = Path(__file__).parent
 
 
@@ -15,7 +17,13 @@ def graph_as_mermaid() -> str:
     return build_graph().compile().get_graph().draw_mermaid()
 
 
-GOLDENS: dict[str, Callable[[], str]] = {"graph.mmd": graph_as_mermaid}
+GOLDENS: dict[str, Callable[[], str]] = {
+    "graph.mmd": graph_as_mermaid,
+    "prompt_plan.txt": lambda: prompts.as_text(prompts.plan()),
+    "prompt_constraints.txt": lambda: prompts.as_text(prompts.constraints()),
+    "prompt_summary.txt": lambda: prompts.as_text(prompts.summary()),
+    "prompt_behavior.txt": lambda: prompts.as_text(prompts.behavior()),
+}
 
 if __name__ == "__main__":
     for name, text in GOLDENS.items():

@@ -10,6 +10,7 @@ import pytest
 from scenewright.graph import routes
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets
+from scenewright.scene.refinement import AgentRefinement, Refinement
 from scenewright.scene.rejection import Rejection, RejectionCode, Stage
 
 BUDGETS = Budgets(planner=2, filter=2, reasoner=2, generator=4)
@@ -103,3 +104,38 @@ def test_the_planners_refusals_cost_no_sample() -> None:
     refused: list[tuple[Stage, RejectionCode]] = [("scene_planner", "malformed_reply")] * 9
     refused += [("scene_verifier", "background_interferes")]
     assert led("scene_verifier", refused, model=False) == "agent_generator"
+
+
+def refused_after(refinement: Refinement, refusals: int, *, model: bool) -> str:
+    """Where the run goes on after the verifier has refused refined tracks."""
+    code: RejectionCode = "background_interferes"
+    found = [Rejection(stage="scene_verifier", code=code, detail="so")] * refusals
+    state: SceneState = {"refused": found[-1], "rejections": found, "refinement": refinement}
+    context = SimpleNamespace(backend=SimpleNamespace(deterministic=not model), budgets=BUDGETS)
+    return str(routes.after_scene_verifier(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
+
+
+def refinement(share: float, *, attempt: int, retries: int = 0) -> Refinement:
+    agents = {"vehicle-1": AgentRefinement(share=share)}
+    return Refinement(refiner="trajnet", note="so", attempt=attempt, retries=retries, agents=agents)
+
+
+@pytest.mark.parametrize("model", [False, True])
+def test_refined_tracks_that_are_refused_are_refined_less_within_the_budget(*, model: bool) -> None:
+    for attempt in range(1, BUDGETS.refiner + 1):
+        tried = refinement(0.5, attempt=attempt, retries=attempt - 1)
+        assert refused_after(tried, attempt, model=model) == "trajectory_refiner"
+    spent = refinement(0.5, attempt=BUDGETS.refiner + 1, retries=BUDGETS.refiner)
+    onwards = refused_after(spent, BUDGETS.refiner + 1, model=model)
+    assert onwards == ("event_reasoner" if model else "agent_generator")
+
+
+def test_where_nothing_was_refined_there_is_nothing_to_refine_less() -> None:
+    assert refused_after(refinement(0.0, attempt=1), 1, model=False) == "agent_generator"
+
+
+def test_refining_less_costs_no_sample() -> None:
+    spent = BUDGETS.generator
+    tried = refinement(0.0, attempt=6, retries=5)
+    assert refused_after(tried, spent + 5, model=False) == "agent_generator"
+    assert refused_after(tried, spent + 6, model=False) == "give_up"

@@ -44,6 +44,8 @@ class Scripted:
         self.asked: list[Question] = []
 
     def answer(self, question: Question) -> Any:
+        if question.task == "summary":
+            return load_backend("builtin").answer(question)
         self.asked.append(question)
         return self.reply
 
@@ -151,8 +153,9 @@ def test_a_plan_that_cannot_be_is_refused(reply, code):
 def test_a_program_that_is_none_is_refused(run):
     rejection = refused(filter_waypoints, run, Scripted({"program": "gives_way(vehicle-1)"}))
     assert rejection.code == "malformed_program"
-    rejection = refused(filter_waypoints, run, Scripted({"clauses": []}))
-    assert rejection.code == "malformed_reply"
+    for reply in ({"clauses": {}}, {"clauses": [], "program": ""}, {}):
+        rejection = refused(filter_waypoints, run, Scripted(reply))
+        assert rejection.code == "malformed_reply"
 
 
 def test_a_program_about_somebody_who_is_not_there_is_refused(run):
@@ -217,7 +220,7 @@ def test_keep_stop_proceed_is_what_a_yield_becomes(run):
 
 def test_without_a_refiner_the_edited_priors_are_final(run):
     assert run["refined"] is run["edited"]
-    assert "no learned model ran" in run["refinement"]
+    assert "no learned model ran" in run["refinement"].note
     for name, agent in run["selection"].agents.items():
         track = run["edited"][name]
         path = agent.candidate.path.xy
@@ -290,3 +293,86 @@ def test_stages_say_what_they_did(run):
     told: list[tuple[str, str]] = []
     generate_agents(run, runtime=runtime(told=told))
     assert told == [("agent_generator", "2 + 0 agents at 12.00 h")]
+
+
+def test_where_nobody_is_named_only_the_planner_is_asked():
+    backend = Scripted({"agents": [], "relations": []})
+    scene = synthesize("Light traffic at noon.", backend=backend, seed=1, refiner="none")
+    assert scene.proof.verified
+    assert [question.task for question in backend.asked] == ["plan"]
+
+
+def test_an_agent_is_named_by_its_class():
+    plan = {"agents": [{"id": "pedestrian-1", "type": "vehicle"}]}
+    state = {"instruction": "x", "previous": None, "rejections": []}
+    rejection = refused(plan_scene, state, Scripted(plan))
+    assert "an id begins with its type" in rejection.detail
+
+
+def test_the_verifiers_evidence_is_told_to_the_reasoner(run):
+    own = load_backend("builtin")
+    found = Rejection(stage="scene_verifier", code="relation_not_realised", detail="no yield seen")
+
+    class Asked(Scripted):
+        def answer(self, question: Question) -> Any:
+            self.asked.append(question)
+            return own.answer(question)
+
+    for told, rejections in ((("no yield seen",), [found]), ((), [found] * 3)):
+        backend = Asked(None)
+        reason_events({**run, "rejections": rejections}, runtime=runtime(backend))
+        assert [each.rejections for each in backend.asked] == [(), told]
+
+
+def test_a_program_that_brings_a_relation_not_about_is_refused(run):
+    rejection = refused(filter_waypoints, run, Scripted({"clauses": []}))
+    assert rejection.code == "malformed_program"
+    assert rejection.detail == f"yield_to of {CAR} and {OTHER} lacks gives_way({CAR}, {OTHER})"
+
+
+def test_agents_of_whom_nothing_is_said_keep_to_what_the_solver_found(run):
+    segments = {
+        name: [each.model_dump(mode="json") for each in segments]
+        for name, segments in run["behavior"].segments.items()
+        if name in (CAR, OTHER)
+    }
+    written = reason_events(run, runtime=runtime(Scripted({"segments": segments})))
+    assert written["behavior"] == run["behavior"]
+
+
+def test_a_segment_without_a_start_begins_where_the_one_before_it_ended(run):
+    segments = {
+        name: [each.model_dump(mode="json", exclude={"start"}) for each in segments]
+        for name, segments in run["behavior"].segments.items()
+    }
+    written = reason_events(run, runtime=runtime(Scripted({"segments": segments})))
+    assert written["behavior"] == run["behavior"]
+
+
+def test_segments_of_somebody_who_is_not_there_are_refused(run):
+    reply = run["behavior"].model_dump(mode="json")
+    reply["segments"]["vehicle-99"] = reply["segments"][CAR]
+    rejection = refused(reason_events, run, Scripted(reply))
+    assert rejection.detail == "vehicle-99 is not in the scene"
+
+
+@pytest.mark.parametrize(
+    ("places", "detail"),
+    [
+        ({CAR: []}, "has no anchors"),
+        ({CAR: ["moon"]}, "has no anchor 'moon'"),
+        ({CAR: ["goal"], "vehicle-99": ["goal"]}, "vehicle-99 is not asked about"),
+        ({CAR: ["goal", "north:stop"]}, "passes its anchors in the order"),
+        ({CAR: ["goal"]}, "which is left out"),
+    ],
+)
+def test_a_summary_that_cannot_be_is_refused(run, places, detail):
+    class Summary(Scripted):
+        def answer(self, question: Question) -> Any:
+            return self.reply if question.task == "summary" else {}
+
+    reply = {"anchors": {OTHER: ["goal"], **places}}
+    rejection = refused(reason_events, run, Summary(reply))
+    assert rejection.stage == "event_reasoner"
+    assert rejection.detail.startswith("summary: ")
+    assert detail in rejection.detail

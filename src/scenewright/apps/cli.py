@@ -10,11 +10,15 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from scenewright.apps.authoring import author
+from scenewright.apps.batching import batch
+from scenewright.apps.chat_commands import chat, mcp, memory
 from scenewright.apps.console import (
     ReaderGoneError,
     abandon_stdout,
@@ -24,6 +28,7 @@ from scenewright.apps.console import (
     put_json,
     say,
 )
+from scenewright.apps.datasets import dataset
 from scenewright.apps.evaluating import evals
 from scenewright.apps.faults import (
     INTERRUPTED,
@@ -34,6 +39,12 @@ from scenewright.apps.faults import (
     fault_of,
 )
 from scenewright.apps.interrupts import watched_signals
+from scenewright.apps.kept import forget, kept
+from scenewright.apps.ordering import agent
+from scenewright.apps.own_commands import fit, import_map_file, simulate
+from scenewright.apps.speaking import BackendNames, BaseUrl, Record, Timeout, backend_of
+from scenewright.apps.tabling import tables
+from scenewright.apps.understanding import understanding
 
 app = typer.Typer(
     name="scenewright",
@@ -45,12 +56,23 @@ app = typer.Typer(
 intersections = typer.Typer(
     name="intersections", help="The intersections that scenes can be made at."
 )
+app.command()(batch)
+evals.command("tables")(tables)
+app.command()(agent)
+intersections.command("import")(import_map_file)
+intersections.command("simulate")(simulate)
+intersections.command("fit")(fit)
 app.add_typer(intersections)
+evals.command("understanding")(understanding)
 app.add_typer(evals)
+app.add_typer(memory)
+app.command()(chat)
+app.command()(mcp)
+app.command()(author)
+app.add_typer(dataset)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
-Backend = Annotated[str, typer.Option(help="Who plans and reasons.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -70,9 +92,17 @@ def _start(
 def make(
     text: Annotated[str, typer.Argument(help="What shall happen; `-` reads it from stdin.")],
     intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
-    backend: Backend = "builtin",
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
     seed: Annotated[int, typer.Option(help="The same seed makes the same scene.")] = 0,
-    refiner: Annotated[str, typer.Option(help="Learned refinement of the tracks.")] = "none",
+    refiner: Annotated[
+        str,
+        typer.Option(
+            help="Learned refinement of the tracks, or none.", envvar="SCENEWRIGHT_REFINER"
+        ),
+    ] = "trajnet",
     selection: Annotated[
         Literal["draw", "map"],
         typer.Option(help="Draw among the combinations that fit, or take the likeliest."),
@@ -99,7 +129,7 @@ def make(
     request = Request(
         text=read_instruction(text),
         intersection=intersection,
-        backend=backend,
+        backend=backend_of(backend, base_url=base_url, record=record, timeout=timeout),
         seed=seed,
         refiner=refiner,
         selection=selection,
@@ -131,23 +161,29 @@ def _tell_what_was_made(lines: list[str]) -> None:
 def plan(
     rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows; `-` is stdin.")],
     out: Annotated[str, typer.Option(help="File to write; `-` is stdout.")] = "-",
-    backend: Backend = "builtin",
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
     as_json: Json = False,
 ) -> None:
     """Read instructions, one JSON row each, and write what was understood, one row each."""
-    from scenewright.apps.planning import check_out, plan_rows, read_rows, write_rows
-    from scenewright.backends import load_backend
+    from scenewright.apps.planning import check_out, plan_rows, read_rows, spent, write_rows
+    from scenewright.backends import Call
 
     if as_json and out == "-":
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     check_out(out)
-    speaker = load_backend(backend)
-    planned = list(plan_rows(read_rows(rows), speaker))
+    speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
+    calls: list[Call] = []
+    planned = list(plan_rows(read_rows(rows), speaker, account=calls.append))
     write_rows(out, planned)
     refused = sum(row["refused"] for row in planned)
-    say(f"{len(planned)} rows, {refused} refused")
+    paid = spent(calls)
+    cost = "".join(f", {count} {name.replace('_', ' ')}" for name, count in paid.items())
+    say(f"{len(planned)} rows, {refused} refused{cost}")
     if as_json:
-        put_json({"ok": True, "rows": len(planned), "refused": refused, "out": out})
+        put_json({"ok": True, "rows": len(planned), "refused": refused, "out": out, **paid})
     elif out != "-":
         put(f"{out}\n")
 
@@ -220,10 +256,9 @@ def show_one(
 
     facts = details(name)
     if png is not None:
-        from scenewright.graph.picture.intersection import draw_intersection
-        from scenewright.intersections import load_map
+        from scenewright.apps.own_places import draw_own
 
-        draw_intersection(png, intersection=load_map(name))
+        draw_own(png, name)
         facts = {**facts, "png": png}
     if as_json:
         put_json({"ok": True, **facts})
@@ -293,6 +328,32 @@ def corpus(
         put(f"{out}\n")
 
 
+@intersections.command("train")
+def train(
+    name: Annotated[str, typer.Argument(help="Its name.")],
+    corpus: Annotated[str, typer.Option(metavar="F", help="Recorded hours, of `corpus`.")],
+    out: Annotated[
+        str | None,
+        typer.Option(help="Folder to write; one's own intersection, else intersections/NAME."),
+    ] = None,
+    epochs: Annotated[int | None, typer.Option(min=1, help="How often all is seen.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Train an intersection's refiner; started again after a kill, it goes on where it was."""
+    from scenewright.apps.training import train_refiner
+
+    with progress(quiet=quiet) as tell:
+        made = train_refiner(
+            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell
+        )
+    if as_json:
+        put_json({"ok": True, "name": name, **made})
+    else:
+        put(f"{made['folder']}\n")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; no exception but a bug's, if asked for.
 
@@ -300,6 +361,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the words after the program's name; None takes the process's own.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    forget()
     with watched_signals():
         return _run(words)
 
@@ -314,7 +376,7 @@ def _run(words: list[str]) -> int:
     except ReaderGoneError:
         return READER_GONE
     except (Exception, KeyboardInterrupt) as error:
-        return _report(fault_of(error), error, as_json="--json" in words)
+        return _report(_with_what_is_kept(fault_of(error)), error, as_json="--json" in words)
 
 
 def _flush() -> None:
@@ -325,6 +387,13 @@ def _flush() -> None:
     except OSError:
         abandon_stdout()
         raise
+
+
+def _with_what_is_kept(fault: Fault) -> Fault:
+    word = kept()
+    if fault.code != "interrupted" or word is None:
+        return fault
+    return replace(fault, reason=f"interrupted; {word}")
 
 
 def _report(fault: Fault, error: BaseException, *, as_json: bool) -> int:

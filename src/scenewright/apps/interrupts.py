@@ -43,6 +43,11 @@ def stop_if_asked() -> None:
         raise KeyboardInterrupt
 
 
+def forget_interrupt() -> None:
+    """Ctrl-C has been heeded, and what runs goes on: in a conversation it ends a turn alone."""
+    _received[:] = [number for number in _received if number != signal.SIGINT]
+
+
 def was_stopped() -> bool:
     """Whether a signal has come."""
     return bool(_received)

@@ -16,6 +16,7 @@ from scenewright.apps.interrupts import stop_if_asked
 from scenewright.errors import InputError, ScenewrightError
 
 if TYPE_CHECKING:
+    from scenewright.backends import Backend
     from scenewright.graph.run import Scene, Tell
 
 SCENES = "scenes"
@@ -30,7 +31,7 @@ class Request:
 
     text: str
     intersection: str
-    backend: str
+    backend: str | Backend
     seed: int
     refiner: str
     selection: Literal["draw", "map"]

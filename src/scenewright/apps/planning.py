@@ -5,18 +5,21 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
 from scenewright.apps.console import one_line, put, say
 from scenewright.apps.faults import fault_of
 from scenewright.apps.interrupts import stop_if_asked
-from scenewright.backends import Backend, Question
+from scenewright.backends import Backend, Call, Question
 from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
 
+Account = Callable[[Call], None]
 ATTEMPTS = 3
 LEGS = ("north", "east", "south", "west")
 """Rows are planned for no particular map."""
@@ -50,24 +53,80 @@ def _parse(line: str, where: str) -> Any:
         raise InputError(f"{where}: not JSON: {error}") from error
 
 
-def plan_rows(rows: list[Any], backend: Backend) -> Iterator[dict[str, Any]]:
+def plan_rows(
+    rows: list[Any], backend: Backend, *, account: Account = lambda _call: None
+) -> Iterator[dict[str, Any]]:
     """One row out per row in, in order; a row that cannot be planned is a refusal.
+
+    Args:
+        account: called with what every answer of a model has cost.
 
     Raises:
         BackendFault: the backend failed for good.
     """
-    for row in rows:
-        fault = _fault_in(row)
-        given = row if isinstance(row, dict) else {}
-        plan = refusal(fault) if fault else _plan(given, backend)
+    for row, plan in zip(rows, _understood_all(rows, backend, account), strict=True):
         stop_if_asked()
+        given = row if isinstance(row, dict) else {}
         yield {**plan_to_row("", plan), "id": _echo(given.get("id"))}
 
 
-def _plan(row: dict[str, Any], backend: Backend) -> Plan:
+def _understood_all(rows: list[Any], backend: Backend, account: Account) -> Iterator[Plan]:
+    """The plans in order; several at a time by who has to be awaited.
+
+    The threads do not outlive an interruption, as those of an executor would.
+    """
+    many = min(_at_once(backend), len(rows))
+    if many <= 1:
+        yield from (_understood(row, backend, account) for row in rows)
+        return
+    replies: list[Future[Plan]] = [Future() for _ in rows]
+    left = iter(list(zip(rows, replies, strict=True)))
+    turn = threading.Lock()
+
+    def work() -> None:
+        while True:
+            with turn:
+                row, reply = next(left, (None, None))
+            if reply is None:
+                return
+            try:
+                reply.set_result(_understood(row, backend, account))
+            except BaseException as error:
+                reply.set_exception(error)
+
+    for _ in range(many):
+        threading.Thread(target=work, daemon=True).start()
+    yield from (reply.result() for reply in replies)
+
+
+def _at_once(backend: Backend) -> int:
+    """How many rows are worth planning at a time: one by rule, several by who has to be awaited."""
+    from scenewright.backends import speaker
+
+    return int(getattr(speaker(backend, "plan"), "at_once", 1))
+
+
+def _understood(row: Any, backend: Backend, account: Account) -> Plan:
+    fault = _fault_in(row)
+    return refusal(fault) if fault else _plan(row, backend, account)
+
+
+def spent(calls: list[Call]) -> dict[str, int]:
+    """Requests to models, and tokens in and out as far as they were counted; empty without any."""
+    asked = sum(call.asked for call in calls)
+    if not asked:
+        return {}
+    return {
+        "requests": asked,
+        "input_tokens": sum(call.input_tokens or 0 for call in calls),
+        "output_tokens": sum(call.output_tokens or 0 for call in calls),
+    }
+
+
+def _plan(row: dict[str, Any], backend: Backend, account: Account) -> Plan:
     """The row's plan. A bug that one text brings out must not cost all the other rows."""
     try:
-        return ask_for_plan(row, backend)
+        return ask_for_plan(row, backend, account=account)
     except BackendFault:
         raise
     except Exception as error:
@@ -100,20 +159,35 @@ def refusal(reason: str) -> Refusal:
     return Refusal(code="out_of_scope", reason=reason)
 
 
-def ask_for_plan(row: dict[str, Any], backend: Backend) -> Plan:
+def ask_for_plan(
+    row: dict[str, Any], backend: Backend, *, account: Account = lambda _call: None
+) -> Plan:
     """The backend's plan; told what was wrong, it may mend a malformed one."""
-    from scenewright.nodes.ask import ask
-    from scenewright.nodes.scene_planner import PlanReply
+    from scenewright.backends import speaker
+    from scenewright.nodes import scene_planner
 
-    facts = {"instruction": row["text"], "previous": row.get("previous"), "legs": list(LEGS)}
     wrong: list[str] = []
-    for _ in range(1 if backend.deterministic else ATTEMPTS):
-        question = Question(task="plan", facts=facts, rejections=tuple(wrong))
+    for _ in range(1 if speaker(backend, "plan").deterministic else ATTEMPTS):
+        question = _question(row, tuple(wrong), account)
         try:
-            return ask(backend, question, PlanReply, stage="scene_planner").root
+            return scene_planner.ask_for_plan(backend, question, scene_planner.FOUR_LEGS)
         except Rejected as error:
             wrong.append(error.rejection.detail)
     return refusal(f"The backend gave no usable plan: {wrong[-1]}")
+
+
+def _question(row: dict[str, Any], wrong: tuple[str, ...], account: Account) -> Question:
+    from scenewright.nodes.scene_planner import FOUR_LEGS
+    from scenewright.nodes.scene_planner.wording import worded_plan
+
+    text, previous = row["text"], row.get("previous")
+    return Question(
+        task="plan",
+        facts={"instruction": text, "previous": previous, "legs": list(LEGS)},
+        rejections=wrong,
+        wording=lambda: worded_plan(text, previous, FOUR_LEGS, rejections=wrong),
+        account=account,
+    )
 
 
 def write_rows(path: str, rows: list[dict[str, Any]]) -> None:

@@ -1,14 +1,69 @@
-"""Who answers the four questions of the pipeline: a grammar, or any language model."""
+"""Who answers the questions of the pipeline: a grammar, any language model, or a file of answers.
+
+`builtin` is the grammar, `chat` any chat model that LangChain reaches, `engine` a model that vLLM
+runs in this process, `recorded` answers from a file, `scripted` says what it is handed. `spoken`
+turns what somebody says into an answer, `staged` has one backend per stage.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from scenewright.errors import InputError
+from scenewright.scene.rejection import Stage
 
-Task = Literal["plan", "constraints", "behavior"]
-BACKENDS = ("builtin",)
+Task = Literal["plan", "constraints", "summary", "behavior"]
+TASKS: tuple[Task, ...] = ("plan", "constraints", "summary", "behavior")
+STAGE_OF: dict[Task, Stage] = {
+    "plan": "scene_planner",
+    "constraints": "waypoint_filter",
+    "summary": "event_reasoner",
+    "behavior": "event_reasoner",
+}
+BACKENDS = ("builtin", "anthropic:MODEL", "openai:MODEL", "vllm:MODEL", "recorded:FILE")
+
+
+@dataclass(frozen=True)
+class Wording:
+    """A question in words, as a language model is sent it.
+
+    Attributes:
+        system: the task and its rules; user: the facts, and why earlier answers were refused.
+        schema: JSON schema of the reply, made for this scene.
+    """
+
+    system: str
+    user: str
+    schema: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Call:
+    """One answer of a model, for the provenance.
+
+    Attributes:
+        asked: how often the request was sent until it was answered; 0: answered from memory.
+        seconds: wall time of all of that; tokens are None where nobody counted them.
+        prompt: fingerprint of what was asked.
+    """
+
+    task: Task
+    model: str
+    asked: int
+    seconds: float
+    input_tokens: int | None
+    output_tokens: int | None
+    prompt: str
+
+
+def _unworded() -> Wording:
+    raise TypeError("this question has no words; only a grammar can answer it")
+
+
+def _unaccounted(_: Call) -> None:
+    return
 
 
 @dataclass(frozen=True)
@@ -19,11 +74,17 @@ class Question:
         task: which reply is wanted.
         facts: everything the answer may build on, as plain JSON values.
         rejections: why earlier answers to the same question were refused, oldest first.
+        seed: of the run, for models that can be given one.
+        wording: puts it into words, for whoever answers in words.
+        account: is told what an answer has cost.
     """
 
     task: Task
     facts: dict[str, Any]
     rejections: tuple[str, ...] = field(default=())
+    seed: int = 0
+    wording: Callable[[], Wording] = field(default=_unworded, compare=False, repr=False)
+    account: Callable[[Call], None] = field(default=_unaccounted, compare=False, repr=False)
 
 
 class Backend(Protocol):
@@ -41,14 +102,44 @@ class Backend(Protocol):
         """The reply to a question, to be validated by whoever asked.
 
         Raises:
+            Rejected: what was said is no answer; the retry is told why.
             BackendFault: the backend cannot answer at all.
         """
 
 
-def load_backend(name: str = "builtin") -> Backend:
-    """The backend of that name; InputError for a name that does not exist."""
-    if name != "builtin":
-        raise InputError(f"there is no backend {name!r}; choose one of: {', '.join(BACKENDS)}")
-    from scenewright.backends.builtin.backend import BuiltinBackend
+Named = str | Sequence[str] | Mapping[str, "str | Backend"]
 
-    return BuiltinBackend()
+
+def load_backend(
+    name: Named = "builtin",
+    *,
+    base_url: str | None = None,
+    record: str | Path | None = None,
+    timeout: float | None = None,
+) -> Backend:
+    """The backend of that name.
+
+    Args:
+        name: one of BACKENDS (docs/backends.md); or one per stage, as a
+            mapping {"planner": ...} or as texts "planner=...". The stages are planner, filter
+            and reasoner; who is not named is `builtin`, or the one text without a stage.
+        base_url: of an OpenAI-compatible endpoint, such as a server of one's own.
+        record: file to keep every answer in; what it holds already is not asked again.
+        timeout: longest wait for one reply [s].
+
+    Raises:
+        InputError: no such backend, or one that lacks its package, its key or its file.
+    """
+    if name == "builtin" and record is None and base_url is None:
+        from scenewright.backends.builtin.backend import BuiltinBackend
+
+        return BuiltinBackend()
+    from scenewright.backends.choosing import chosen
+
+    return chosen(name, base_url=base_url, record=record, timeout=timeout)
+
+
+def speaker(backend: Backend, task: Task) -> Backend:
+    """Who answers questions of a task: a backend may be several, one per stage."""
+    speakers: Mapping[Task, Backend] | None = getattr(backend, "speakers", None)
+    return backend if speakers is None else speakers[task]

@@ -38,7 +38,7 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     graph: StateGraph[SceneState, RunContext, Any, Any] = StateGraph(
         SceneState, context_schema=RunContext
     )
-    transport = RetryPolicy(max_attempts=3, retry_on=BackendFault)
+    transport = RetryPolicy(max_attempts=3, retry_on=_may_pass)
     for name, node in STAGES.items():
         graph.add_node(name, _routed(node), retry_policy=transport)
     graph.add_node("give_up", give_up)
@@ -49,11 +49,17 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     graph.add_conditional_edges("event_reasoner", routes.after_event_reasoner)
     graph.add_edge("trajectory_refiner", "scene_verifier")
     ends: dict[Hashable, str] = {
-        name: name for name in ("event_reasoner", "agent_generator", "give_up")
+        name: name
+        for name in ("trajectory_refiner", "event_reasoner", "agent_generator", "give_up")
     }
     graph.add_conditional_edges("scene_verifier", routes.after_scene_verifier, ends | {"end": END})
     graph.add_edge("give_up", END)
     return graph
+
+
+def _may_pass(error: Exception) -> bool:
+    """A fault of a backend that has not itself insisted as long as makes sense."""
+    return isinstance(error, BackendFault) and not error.final
 
 
 def give_up(state: SceneState) -> SceneState:

@@ -6,6 +6,7 @@ from typing import Literal
 
 from langgraph.runtime import Runtime
 
+from scenewright.backends import speaker
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import RunContext
 from scenewright.scene.rejection import Rejection, Stage
@@ -21,7 +22,7 @@ def after_scene_planner(
     if refused is None:
         return "agent_generator"
     final = refused.code in _FINAL and (
-        runtime.context.backend.deterministic or refused.code != "ungroundable"
+        speaker(runtime.context.backend, "plan").deterministic or refused.code != "ungroundable"
     )
     if final or _spent(state, "scene_planner") > runtime.context.budgets.planner:
         return "give_up"
@@ -38,7 +39,8 @@ def after_waypoint_filter(
     budgets = runtime.context.budgets
     if refused.code in ("malformed_program", "malformed_reply"):
         malformed = _spent(state, "waypoint_filter", "malformed_program", "malformed_reply")
-        idle = runtime.context.backend.deterministic or malformed > budgets.filter
+        rule = speaker(runtime.context.backend, "constraints").deterministic
+        idle = rule or malformed > budgets.filter
         return "give_up" if idle else "waypoint_filter"
     return _sample_afresh(state, budgets.generator)
 
@@ -54,10 +56,17 @@ def after_event_reasoner(
 
 def after_scene_verifier(
     state: SceneState, runtime: Runtime[RunContext]
-) -> Literal["end", "event_reasoner", "agent_generator", "give_up"]:
-    """Done if proven; else reason again with the evidence; else sample afresh; else stop."""
+) -> Literal["end", "trajectory_refiner", "event_reasoner", "agent_generator", "give_up"]:
+    """Done if proven; else refine less; else reason again; else sample afresh; else stop."""
     if state.get("refused") is None:
         return "end"
+    refinement = state.get("refinement")
+    if (
+        refinement is not None
+        and refinement.may_retry
+        and refinement.attempt <= runtime.context.budgets.refiner
+    ):
+        return "trajectory_refiner"
     return _reason_again(state, runtime.context, "scene_verifier")
 
 
@@ -65,16 +74,23 @@ def _reason_again(
     state: SceneState, context: RunContext, stage: Stage
 ) -> Literal["event_reasoner", "agent_generator", "give_up"]:
     """A backend that may answer otherwise is asked again within its budget; else sample afresh."""
-    idle = context.backend.deterministic
-    if not idle and _spent(state, stage) <= context.budgets.reasoner:
+    idle = speaker(context.backend, "behavior").deterministic
+    refined_less = _refined_less(state) if stage == "scene_verifier" else 0
+    if not idle and _spent(state, stage) - refined_less <= context.budgets.reasoner:
         return "event_reasoner"
     return _sample_afresh(state, context.budgets.generator)
 
 
 def _sample_afresh(state: SceneState, budget: int) -> Literal["agent_generator", "give_up"]:
-    """Every refusal after the planner costs one fresh sample."""
+    """Every refusal after the planner costs one fresh sample, unless it only refined less."""
     spent = sum(each.stage != "scene_planner" for each in state.get("rejections", []))
-    return "agent_generator" if spent <= budget else "give_up"
+    return "agent_generator" if spent - _refined_less(state) <= budget else "give_up"
+
+
+def _refined_less(state: SceneState) -> int:
+    """How many refusals of the verifier led back to the refiner."""
+    refinement = state.get("refinement")
+    return 0 if refinement is None else refinement.retries
 
 
 def _spent(state: SceneState, stage: Stage, *codes: str) -> int:

@@ -3,30 +3,34 @@
 from __future__ import annotations
 
 import json
+import os
 import stat
 import time
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from pydantic import ValidationError
 from pydantic_core import PydanticSerializationError
 
-from scenewright.backends import Backend, load_backend
+from scenewright.backends import Backend, Call, Named, load_backend
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.graph.atomic import write_atomically
-from scenewright.intersections import load_map
+from scenewright.intersections import REFINER_WEIGHTS, bundle_folder, load_map
 from scenewright.memory.state import SceneState
-from scenewright.nodes.context import RefinerName, RunContext
+from scenewright.nodes.context import Budgets, RefinerName, RunContext
+from scenewright.nodes.wording import Recall, nothing_recalled
 from scenewright.scene.events import Event, Finding, Proof
+from scenewright.scene.pins import Pins
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import pattern_named
 from scenewright.scene.selection import Selection
+from scenewright.scene.social import SocialGraph
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.dsl_validator.select import Mode
 from scenewright.tools.gmm_sampler import load_priors
@@ -40,8 +44,12 @@ from scenewright.tools.relation_checker.foreign import (
 )
 from scenewright.tools.relation_checker.recording import off_map, recorded_events
 
+if TYPE_CHECKING:
+    from scenewright.tools.trajnet_refiner.bundled import Learned
+
 DEFAULT_INTERSECTION = "amsterdam_120"
-REFINERS = ("none",)
+REFINERS = ("none", "trajnet")
+DEFAULT_REFINER = "trajnet"
 MAX_SEED = 2**63 - 1
 _PAPER_LACKS = {"intersection", "step", "duration", "heading", "length", "width"}
 
@@ -87,22 +95,35 @@ def synthesize(
     instruction: str,
     *,
     intersection: str = DEFAULT_INTERSECTION,
-    backend: str | Backend = "builtin",
+    backend: Named | Backend = "builtin",
+    base_url: str | None = None,
     seed: int = 0,
-    refiner: str = "none",
+    refiner: str | None = None,
     selection: Mode = "draw",
     previous: str | None = None,
+    planned: SocialGraph | None = None,
+    pinned: Pins | None = None,
+    budgets: Budgets | None = None,
+    recall: Recall | None = None,
     tell: Tell | None = None,
 ) -> Scene:
     """A verified scene for an instruction in plain language.
 
     Args:
         intersection: name of a bundle; see `scenewright intersections list`.
-        backend: name of the backend that plans and reasons, or one already made.
+        backend: name of the backend that plans and reasons, or one already made; or one per stage,
+            such as {"planner": "openai:MODEL"} (docs/backends.md).
+        base_url: of the OpenAI-compatible endpoint of a model that is named.
         seed: the same seed gives the same bytes (builtin backend).
-        refiner: `none`; a learned refiner is to come.
+        refiner: `trajnet` refines the tracks with the network that the bundle ships, if it ships
+            one; `none` leaves them as edited. None is what the environment variable
+            SCENEWRIGHT_REFINER says, else `trajnet`.
         selection: `draw` among the survivors, or `map`, the most probable one (Eq. 4).
         previous: an earlier turn that the instruction may refer to.
+        planned: a social graph that is settled; the instruction is then but the scene's text.
+        pinned: agents of an earlier version that stay as they are.
+        budgets: how often each retry edge may be taken.
+        recall: finds accepted answers to requests like this one, for prompts.
         tell: called with (stage, line) as the run goes.
 
     Raises:
@@ -111,28 +132,40 @@ def synthesize(
         BackendFault: the backend failed for good.
     """
     messages: list[tuple[str, str]] = []
+    calls: list[Call] = []
 
     def note(stage: str, line: str) -> None:
         messages.append((stage, line))
         if tell is not None:
             tell(stage, line)
 
-    _check_arguments(seed, refiner)
+    refiner = refiner or os.environ.get("SCENEWRIGHT_REFINER") or DEFAULT_REFINER
+    check_arguments(seed, refiner)
     context = RunContext(
-        backend=load_backend(backend) if isinstance(backend, str) else backend,
+        backend=_made(backend, base_url),
         ground=ground_of(intersection),
         priors=load_priors(intersection),
         seed=seed,
         entropy=zlib.crc32(instruction.encode("utf-8", "surrogatepass")),
         refiner=cast(RefinerName, refiner),
+        learned=_learned(intersection) if refiner == "trajnet" else None,
         selection=selection,
+        budgets=budgets or Budgets(),
+        recall=recall or nothing_recalled,
         tell=note,
+        account=calls.append,
     )
-    start: SceneState = {"instruction": instruction, "previous": previous, "rejections": []}
+    start: SceneState = {
+        "instruction": instruction,
+        "previous": previous,
+        "planned": planned,
+        "pinned": pinned,
+        "rejections": [],
+    }
     state, seconds = _run(start, context)
     if "scene" not in state or state.get("refused") is not None:
         raise _refusal(state)
-    provenance = _provenance(context, state, seconds)
+    provenance = {**_provenance(context, state, seconds), **_paid(calls)}
     return Scene(state["scene"], state["proof"], provenance, state, tuple(messages))
 
 
@@ -243,6 +276,11 @@ def scene_bytes(record: SceneRecord) -> bytes:
         return _json(record.to_json())
 
 
+def proof_bytes(proof: Proof) -> bytes:
+    """proof.json."""
+    return _json(proof.model_dump(mode="json", by_alias=True))
+
+
 @lru_cache(maxsize=8)
 def ground_of(name: str) -> Ground:
     """Map and prepared areas of a bundle; InputError if there is none of that name."""
@@ -258,7 +296,8 @@ def _compiled() -> Any:
 
 def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, float]]:
     """The final state, and wall seconds by stage."""
-    limit = 8 * (context.budgets.generator + context.budgets.planner + 4)
+    budgets = context.budgets
+    limit = (8 + 2 * budgets.refiner) * (budgets.generator + budgets.planner + 4)
     seconds: dict[str, float] = {}
     state: dict[str, Any] = {}
     before = time.perf_counter()
@@ -279,11 +318,19 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
     return cast(SceneState, state), seconds
 
 
-def _check_arguments(seed: int, refiner: str) -> None:
+def _learned(name: str) -> Learned | None:
+    """The network of a bundle; torch is loaded only where there is one."""
+    if not (bundle_folder(name) / REFINER_WEIGHTS).is_file():
+        return None
+    from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+
+    return bundled_refiner(name)
+
+
+def check_arguments(seed: int, refiner: str) -> None:
+    """Raises InputError for a seed or a refiner that there is not."""
     if not 0 <= seed <= MAX_SEED:
         raise InputError(f"a seed is a whole number from 0 to 2^63 - 1, got {seed}")
-    if refiner == "trajnet":
-        raise InputError("the learned refiner 'trajnet' is not in this version; use 'none'")
     if refiner not in REFINERS:
         raise InputError(f"there is no refiner {refiner!r}; choose one of: {', '.join(REFINERS)}")
 
@@ -317,7 +364,7 @@ def _provenance(
         "selection": context.selection,
         **_optimality(state["selection"], context.selection),
         "refiner": context.refiner,
-        "refinement": state["refinement"],
+        "refinement": state["refinement"].model_dump(mode="json"),
         "intersection": context.intersection.name,
         "versions": _versions(),
         "constraints": [format_clause(each) for each in state["constraints"].clauses],
@@ -325,6 +372,38 @@ def _provenance(
         "taxonomy": [_leaf(each.pattern) for each in state["candidates"].cast.patterns],
         "rejections": [each.model_dump(mode="json") for each in state.get("rejections", [])],
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
+    }
+
+
+def _made(backend: Named | Backend, base_url: str | None) -> Backend:
+    if isinstance(backend, str | Sequence | Mapping):
+        return load_backend(backend, base_url=base_url)
+    return backend
+
+
+def _paid(calls: Sequence[Call]) -> dict[str, Any]:
+    """What models were asked and what that took, by task; nothing where none was."""
+    tasks = dict.fromkeys(call.task for call in calls)
+    paid = {task: _sum([call for call in calls if call.task == task]) for task in tasks}
+    return {"models": paid} if paid else {}
+
+
+def _sum(calls: Sequence[Call]) -> dict[str, Any]:
+    """Answers and requests, tokens (None where one was not counted), seconds, prompts."""
+    counted = {
+        "input_tokens": [call.input_tokens for call in calls],
+        "output_tokens": [call.output_tokens for call in calls],
+    }
+    return {
+        "model": calls[0].model,
+        "answers": len(calls),
+        "requests": sum(call.asked for call in calls),
+        **{
+            name: None if None in each else sum(n for n in each if n is not None)
+            for name, each in counted.items()
+        },
+        "seconds": round(sum(call.seconds for call in calls), 3),
+        "prompts": list(dict.fromkeys(call.prompt for call in calls)),
     }
 
 

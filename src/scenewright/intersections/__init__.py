@@ -1,29 +1,61 @@
 """Intersection bundles: folders of plain data, shipped or the user's own.
 
 A bundle is a folder with `map.json` and, where priors were fitted, `priors.npz` and
-`bundle.toml`. Shipped bundles lie beside this file; a folder of further bundles is named by the
-environment variable SCENEWRIGHT_INTERSECTIONS and comes first.
+`bundle.toml`, which names the version of the layout and the checksum of every other file. Loading
+one runs no code: JSON, TOML and plain arrays. A bundle of a newer layout, or one that was damaged
+or changed by hand, is refused with the reason.
+
+Shipped bundles lie beside this file. One's own lie in the folder that the environment variable
+SCENEWRIGHT_INTERSECTIONS names, else in the user's data folder (SCENEWRIGHT_DATA names another),
+and come first.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
+import sys
+import tomllib
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
 from scenewright.errors import InputError
 from scenewright.scene.map import IntersectionMap
 
-__all__ = ["bundle_folder", "list_intersections", "load_map"]
+__all__ = [
+    "FORMAT",
+    "REFINER_WEIGHTS",
+    "bundle_folder",
+    "bundle_header",
+    "check_bundle",
+    "checked_name",
+    "list_intersections",
+    "load_map",
+    "own_root",
+    "shipped_names",
+]
 
+FORMAT = 1
+"""Version of the layout of a bundle's folder that this program writes, and the newest it reads."""
+REFINER_WEIGHTS = "refiner.safetensors"
+"""The learned refiner's file in a bundle, where one was trained."""
 _SHIPPED = Path(__file__).parent
+_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
+_MOST_TOML, _MOST_MAP = 1_000_000, 200_000_000
 
 
 def list_intersections() -> list[str]:
     """Names of every bundle that can be loaded, sorted."""
     return sorted(_bundles())
+
+
+def shipped_names() -> list[str]:
+    """Names of the bundles that come with the package."""
+    return sorted(e.name for e in _SHIPPED.iterdir() if (e / "map.json").is_file())
 
 
 def bundle_folder(name: str) -> Path:
@@ -35,9 +67,103 @@ def bundle_folder(name: str) -> Path:
     return found[name]
 
 
+def checked_name(name: str) -> str:
+    """A name that one's own bundle may have.
+
+    Raises:
+        InputError: it could not be a folder's name everywhere, or a shipped bundle has it.
+    """
+    if not _NAME.fullmatch(name):
+        raise InputError(
+            f"{name[:60]!r} is no name for an intersection: small letters, digits, - and _, "
+            "at most 40 of them"
+        )
+    if name in shipped_names():
+        raise InputError(f"{name!r} comes with scenewright; choose another name")
+    return name
+
+
+def own_root() -> Path:
+    """The folder of one's own bundles; it need not exist."""
+    named = os.environ.get("SCENEWRIGHT_INTERSECTIONS")
+    if named:
+        return Path(named)
+    return _data_folder() / "intersections"
+
+
+def _data_folder() -> Path:
+    """The user's folder for data, as `apps.storage` has it."""
+    named = os.environ.get("SCENEWRIGHT_DATA")
+    if named:
+        return Path(named)
+    try:
+        home = Path.home()
+    except RuntimeError:
+        home = Path.cwd()
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local") / "scenewright"
+    if sys.platform == "darwin":
+        return home / "Library" / "Application Support" / "scenewright"
+    return Path(os.environ.get("XDG_DATA_HOME") or home / ".local" / "share") / "scenewright"
+
+
 def load_map(name: str) -> IntersectionMap:
     """The map of a bundle, read once per process; InputError where it is unknown or broken."""
-    return _read_map(bundle_folder(name) / "map.json")
+    return _read_map(bundle_folder(name))
+
+
+def bundle_header(folder: Path) -> dict[str, Any]:
+    """What `bundle.toml` says, {} where there is none.
+
+    Raises:
+        InputError: it is no TOML, or of a newer layout.
+    """
+    file = folder / "bundle.toml"
+    if not file.is_file():
+        return {}
+    try:
+        if file.stat().st_size > _MOST_TOML:
+            raise InputError(f"bundle.toml of {folder.name!r} is too large to be one")
+        header = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
+        raise InputError(f"cannot read bundle.toml of {folder.name!r}: {fault}") from None
+    version = header.get("format", 1)
+    if not isinstance(version, int) or version < 1:
+        raise InputError(f"bundle.toml of {folder.name!r} names no format: {version!r}")
+    if version > FORMAT:
+        raise InputError(
+            f"intersection {folder.name!r} was written by a newer scenewright (format {version}, "
+            f"this one reads up to {FORMAT}); update scenewright to use it"
+        )
+    return header
+
+
+def check_bundle(folder: Path, *only: str) -> None:
+    """Holds a bundle's files against their checksums.
+
+    Args:
+        only: names of the files to look at; all that bundle.toml lists if none is named.
+
+    Raises:
+        InputError: a file that is listed is missing or is not what it was.
+    """
+    sums = bundle_header(folder).get("sha256", {})
+    if not isinstance(sums, dict):
+        raise InputError(f"bundle.toml of {folder.name!r} lists no checksums")
+    if any(name != Path(name).name for name in sums):
+        raise InputError(f"bundle.toml of {folder.name!r} names a file outside of it")
+    for name, wanted in sums.items():
+        if only and name not in only:
+            continue
+        try:
+            found = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+        except OSError:
+            raise InputError(f"{name} of {folder.name!r} is missing") from None
+        if found != wanted:
+            raise InputError(
+                f"{name} of {folder.name!r} does not match its checksum: it was damaged or "
+                "changed by hand"
+            )
 
 
 def _bundles() -> dict[str, Path]:
@@ -45,21 +171,42 @@ def _bundles() -> dict[str, Path]:
     return {
         entry.name: entry
         for root in reversed(_roots())
-        if root.is_dir()
-        for entry in root.iterdir()
-        if (entry / "map.json").is_file()
+        for entry in _entries(root)
+        if (entry / "map.json").is_file() and not entry.name.startswith(".")
     }
 
 
+def _entries(root: Path) -> list[Path]:
+    """What a folder of bundles holds; what is being written there has a name with a dot."""
+    try:
+        return sorted(root.iterdir())
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as fault:
+        raise InputError(f"cannot read {root}: {fault.strerror or fault}") from None
+
+
 def _roots() -> list[Path]:
-    own = os.environ.get("SCENEWRIGHT_INTERSECTIONS")
-    return [Path(own), _SHIPPED] if own else [_SHIPPED]
+    return [own_root(), _SHIPPED]
+
+
+def _read_map(folder: Path) -> IntersectionMap:
+    file = folder / "map.json"
+    try:
+        stat = file.stat()
+    except OSError as fault:
+        raise InputError(f"cannot read the map of {folder.name!r}: {fault.strerror}") from None
+    return _parsed(folder, stat.st_mtime_ns, stat.st_size)
 
 
 @lru_cache(maxsize=16)
-def _read_map(path: Path) -> IntersectionMap:
+def _parsed(folder: Path, _changed: int, size: int) -> IntersectionMap:
+    """The map as it is now: a bundle may be written anew while a process lives."""
+    check_bundle(folder, "map.json")
     try:
-        return IntersectionMap.model_validate_json(path.read_bytes())
+        if size > _MOST_MAP:
+            raise InputError(f"the map of {folder.name!r} is too large to be one")
+        return IntersectionMap.model_validate_json((folder / "map.json").read_bytes())
     except (OSError, ValidationError) as fault:
         reason = str(fault).splitlines()[0]
-        raise InputError(f"cannot read the map of {path.parent.name!r}: {reason}") from fault
+        raise InputError(f"cannot read the map of {folder.name!r}: {reason}") from fault

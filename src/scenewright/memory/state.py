@@ -10,12 +10,15 @@ import operator
 from collections.abc import Mapping
 from typing import Annotated, TypedDict
 
+from scenewright.scene.base import FloatArray
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.events import Proof
 from scenewright.scene.grounding import Grounding
+from scenewright.scene.pins import Pins
 from scenewright.scene.record import SceneRecord
+from scenewright.scene.refinement import Refinement
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
@@ -26,10 +29,19 @@ Tracks = Mapping[str, Track]
 
 
 class SceneState(TypedDict, total=False):
-    """Every channel of a run (docs/architecture.md, data flow)."""
+    """Every channel of a run (docs/architecture.md, data flow).
+
+    Attributes:
+        planned: a social graph that is settled, so that nobody is asked for one.
+        pinned: agents of an earlier version that stay.
+        rolled: what the network proposed for each agent, as [T] deviations from its edited prior
+            in arc length [m].
+    """
 
     instruction: str
     previous: str | None
+    planned: SocialGraph | None
+    pinned: Pins | None
     social_graph: SocialGraph
     grounding: Grounding
     candidates: CandidateSet
@@ -39,7 +51,8 @@ class SceneState(TypedDict, total=False):
     behavior: BehaviorProgram
     edited: Tracks
     refined: Tracks
-    refinement: str
+    rolled: Mapping[str, FloatArray]
+    refinement: Refinement
     scene: SceneRecord
     proof: Proof
     refused: Rejection | None

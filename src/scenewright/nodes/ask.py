@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from scenewright.backends import Backend, Question
 from scenewright.errors import Rejected
@@ -12,9 +13,16 @@ from scenewright.scene.rejection import Rejection, Stage
 
 ReplyT = TypeVar("ReplyT", bound=BaseModel)
 
+_LONGEST_QUOTE = 60
 
-def ask(backend: Backend, question: Question, reply: type[ReplyT], *, stage: Stage) -> ReplyT:
+
+def ask(
+    backend: Backend, question: Question, reply: type[ReplyT], *, stage: Stage, of: str = ""
+) -> ReplyT:
     """The backend's answer as a reply model.
+
+    Args:
+        of: how a refusal begins, where a stage asks for more than one thing.
 
     Raises:
         Rejected: `malformed_reply` with the first thing wrong, for the retry to repair.
@@ -23,7 +31,13 @@ def ask(backend: Backend, question: Question, reply: type[ReplyT], *, stage: Sta
     try:
         return reply.model_validate(backend.answer(question))
     except ValidationError as error:
-        raise Rejected(_malformed(error, stage)) from error
+        raise Rejected(_begun(_malformed(error, stage), of)) from error
+    except Rejected as error:
+        raise Rejected(_begun(error.rejection, of)) from error
+
+
+def _begun(rejection: Rejection, of: str) -> Rejection:
+    return rejection.model_copy(update={"detail": of + rejection.detail})
 
 
 def earlier(rejections: list[Rejection], stage: Stage) -> tuple[str, ...]:
@@ -31,7 +45,35 @@ def earlier(rejections: list[Rejection], stage: Stage) -> tuple[str, ...]:
     return tuple(each.detail for each in rejections if each.stage == stage)
 
 
+def latest(rejections: list[Rejection], *stages: Stage) -> tuple[Rejection, ...]:
+    """The last refusals in a row that are of these stages, oldest first."""
+    found: list[Rejection] = []
+    for each in reversed(rejections):
+        if each.stage not in stages:
+            break
+        found.insert(0, each)
+    return tuple(found)
+
+
 def _malformed(error: ValidationError, stage: Stage) -> Rejection:
     first = error.errors(include_url=False)[0]
     where = ".".join(str(part) for part in first["loc"]) or "reply"
-    return Rejection(stage=stage, code="malformed_reply", detail=f"{where}: {first['msg']}")
+    return Rejection(stage=stage, code="malformed_reply", detail=f"{where}: {_fault(first)}")
+
+
+def _fault(error: ErrorDetails) -> str:
+    """What is wrong with a value, and the value, for whoever wrote it."""
+    match error["type"]:
+        case "extra_forbidden":
+            return "there is no such key; leave it out"
+        case "missing":
+            return "is missing"
+        case "value_error":
+            return str(error["ctx"]["error"])
+        case _:
+            return f"{error['msg']}, got {_quote(error['input'])}"
+
+
+def _quote(value: Any) -> str:
+    words = repr(value)
+    return words if len(words) <= _LONGEST_QUOTE else f"{words[:_LONGEST_QUOTE]}..."

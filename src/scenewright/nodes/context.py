@@ -5,18 +5,22 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from scenewright.backends import Backend
+from scenewright.backends import Backend, Call
+from scenewright.nodes.wording import Recall, nothing_recalled
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection, Stage
 from scenewright.tools.dsl_validator.select import Mode
 from scenewright.tools.gmm_sampler import Priors
 from scenewright.tools.ground import Ground
 
-RefinerName = Literal["none"]
+if TYPE_CHECKING:
+    from scenewright.tools.trajnet_refiner.bundled import Learned
+
+RefinerName = Literal["none", "trajnet"]
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,7 @@ class Budgets:
     filter: int = 2
     reasoner: int = 2
     generator: int = 16
+    refiner: int = 5
 
 
 @dataclass(frozen=True)
@@ -36,8 +41,11 @@ class RunContext:
     Attributes:
         seed, entropy: roots of all randomness of this scene; the latter comes from its text, so
             that different requests with one seed share nothing.
+        learned: the network that refines; None where none shall, or the bundle ships none.
         draws: M, candidates per agent (paper 3.2).
         tell: called with a short line whenever a stage has something to say.
+        account: called with what every answer of a model has cost.
+        recall: finds accepted answers to requests like this one, for prompts.
     """
 
     backend: Backend
@@ -46,10 +54,13 @@ class RunContext:
     seed: int
     entropy: int = 0
     refiner: RefinerName = "none"
+    learned: Learned | None = None
     selection: Mode = "draw"
     draws: int = 16
     budgets: Budgets = field(default_factory=Budgets)
     tell: Callable[[str, str], None] = lambda _stage, _message: None
+    account: Callable[[Call], None] = lambda _call: None
+    recall: Recall = nothing_recalled
 
     @property
     def intersection(self) -> IntersectionMap:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import Field
@@ -42,6 +43,26 @@ class AgentSummary(Model):
     stays: tuple[Stay, ...] = ()
     contact: float | None = None
 
+    def suggested(self, duration: float) -> tuple[Segment, ...]:
+        """What the solver found: Keep, then Stop and Proceed at every stay, Terminate at a contact.
+
+        Args:
+            duration: of the scene [s].
+        """
+        now, moving = self.enters, "keep"
+        segments: list[Segment] = []
+        for stay in self.stays:
+            start, until = min(stay.start, self.leaves), min(stay.until, self.leaves)
+            segments.append(_segment(now, start, stay.anchor, moving))
+            segments.append(_segment(start, until, stay.anchor, "stop"))
+            now, moving = until, "proceed"
+        if self.contact is not None:
+            segments.append(_segment(now, self.contact, "contact", moving))
+            segments.append(_segment(self.contact, self.contact, "contact", "terminate"))
+        elif self.leaves > now:
+            segments.append(_segment(now, min(self.leaves, duration), "goal", moving))
+        return tuple(segments)
+
 
 class EventSummary(Model):
     """Structured evidence for the reasoner: per agent anchors and times, per relation figures."""
@@ -49,6 +70,18 @@ class EventSummary(Model):
     duration: float
     agents: tuple[AgentSummary, ...]
     evidence: tuple[dict[str, Any], ...] = ()
+
+    def narrowed(self, places: Mapping[str, Sequence[str]]) -> EventSummary:
+        """The summary with these anchors alone of the agents that are named."""
+        agents = tuple(
+            each.model_copy(
+                update={"anchors": tuple(a for a in each.anchors if a.id in places[each.agent])}
+            )
+            if each.agent in places
+            else each
+            for each in self.agents
+        )
+        return self.model_copy(update={"agents": agents})
 
 
 class Segment(Model):
@@ -64,3 +97,14 @@ class BehaviorProgram(Model):
     """Phi: the segments of every agent, in order of time."""
 
     segments: dict[str, tuple[Segment, ...]]
+
+
+def _segment(start: float, end: float, anchor: str, status: str) -> Segment:
+    return Segment.model_validate(
+        {
+            "start": round(max(start, 0.0), 3),
+            "end": round(max(end, 0.0), 3),
+            "anchor": anchor,
+            "status": status,
+        }
+    )

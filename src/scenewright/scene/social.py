@@ -39,6 +39,12 @@ class AgentNode(Model):
     crosswalk: Compass | None = Field(default=None, description="leg that a pedestrian crosses")
     runs_red: bool = Field(default=False, description="the text says it ignores a red light")
 
+    @model_validator(mode="after")
+    def _named_by_class(self) -> Self:
+        if not self.id.startswith(self.type):
+            raise ValueError(f"{self.id} is of type {self.type}; an id begins with its type")
+        return self
+
 
 class RelationEdge(Model):
     """A directed edge of the social graph; `from` gives way, follows, or strikes.

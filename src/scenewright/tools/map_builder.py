@@ -11,7 +11,7 @@ left of the outward direction. Approaching traffic (right-hand) therefore has `a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any, Literal
@@ -157,11 +157,13 @@ def build_map(plan: FourLegPlan = AMSTERDAM_120) -> IntersectionMap:
         lanelets=tuple(_lanelets(plan)),
         stop_lines=tuple(_stop_line(plan, leg) for leg in LEGS),
         crosswalks=crosswalks,
-        road=(_area(road),),
-        walkable=tuple(_area(_sidewalk(plan, leg, road)) for leg in LEGS),
+        road=(area_of(road),),
+        walkable=tuple(area_of(_sidewalk(plan, leg, road)) for leg in LEGS),
         goal_regions=tuple(_goal_regions(plan)),
         movements=movements,
-        conflict_zones=tuple(_conflict_zones(plan, movements, crosswalks)),
+        conflict_zones=tuple(
+            conflict_zones({m.id: _lane_lines(plan, m) for m in movements}, movements, crosswalks)
+        ),
         signals=_signals(plan, movements, crosswalks),
         routes=(*map(_vehicle_route, movements), *_pedestrian_routes()),
     )
@@ -201,7 +203,7 @@ def _box(leg: Compass, along: tuple[float, float], across: tuple[float, float]) 
     return _shapely().Polygon([leg_point(leg, *p) for p in ((a, c), (b, c), (b, d), (a, d))])
 
 
-def _ring(polygon: Any) -> Polyline:
+def ring(polygon: Any) -> Polyline:
     """A polygon's exterior: counter-clockwise, open, to the millimetre, no doubled points."""
     points = [
         (round(x, 3) + 0.0, round(y, 3) + 0.0)
@@ -210,8 +212,10 @@ def _ring(polygon: Any) -> Polyline:
     return tuple(p for p, q in pairwise(points) if p != q)
 
 
-def _area(polygon: Any) -> PolygonWithHoles:
-    return PolygonWithHoles(exterior=_ring(polygon))
+def area_of(polygon: Any) -> PolygonWithHoles:
+    """A polygon with its holes; see `ring`."""
+    holes = [_shapely().Polygon(hole) for hole in polygon.interiors]
+    return PolygonWithHoles(exterior=ring(polygon), holes=tuple(ring(each) for each in holes))
 
 
 def _road(plan: FourLegPlan) -> Any:
@@ -380,7 +384,7 @@ def _crosswalk(plan: FourLegPlan, leg: Compass, road: Any) -> Crosswalk:
     return Crosswalk(
         id=f"{leg}:crosswalk",
         leg=leg,
-        polygon=_ring(polygon),
+        polygon=ring(polygon),
         centreline=(leg_point(leg, middle, kerb), leg_point(leg, middle, -kerb)),
         sides=(neighbour(leg, 3), neighbour(leg, 1)),
         width=plan.crosswalk_width,
@@ -398,11 +402,11 @@ def _goal_regions(plan: FourLegPlan) -> Iterator[GoalRegion]:
     for leg in LEGS:
         edge, walk_edge, lanes = plan.extent, plan.pedestrian_extent, sum(plan.road(leg).lanes)
         area = _box(leg, (edge - 4.0, edge), (-lanes, 0.0))
-        yield GoalRegion(id=f"{leg}:goal", type="vehicle", leg=leg, polygon=_ring(area))
+        yield GoalRegion(id=f"{leg}:goal", type="vehicle", leg=leg, polygon=ring(area))
         for sign, step in ((1, 3), (-1, 1)):
             area = _box(leg, (walk_edge - 3.0, walk_edge), _kerb_to_wall(plan, leg, sign))
             name = f"{leg}:goal:{neighbour(leg, step)}_sidewalk"
-            yield GoalRegion(id=name, type="pedestrian", leg=leg, polygon=_ring(area))
+            yield GoalRegion(id=name, type="pedestrian", leg=leg, polygon=ring(area))
 
 
 def _movement(plan: FourLegPlan, leg: Compass, turn: Turn, step: int) -> VehicleMovement:
@@ -435,12 +439,16 @@ def _whole_line(
     return (start, *_points(_curve(plan, leg, to, lane_in, lane_out)), end)
 
 
-def _conflict_zones(
-    plan: FourLegPlan,
+def conflict_zones(
+    lines: Mapping[str, list[Any]],
     movements: tuple[VehicleMovement, ...],
     crosswalks: tuple[Crosswalk, ...],
 ) -> Iterator[ConflictZone]:
-    lines = {m.id: _lane_lines(plan, m) for m in movements}
+    """Where movements of different legs, and movements and crosswalks, overlap.
+
+    Args:
+        lines: by movement, the middle line of every way it may take, as shapely lines.
+    """
     for first, second in combinations(movements, 2):
         if first.entry != second.entry:
             pieces = _overlaps(lines[first.id], lines[second.id])
@@ -491,7 +499,7 @@ def _named_zones(first: str, second: str, pieces: list[Any]) -> Iterator[Conflic
     parts = [p for p in getattr(merged, "geoms", [merged]) if p.area > 0.5]
     for number, part in enumerate(sorted(parts, key=_corner_key), start=1):
         name = f"{first}|{second}#{number}"
-        yield ConflictZone(id=name, first=first, second=second, polygon=_ring(part))
+        yield ConflictZone(id=name, first=first, second=second, polygon=ring(part))
 
 
 def _corner_key(part: Any) -> tuple[float, float]:

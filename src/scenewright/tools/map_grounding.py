@@ -31,6 +31,41 @@ def ground(graph: SocialGraph, *, on: IntersectionMap) -> Grounding:
     Raises:
         Rejected: `ungroundable`, naming the agent or the relation that the map cannot serve.
     """
+    try:
+        return _ground(graph, on)
+    except Rejected:
+        open_ = _without_entailed_exits(graph, on)
+        if open_ == graph:
+            raise
+        return _ground(open_, on)
+
+
+_FOUR = frozenset({"north", "east", "south", "west"})
+
+
+def _without_entailed_exits(graph: SocialGraph, on: IntersectionMap) -> SocialGraph:
+    """The graph without exits that only the compass demands of a turn.
+
+    Who is said to turn left from the north goes east where legs lie as on a compass. On a map
+    with other legs it goes where its movements lead.
+    """
+    if {leg.name for leg in on.legs} == _FOUR:
+        return graph
+    agents = tuple(
+        agent.model_copy(update={"exit": None}) if _entailed(agent) else agent
+        for agent in graph.agents
+    )
+    return graph.model_copy(update={"agents": agents})
+
+
+def _entailed(agent: AgentNode) -> bool:
+    if agent.type != "vehicle" or None in (agent.entry, agent.exit, agent.movement):
+        return False
+    turn = (_RING.index(str(agent.exit)) - _RING.index(str(agent.entry))) % len(_RING)
+    return {2: "left", 4: "straight", 6: "right", 0: "uturn"}.get(turn) == agent.movement
+
+
+def _ground(graph: SocialGraph, on: IntersectionMap) -> Grounding:
     routes = {agent.id: _routes_for(agent, on) for agent in graph.agents}
     for agent in graph.agents:
         if not routes[agent.id]:
@@ -329,15 +364,27 @@ def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
 def serves(pattern: Pattern, a: Route, b: Route, *, on: IntersectionMap) -> bool:
     """Whether route `a` can play `from` and route `b` can play `to` of the pattern."""
     return (
-        _plays(a, pattern.from_)
-        and _plays(b, pattern.to)
+        _plays(a, pattern.from_, mirrored=_mirrored(pattern, on))
+        and _plays(b, pattern.to, mirrored=_mirrored(pattern, on))
         and _entries_lie(pattern, a, b)
         and _geometry_fits(pattern, a, b, on)
     )
 
 
-def _plays(route: Route, role: Role) -> bool:
-    return route.type == role.type and route.movement in role.movements
+def _mirrored(pattern: Pattern, on: IntersectionMap) -> bool:
+    """Whether left and right change places: the files speak of right-hand traffic.
+
+    Not in collisions whose kind names a left turn; the checker knows that kind by its geometry.
+    """
+    return on.left_hand_traffic and pattern.kind is None
+
+
+_MIRROR = {"left": "right", "right": "left"}
+
+
+def _plays(route: Route, role: Role, *, mirrored: bool) -> bool:
+    movement = _MIRROR.get(route.movement, route.movement) if mirrored else route.movement
+    return route.type == role.type and movement in role.movements
 
 
 def _entries_lie(pattern: Pattern, a: Route, b: Route) -> bool:
@@ -366,13 +413,36 @@ def _geometry_fits(pattern: Pattern, a: Route, b: Route, on: IntersectionMap) ->
         case "merging":
             return a.exit == b.exit and a.entry != b.entry and meets(a, b, on=on)
         case "same_lane":
-            return a.entry == b.entry
+            return a.entry == b.entry and _share_a_lane(a, b, on)
         case "same_way":
             return a.entry == b.entry and a.exit == b.exit
         case "lane_change":
             return a.id == b.id and _lanes(a, on) >= 2
         case "opposing":
-            return a.entry == b.exit and a.exit == b.entry
+            return a.entry == b.exit and a.exit == b.entry and not _divided(a, b, on)
+
+
+def _share_a_lane(a: Route, b: Route, on: IntersectionMap) -> bool:
+    """Whether one lane before the stop line leads both ways."""
+    lanes = [movement_of(route, on=on) for route in (a, b)]
+    if None in lanes:
+        return True
+    approaches = {lane.id for lane in on.lanelets if lane.kind == "approach"}
+    first, second = (approaches.intersection(each.lanelets) for each in lanes if each)
+    return bool(first & second)
+
+
+_MEDIAN = 14.0
+"""Opposite directions of a road farther apart [m] are parted by more than a line."""
+
+
+def _divided(a: Route, b: Route, on: IntersectionMap) -> bool:
+    """Whether a median parts the way that one drives out by from the other's way in."""
+    out, into = movement_of(a, on=on), movement_of(b, on=on)
+    if out is None or into is None:
+        return False
+    (x, y), (u, v) = out.centreline[-1], into.centreline[0]
+    return float(np.hypot(x - u, y - v)) > _MEDIAN
 
 
 def _lanes(route: Route, on: IntersectionMap) -> int:

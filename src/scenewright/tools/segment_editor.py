@@ -54,11 +54,21 @@ def edit(
     Returns:
         The track; None if nothing of it falls into the scene.
     """
+    motion = edited_motion(agent, segments, anchors, duration=duration)
+    return track_of(motion, enters=agent.enters, until=duration)
+
+
+def edited_motion(
+    agent: SelectedAgent,
+    segments: tuple[Segment, ...],
+    anchors: dict[str, float],
+    *,
+    duration: float,
+) -> Motion:
+    """The same as motion along the path, from where the agent enters the map to where it ends."""
     editing = _editing(agent, segments, anchors, duration)
     motion = move(agent.candidate, holds=editing.holds, slowings=editing.slowings)
-    if editing.end is not None:
-        motion = terminated(motion, editing.end)
-    return track_of(motion, enters=agent.enters, until=duration)
+    return motion if editing.end is None else terminated(motion, editing.end)
 
 
 def terminated(motion: Motion, time: float) -> Motion:

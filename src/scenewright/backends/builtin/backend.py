@@ -6,6 +6,7 @@ from typing import Any
 
 from scenewright.backends import Question
 from scenewright.backends.builtin.planner import plan
+from scenewright.scene.behavior import AgentSummary
 from scenewright.scene.relations import Pattern, RoleName, pattern_named
 
 _PET_BAND, _TTC_BAND = 0.05, 0.08
@@ -37,6 +38,9 @@ class BuiltinBackend:
                 return _plan(question.facts)
             case "constraints":
                 return {"program": _program(question.facts)}
+            case "summary":
+                agents = question.facts["agents"]
+                return {"anchors": {each["agent"]: _places(each) for each in agents}}
             case "behavior":
                 return {
                     "segments": {
@@ -154,27 +158,11 @@ def _names_striker(line: str) -> bool:
     )
 
 
+def _places(agent: dict[str, Any]) -> list[str]:
+    return [anchor["id"] for anchor in agent["anchors"]]
+
+
 def _segments(agent: dict[str, Any], duration: float) -> list[dict[str, Any]]:
-    """Keep, then Stop and Proceed at every stay the solver found, Terminate at a contact."""
-    now, moving, segments = agent["enters"], "keep", []
-    for stay in agent["stays"]:
-        start, until = min(stay["start"], agent["leaves"]), min(stay["until"], agent["leaves"])
-        segments.append(_segment(now, start, stay["anchor"], moving))
-        segments.append(_segment(start, until, stay["anchor"], "stop"))
-        now, moving = until, "proceed"
-    if agent["contact"] is not None:
-        segments.append(_segment(now, agent["contact"], "contact", moving))
-        now, moving = agent["contact"], "terminate"
-        segments.append(_segment(now, now, "contact", moving))
-    elif agent["leaves"] > now:
-        segments.append(_segment(now, min(agent["leaves"], duration), "goal", moving))
-    return [segment for segment in segments if segment["end"] >= 0.0]
-
-
-def _segment(start: float, end: float, anchor: str, status: str) -> dict[str, Any]:
-    return {
-        "start": round(max(start, 0.0), 3),
-        "end": round(max(end, 0.0), 3),
-        "anchor": anchor,
-        "status": status,
-    }
+    """What the solver found to work."""
+    found = AgentSummary.model_validate(agent).suggested(duration)
+    return [segment.model_dump(mode="json") for segment in found]

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE = 8.0
+KEY_COLUMNS = 6
 TRACK = "#5B6573"
 SAMPLE = "#AA3377"
 Align = Literal["left", "right", "bottom", "top"]
@@ -63,9 +64,11 @@ def _figure(
     dpi: int,
 ) -> Figure:
     side = 0.94 * SIZE
-    tall = 0.58 + side + 0.3
+    entries = len(group_colours(intersection)) + 1 + (len(tracks) > 0) + (len(samples) > 0)
+    key = 0.3 if entries <= KEY_COLUMNS else 0.5
+    tall = 0.58 + side + key
     figure = new_figure(SIZE, tall, dpi=dpi)
-    axes = map_axes(figure, (0.03, 0.3 / tall, 0.94, side / tall))
+    axes = map_axes(figure, (0.03, key / tall, 0.94, side / tall))
     half = intersection.extent
     draw_basemap(axes, intersection, (-half, half, -half, half))
     dense = len(tracks) + len(samples) > 0
@@ -93,7 +96,7 @@ def group_colours(intersection: IntersectionMap) -> dict[str, str]:
 def _curves(axes: Axes, curves: Sequence[FloatArray], colour: str, *, order: int) -> None:
     from matplotlib.collections import LineCollection
 
-    strength = float(np.clip(12.0 / max(len(curves), 1), 0.06, 0.6))
+    strength = float(np.clip(24.0 / max(len(curves), 1), 0.16, 0.6))
     axes.add_collection(
         LineCollection([np.asarray(c) for c in curves], colors=colour, linewidths=0.6,
                        alpha=strength, zorder=order),
@@ -152,9 +155,13 @@ def _legs(axes: Axes, intersection: IntersectionMap) -> None:
         aside = left if left[0] + 0.9 * left[1] > 0 else -left
         own = np.abs(kerb @ aside)[(kerb @ ahead > 0.6 * half) & (np.abs(kerb @ aside) < half / 2)]
         at = 0.97 * half * ahead + (float(own.max(initial=4.0)) + 1.0) * aside
+        at = np.clip(at, -0.97 * half, 0.95 * half)
+        across = _align(aside[0] - ahead[0], "left", "right")
+        if abs(at[0]) > 0.5 * half:
+            across = "right" if at[0] > 0 else "left"
         words = shown(f"{leg.name}  ·  {leg.road}", limit=70)
         text = axes.text(float(at[0]), float(at[1]), words, fontsize=8.5,
-                         ha=_align(aside[0] - ahead[0], "left", "right"),
+                         ha=across,
                          va=_align(aside[1] - ahead[1], "bottom", "top"),
                          color=INK, fontweight="bold", zorder=20)  # fmt: skip
         haloed(text)
@@ -193,5 +200,5 @@ def _key(
     if len(samples):
         handles.append(Line2D([], [], color=SAMPLE, lw=1, label=f"{len(samples)} samples"))
     figure.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.02, 0.0), frameon=False,
-                  ncols=len(handles), fontsize=8, labelcolor=INK, borderpad=0.2,
+                  ncols=min(len(handles), KEY_COLUMNS), fontsize=8, labelcolor=INK, borderpad=0.2,
                   handlelength=1.6, columnspacing=1.4)  # fmt: skip

@@ -9,9 +9,11 @@ from langgraph.runtime import Runtime
 from scenewright.nodes.context import RunContext
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.grounding import Grounding
+from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.gmm_sampler.generate import amplify, cast_foreground, hour_of
+from scenewright.tools.gmm_sampler.pinned import pinned_pool
 
 _CROWD_DRAWS = 4
 """Candidates of a background agent where the first that has room is taken (`draw`)."""
@@ -22,6 +24,7 @@ class GeneratorReads(TypedDict):
 
     social_graph: SocialGraph
     grounding: Grounding
+    pinned: Pins | None
     rejections: list[Rejection]
 
 
@@ -34,7 +37,9 @@ class GeneratorWrites(TypedDict):
 def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> GeneratorWrites:
     """Draws the cast, the number of background agents and M candidates for everybody."""
     context = runtime.context
-    graph = state["social_graph"]
+    graph, pins = state["social_graph"], state.get("pinned")
+    if pins is not None:
+        return _around(pins, state, context)
     rng = context.rng("agent_generator", state.get("rejections", []))
     hour = hour_of(graph.context, context.priors, context.rng("agent_generator", []))
     cast = cast_foreground(
@@ -52,4 +57,20 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
     )
     wanted = sum(pool.background.values())
     context.tell("agent_generator", f"{len(graph.agents)} + {wanted} agents at {hour:.2f} h")
+    return {"candidates": pool}
+
+
+def _around(pins: Pins, state: GeneratorReads, context: RunContext) -> GeneratorWrites:
+    """The same around agents of an earlier version."""
+    pool = pinned_pool(
+        state["social_graph"],
+        state["grounding"],
+        pins,
+        context.priors,
+        on=context.intersection,
+        size=context.draws,
+        crowd_size=_CROWD_DRAWS if context.selection == "draw" else None,
+        rng=context.rng("agent_generator", state.get("rejections", [])),
+    )
+    context.tell("agent_generator", f"{len(pins.same)} agents stay as they were")
     return {"candidates": pool}

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
-from typing import TypedDict
+from typing import Any, TypedDict
 
 from langgraph.runtime import Runtime
 
 from scenewright.backends import Question
-from scenewright.errors import Rejected
-from scenewright.nodes.ask import ask, earlier
+from scenewright.nodes.ask import ask, latest
 from scenewright.nodes.context import RunContext
-from scenewright.scene.behavior import AgentSummary, BehaviorProgram, EventSummary, Segment
+from scenewright.nodes.event_reasoner.reply import (
+    SUMMARY,
+    BehaviorReply,
+    SummaryReply,
+    check_segments,
+    check_summary,
+)
+from scenewright.nodes.event_reasoner.wording import bound, worded_behavior, worded_summary
+from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.grounding import Cast
-from scenewright.scene.rejection import Rejection, RejectionCode
+from scenewright.scene.pins import Pins
+from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import pattern_named
 from scenewright.scene.selection import Selection
-from scenewright.scene.track import STEP
 from scenewright.tools.event_summary import facts_of, summarise
 
 
@@ -28,6 +33,7 @@ class ReasonerReads(TypedDict):
     instruction: str
     candidates: CandidateSet
     selection: Selection
+    pinned: Pins | None
     rejections: list[Rejection]
 
 
@@ -43,17 +49,100 @@ def reason_events(state: ReasonerReads, *, runtime: Runtime[RunContext]) -> Reas
     context = runtime.context
     summary = summarise(state["selection"], ground=context.ground)
     owed = _owed(state["candidates"].cast)
-    question = Question(
-        task="behavior",
-        facts={"instruction": state["instruction"], "owed": owed, **facts_of(summary)},
-        rejections=earlier(state.get("rejections", []), "event_reasoner"),
-    )
-    program = ask(context.backend, question, BehaviorProgram, stage="event_reasoner")
+    seen = _summarised(summary, owed, state, context)
+    program = _as_before(_reasoned(summary, seen, owed, state, context), state)
     for agent in summary.agents:
-        _validate(agent, program.segments.get(agent.agent), owed.get(agent.agent, []))
+        check_segments(agent, program.segments.get(agent.agent), owed.get(agent.agent, []))
     stops = sum(s.status == "stop" for each in program.segments.values() for s in each)
     context.tell("event_reasoner", f"{stops} stops among {len(program.segments)} agents")
     return {"summary": summary, "behavior": program}
+
+
+def _summarised(
+    summary: EventSummary, owed: dict[str, list[str]], state: ReasonerReads, context: RunContext
+) -> EventSummary:
+    """The summary that is reasoned on: of those whom relations bind, the places that matter."""
+    agents = bound(summary, owed)
+    if not agents:
+        return summary
+    instruction, relations = state["instruction"], _relations(state["candidates"].cast)
+    told = tuple(each for each in _told(state, context) if each.startswith(SUMMARY))
+    question = Question(
+        task="summary",
+        facts={
+            "instruction": instruction,
+            **facts_of(summary.model_copy(update={"agents": agents})),
+        },
+        rejections=told,
+        seed=context.seed,
+        wording=lambda: worded_summary(instruction, summary, owed, relations, rejections=told),
+        account=context.account,
+    )
+    reply = ask(context.backend, question, SummaryReply, stage="event_reasoner", of=SUMMARY)
+    check_summary(reply.anchors, agents)
+    return summary.narrowed(reply.anchors)
+
+
+def _reasoned(
+    summary: EventSummary,
+    seen: EventSummary,
+    owed: dict[str, list[str]],
+    state: ReasonerReads,
+    context: RunContext,
+) -> BehaviorProgram:
+    """The segments; without a relation there is nothing to reason on."""
+    if not bound(summary, owed):
+        return BehaviorReply(segments={}).read(summary)
+    instruction, relations = state["instruction"], _relations(state["candidates"].cast)
+    told = tuple(each for each in _told(state, context) if not each.startswith(SUMMARY))
+    facts: dict[str, Any] = {"instruction": instruction, "owed": owed, **facts_of(seen)}
+    question = Question(
+        task="behavior",
+        facts=facts,
+        rejections=told,
+        seed=context.seed,
+        wording=lambda: worded_behavior(
+            instruction,
+            seen,
+            owed,
+            relations,
+            rejections=told,
+            examples=context.recall("behavior", instruction),
+        ),
+        account=context.account,
+    )
+    reply = ask(context.backend, question, BehaviorReply, stage="event_reasoner")
+    return reply.read(summary)
+
+
+def _told(state: ReasonerReads, context: RunContext) -> tuple[str, ...]:
+    """Why the last segments were refused, here or by the verifier; none after a fresh sample.
+
+    Once the budget is spent every refusal leads to a fresh sample (graph/routes.py), of which
+    nothing has been said yet.
+    """
+    found = latest(state.get("rejections", []), "event_reasoner", "scene_verifier")
+    if found and sum(each.stage == found[-1].stage for each in state["rejections"]) > (
+        context.budgets.reasoner
+    ):
+        return ()
+    return tuple(each.detail for each in found)
+
+
+def _relations(cast: Cast) -> list[str]:
+    return [
+        f"{each.from_} {pattern_named(each.pattern).relation} {each.to}" for each in cast.patterns
+    ]
+
+
+def _as_before(program: BehaviorProgram, state: ReasonerReads) -> BehaviorProgram:
+    """The program in which those who stay as they were do what they did."""
+    pins = state.get("pinned")
+    if pins is None or pins.earlier.duration != state["selection"].duration:
+        return program  # a longer scene has more of everybody to tell
+    kept = {name: pins.earlier.agents[name].segments for name in pins.same}
+    here = {name: each for name, each in kept.items() if name in program.segments}
+    return program.model_copy(update={"segments": {**program.segments, **here}})
 
 
 def _owed(cast: Cast) -> dict[str, list[str]]:
@@ -65,43 +154,3 @@ def _owed(cast: Cast) -> dict[str, list[str]]:
             known = owed.setdefault(name, [])
             known += [status for status in role.segments if status not in known]
     return owed
-
-
-def _validate(
-    agent: AgentSummary, segments: tuple[Segment, ...] | None, owed: Sequence[str]
-) -> None:
-    """Every agent has segments that realise its relations, on anchors that exist, in order."""
-    if not segments:
-        raise _refused("malformed_reply", agent, "has no segments")
-    known = {anchor.id for anchor in agent.anchors}
-    for segment in segments:
-        # A contact is a moment: one may go until it or end at it, but not wait there.
-        at_contact = segment.anchor == "contact" and segment.status != "stop"
-        if segment.anchor not in known and not at_contact:
-            raise _refused("unknown_anchor", agent, f"has no anchor {segment.anchor!r}")
-        if segment.end < segment.start:
-            raise _refused("times_not_increasing", agent, f"ends before {segment.start:g} s")
-        if segment.status == "terminate" and segment.start < max(agent.enters, 0.0) + 2 * STEP:
-            raise _refused("times_not_increasing", agent, "ends before it has been seen")
-    for before, after in pairwise(segments):
-        if after.start < before.end - 1e-6:
-            raise _refused("times_not_increasing", agent, f"overlaps at {after.start:g} s")
-    statuses = [segment.status for segment in segments]
-    for status in owed:
-        if status not in statuses and not _excused(status, statuses):
-            raise _refused("malformed_reply", agent, f"has no {status}, which its role demands")
-
-
-def _excused(status: str, statuses: Sequence[str]) -> bool:
-    """Who stands to the end never goes on; who stands from the start never went before."""
-    if status == "proceed":
-        return statuses[-1] in ("stop", "terminate")
-    return status == "keep" and statuses[0] == "stop"
-
-
-def _refused(code: RejectionCode, agent: AgentSummary, what: str) -> Rejected:
-    return Rejected(
-        Rejection(
-            stage="event_reasoner", code=code, agents=(agent.agent,), detail=f"{agent.agent} {what}"
-        )
-    )

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TypedDict
 
 from langgraph.runtime import Runtime
-from pydantic import RootModel
 
-from scenewright.backends import Question
+from scenewright.backends import Backend, Question, speaker
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, earlier
 from scenewright.nodes.context import RunContext
+from scenewright.nodes.scene_planner.reply import FOUR_LEGS, PlanReply, Way, completed, ways_of
+from scenewright.nodes.scene_planner.wording import worded_plan
 from scenewright.scene.grounding import Grounding
+from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.social import Plan, Refusal, SocialGraph
+from scenewright.tools.gmm_sampler.pinned import narrowed
 from scenewright.tools.map_grounding import ground
 
 
@@ -22,6 +26,8 @@ class PlannerReads(TypedDict):
 
     instruction: str
     previous: str | None
+    planned: SocialGraph | None
+    pinned: Pins | None
     rejections: list[Rejection]
 
 
@@ -32,9 +38,7 @@ class PlannerWrites(TypedDict):
     grounding: Grounding
 
 
-class PlanReply(RootModel[Plan]):
-    """A social graph, or the reason why there can be none."""
-
+__all__ = ["FOUR_LEGS", "PlanReply", "Way", "ask_for_plan", "plan_scene", "ways_of"]
 
 _CODES: dict[str, RejectionCode] = {
     "out_of_scope": "out_of_scope",
@@ -44,22 +48,72 @@ _CODES: dict[str, RejectionCode] = {
 
 
 def plan_scene(state: PlannerReads, *, runtime: Runtime[RunContext]) -> PlannerWrites:
-    """Asks for the social graph and binds it to the map."""
+    """Asks for the social graph, unless it is settled, and binds it to the map."""
     context = runtime.context
+    plan = state.get("planned") or _asked(state, context)
+    context.tell("scene_planner", _summary(plan))
+    grounding, pins = ground(plan, on=context.intersection), state.get("pinned")
+    if pins is not None:
+        grounding = narrowed(plan, grounding, pins, on=context.intersection)
+    return {"social_graph": plan, "grounding": grounding}
+
+
+def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
+    instruction, told = state["instruction"], earlier(state.get("rejections", []), "scene_planner")
+    ways = ways_of(context.intersection)
     question = Question(
         task="plan",
         facts={
-            "instruction": state["instruction"],
+            "instruction": instruction,
             "previous": state.get("previous"),
             "legs": [leg.name for leg in context.intersection.legs],
         },
-        rejections=earlier(state.get("rejections", []), "scene_planner"),
+        rejections=told,
+        seed=context.seed,
+        wording=lambda: worded_plan(
+            instruction,
+            state.get("previous"),
+            ways,
+            rejections=told,
+            examples=context.recall("plan", instruction),
+        ),
+        account=context.account,
     )
-    plan = ask(context.backend, question, PlanReply, stage="scene_planner").root
+    plan = ask_for_plan(context.backend, question, ways)
     if isinstance(plan, Refusal):
         raise Rejected(Rejection(stage="scene_planner", code=_CODES[plan.code], detail=plan.reason))
-    context.tell("scene_planner", _summary(plan))
-    return {"social_graph": plan, "grounding": ground(plan, on=context.intersection)}
+    return plan
+
+
+def ask_for_plan(backend: Backend, question: Question, ways: Sequence[Way]) -> Plan:
+    """The backend's plan, with what it entails on the map filled in.
+
+    Raises:
+        Rejected: `malformed_reply`, or `unknown_direction` for a side that the map has not.
+        BackendFault: the backend cannot answer.
+    """
+    plan = ask(backend, question, PlanReply, stage="scene_planner").root
+    # A grammar has filled in what follows, by rules of its own.
+    if isinstance(plan, Refusal) or speaker(backend, "plan").deterministic:
+        return plan
+    _refuse_unknown_sides(plan, ways)
+    return completed(plan, ways)
+
+
+def _refuse_unknown_sides(plan: SocialGraph, ways: Sequence[Way]) -> None:
+    known = dict.fromkeys(side for way in ways for side in (way.entry, way.exit))
+    for agent in plan.agents:
+        for field in ("entry", "exit", "crosswalk"):
+            side = getattr(agent, field)
+            if side is not None and side not in known:
+                raise Rejected(
+                    Rejection(
+                        stage="scene_planner",
+                        code="unknown_direction",
+                        agents=(agent.id,),
+                        detail=f"{agent.id}: {field} {side} is none of {', '.join(known)}",
+                    )
+                )
 
 
 def _summary(graph: SocialGraph) -> str:

@@ -13,6 +13,7 @@ from scenewright.nodes.scene_verifier.assemble import assemble
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.events import Finding, Proof
+from scenewright.scene.pins import Pins
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.selection import Selection
@@ -31,6 +32,7 @@ class VerifierReads(TypedDict):
     selection: Selection
     behavior: BehaviorProgram
     refined: Tracks
+    pinned: Pins | None
 
 
 class VerifierWrites(TypedDict):
@@ -52,6 +54,7 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
         state["refined"],
         on=context.intersection,
         seed=context.seed,
+        pins=state.get("pinned"),
     )
     proof = check(scene, context.intersection)
     if not proof.verified:
@@ -81,17 +84,18 @@ def with_events(scene: SceneRecord, proof: Proof) -> SceneRecord:
 
 
 def _rejection(proof: Proof, scene: SceneRecord) -> Rejection:
-    """The first thing that is wrong, weightiest kind first."""
+    """The first thing that is wrong, weightiest kind first, and everybody who is in any of it."""
     kinds: tuple[tuple[RejectionCode, tuple[Finding, ...]], ...] = (
         ("relation_not_realised", proof.missing),
         ("background_interferes", proof.interference + proof.signal_violations),
         ("implausible_motion", proof.implausible),
     )
     names = {agent.id: agent.name for agent in scene.agents}
+    every = [each for _, findings in kinds for finding in findings for each in finding.agents]
+    agents = tuple(dict.fromkeys(names.get(each, str(each)) for each in every))
     for code, findings in kinds:
         if findings:
             first = findings[0]
-            agents = tuple(names.get(each, str(each)) for each in first.agents)
             detail = f"{first.rule}: {first.detail} ({len(findings)} such)"
             return Rejection(stage="scene_verifier", code=code, agents=agents, detail=detail)
     return Rejection(

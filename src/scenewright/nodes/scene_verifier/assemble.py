@@ -11,6 +11,7 @@ from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.grounding import Cast, CastPattern
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.pins import Pins
 from scenewright.scene.record import (
     AgentRecord,
     RelationRecord,
@@ -37,12 +38,16 @@ def assemble(
     *,
     on: IntersectionMap,
     seed: int,
+    pins: Pins | None = None,
 ) -> SceneRecord:
     """The scene without its events, which only the checker may write.
 
-    Agents are numbered from 1, those of the social graph first.
+    Agents are numbered from 1, those of the social graph first; those of an earlier version keep
+    their numbers.
     """
-    numbers = {name: number for number, name in enumerate(tracks, start=1)}
+    names = tuple(tracks)
+    numbers = {name: number for number, name in enumerate(names, start=1)}
+    numbers = numbers if pins is None else pins.numbers(names)
     agents = tuple(
         _agent(numbers[name], selection.agents[name], tracks[name], behavior) for name in numbers
     )

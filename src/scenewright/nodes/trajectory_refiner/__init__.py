@@ -1,26 +1,53 @@
-"""Stage 5, trajectory refiner: edited priors, then learned refinement (paper 3.5, Eq. 6-7)."""
+"""Stage 5, trajectory refiner: edited priors, then learned refinement (paper 3.5, Eq. 6-7).
+
+Refined tracks that the verifier refuses come back here. Whoever it named is then supervised more
+strongly, then drawn anew, and last left on the edited prior, which the solver's proof holds for.
+On the last attempt of the budget everybody is.
+"""
 
 from __future__ import annotations
 
-from typing import TypedDict
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, NotRequired, TypedDict
 
 from langgraph.runtime import Runtime
 
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext
+from scenewright.nodes.trajectory_refiner.guides import guides_of
+from scenewright.scene.base import FloatArray
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
+from scenewright.scene.pins import Pins
+from scenewright.scene.refinement import AgentRefinement, Refinement
+from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import Selection
-from scenewright.tools.segment_editor import edit
+from scenewright.scene.track import Track
+from scenewright.tools.segment_editor import edited_motion
+from scenewright.tools.time_law import Motion, track_of
 
-NOT_REFINED = "none: the edited priors are final, no learned model ran"
+if TYPE_CHECKING:
+    from scenewright.tools.trajnet_refiner.guided import Guide
+
+NOT_ASKED = "the edited priors are final, no learned model ran"
+NO_WEIGHTS = "this intersection ships no weights of a refiner: " + NOT_ASKED
+SHARES = (1.0, 0.5, 0.5, 0.25, 0.0)
+"""Largest share of the proposed deviation that an agent gets, by how often it was refused."""
+DRAWN_ANEW = 2
+"""Refusals at which an agent is drawn anew, among the others as they are."""
 
 
 class RefinerReads(TypedDict):
-    """Channels read."""
+    """Channels read; the last four when tracks come back from the verifier."""
 
     selection: Selection
     summary: EventSummary
     behavior: BehaviorProgram
+    pinned: Pins | None
+    rejections: list[Rejection]
+    refused: NotRequired[Rejection | None]
+    rolled: NotRequired[Mapping[str, FloatArray]]
+    refinement: NotRequired[Refinement]
 
 
 class RefinerWrites(TypedDict):
@@ -28,21 +55,188 @@ class RefinerWrites(TypedDict):
 
     edited: Tracks
     refined: Tracks
-    refinement: str
+    rolled: Mapping[str, FloatArray]
+    refinement: Refinement
 
 
 def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) -> RefinerWrites:
-    """Edits every selected prior by its segments; refinement passes the tracks on unchanged."""
-    selection = state["selection"]
+    """Edits every selected prior by its segments, and refines what came of it."""
+    motions = _edited(state)
+    edited = _tracks(motions, state)
+    refiner = runtime.context.learned
+    if refiner is None or not motions:
+        note = NOT_ASKED if runtime.context.refiner == "none" else NO_WEIGHTS
+        runtime.context.tell("trajectory_refiner", f"{len(edited)} tracks, refiner none")
+        return {
+            "edited": edited, "refined": _with_earlier(edited, state), "rolled": {},
+            "refinement": Refinement(refiner="none", note=note),
+        }  # fmt: skip
+    before = _before(state)
+    agents, rolled, refined = _refined(motions, edited, before, state, runtime.context)
+    ran = Refinement(
+        refiner="trajnet",
+        note=_told(agents),
+        weights=refiner.digest,
+        attempt=1 if before is None else before.attempt + 1,
+        retries=_retries(state, before),
+        agents=agents,
+    )
+    runtime.context.tell("trajectory_refiner", f"{len(refined)} tracks, {ran.note}")
+    return {
+        "edited": edited, "refined": _with_earlier(refined, state), "rolled": rolled,
+        "refinement": ran,
+    }  # fmt: skip
+
+
+def _edited(state: RefinerReads) -> dict[str, Motion]:
+    """Everybody's prior edited by its segments, who is seen in the scene at all."""
+    selection, program = state["selection"], state["behavior"]
     anchors = {
         agent.agent: {anchor.id: anchor.s for anchor in agent.anchors}
         for agent in state["summary"].agents
     }
-    edited = {}
-    for name, agent in selection.agents.items():
-        segments = state["behavior"].segments[name]
-        track = edit(agent, segments, anchors[name], duration=selection.duration)
-        if track is not None:
-            edited[name] = track
-    runtime.context.tell("trajectory_refiner", f"{len(edited)} tracks, refiner none")
-    return {"edited": edited, "refined": edited, "refinement": NOT_REFINED}
+    motions = {
+        name: edited_motion(
+            agent, program.segments[name], anchors[name], duration=selection.duration
+        )
+        for name, agent in selection.agents.items()
+    }
+    return {name: m for name, m in motions.items() if _track(name, m, state) is not None}
+
+
+def _track(name: str, motion: Motion, state: RefinerReads) -> Track | None:
+    selection = state["selection"]
+    return track_of(motion, enters=selection.agents[name].enters, until=selection.duration)
+
+
+def _tracks(motions: Mapping[str, Motion], state: RefinerReads) -> dict[str, Track]:
+    tracks = {name: _track(name, motion, state) for name, motion in motions.items()}
+    return {name: track for name, track in tracks.items() if track is not None}
+
+
+def _with_earlier(tracks: Tracks, state: RefinerReads) -> Tracks:
+    """The tracks, those of an earlier version that shall stay bit for bit as they were."""
+    pins = state.get("pinned")
+    if pins is None or pins.earlier.duration != state["selection"].duration:
+        return tracks  # a longer scene has more of everybody to show
+    same = {name: pins.earlier.agents[name].track for name in pins.same}
+    return {name: same.get(name, track) for name, track in tracks.items()}
+
+
+def _before(state: RefinerReads) -> Refinement | None:
+    """What was tried before with these very tracks; None where they are new."""
+    return state.get("refinement") if state.get("refused") is not None else None
+
+
+def _retries(state: RefinerReads, before: Refinement | None) -> int:
+    earlier = state.get("refinement")
+    return (0 if earlier is None else earlier.retries) + (before is not None)
+
+
+def _refined(
+    motions: dict[str, Motion],
+    edited: Mapping[str, Track],
+    before: Refinement | None,
+    state: RefinerReads,
+    context: RunContext,
+) -> tuple[dict[str, AgentRefinement], dict[str, FloatArray], dict[str, Track]]:
+    """What is done to everybody, the deviations proposed, and the tracks that come of it."""
+    from scenewright.tools.trajnet_refiner.kinematic_layer import feasible
+
+    refusals = _refusals(motions, before, state)
+    last = before is not None and before.attempt >= context.budgets.refiner
+    guides = guides_of(motions, state["selection"], state["behavior"])
+    rolled = _rolled(guides, refusals, before, state, context)
+    agents: dict[str, AgentRefinement] = {}
+    tracks: dict[str, Track] = {}
+    for name, guide in guides.items():
+        most = 0.0 if last else SHARES[min(refusals[name], len(SHARES) - 1)]
+        s, share = feasible(
+            guide.s, rolled[name], kept=guide.kept, path=guide.path, kind=guide.kind, most=most
+        )
+        track = _track(name, replace(motions[name], s=s), state)
+        tracks[name] = edited[name] if track is None or most == 0.0 else track
+        free = ~guide.kept & guide.within(state["selection"].duration)
+        agents[name] = _account(share[free], most, refusals[name], state.get("refused"))
+    return agents, rolled, tracks
+
+
+def _account(
+    share: FloatArray, most: float, refusals: int, refused: Rejection | None
+) -> AgentRefinement:
+    """What became of one agent, whose free samples got these shares."""
+    reason = None
+    if len(share) and most == 0.0 and refused is not None:
+        reason = f"refused {refusals} times, last: {refused.detail}"
+    elif len(share) and not share.any():
+        reason = "no share of what the network proposed keeps the limits"
+    taken = float(share.mean()) if len(share) else 0.0
+    return AgentRefinement(share=round(taken, 3), refusals=refusals, reason=reason)
+
+
+def _refusals(
+    motions: Mapping[str, Motion], before: Refinement | None, state: RefinerReads
+) -> dict[str, int]:
+    """How often the verifier named each agent while these tracks were tried."""
+    if before is None:
+        return dict.fromkeys(motions, 0)
+    named = _named(state)
+    earlier = {name: each.refusals for name, each in before.agents.items()}
+    return {name: earlier.get(name, 0) + (name in named or not named) for name in motions}
+
+
+def _named(state: RefinerReads) -> frozenset[str]:
+    """Whom the verifier named last; nobody if it named none in particular."""
+    refused = state.get("refused")
+    return frozenset() if refused is None else frozenset(refused.agents)
+
+
+def _rolled(
+    guides: dict[str, Guide],
+    refusals: Mapping[str, int],
+    before: Refinement | None,
+    state: RefinerReads,
+    context: RunContext,
+) -> dict[str, FloatArray]:
+    """The deviations proposed: as before, but for those who have to be drawn anew."""
+    from scenewright.tools.trajnet_refiner.guided import deviations
+
+    known = dict(state.get("rolled", {})) if before is not None else {}
+    named = _named(state)
+    anew = {n for n, count in refusals.items() if count == DRAWN_ANEW and n in named}
+    if known and not anew:
+        return known
+    fixed = {
+        name: SHARES[min(refusals[name], len(SHARES) - 1)] * each
+        for name, each in known.items()
+        if name not in anew
+    }
+    learned = context.learned
+    assert learned is not None  # noqa: S101
+    drawn = deviations(
+        learned.net,
+        guides,
+        duration=state["selection"].duration,
+        rng=context.rng("trajectory_refiner", state.get("rejections", [])),
+        fixed=fixed or _earlier_deviations(guides, state),
+    )
+    return {name: known[name] if name in fixed else each for name, each in drawn.items()}
+
+
+def _earlier_deviations(guides: Mapping[str, Guide], state: RefinerReads) -> dict[str, FloatArray]:
+    """How far those who stay as they were are ahead of their priors."""
+    from scenewright.tools.trajnet_refiner.guided import deviation_of
+
+    pins = state.get("pinned")
+    same = () if pins is None else tuple(name for name in guides if name in pins.same)
+    return {
+        name: deviation_of(guides[name], pins.earlier.agents[name].track)
+        for name in same
+        if pins is not None
+    }
+
+
+def _told(agents: Mapping[str, AgentRefinement]) -> str:
+    """The account in a few words."""
+    kept = sum(each.reason is not None for each in agents.values())
+    return f"{len(agents) - kept} refined, {kept} kept as edited"

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import Any, TypedDict
 
 from langgraph.runtime import Runtime
-from pydantic import BaseModel, ConfigDict
 
 from scenewright.backends import Question
-from scenewright.errors import Rejected
-from scenewright.nodes.ask import ask, earlier
+from scenewright.nodes.ask import ask, latest
 from scenewright.nodes.context import RunContext
+from scenewright.nodes.waypoint_filter.reply import (
+    ProgramReply,
+    on_the_ground,
+    refuse_strangers,
+    refuse_unserved,
+)
+from scenewright.nodes.waypoint_filter.wording import worded_program
 from scenewright.scene.candidates import CandidateSet
-from scenewright.scene.constraints import ConstraintProgram, UnaryClause
+from scenewright.scene.constraints import ConstraintProgram
+from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.dsl_validator.parse import format_clause, parse
 from scenewright.tools.dsl_validator.select import select
 
 _STRICT_ATTEMPTS = 4
@@ -28,6 +33,7 @@ class FilterReads(TypedDict):
     instruction: str
     social_graph: SocialGraph
     candidates: CandidateSet
+    pinned: Pins | None
     rejections: list[Rejection]
 
 
@@ -38,26 +44,11 @@ class FilterWrites(TypedDict):
     selection: Selection
 
 
-class ProgramReply(BaseModel):
-    """A constraint program in its text form."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    program: str
-
-
 def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> FilterWrites:
     """Asks for the constraint program and solves it."""
     context = runtime.context
     rejections = state.get("rejections", [])
-    question = Question(
-        task="constraints",
-        facts=_facts(state["instruction"], state["social_graph"], state["candidates"]),
-        rejections=earlier(rejections, "waypoint_filter"),
-    )
-    reply = ask(context.backend, question, ProgramReply, stage="waypoint_filter")
-    program = parse(reply.program)
-    _refuse_strangers(program, state["candidates"])
+    program = _asked(state, context)
     selection = select(
         program,
         state["candidates"],
@@ -65,34 +56,56 @@ def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> Fil
         rng=context.rng("waypoint_filter", rejections),
         mode=context.selection,
         lenient=len(rejections) >= _STRICT_ATTEMPTS,
+        pins=state.get("pinned"),
     )
     tried = int(selection.figures["tuples"])
     context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")
     return {"constraints": program, "selection": selection}
 
 
-def _refuse_strangers(program: ConstraintProgram, pool: CandidateSet) -> None:
-    """Every agent that a clause names takes part."""
-    for clause in program.clauses:
-        named = (
-            (clause.agent,) if isinstance(clause, UnaryClause) else (clause.first, clause.second)
-        )
-        for name in named:
-            if name is not None and name not in pool.agents:
-                raise Rejected(
-                    Rejection(
-                        stage="waypoint_filter",
-                        code="malformed_program",
-                        agents=(name,),
-                        detail=f"{format_clause(clause)}: there is no {name} in the scene",
-                    )
-                )
+def _asked(state: FilterReads, context: RunContext) -> ConstraintProgram:
+    """The program that the backend gives, and what goes without saying."""
+    instruction, pool = state["instruction"], state["candidates"]
+    if not pool.cast.routes:  # nobody is named of whom anything could be said
+        return on_the_ground(ConstraintProgram(), pool)
+    facts = _facts(instruction, state["social_graph"], pool)
+    told = _told(state.get("rejections", []))
+    question = Question(
+        task="constraints",
+        facts=facts,
+        rejections=told,
+        seed=context.seed,
+        wording=lambda: worded_program(
+            facts,
+            [leg.name for leg in context.intersection.legs],
+            rejections=told,
+            examples=context.recall("constraints", instruction),
+        ),
+        account=context.account,
+    )
+    program = ask(context.backend, question, ProgramReply, stage="waypoint_filter").read()
+    refuse_strangers(program, pool)
+    refuse_unserved(program, facts["relations"])
+    return on_the_ground(program, pool)
 
 
-def _facts(instruction: str, graph: SocialGraph, pool: CandidateSet) -> dict[str, object]:
+def _told(rejections: list[Rejection]) -> tuple[str, ...]:
+    """What was wrong with the program. That a sample did not serve is no fault of it, unless one
+    of its clauses never held."""
+    return tuple(
+        each.detail
+        for each in latest(rejections, "waypoint_filter")
+        if each.code in ("malformed_program", "malformed_reply") or each.missed is not None
+    )
+
+
+def _facts(instruction: str, graph: SocialGraph, pool: CandidateSet) -> dict[str, Any]:
     played = pool.cast.patterns
     return {
         "instruction": instruction,
+        "told": [
+            {"id": name, "movement": route.movement} for name, route in pool.cast.routes.items()
+        ],
         "agents": [
             {"id": name, "type": draws.route.type, "movement": draws.route.movement}
             for name, draws in pool.agents.items()

@@ -187,7 +187,7 @@ class Search:
             candidates, marks, self._rng, lenient=self._lenient, shortfalls=self._shortfalls
         )
         count = 0
-        for staging in filter(self._red_first, stage.play(self._events, Staging())):
+        for staging in filter(self._red_first, stage.play(self._events, self._opening())):
             selection = self._finish(staging, choice)
             if selection is not None:
                 return selection
@@ -199,6 +199,10 @@ class Search:
         if not count:
             self._failures[_text(self._events)] += 1
         return None
+
+    def _opening(self) -> Staging:
+        """Who is on stage before anything is played: nobody."""
+        return Staging()
 
     def _candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
         """The m-th candidate of an agent, once; None if a unary clause fails on it."""

@@ -8,8 +8,10 @@ import numpy as np
 
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
+from scenewright.scene.pins import Pins
 from scenewright.scene.selection import Selection
 from scenewright.tools.dsl_validator.least import Least
+from scenewright.tools.dsl_validator.pinned import PinnedSearch
 from scenewright.tools.dsl_validator.search import Search
 from scenewright.tools.ground import Ground
 
@@ -24,15 +26,19 @@ def select(
     rng: np.random.Generator,
     mode: Mode = "draw",
     lenient: bool = True,
+    pins: Pins | None = None,
 ) -> Selection:
     """The surviving combination.
 
     Args:
         mode: `draw`, the first survivor in the order drawn; `map`, the one of least cost.
         lenient: take stagings that people would do differently, if they do what was asked.
+        pins: agents of an earlier version that stay; the first survivor around them is taken.
 
     Raises:
         Rejected: `no_surviving_combination`, naming the clause that most tuples fail.
     """
+    if pins is not None:
+        return PinnedSearch(program, pool, ground, rng, lenient, pins=pins).run()
     search = Least if mode == "map" else Search
     return search(program, pool, ground, rng, lenient).run()

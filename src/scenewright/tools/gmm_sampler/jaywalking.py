@@ -8,6 +8,7 @@ lie evenly on the line between them, so the prior is a Gaussian mixture like any
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -38,13 +39,32 @@ def jaywalk_prior(place: IntersectionMap, route: Route) -> WaypointPrior:
         np.concatenate([at * outwards - reach * across, at * outwards + reach * across])
         for at in _PLACES
     ]
+    return _mixture(route.id, ends, outwards, across)
+
+
+def jaywalk_components(
+    route: str, kerbs: Sequence[FloatArray], outwards: FloatArray
+) -> WaypointPrior:
+    """p_wp of jaywalking from kerb to kerb [2, 2] at places of one's own choice, all alike."""
+    ends = []
+    for first, last in kerbs:
+        across = (last - first) / float(np.hypot(*(last - first)))
+        ends.append(
+            np.concatenate([first - _ONTO_SIDEWALK * across, last + _ONTO_SIDEWALK * across])
+        )
+    return _mixture(route, ends, outwards, across)
+
+
+def _mixture(
+    route: str, ends: Sequence[FloatArray], outwards: FloatArray, across: FloatArray
+) -> WaypointPrior:
     means = np.array([_between(K) @ end for end in ends])
     factor = np.linalg.cholesky(_covariance(outwards, across))
     return WaypointPrior(
-        route=route.id,
-        weights=np.full(len(_PLACES), 1.0 / len(_PLACES)),
+        route=route,
+        weights=np.full(len(ends), 1.0 / len(ends)),
         means=means,
-        cholesky=np.repeat(factor[None], len(_PLACES), axis=0),
+        cholesky=np.repeat(factor[None], len(ends), axis=0),
         base=np.array([(_between(DENSE) @ end).reshape(DENSE, 2) for end in ends]),
         tracks=0,
     )

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import InputError
-from scenewright.intersections import bundle_folder
+from scenewright.intersections import bundle_folder, check_bundle
 from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import K
 
@@ -165,33 +164,23 @@ def load_priors(name: str | Path) -> Priors:
         InputError: unknown bundle, none fitted, damaged, or of another format.
     """
     folder = name if isinstance(name, Path) else bundle_folder(name)
-    return _load(folder)
-
-
-@lru_cache(maxsize=16)
-def _load(folder: Path) -> Priors:
     file = folder / "priors.npz"
     if not file.is_file():
         raise InputError(
             f"intersection {folder.name!r} has no priors: run scenewright intersections build"
         )
-    _check_sum(folder, file)
+    return _load(folder, file.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _load(folder: Path, _changed: int) -> Priors:
+    """The priors as they are now: a bundle may be written anew while a process lives."""
+    check_bundle(folder, "priors.npz")
     try:
-        with np.load(file, allow_pickle=False) as stored:
+        with np.load(folder / "priors.npz", allow_pickle=False) as stored:
             return _unpack({key: stored[key] for key in stored.files})
     except (OSError, ValueError, KeyError) as fault:
         raise InputError(f"cannot read the priors of {folder.name!r}: {fault}") from None
-
-
-def _check_sum(folder: Path, file: Path) -> None:
-    """Refuse priors that are not those which the bundle's description names."""
-    described = folder / "bundle.toml"
-    if not described.is_file():
-        return
-    wanted = tomllib.loads(described.read_text(encoding="utf-8")).get("sha256", {})
-    found = checksum(file)
-    if wanted.get(file.name, found) != found:
-        raise InputError(f"{file.name} of {folder.name!r} does not match its checksum")
 
 
 def checksum(file: Path) -> str:

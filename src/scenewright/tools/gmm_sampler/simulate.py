@@ -53,7 +53,9 @@ class RawTrack:
 
 
 @dataclass(frozen=True)
-class _Departure:
+class Departure:
+    """An agent that sets out: when [s], what SUMO reads, its id, route and subtype."""
+
     time: float
     lines: str
     agent: str
@@ -81,14 +83,14 @@ def simulate_hour(
     )
     body = "\n".join(departure.lines for departure in departures)
     (folder / "agents.rou.xml").write_text(f"<routes>\n{body}\n</routes>\n", encoding="utf-8")
-    crashed = _run(folder, network, seed=int(rng.integers(1 << 30)))
-    return list(_read(folder, {d.agent: d for d in departures}, crashed))
+    crashed = run_sumo(folder, network, seed=int(rng.integers(1 << 30)))
+    return list(read_tracks(folder, {d.agent: d for d in departures}, crashed))
 
 
-def _arrivals(rate: float, rng: np.random.Generator) -> FloatArray:
+def arrivals(rate: float, rng: np.random.Generator, *, seconds: float = HOUR) -> FloatArray:
     """Times of chance arrivals at `rate` per hour, warm-up included [s since the hour began]."""
-    span = HOUR + WARM_UP
-    return np.sort(rng.uniform(-WARM_UP, HOUR, rng.poisson(rate * span / HOUR)))
+    span = seconds + WARM_UP
+    return np.sort(rng.uniform(-WARM_UP, seconds, rng.poisson(rate * span / HOUR)))
 
 
 def _day_factor(spread: float, rng: np.random.Generator) -> float:
@@ -102,18 +104,23 @@ def _vehicle_departures(
     demand: Demand,
     hour: int,
     rng: np.random.Generator,
-) -> Iterator[_Departure]:
+) -> Iterator[Departure]:
     for leg, rates in demand.vehicles.items():
         rate = rates[hour] * _day_factor(demand.day_spread[leg], rng)
-        for number, time in enumerate(_arrivals(rate, rng)):
+        for number, time in enumerate(arrivals(rate, rng)):
             turn = str(rng.choice(_TURNS, p=demand.turn_shares[leg]))
             subtype = _subtype(demand, leg, turn, rng)
             movement = next(m for m in place.movements if m.entry == leg and m.turn == turn)
             agent = f"v_{leg}_{number}"
-            lines = _vehicle(
-                plan, movement, agent=agent, subtype=subtype, time=float(time), rng=rng
+            lines = vehicle_lines(
+                movement,
+                lane=min(plan.road(leg).lanes),
+                agent=agent,
+                subtype=subtype,
+                time=float(time),
+                rng=rng,
             )
-            yield _Departure(float(time), lines, agent, f"vehicle:{movement.id}", subtype)
+            yield Departure(float(time), lines, agent, f"vehicle:{movement.id}", subtype)
 
 
 def _subtype(demand: Demand, leg: Compass, turn: str, rng: np.random.Generator) -> str:
@@ -132,19 +139,20 @@ _DRIVING = {
 """SUMO class, mean acceleration and braking [m/s^2], mean share of the speed limit driven."""
 
 
-def _vehicle(
-    plan: FourLegPlan,
+def vehicle_lines(
     movement: VehicleMovement,
     *,
+    lane: float,
     agent: str,
     subtype: str,
     time: float,
     rng: np.random.Generator,
 ) -> str:
+    """A driver of its own and its trip, as SUMO reads them; `lane` is the narrowest's width [m]."""
     leg = movement.entry
     length, width = VEHICLE_SIZES[subtype]
     kind, accel, decel, share = _DRIVING[subtype]
-    room = (min(plan.road(leg).lanes) - width) / 2 - 0.1
+    room = (lane - width) / 2 - 0.1
     aside = float(np.clip(rng.normal(0.0, 0.35), -room, room))
     driver = tag(
         "vType",
@@ -186,14 +194,14 @@ def _about(mean: float, relative: float, rng: np.random.Generator) -> float:
 
 def _pedestrian_departures(
     place: IntersectionMap, demand: Demand, hour: int, rng: np.random.Generator
-) -> Iterator[_Departure]:
+) -> Iterator[Departure]:
     for route in place.routes:
         if route.side is None:
             continue
         rate = demand.pedestrians[hour] / 2 * demand.side_shares[route.side]
-        for number, time in enumerate(_arrivals(rate * _day_factor(0.2, rng), rng)):
+        for number, time in enumerate(arrivals(rate * _day_factor(0.2, rng), rng)):
             agent = f"p_{route.id.replace(':', '_').replace('>', '_')}_{number}"
-            yield _Departure(
+            yield Departure(
                 float(time), _walker(agent, route, float(time), rng), agent, route.id, None
             )
 
@@ -245,9 +253,16 @@ def _along(edge: str, distance: float) -> float:
     return round(REACH - distance if edge.endswith("_in") else distance - 16.0, 1)
 
 
-def _run(folder: Path, network: Path, *, seed: int) -> set[str]:
-    """Run SUMO; the ids of agents that collided, which no corpus should hold."""
-    box = f"-{_RECORD},-{_RECORD} {_RECORD},-{_RECORD} {_RECORD},{_RECORD} -{_RECORD},{_RECORD}"
+def run_sumo(
+    folder: Path, network: Path, *, seed: int, half: float = _RECORD, seconds: float = HOUR
+) -> set[str]:
+    """Run SUMO; the ids of agents that collided, which no corpus should hold.
+
+    Args:
+        half: half the side of the square in which positions are recorded [m].
+        seconds: how long, without warm-up.
+    """
+    box = f"-{half},-{half} {half},-{half} {half},{half} -{half},{half}"
     area = tag("poly", id="view", type="view", color="1,1,1", shape=box)
     (folder / "view.add.xml").write_text(f"<additional>{area}</additional>", encoding="utf-8")
     extra = f"{folder / 'signals.add.xml'},{folder / 'view.add.xml'}"
@@ -264,7 +279,7 @@ def _run(folder: Path, network: Path, *, seed: int) -> set[str]:
         *("--fcd-output", str(folder / "vehicles.parquet")),
         *("--person-fcd-output", str(folder / "people.parquet")),
         *("--fcd-output.attributes", "x,y,angle", "--fcd-output.filter-shapes", "view"),
-        *("--end", str(WARM_UP + HOUR + _DRAIN), "--seed", str(seed)),
+        *("--end", str(WARM_UP + seconds + _DRAIN), "--seed", str(seed)),
         *("--no-step-log", "true", "--no-warnings", "true", "--xml-validation", "never"),
         *("--precision", "3"),
     ]
@@ -284,7 +299,10 @@ def collided(folder: Path) -> set[str]:
     return found
 
 
-def _read(folder: Path, departures: dict[str, _Departure], crashed: set[str]) -> Iterator[RawTrack]:
+def read_tracks(
+    folder: Path, departures: dict[str, Departure], crashed: set[str]
+) -> Iterator[RawTrack]:
+    """What SUMO recorded of those who set out and did not collide."""
     for name in ("vehicles.parquet", "people.parquet"):
         for agent, columns in _by_agent(folder / name):
             departure = departures.get(agent)
@@ -306,6 +324,8 @@ def _by_agent(path: Path) -> Iterator[tuple[str, FloatArray]]:
     reader: Any = parquet
     table = reader.read_table(path)
     by_end = {str(name).split("_")[-1]: table[name] for name in table.column_names}
+    if "id" not in by_end:
+        return  # nobody of that class was there
     named = by_end["id"].is_valid()
     agents = by_end["id"].filter(named).combine_chunks().dictionary_encode()
     ids, names = np.asarray(agents.indices), agents.dictionary.to_pylist()

@@ -15,7 +15,7 @@ from xml.sax.saxutils import quoteattr
 from scenewright.errors import InputError
 from scenewright.scene.base import Compass
 from scenewright.scene.map import IntersectionMap, Lanelet, SignalProgram
-from scenewright.tools.map_builder import LEGS, FourLegPlan, leg_point, neighbour
+from scenewright.tools.map_builder import LEGS, FourLegPlan, leg_point
 
 REACH = 300.0
 """How far the approach roads reach from the middle [m]."""
@@ -30,15 +30,15 @@ def write_network(folder: Path, plan: FourLegPlan, place: IntersectionMap) -> Pa
     The programme is `signals.add.xml` beside it. InputError where SUMO is not installed.
     """
     files = {
-        "plain.nod.xml": _document("nodes", _nodes(plan)),
-        "plain.edg.xml": _document("edges", _edges(plan)),
-        "plain.con.xml": _document("connections", _connections(plan, place)),
+        "plain.nod.xml": document("nodes", _nodes(plan)),
+        "plain.edg.xml": document("edges", _edges(plan)),
+        "plain.con.xml": document("connections", _connections(plan, place)),
     }
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     network = folder / "intersection.net.xml"
-    _netconvert(folder, network)
-    signals = _document("additional", _programme(network, place))
+    netconvert(folder, network)
+    signals = document("additional", programme_lines(network, place))
     (folder / "signals.add.xml").write_text(signals, encoding="utf-8")
     return network
 
@@ -65,11 +65,13 @@ def tag(name: str, **attributes: object) -> str:
     return f"<{name} {inside}/>"
 
 
-def _document(root: str, lines: Iterable[str]) -> str:
+def document(root: str, lines: Iterable[str]) -> str:
+    """An XML document of lines."""
     return f"<{root}>\n" + "\n".join(lines) + f"\n</{root}>\n"
 
 
-def _shape(points: Iterable[tuple[float, float]]) -> str:
+def shape_of(points: Iterable[tuple[float, float]]) -> str:
+    """Points as SUMO writes a shape."""
     return " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
 
 
@@ -78,7 +80,7 @@ def _nodes(plan: FourLegPlan) -> list[str]:
     for leg in reversed(LEGS):
         side = plan.road(leg).half_width + plan.road(leg).sidewalk
         outline += [leg_point(leg, plan.stop(leg), sign * side) for sign in (-1, 1)]
-    middle = tag("node", id="J", x=0, y=0, type="traffic_light", tl="J", shape=_shape(outline))
+    middle = tag("node", id="J", x=0, y=0, type="traffic_light", tl="J", shape=shape_of(outline))
     ends = [(leg, *leg_point(leg, REACH, 0.0)) for leg in LEGS]
     return [middle, *(tag("node", id=leg, x=x, y=y, type="priority") for leg, x, y in ends)]
 
@@ -127,7 +129,7 @@ def _connection(plan: FourLegPlan, way: list[Lanelet]) -> str:
         to=f"{after.leg}_out",
         fromLane=_lane_index(plan, before),
         toLane=_lane_index(plan, after),
-        shape=_shape(inside.centreline),
+        shape=shape_of(inside.centreline),
     )
 
 
@@ -148,11 +150,12 @@ def _crossing(plan: FourLegPlan, place: IntersectionMap, leg: Compass) -> str:
         edges=edges,
         priority="true",
         width=plan.crosswalk_width,
-        shape=_shape((end, start)),
+        shape=shape_of((end, start)),
     )
 
 
-def _netconvert(folder: Path, network: Path) -> None:
+def netconvert(folder: Path, network: Path, *more: str) -> None:
+    """Make a network of the plain files in a folder; InputError with netconvert's reason."""
     command = [
         str(sumo_home() / "bin" / "netconvert"),
         *("-n", str(folder / "plain.nod.xml"), "-e", str(folder / "plain.edg.xml")),
@@ -161,13 +164,14 @@ def _netconvert(folder: Path, network: Path) -> None:
         *("true", "--junctions.internal-link-detail", "24"),
         *("--junctions.limit-turn-speed", str(_LATERAL_LIMIT)),
         *("--default.spreadtype", "right", "--no-warnings", "true"),
+        *more,
     ]
     finished = subprocess.run(command, capture_output=True, text=True, check=False)
     if finished.returncode != 0:
         raise InputError(f"netconvert refused the network: {finished.stderr.strip()[:300]}")
 
 
-def _programme(network: Path, place: IntersectionMap) -> list[str]:
+def programme_lines(network: Path, place: IntersectionMap) -> list[str]:
     """Our signal phases in terms of SUMO's link indices."""
     if place.signals is None:
         raise InputError(f"{place.name} has no signals to simulate")
@@ -212,8 +216,7 @@ def _link(element: Any, root: Any, signals: SignalProgram) -> tuple[str, str]:
         group = next(g.id for g in signals.groups if f"{leg}:crosswalk" in g.crosswalks)
         return group, "crossing"
     entry, exit_ = element.attrib["from"].split("_")[0], target.split("_")[0]
-    turn = "straight" if neighbour(entry, 2) == exit_ else "turn"
-    group = next(
-        g.id for g in signals.groups if any(m.startswith(f"{entry}>{exit_}:") for m in g.movements)
-    )
-    return group, turn
+    start = f"{entry}>{exit_}:"
+    ruling = next(g for g in signals.groups if any(m.startswith(start) for m in g.movements))
+    straight = any(m == f"{start}straight" for m in ruling.movements)
+    return ruling.id, "straight" if straight else "turn"

@@ -30,22 +30,53 @@ _FLOWING = {"vehicle": 2.5, "pedestrian": 0.4}
 _LOW, _HIGH = 1.0, 6.0
 """Speeds between which starting and braking are measured [m/s]."""
 _CURVE = 0.05
+_LEAST_FLOWING = 12
+"""Freely flowing tracks of one class and turn below which a law is borrowed."""
 
 _Samples = list[float]
 
 
 def fit_time_laws(
-    place: IntersectionMap, trips: Mapping[str, Sequence[Trip]]
+    place: IntersectionMap,
+    trips: Mapping[str, Sequence[Trip]],
+    *,
+    fallback: Mapping[str, TimeLawPrior] | None = None,
 ) -> dict[str, TimeLawPrior]:
-    """The time law of every route; rare routes borrow from all of their class and turn."""
+    """The time law of every route; rare routes borrow from all of their class and turn.
+
+    Args:
+        fallback: laws by route, taken where a class and turn has too few freely flowing tracks.
+    """
     pooled: dict[tuple[str, str], list[Trip]] = {}
     for route in place.routes:
         pooled.setdefault((route.type, _kind(route)), []).extend(trips[route.id])
     driving = [t for (kind, _), group in pooled.items() if kind == "vehicle" for t in group]
     brisk = [_lognormal(list(_changes(driving, sign))) for sign in (1, -1)]
     brisk.append(_lognormal(list(_laterals(driving))))
+    if fallback is not None:
+        return _where_known(place, pooled, brisk, fallback)
     by_kind = {key: _law(key, group, brisk) for key, group in pooled.items()}
     return {route.id: by_kind[(route.type, _kind(route))] for route in place.routes}
+
+
+def _where_known(
+    place: IntersectionMap,
+    pooled: Mapping[tuple[str, str], list[Trip]],
+    brisk: list[tuple[float, float]],
+    fallback: Mapping[str, TimeLawPrior],
+) -> dict[str, TimeLawPrior]:
+    """Laws fitted where enough tracks flow freely; how briskly people drive is borrowed if not."""
+    known = [pair if np.isfinite(pair).all() else None for pair in brisk]
+    laws = {}
+    for route in place.routes:
+        borrowed = fallback[route.id]
+        own = zip(borrowed.median[1:].tolist(), borrowed.spread[1:].tolist(), strict=True)
+        rest = [pair or usual for pair, usual in zip(known, own, strict=True)]
+        key = (route.type, _kind(route))
+        flowing = [t for t in pooled[key] if _speeds(t).min() > _FLOWING[key[0]]]
+        enough = len(flowing) >= _LEAST_FLOWING
+        laws[route.id] = _law(key, flowing, rest) if enough else borrowed
+    return laws
 
 
 def _kind(route: Route) -> str:
@@ -61,9 +92,8 @@ def _law(
     flowing = [trip for trip in trips if _speeds(trip).min() > _FLOWING[kind]]
     speed = _lognormal([float(np.percentile(_speeds(trip), 90)) for trip in flowing])
     if kind == "vehicle":
-        rest = (
-            driving if turn == "straight" else [*driving[:2], _lognormal(list(_laterals(flowing)))]
-        )
+        laterals = [] if turn == "straight" else list(_laterals(flowing))
+        rest = [*driving[:2], _lognormal(laterals)] if laterals else driving
     else:
         rest = [(median, _ASSUMED_SPREAD) for median in _ASSUMED_WALK]
     low, high = _BOUNDS[kind]
@@ -78,6 +108,8 @@ def _speeds(trip: Trip) -> FloatArray:
 
 
 def _lognormal(values: _Samples) -> tuple[float, float]:
+    if not values:
+        return float("nan"), float("nan")
     logs = np.log(np.maximum(values, 1e-3))
     centre = float(np.median(logs))
     return float(np.exp(centre)), max(

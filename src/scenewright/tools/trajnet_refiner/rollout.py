@@ -1,7 +1,8 @@
 """Iterated prediction (paper 3.5): x_rf = DNN(x_ob; goals), x_ob <- concat(x_ob, x_rf).
 
 A whole scene is written in one go: whoever has been seen for a step or more is predicted, what was
-predicted is taken for seen, and everybody heads for the next of its waypoints.
+predicted is taken for seen, and everybody heads for the next of its waypoints. With noise, what is
+taken for seen is drawn from the predicted Gaussian: nobody moves as evenly as a mean.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from scenewright.tools.trajnet_refiner.model import Refiner, Scenes, predict
+from scenewright.tools.trajnet_refiner.model import Prediction, Refiner, Scenes, predict, turn
 
 
 class Waypoints(NamedTuple):
@@ -34,6 +35,8 @@ def roll_out(
     waypoints: Waypoints | None = None,
     until: Tensor | None = None,
     keep: int | None = None,
+    lead: int = 0,
+    noise: Tensor | None = None,
 ) -> Tensor:
     """A scene of any length, filled in from what is known of it.
 
@@ -43,29 +46,48 @@ def roll_out(
         classes: [B, N] places in `model.CLASSES`.
         until: [B, N] first column at which an agent is no longer there; to the end if None.
         keep: predicted steps that are kept before everybody is observed anew; all if None.
+        lead: steps before a waypoint is due from which the next one counts: who must be in a
+            place to the moment gets there with a jerk. The last one counts to the end.
+        noise: [B, N, T, 2] standard normal numbers; those of the first column of what is kept
+            move all of it off the mean. The mean itself if None.
 
     Returns:
         [B, N, T, 2]; NaN before an agent's first known position and from `until` on.
     """
     config = net.config
     filled, columns = known.clone(), known.shape[2]
-    keep = min(keep or config.predicted, config.predicted)
+    steps = min(keep or config.predicted, config.predicted)
     ends = _ends(known)
     if until is not None:
         gone = torch.arange(columns, device=known.device) >= until[..., None]
         filled[gone] = torch.nan
     now = 1
     while now < columns:
-        ahead = min([keep, columns - now, *(end - now for end in ends if end > now)])
-        goal, due = (None, None) if waypoints is None else _next(waypoints, now, config.predicted)
-        scenes = Scenes(filled[:, :, :now], classes, goal, due)
-        drawn = predict(net, scenes).xy[:, :, :ahead]
+        ahead = min([steps, columns - now, *(end - now for end in ends if end > now)])
+        goal, due = None, None
+        if waypoints is not None:
+            goal, due = _next(waypoints, now, config.predicted, lead)
+        scenes = Scenes(filled[:, :, max(0, now - config.observed) : now], classes, goal, due)
+        predicted = predict(net, scenes, steps=config.predicted if keep is None else steps)
+        drawn = predicted.xy[:, :, :ahead]
+        if noise is not None:
+            drawn = drawn + _off_the_mean(predicted, noise[:, :, now])[:, :, :ahead]
         part = filled[:, :, now : now + ahead]
         filled[:, :, now : now + ahead] = torch.where(part.isnan(), drawn, part)
         if until is not None:
             filled[gone] = torch.nan
         now += ahead
     return filled
+
+
+def _off_the_mean(predicted: Prediction, noise: Tensor) -> Tensor:
+    """[B, N, P, 2] ways off the predicted means [m] that standard normal [B, N, 2] stand for."""
+    log_x, log_y, rho = predicted.spread.unbind(-1)
+    one, two = noise[:, :, None].unbind(-1)
+    along = log_x.exp() * one
+    across = log_y.exp() * (rho * one + (1.0 - rho.square()).sqrt() * two)
+    off = torch.stack((along, across), -1)
+    return turn(off, predicted.along[:, :, None].expand_as(off))
 
 
 def _ends(known: Tensor) -> list[int]:
@@ -75,7 +97,7 @@ def _ends(known: Tensor) -> list[int]:
     return sorted(set(torch.where(there, columns, 0).amax(-1).flatten().tolist()))
 
 
-def _next(waypoints: Waypoints, now: int, steps: int) -> tuple[Tensor, Tensor]:
+def _next(waypoints: Waypoints, now: int, steps: int, lead: int = 0) -> tuple[Tensor, Tensor]:
     """Per predicted step the next waypoint, [B, N, P, 2], and [B, N, P] steps from `now` to it.
 
     A step's own waypoint counts: due at column `now` means due at the first predicted step. After
@@ -83,8 +105,10 @@ def _next(waypoints: Waypoints, now: int, steps: int) -> tuple[Tensor, Tensor]:
     """
     due = torch.nan_to_num(waypoints.due, nan=-1.0)
     column = now + torch.arange(steps, device=due.device)
-    ahead = due[:, :, None, :] >= column[:, None]
-    later = torch.where(ahead, due[:, :, None, :], torch.inf)
+    every = due[:, :, None, :]
+    in_time = every >= column[:, None] + lead
+    last = (every == due.amax(-1)[..., None, None]) & (every >= column[:, None])
+    later = torch.where(in_time | last, every, torch.inf)
     when, which = later.min(dim=-1)
     places = waypoints.xy.gather(2, which[..., None].expand(*which.shape, 2))
     none = when.isinf()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +24,9 @@ from scenewright.tools.trajnet_refiner.model import (
 )
 from scenewright.tools.trajnet_refiner.store import read_tensors, write_tensors
 from scenewright.tools.trajnet_refiner.windows import Variation, Window, batches
+
+Batches = Callable[..., Iterator[tuple[Scenes, Tensor, Tensor]]]
+"""Makes batches of windows, as `windows.batches` does."""
 
 _NO_CHANGE = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=0.0)
 
@@ -86,6 +89,7 @@ def train(
     device: str | None = None,
     tell: Tell | None = None,
     after_epoch: Callable[[Epoch], None] | None = None,
+    make: Batches = batches,
 ) -> Refiner:
     """A network trained on windows; the same windows, recipe and machine make the same one.
 
@@ -94,6 +98,7 @@ def train(
         checkpoint: file kept up to date after every epoch; if it is there, training goes on from
             it and ends as if it had never been interrupted.
         device: "cpu", "cuda"…; a GPU if there is one.
+        make: how windows become batches; those of held_out, too.
 
     Raises:
         InputError: no windows, or the checkpoint is of another training.
@@ -106,22 +111,24 @@ def train(
     while run.epochs < recipe.epochs:
         start = time.perf_counter()
         with torch.random.fork_rng():
-            loss = run.epoch(windows, tell)
+            loss = run.epoch(windows, tell, make)
         if checkpoint is not None:
             run.store(checkpoint)
         if after_epoch is not None:
-            ade = validate(run.averaged(), held_out) if held_out else None
+            ade = validate(run.averaged(), held_out, make=make) if held_out else None
             after_epoch(Epoch(run.epochs, loss, time.perf_counter() - start, ade))
     return run.averaged()
 
 
-def validate(net: Refiner, windows: Sequence[Window], *, agents: int = 2048) -> float:
+def validate(
+    net: Refiner, windows: Sequence[Window], *, agents: int = 2048, make: Batches = batches
+) -> float:
     """Weighted mean distance [m] between predicted and true future positions, without goals."""
     rng = np.random.default_rng(0)
     device = next(net.parameters()).device
     total = count = 0.0
     with torch.no_grad():
-        for scenes, future, weight in batches(
+        for scenes, future, weight in make(
             windows, observed=net.config.observed, agents=agents, variation=_NO_CHANGE, rng=rng
         ):
             error, share = _errors(net(scenes.to(device)), future.to(device), weight.to(device))
@@ -186,7 +193,7 @@ class _Run:
         )
         self.epochs = self.batches = 0
 
-    def epoch(self, windows: Sequence[Window], tell: Tell | None) -> float:
+    def epoch(self, windows: Sequence[Window], tell: Tell | None, make: Batches = batches) -> float:
         """One pass over the windows; the mean loss of its batches."""
         recipe = self.recipe
         rng = np.random.default_rng([recipe.seed, self.epochs])
@@ -195,7 +202,7 @@ class _Run:
         drawn = [windows[i] for i in np.sort(rng.permutation(len(windows))[:count])]
         self.net.train()
         losses = []
-        for scenes, future, weight in batches(
+        for scenes, future, weight in make(
             drawn,
             observed=self.net.config.observed,
             agents=recipe.agents,

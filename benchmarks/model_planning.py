@@ -1,0 +1,223 @@
+"""Planning accuracy and ISR of any model through the real prompts, beside the builtin planner.
+
+    python benchmarks/model_planning.py ask FOLDER [--n 80] [--seed 1]
+    python benchmarks/model_planning.py score FOLDER --model NAME
+
+A model is asked by file: `ask` takes N labelled instructions of the test half, runs each as far as
+the answers reach and writes the questions that are still open to FOLDER/questions.jsonl, one JSON
+object each: key, task, system, user, schema. Whoever answers writes FOLDER/answers.jsonl with one
+line per question, {"key": ..., "reply": "..."}, the reply as the model gave it; more files named
+answers*.jsonl are read as well. Then `ask` again, until it says that no question is open: the
+questions of later stages, and those of the retry edges, come up only when the earlier ones are
+answered. `score` reports; with a backend in place of a file, as in
+
+    python benchmarks/model_planning.py score FOLDER --backend openai:MODEL [--base-url URL]
+
+the model is asked at once. Without arguments the builtin planner is scored alone.
+
+Accuracy is over the first plans of a run (at most three attempts each), ISR over the scenes of
+those instructions that are not labelled as refusals, made with seed 0 and no refiner. A refusal of
+an instruction that is none counts as a failure in both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from scenewright import synthesize
+from scenewright.apps.planning import ATTEMPTS, refusal
+from scenewright.backends import TASKS, Backend, Question, Wording, load_backend
+from scenewright.backends.spoken import Said, Spoken, key_of
+from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
+from scenewright.evals.planning import Share, compare, load, score
+from scenewright.graph.run import DEFAULT_INTERSECTION
+from scenewright.intersections import load_map
+from scenewright.nodes.scene_planner import ask_for_plan, ways_of
+from scenewright.nodes.scene_planner.wording import worded_plan
+from scenewright.scene.plan_row import plan_to_row
+from scenewright.scene.social import Plan
+
+NAME = "a model by file"
+
+
+class OpenError(BackendFault):
+    """A question that nobody has answered yet."""
+
+
+class ByFile:
+    """Says what the answers hold, and writes down what they do not."""
+
+    name = NAME
+
+    def __init__(self, folder: Path) -> None:
+        self._answers = dict(_answers(folder))
+        self.open: dict[str, dict[str, Any]] = {}
+
+    def say(self, question: Question, wording: Wording) -> Said:
+        key = key_of(NAME, question, wording)
+        if key in self._answers:
+            return Said(self._answers[key], asked=1)
+        self.open[key] = {
+            "key": key,
+            "task": question.task,
+            "system": wording.system,
+            "user": wording.user,
+            "schema": wording.schema,
+        }
+        raise OpenError(f"no answer to {key} yet", final=True)
+
+
+def _answers(folder: Path) -> Iterable[tuple[str, str]]:
+    for file in sorted(folder.glob("answers*.jsonl")):
+        for number, line in enumerate(file.read_text("utf-8").splitlines(), start=1):
+            if line.strip():
+                try:
+                    row = json.loads(line)
+                    reply = row["reply"]
+                    yield row["key"], reply if isinstance(reply, str) else json.dumps(reply)
+                except (ValueError, KeyError, TypeError) as error:
+                    raise SystemExit(f"{file}, line {number}: {error!r}") from None
+
+
+def rows_of(n: int, seed: int) -> list[dict[str, Any]]:
+    """N labelled instructions of the test half, spread by a hash that knows nothing of them."""
+    rows = load("test")
+    rows.sort(key=lambda row: hashlib.sha256(f"{seed}:{row['id']}".encode()).digest())
+    return rows[:n]
+
+
+def planned(rows: Sequence[dict[str, Any]], backend: Backend) -> tuple[list[dict[str, Any]], int]:
+    """The rows as understood, as far as there are answers, and how many wait for one."""
+    done, waiting = [], 0
+    for row in rows:
+        try:
+            done.append(plan_to_row(row["id"], _plan(row, backend)))
+        except OpenError:
+            waiting += 1
+    return done, waiting
+
+
+def _plan(row: dict[str, Any], backend: Backend) -> Plan:
+    """As in a run: the same words, and the same number of attempts."""
+    on, wrong = load_map(DEFAULT_INTERSECTION), ()
+    ways, text, previous = ways_of(on), row["text"], row.get("previous")
+    facts = {"instruction": text, "previous": previous, "legs": [leg.name for leg in on.legs]}
+    for _ in range(1 if backend.deterministic else ATTEMPTS):
+        wording = partial(worded_plan, text, previous, ways, rejections=wrong)
+        question = Question("plan", facts, wrong, wording=wording)
+        try:
+            return ask_for_plan(backend, question, ways)
+        except Rejected as error:
+            wrong = (*wrong, error.rejection.detail)
+    return refusal(f"no usable plan: {wrong[-1]}")
+
+
+def scenes(rows: Sequence[dict[str, Any]], backend: Backend) -> tuple[dict[str, str], int]:
+    """Instruction -> verified as told, verified, or why there is no scene; and how many wait."""
+    found: dict[str, str] = {}
+    waiting = 0
+    for row in rows:
+        if row["expected"]["refused"]:
+            continue
+        try:
+            found[row["id"]] = _scene(row, backend)
+        except OpenError:
+            waiting += 1
+    return found, waiting
+
+
+def _scene(row: dict[str, Any], backend: Backend) -> str:
+    try:
+        scene = synthesize(
+            row["text"], backend=backend, previous=row.get("previous"), refiner="none"
+        )
+    except (Unsatisfiable, InputError) as error:
+        return f"refused: {error}"
+    made = plan_to_row(row["id"], scene.state["social_graph"])
+    as_told = compare(row["expected"], made)
+    return "as told" if as_told.get("relations") and as_told.get("agents") else "otherwise"
+
+
+def told(share: Share) -> str:
+    if share.interval is None:
+        return "none"
+    low, high = share.interval
+    return (
+        f"{share.right} of {share.n} ({100 * share.right / share.n:.1f} %) [{low:.3f}, {high:.3f}]"
+    )
+
+
+def report(name: str, rows: Sequence[dict[str, Any]], backend: Backend) -> None:
+    plans, waiting = planned(rows, backend)
+    made, later = scenes(rows, backend)
+    if waiting + later:
+        print(f"{name}: {waiting + later} instructions still wait for answers", file=sys.stderr)
+    labelled = [row for row in rows if row["id"] in {each["id"] for each in plans}]
+    result = score(labelled, plans)
+    print(f"== {name}")
+    print(f"planning, every field right: {told(result.all_fields)}")
+    print(", ".join(f"{field} {s.right}/{s.n}" for field, s in result.fields.items()))
+    kinds = Counter(each.partition(":")[0] for each in made.values())
+    right = Share(kinds["as told"], len(made))
+    print(f"ISR, verified with agents and relations as labelled: {told(right)}")
+    print(f"verified at all: {told(Share(kinds['as told'] + kinds['otherwise'], len(made)))}")
+    for key, fields in result.wrong.items():
+        text = next(row["text"] for row in rows if row["id"] == key)
+        print(f"  wrong {', '.join(fields)}: {text[:110]}")
+    for key, why in made.items():
+        if why != "as told":
+            text = next(row["text"] for row in rows if row["id"] == key)
+            print(f"  {why[:120]}: {text[:90]}")
+
+
+def ask(folder: Path, n: int, seed: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    speaker, rows = ByFile(folder), rows_of(n, seed)
+    backend = Spoken(speaker)
+    planned(rows, backend)
+    scenes(rows, backend)
+    lines = "".join(json.dumps(each, ensure_ascii=False) + "\n" for each in speaker.open.values())
+    (folder / "questions.jsonl").write_text(lines, "utf-8")
+    (folder / "setting.json").write_text(json.dumps({"n": n, "seed": seed}))
+    count = Counter(each["task"] for each in speaker.open.values())
+    words = ", ".join(f"{count[task]} {task}" for task in TASKS if count[task])
+    print(f"{len(speaker.open)} questions open ({words or 'none'}): {folder / 'questions.jsonl'}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("ask", "score", "builtin"), nargs="?", default="builtin")
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("model_planning"))
+    parser.add_argument("--n", type=int, default=80)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--model", default=NAME, help="what to call who answered")
+    parser.add_argument("--backend", action="append", help="ask this backend, not the file")
+    parser.add_argument("--base-url")
+    told_by = parser.parse_args()
+    if told_by.what == "ask":
+        ask(told_by.folder, told_by.n, told_by.seed)
+        return
+    if told_by.what == "builtin":
+        report("builtin", rows_of(told_by.n, told_by.seed), load_backend("builtin"))
+        return
+    setting = {"n": told_by.n, "seed": told_by.seed}
+    if told_by.backend is None:
+        setting = json.loads((told_by.folder / "setting.json").read_text())
+        backend: Backend = Spoken(ByFile(told_by.folder))
+    else:
+        backend = load_backend(told_by.backend, base_url=told_by.base_url)
+    rows = rows_of(setting["n"], setting["seed"])
+    report(told_by.model if told_by.backend is None else backend.name, rows, backend)
+    report("builtin", rows, load_backend("builtin"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,188 @@
+"""`scenewright agent` and `scenewright dataset paper`: orders filled by the agent."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from scenewright.apps.batching import (
+    BackendName,
+    EngineName,
+    Json,
+    Out,
+    Place,
+    Quiet,
+    Refiner,
+    Url,
+    Workers,
+    batch_progress,
+    cores,
+    folder_of_option,
+    refiner_of,
+)
+from scenewright.apps.console import one_line, put, put_json, say
+from scenewright.apps.datasets import dataset
+from scenewright.errors import Unsatisfiable
+
+if TYPE_CHECKING:
+    from scenewright.graph.order.run import Order
+
+OrderSeed = Annotated[int, typer.Option(min=0, help="The same seed, the same dataset.")]
+WriterName = Annotated[
+    str, typer.Option(help="Who words the instructions: builtin, or a backend with a model.")
+]
+_SHOWN = 8
+
+
+def agent(
+    order: Annotated[str, typer.Argument(help="How many scenes of which kinds.")],
+    out: Out,
+    writer: WriterName = "builtin",
+    backend: BackendName = "builtin",
+    base_url: Url = None,
+    refiner: Refiner = None,
+    intersection: Place = "amsterdam_120",
+    seed: OrderSeed = 0,
+    budget: Annotated[
+        int | None,
+        typer.Option(min=1, help="Instructions at most; twice the scenes and 20 if not said."),
+    ] = None,
+    workers: Workers = None,
+    engine: EngineName = "process",
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what was understood, write nothing.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Fill an order such as `40 collisions and 50 yields at rush hour`.
+
+    Writes instructions in the manner of many writers, evenly over the patterns that there are,
+    has the scenes made, and words anew or replaces what is refused, within the budget. Killed, the
+    same command goes on. Exit code 3 if the order could not be filled; what there is stays.
+    """
+    from scenewright.graph.batch.work import Options
+    from scenewright.graph.order.run import Order
+    from scenewright.graph.order.wish import read_order
+
+    wish = read_order(order)
+    if dry_run:
+        if as_json:
+            put_json({"ok": True, "dry_run": True, "understood": wish.lines()})
+        else:
+            put("".join(f"{line}\n" for line in wish.lines()))
+        return
+    wanted = Order(
+        text=order,
+        wish=wish,
+        out=folder_of_option(out),
+        options=Options(
+            intersection=intersection,
+            backend=backend,
+            refiner=refiner_of(refiner),
+            seed=seed,
+            base_url=base_url,
+        ),
+        writer=writer,
+        budget=budget,
+        workers=cores() if workers is None else workers,
+        engine=engine,
+    )
+    fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
+
+
+@dataset.command("paper")
+def paper(
+    out: Out,
+    backend: Annotated[
+        list[str] | None,
+        typer.Option(help="Who plans and reasons; may be given again. builtin if not said."),
+    ] = None,
+    writer: WriterName = "builtin",
+    base_url: Url = None,
+    refiner: Refiner = None,
+    intersection: Place = "amsterdam_120",
+    seed: OrderSeed = 0,
+    scale: Annotated[
+        float, typer.Option(min=0.01, max=100.0, help="Of all counts, for a small one to try.")
+    ] = 1.0,
+    workers: Workers = None,
+    engine: EngineName = "process",
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make a dataset composed as the paper's.
+
+    100 normal scenes, and for each backend 40 collisions and 50 yields: two agents in the
+    foreground, medium density (5 to 10 more), from varied instructions. Killed, the same command
+    goes on.
+    """
+    from scenewright.graph.batch.work import Options
+    from scenewright.graph.order.run import Order, paper_wish
+
+    backends = list(dict.fromkeys(backend or ["builtin"]))
+    wanted = Order(
+        text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
+        wish=paper_wish(backends, scale=scale),
+        out=folder_of_option(out),
+        options=Options(
+            intersection=intersection,
+            backend=backends[0],
+            refiner=refiner_of(refiner),
+            seed=seed,
+            base_url=base_url,
+        ),
+        writer=writer,
+        workers=cores() if workers is None else workers,
+        engine=engine,
+        title="The paper's composition",
+    )
+    fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
+
+
+def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None:
+    """Fills an order and says what came of it.
+
+    Raises:
+        Unsatisfiable: not all of it could be filled.
+    """
+    from scenewright.graph.order.run import fill
+
+    if not quiet:
+        for line in order.wish.lines():
+            say(f"understood: {one_line(line)}")
+    with batch_progress(quiet=quiet, out=out) as tell:
+        report = fill(order, tell=tell)
+    if not quiet:
+        _tell_report(report)
+    if not report["filled"]:
+        missing = order.wish.count - report["scenes"]
+        raise Unsatisfiable(
+            f"{missing} of {order.wish.count} scenes could not be made within "
+            f"{report['instructions']} instructions; {out} holds the others, report.json says why"
+        )
+    if as_json:
+        put_json({"ok": True, "out": out, **report})
+    else:
+        put(f"{out}\n")
+
+
+def _tell_report(report: dict[str, Any]) -> None:
+    for quota in report["quotas"]:
+        who = f" by {quota['backend']}" if quota["backend"] else ""
+        say(
+            f"{quota['name']}{who}: {quota['filled']} of {quota['wanted']} in "
+            f"{quota['attempts']} attempts, {_coverage(quota['patterns'])}"
+        )
+        for reason, count in list(quota["refused"].items())[:_SHOWN]:
+            say(one_line(f"  refused {count}x {reason}"))
+
+
+def _coverage(patterns: dict[str, int]) -> str:
+    if not patterns:
+        return "no pattern"
+    counts = list(patterns.values())
+    return (
+        f"{sum(n > 0 for n in counts)} of {len(counts)} patterns, {min(counts)}-{max(counts)} each"
+    )

@@ -1,0 +1,55 @@
+"""Who plans and reasons, as the command line names it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from scenewright.backends import Backend
+
+BackendNames = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--backend",
+        metavar="NAME",
+        help="Who plans and reasons: builtin (the default), anthropic:MODEL, openai:MODEL or "
+        "recorded:FILE; or STAGE=NAME, repeated, with planner, filter or reasoner.",
+    ),
+]
+BaseUrl = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URL",
+        help="OpenAI-compatible endpoint that serves the model, such as http://localhost:8000/v1.",
+    ),
+]
+Record = Annotated[
+    str | None,
+    typer.Option(metavar="FILE", help="Keep every answer there; what it holds is not asked again."),
+]
+Timeout = Annotated[
+    float | None, typer.Option(metavar="S", help="Longest wait for one reply of a model [s].")
+]
+
+
+def backend_of(
+    names: list[str] | None,
+    *,
+    base_url: str | None = None,
+    record: str | None = None,
+    timeout: float | None = None,
+) -> Backend:
+    """The backend that the options name.
+
+    Raises:
+        InputError: there is none such; says which option to mend.
+    """
+    from scenewright import backends
+
+    named = names or ["builtin"]
+    one = named[0] if len(named) == 1 else named
+    if base_url is None and record is None and timeout is None:
+        return backends.load_backend(one)
+    return backends.load_backend(one, base_url=base_url, record=record, timeout=timeout)

@@ -1,0 +1,178 @@
+"""Edits that turn a dial: where somebody stops, how long, how fast, when, how many others."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.references import People
+from scenewright.scene.edits import ComeLater, Edit, MoveStop, Present, SetPace, WaitLonger
+
+_NUMBERS = {
+    "a": 1.0, "an": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0,
+    "six": 6.0, "seven": 7.0, "eight": 8.0, "nine": 9.0, "ten": 10.0, "half a": 0.5, "half": 0.5,
+    "a couple of": 2.0, "couple": 2.0, "a few": 3.0, "few": 3.0, "some": 3.0, "several": 4.0,
+    "a half": 0.5, "one and a half": 1.5, "eleven": 11.0, "twelve": 12.0,
+}  # fmt: skip
+_AMOUNT = (
+    r"(?P<amount>\d+(?:\.\d+)?|"
+    + "|".join(sorted(map(re.escape, _NUMBERS), key=len, reverse=True))
+    + r")"
+)
+_METRES = r"(?:m|metres?|meters?)\b"
+_SECONDS = r"(?:s|secs?|seconds?)\b"
+_ONWARD = r"(?:later|further|farther|ahead|closer|nearer|forward|beyond|past)"
+_BACK = r"(?:earlier|sooner|before|back|short|behind|shorter)"
+_STOPS = r"\b(?:stops?|stopping|stopped|halts?|stands?|standing|waits?|waiting|pulls? up|brakes?)\b"
+
+_FASTEST_SHARE, _SLOWEST_SHARE = 2.0, 0.3
+
+
+@dataclass(frozen=True)
+class _Dial:
+    pattern: re.Pattern[str]
+    make: Callable[[re.Match[str], str, People, Present | None], Edit]
+
+
+def turned(text: str, people: People, agent: Present | None) -> Edit | None:
+    """The edit of one agent's motion that the words amount to; None if they turn no dial.
+
+    Args:
+        text: the words, in lower case.
+        agent: whom they name; None if nobody.
+    """
+    for dial in _DIALS:
+        found = dial.pattern.search(text)
+        if found is not None:
+            return dial.make(found, text, people, agent)
+    return None
+
+
+def number(word: str) -> float:
+    """What a number stands for, in figures or in words."""
+    return _NUMBERS[word] if word in _NUMBERS else float(word)
+
+
+def _amount(found: re.Match[str], default: float) -> float:
+    word = found.groupdict().get("amount")
+    return default if word is None else number(word)
+
+
+def _stop(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+    metres = _bounded(_amount(found, 1.0), 15.0, "m")
+    back = re.search(rf"\b{_BACK}\b", text) is not None
+    who = agent or _stopping(people)
+    return MoveStop(agent=who.id, metres=-metres if back else metres)
+
+
+def _wait(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+    seconds = _bounded(_amount(found, 1.0), 20.0, "s")
+    less = re.search(r"\b(?:less|shorter)\b", text) is not None
+    who = agent or _stopping(people)
+    return WaitLonger(agent=who.id, seconds=-seconds if less else seconds)
+
+
+def _later(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+    seconds = _bounded(_amount(found, 1.0), 20.0, "s")
+    sooner = re.search(r"\b(?:earlier|sooner|before)\b", text) is not None
+    who = agent or people.pick(people.foreground(), "agent")
+    return ComeLater(agent=who.id, seconds=-seconds if sooner else seconds)
+
+
+def _pace(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+    who = agent or _driving(people)
+    slower = found.group("slower") is not None
+    percent = re.search(r"(\d+(?:\.\d+)?) ?(?:%|percent|per cent)", text)
+    if percent is not None:
+        share = float(percent[1]) / 100.0
+        factor = 1.0 - share if slower else 1.0 + share
+    elif re.search(r"\b(?:a (?:little |tiny )?bit|slightly|a little|a touch|somewhat)\b", text):
+        factor = 0.9 if slower else 1.1
+    elif re.search(r"\b(?:a lot|much|far|way|considerably)\b", text):
+        factor = 0.6 if slower else 1.5
+    elif re.search(r"\b(?:half|twice|double)\b", text):
+        factor = 0.5 if slower or "half" in text else 2.0
+    else:
+        factor = 0.8 if slower else 1.25
+    return SetPace(agent=who.id, factor=_share(factor))
+
+
+def _speed(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+    del text
+    who = agent or _driving(people)
+    unit = found.group("unit")
+    scale = 1.0 if unit.startswith("m/") or unit.startswith("met") else 1 / 3.6
+    scale = 0.44704 if unit.startswith(("mph", "mile")) else scale
+    wanted = float(found.group("speed")) * scale
+    return SetPace(agent=who.id, factor=_share(wanted / max(who.speed, 0.1)))
+
+
+def _share(factor: float) -> float:
+    if not _SLOWEST_SHARE <= factor <= _FASTEST_SHARE:
+        raise Refused(
+            "impossible",
+            f"That is {factor:.2g} times the speed; ask for {_SLOWEST_SHARE:g} to "
+            f"{_FASTEST_SHARE:g} times.",
+        )
+    return round(factor, 3)
+
+
+def _bounded(amount: float, most: float, unit: str) -> float:
+    if amount > most:
+        raise Refused("impossible", f"{amount:g} {unit} is too much at once; at most {most:g}.")
+    return amount
+
+
+def _stopping(people: People) -> Present:
+    stopping = [each for each in people.foreground() if each.stops]
+    if not stopping:
+        raise Refused("impossible", "Nobody of those named stops in this scene; say who.")
+    return people.pick(stopping, "agent")
+
+
+def _driving(people: People) -> Present:
+    here = people.foreground()
+    vehicles = [each for each in here if each.type == "vehicle"]
+    if not here:
+        raise Refused("impossible", "Nobody in particular takes part; say whom you mean.")
+    return people.pick(vehicles or here, "vehicle" if vehicles else "pedestrian")
+
+
+_DIALS = (
+    _Dial(re.compile(rf"{_STOPS}.*?\b{_AMOUNT} {_METRES}.*?\b(?:{_ONWARD}|{_BACK})\b"), _stop),
+    _Dial(re.compile(rf"\b{_AMOUNT} {_METRES} (?:{_ONWARD}|{_BACK})\b"), _stop),
+    _Dial(
+        re.compile(
+            r"\b(?:waits?|waiting|stands?|standing|stays?|pauses?|holds?)\b.*?"
+            rf"(?:\b{_AMOUNT} {_SECONDS} (?:longer|more|less|shorter)|\b(?:longer|less|shorter)"
+            rf"(?: by {_AMOUNT.replace('amount', 'by')} {_SECONDS})?)"
+        ),
+        _wait,
+    ),
+    _Dial(
+        re.compile(
+            rf"\b{_AMOUNT} {_SECONDS} (?:later|earlier|sooner|before)\b"
+            rf"|\b(?:delay|postpone)\b.*?\bby {_AMOUNT.replace('amount', 'by')} {_SECONDS}"
+        ),
+        _later,
+    ),
+    _Dial(re.compile(rf"{_STOPS} (?:a (?:little |bit )?)?(?:{_ONWARD}|{_BACK})\b(?! than)"), _stop),
+    _Dial(
+        re.compile(
+            r"\b(?:driv\w*|go(?:es|ing)?|travel\w*|mov\w*|walk\w*|run(?:s|ning)?|speed\w*|slow\w*)\b"
+            r".*?\b(?:at|to|with) (?P<speed>\d+(?:\.\d+)?) ?"
+            r"(?P<unit>km/?h|kmh|kph|kilomet\w+ per hour|mph|miles per hour|m/s|met\w+ per second)"
+        ),
+        _speed,
+    ),
+    _Dial(
+        re.compile(
+            r"\b(?:(?P<slower>slow(?:er|s|ed)?\b(?:.*?\bdown\b)?|less fast|half the speed|"
+            r"half as fast)|(?P<faster>fast(?:er)?\b|speeds?\b.*?\bup\b|quicker\b|hurr(?:y|ies)"
+            r"\b|twice the speed))"
+        ),
+        _pace,
+    ),
+)

@@ -1,0 +1,239 @@
+"""The scene as a draft that the planner's own grammar changes, and back to a social graph.
+
+Whoever the words name carries its id as a label, so that the grammar speaks of the right one; the
+agents keep their ids, and relations that nobody speaks of keep their figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from scenewright.backends.builtin import edits as grammar_of_edits
+from scenewright.backends.builtin import planner
+from scenewright.backends.builtin.clauses import Reader
+from scenewright.backends.builtin.clock import Clock, read_clock
+from scenewright.backends.builtin.context import read_context
+from scenewright.backends.builtin.coreference import OPPOSITE
+from scenewright.backends.builtin.draft import (
+    AgentDraft,
+    ContextDraft,
+    Draft,
+    Refused,
+    RelationDraft,
+)
+from scenewright.backends.builtin.grammar import modifiers
+from scenewright.backends.builtin.lexicon import Chunk, lexicon
+from scenewright.backends.builtin.mentions import Item, Mention, noun_phrases
+from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.references import People
+from scenewright.backends.builtin.scope import check_language, check_scope, check_text
+from scenewright.backends.builtin.shorthand import expand
+from scenewright.backends.builtin.ties import ties
+from scenewright.scene.edits import Edit, Situation, difference
+from scenewright.scene.social import EntryTie, RelationEdge, SceneContext, SocialGraph
+
+
+def next_item(items: Sequence[Item], at: int) -> Item | None:
+    """What follows an item; None at the end."""
+    return items[at + 1] if at + 1 < len(items) else None
+
+
+def by_grammar(text: str, situation: Situation, people: People) -> tuple[Edit, ...]:
+    """What the planner's grammar makes of it, as the difference of two graphs."""
+    check_text(text)
+    whole = expand(clean(text))
+    check_language(text, tokenise(whole))
+    plain, clock = read_clock(whole)
+    chunks = lexicon().chunks(tokenise(plain))
+    figures = (clock.time, clock.pet, clock.ttc, clock.speed)
+    if not any(each is not None for each in figures) and not _tells_time(chunks):
+        check_scope(whole, chunks, editing=True)
+    base = _Base(situation)
+    base.change(plain, chunks, clock, people)
+    return difference(situation.graph, base.graph(clock))
+
+
+def _tells_time(chunks: Sequence[Chunk]) -> bool:
+    return any(chunk.has("TIMEWORD") for chunk in chunks)
+
+
+class _Base:
+    """The scene as a draft that the planner's grammar can change."""
+
+    def __init__(self, situation: Situation) -> None:
+        self._before = situation.graph
+        self._taken = {each.id for each in situation.present}
+        drawn = {each.id: each for each in situation.present}
+        self._agents = {
+            node.id: AgentDraft(
+                node.type,
+                subtype=node.subtype,
+                entry=node.entry,
+                exit=node.exit,
+                movement=node.movement,
+                crosswalk=node.crosswalk,
+                runs_red=node.runs_red,
+                label=node.id,
+                head=_head(node.subtype or drawn[node.id].subtype, node.type)
+                if node.id in drawn
+                else node.type,
+            )
+            for node in self._before.agents
+        }
+        self._edges = [
+            (
+                RelationDraft(
+                    edge.type,
+                    self._agents[edge.from_],
+                    self._agents[edge.to],
+                    kind=edge.kind,
+                    cause=edge.cause,
+                    point_from=edge.point_from,
+                    point_to=edge.point_to,
+                    pattern=edge.pattern,
+                ),
+                edge,
+            )
+            for edge in self._before.relations
+        ]
+        context = self._before.context
+        self._draft = Draft(
+            agents=list(self._agents.values()),
+            relations=[draft for draft, _ in self._edges],
+            context=ContextDraft(density=context.density, time_of_day=context.time_of_day),
+        )
+
+    def change(self, plain: str, chunks: Sequence[Chunk], clock: Clock, people: People) -> None:
+        """As the words say, in place."""
+        draft = self._draft
+        if any(chunk.tags.get("EDIT") == "swap" for chunk in chunks):
+            for relation in draft.relations:
+                relation.from_, relation.to = relation.to, relation.from_
+        else:
+            self._read(plain, chunks, people)
+        read_context(draft, chunks, clock)
+        grammar_of_edits._forget(draft)
+        self._turned_round()
+        if not draft.agents and (draft.context.vehicles, draft.context.pedestrians) == (0, 0):
+            raise Refused("impossible", "Then nobody would be left; add somebody first.")
+        planner._finish(draft)
+
+    def _read(self, plain: str, chunks: Sequence[Chunk], people: People) -> None:
+        draft = self._draft
+        rest = list(chunks)
+        if "instead" in plain:
+            rest = [grammar_of_edits._definite(chunk) for chunk in rest]
+        earlier, agents = list(draft.relations), list(draft.agents)
+        draft.relations.clear()
+        items = noun_phrases(modifiers(rest), text=plain)
+        self._label(items, people)
+        # A crosswalk told before does not hold a pedestrian who now comes from another side.
+        for agent in self._agents.values():
+            agent.crosswalk = None
+        reader = Reader(draft, editing=True)
+        reader.read(items)
+        planner._failed_yields(draft, reader)
+        if "late_brake" in reader.said:
+            planner._cause(draft, "late_brake")
+        grammar_of_edits._relations(draft, earlier, rest, known=agents)
+
+    def _label(self, items: Sequence[Item], people: People) -> None:
+        """Mentions of agents that are there carry their names."""
+        for at, item in enumerate(items):
+            if not isinstance(item, Mention):
+                continue
+            agent = people.named(item, next_item(items, at))
+            if agent is None:
+                item.label = None
+            elif agent.id in self._agents:
+                item.label, item.type = agent.id, agent.type
+            else:
+                raise Refused(
+                    "impossible",
+                    f"{agent.id} is one of the others, who do nothing in particular; it can be "
+                    "removed, slowed down or moved in time, or an agent of its own can be added.",
+                )
+
+    def _turned_round(self) -> None:
+        """Who now comes from a side that its crosswalk does not allow crosses another leg."""
+        for name, agent in self._agents.items():
+            before = self._before.agent(name)
+            if agent.type != "pedestrian":
+                continue
+            turned = agent.entry is not None and agent.entry != before.entry
+            along = {agent.entry, OPPOSITE.get(agent.entry or "")}
+            if turned and agent.exit == before.exit:
+                agent.exit = None
+            told = agent.crosswalk is not None or agent.movement == "jaywalking"
+            if not told and not (turned and before.crosswalk in along):
+                agent.crosswalk = before.crosswalk
+
+    def graph(self, clock: Clock) -> SocialGraph:
+        """The draft as a social graph in which agents keep their ids."""
+        ids = {id(agent): name for name, agent in self._agents.items()}
+        taken = self._taken | set(self._agents)
+        for agent in self._draft.agents:
+            if id(agent) not in ids:
+                ids[id(agent)] = free_name(agent.type, taken)
+                taken.add(ids[id(agent)])
+        nodes = [planner._node(agent, ids[id(agent)]) for agent in self._draft.agents]
+        tied = [
+            EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
+            for agent, other, side in ties(self._draft)
+        ]
+        told = {frozenset((each.agent, each.of)) for each in tied}
+        moved = {n.id for n in nodes if n.id in self._agents and n.entry != self._entry(n.id)}
+        kept = [
+            each
+            for each in self._before.ties
+            if frozenset((each.agent, each.of)) not in told and not {each.agent, each.of} & moved
+        ]
+        present = {node.id for node in nodes}
+        return SocialGraph(
+            agents=tuple(nodes),
+            relations=tuple(self._edge(each, ids, clock) for each in self._draft.relations[:6]),
+            ties=tuple(t for t in (*kept, *tied) if {t.agent, t.of} <= present),
+            context=self._context(),
+        )
+
+    def _entry(self, name: str) -> str | None:
+        return self._before.agent(name).entry
+
+    def _edge(self, relation: RelationDraft, ids: Mapping[int, str], clock: Clock) -> RelationEdge:
+        before = next((edge for draft, edge in self._edges if draft is relation), None)
+        made = planner._edge(relation, dict(ids), self._draft)
+        if before is None:
+            return made
+        update: dict[str, object] = {
+            name: getattr(made, name) for name in ("from_", "to", "kind", "cause", "pattern")
+        }
+        if relation.type == "follow" and (clock.pet, clock.ttc) != (None, None):
+            raise Refused("impossible", "Who follows keeps a headway; it has no PET and no TTC.")
+        for name, figure in (
+            ("target_pet", clock.pet), ("target_ttc", clock.ttc), ("impact_speed", clock.speed),
+        ):  # fmt: skip
+            if figure is not None:
+                update[name] = getattr(made, name)
+        return before.model_copy(update=update)
+
+    def _context(self) -> SceneContext:
+        context = self._draft.context
+        update: dict[str, object] = {
+            "density": context.density,
+            "time_of_day": context.time_of_day,
+        }
+        if context.vehicles is not None or context.pedestrians is not None:
+            update["background"] = planner._context(self._draft).background
+        return self._before.context.model_copy(update=update)
+
+
+def _head(subtype: str | None, kind: str) -> str:
+    return kind if subtype is None or kind == "pedestrian" else subtype
+
+
+def free_name(kind: str, taken: set[str]) -> str:
+    """The first id of a class that nobody has."""
+    count = 1
+    while f"{kind}-{count}" in taken:
+        count += 1
+    return f"{kind}-{count}"

@@ -1,0 +1,231 @@
+"""Whom words of a conversation speak of: one agent of the scene, several, or nobody."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from scenewright.backends.builtin.coreference import OPPOSITE
+from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.grammar import Modifier
+from scenewright.backends.builtin.mentions import Item, Mention
+from scenewright.scene.edits import Ask, Choice, Present, Situation
+
+_ORDINALS = {"first": 0, "second": 1, "third": 2, "last": -1}
+_NEW = frozenset({"indefinite", "another", "no"})
+_SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
+_PLAIN_WORDS = frozenset(
+    [
+        "the",
+        "a",
+        "an",
+        "one",
+        "that",
+        "which",
+        "who",
+        "is",
+        "on",
+        "in",
+        "at",
+        "of",
+        "from",
+        "to",
+        "leg",
+        "side",
+        "please",
+        "i",
+        "mean",
+        "meant",
+        "it",
+        "with",
+        "and",
+        "crosswalk",
+        "crossing",
+        "coming",
+        "comes",
+        "going",
+        "goes",
+        "street",
+        "road",
+        "agent",
+        "number",
+        "no",
+    ]
+)
+_RESTRICTS = frozenset({"from", "leg", "crosswalk"})
+"""What may follow a noun to say which one; turns are what somebody shall do."""
+
+_SIDE_OF = {"northbound": "south", "southbound": "north", "eastbound": "west", "westbound": "east"}
+
+
+class Unclear(Exception):
+    """The words may mean several agents; carries the question."""
+
+    def __init__(self, ask: Ask) -> None:
+        super().__init__(ask.question)
+        self.ask = ask
+
+
+class People:
+    """The agents of a scene, to be found by what is said of them.
+
+    Args:
+        chosen: answers to earlier questions: phrase -> id.
+    """
+
+    def __init__(self, situation: Situation, chosen: Mapping[str, str]) -> None:
+        self._present = {each.id: each for each in situation.present}
+        self._chosen = chosen
+
+    def named(self, mention: Mention, after: Item | None = None) -> Present | None:
+        """The agent that the mention means; None where it introduces one or stands for a group.
+
+        Args:
+            after: what follows it, such as "from the north".
+
+        Raises:
+            Unclear: it may be any of several.
+            Refused: nobody in the scene is like that.
+        """
+        if mention.type is None or mention.det in _NEW or mention.mass:
+            return None
+        if mention.plural and mention.label is None:
+            return None
+        if mention.counted and mention.count != 1:
+            return None
+        key = phrase(mention)
+        if key in self._chosen:
+            return self._present.get(self._chosen[key])
+        return self._one(self._fitting(mention, after), mention, key)
+
+    def by_id(self, text: str) -> Present | None:
+        """The agent whose id stands in the text, such as vehicle-12.
+
+        Raises:
+            Refused: there is an id in it, but nobody has it.
+        """
+        found = re.search(
+            r"\b(vehicle|pedestrian)([ -])(\d+)\b(?! (?:m|s|metre|meter|sec))", text.lower()
+        )
+        if found is None:
+            return None
+        agent = self._present.get(f"{found[1]}-{found[3]}")
+        if agent is None and found[2] == "-":
+            raise Refused("impossible", f"There is no {found[0]} in this scene; /show lists all.")
+        return agent
+
+    def foreground(self) -> list[Present]:
+        """Those of the social graph."""
+        return [each for each in self._present.values() if each.role == "foreground"]
+
+    def pick(self, among: Sequence[Present], noun: str) -> Present:
+        """The only one of them, or the one that was answered; Unclear if there are several."""
+        if noun in self._chosen and self._chosen[noun] in self._present:
+            return self._present[self._chosen[noun]]
+        if len(among) == 1:
+            return among[0]
+        raise Unclear(which(among, noun))
+
+    def _fitting(self, mention: Mention, after: Item | None) -> list[Present]:
+        if mention.label is not None:
+            numbered = f"{mention.type}-{mention.label}"
+            return [self._present[numbered]] if numbered in self._present else []
+        alike = [each for each in self._present.values() if _alike(each, mention)]
+        front = [each for each in alike if each.role == "foreground"]
+        if not front and mention.type == "vehicle":
+            # Whoever said "a vehicle" calls it a car, whatever was drawn for it.
+            only = [each for each in self.foreground() if each.type == "vehicle"]
+            if mention.head in {"car", "vehicle"} and len(only) == 1:
+                front = only
+        found = front or alike
+        if mention.det in _ORDINALS:
+            return found[_ORDINALS[mention.det] :][:1] if found else []
+        told = [each for each in mention.premods if isinstance(each, Modifier)]
+        narrowed = [each for each in found if all(_as_told(each, premod) for premod in told)]
+        if len(narrowed) > 1 and isinstance(after, Modifier) and after.means in _RESTRICTS:
+            narrowed = [each for each in narrowed if _as_told(each, after)] or narrowed
+        return narrowed
+
+    def _one(self, found: list[Present], mention: Mention, key: str) -> Present | None:
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise Unclear(which(found, key))
+        if mention.det == "bare":
+            return None
+        here = ", ".join(described(each) for each in self.foreground()) or "nobody in particular"
+        raise Refused("impossible", f"There is no {key} in this scene; there is {here}.")
+
+
+def phrase(mention: Mention) -> str:
+    """What the mention is called, without its determiner."""
+    premods = " ".join(premod.text for premod in mention.premods)
+    return " ".join(f"{premods} {mention.head} {mention.label or ''}".split())
+
+
+def which(found: Sequence[Present], noun: str) -> Ask:
+    """The question which of several is meant."""
+    shown = found[:6]
+    told = [described(each) for each in shown]
+    options = f"{', '.join(told[:-1])} or {told[-1]}"
+    return Ask(
+        question=f"Which {noun}: {options}?",
+        choices=tuple(
+            Choice(answer=each.id, means=f"{noun}={each.id}: {described(each)}")
+            for each in found[:24]
+        ),
+    )
+
+
+def described(agent: Present) -> str:
+    """An agent with what tells it apart, and its id."""
+    if agent.type == "pedestrian":
+        where = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"
+        return f"the pedestrian {where}, from the {agent.entry} ({agent.id})"
+    way = agent.movement if agent.movement in ("left", "right") else "straight on"
+    turn = f"turning {way}" if way != "straight on" else "going straight on"
+    return f"the {agent.subtype or 'vehicle'} from the {agent.entry}, {turn} ({agent.id})"
+
+
+def answered(words: str, ask: Ask) -> Choice | None:
+    """The choice that an answer means; None if it is none of them, or several."""
+    said = words.lower().strip(" .!")
+    exact = [each for each in ask.choices if each.answer in said.split()]
+    if len(exact) == 1:
+        return exact[0]
+    index = {"1": 0, "2": 1, "3": 2, "first": 0, "second": 1, "third": 2, "last": -1}
+    only = set(re.findall(r"[a-z0-9-]+", said)) - _PLAIN_WORDS
+    if len(only) == 1 and (only & index.keys()):
+        at = index[only.pop()]
+        return ask.choices[at] if at < len(ask.choices) else None
+    only = {_SIDE_OF.get(word, word) for word in only}
+    fits = [each for each in ask.choices if only and only <= _words(each.means.partition(":")[2])]
+    return fits[0] if len(fits) == 1 else None
+
+
+def _words(text: str) -> set[str]:
+    return set(re.findall(r"[a-z0-9-]+", text.lower()))
+
+
+def _alike(agent: Present, mention: Mention) -> bool:
+    if agent.type != mention.type:
+        return False
+    return mention.subtype not in _SUBTYPES or agent.subtype == mention.subtype
+
+
+def _as_told(agent: Present, told: Modifier) -> bool:
+    if not told.values:
+        return told.means != "straight" or agent.movement == "straight"
+    value = told.values[0]
+    match told.means:
+        case "from" | "from_to" | "leg" if agent.type == "vehicle":
+            return agent.entry == value
+        case "from":
+            return agent.entry == value
+        case "bound":
+            return agent.entry == OPPOSITE[value]
+        case "crosswalk" | "leg":
+            return agent.crosswalk == value
+        case "turn":
+            return agent.movement == value
+    return True

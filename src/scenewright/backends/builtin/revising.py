@@ -1,0 +1,358 @@
+"""What a turn of a conversation means: words, and the scene as it is -> a reading of them.
+
+Dials, removals and numbers are read here. Everything else is read by the planner's own grammar,
+against a draft made of the social graph, in which whoever the words name is labelled.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from scenewright.backends.builtin import edits as grammar_of_edits
+from scenewright.backends.builtin.clock import read_clock
+from scenewright.backends.builtin.dials import number, turned
+from scenewright.backends.builtin.draft import (
+    Refused,
+)
+from scenewright.backends.builtin.grammar import Modifier, modifiers
+from scenewright.backends.builtin.lexicon import Chunk, lexicon
+from scenewright.backends.builtin.mentions import Item, Mention, noun_phrases
+from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.redraft import by_grammar, free_name, next_item
+from scenewright.backends.builtin.references import People, Unclear
+from scenewright.errors import Rejected
+from scenewright.scene.edits import (
+    AddAgent,
+    ChangeAgent,
+    Decline,
+    Edit,
+    Edits,
+    Fresh,
+    Present,
+    Reading,
+    Redraw,
+    Relate,
+    RemoveAgent,
+    SetBackground,
+    Situation,
+    Unrelate,
+    Wish,
+    edited,
+)
+from scenewright.scene.social import RelationEdge, RelationType
+
+_WISHES = (
+    ("why", r"(?:why|how come|what went wrong|what was wrong|explain|for what reason)\b"),
+    ("undo", r"(?:undo|go back|take (?:that|it) back|revert|back one)\b"),
+    ("redo", r"redo\b"),
+    ("show", r"(?:show|what do we have|what is there|describe|where are we)\b"),
+    ("help", r"(?:help|what can i)\b"),
+    ("quit", r"(?:quit|exit|bye|good ?bye)$"),
+)
+_PARTS = re.compile(
+    r"\s*(?:;|\.\s|,?\s+and then|,?\s+and|,\s*then|,)\s+(?=(?:then |also |please |now )*"
+    r"(?:make|add|remove|delete|drop|slow|speed|stop|put|set|move|change|turn it|delay|replace|"
+    r"have the|have it|let the|give it|no background)\b)"
+)
+_FRESH = re.compile(r"\b(?:new scene|start over|from scratch|forget (?:that|it|the))\b")
+_REMOVES = re.compile(r"\b(?:remove|delete|drop|get rid of|take out|take away|lose)\b")
+_ADDS = re.compile(r"\b(?:add|throw in|include|put in|insert)\b|\bmore\b|\badditional\b")
+_FEWER = re.compile(r"\b(?:fewer|less)\b")
+_ANOTHER = re.compile(
+    r"^(?:please )?(?:try (?:it )?again|another (?:one|version|try|take)|again|re-?roll|redraw|"
+    r"something else|surprise me|a different one|"
+    r"(?:(?:try|draw|give me|take) )?(?:another|a different)(?: (?:one|version|path|way))?"
+    r"(?: for (?P<who>.*))?)[.!]?$"
+)
+_BECOMES = re.compile(r"\b(?:make|turn|change|replace|swap|switch|should be|becomes?)\b")
+_PRONOUN = re.compile(
+    r"\b(?:make|have|let|get)\s+(?P<it>it|him|her)\s+(?=(?:turn|come|go|run|drive|walk|stop|cross|"
+    r"yield|give|wait|hit|follow|leave|enter|head|jaywalk|brake|start)\b)"
+)
+_EVENTS = ("COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "LET")
+_SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
+_EVENT_WORDS = {
+    "collide_at": r"collision|crash|accident|hit",
+    "near_miss": r"near[- ]miss|close call",
+    "yield_to": r"yield(?:ing)?|giving way|right of way",
+    "follow": r"follow(?:ing)?",
+}
+_TYPES: dict[str, RelationType] = {
+    "NEAR": "near_miss", "COLLIDE": "collide_at", "FOLLOW": "follow", "YIELD": "yield_to",
+    "WAIT": "yield_to", "LET": "yield_to",
+}  # fmt: skip
+_MOST = 20
+
+
+def read(
+    words: str, situation: Situation | None, *, chosen: Mapping[str, str] | None = None
+) -> Reading:
+    """What the words mean where the scene is as it is.
+
+    Args:
+        situation: None where there is no scene yet.
+        chosen: answers given to questions about these words: phrase -> agent id.
+    """
+    plain = " ".join(words.lower().split())
+    for wish, pattern in _WISHES:
+        if re.match(rf"(?:please |ok(?:ay)?,? |so )?{pattern}", plain):
+            return Wish.model_validate({"wish": wish})
+    if situation is None or _FRESH.search(plain):
+        return Fresh()
+    try:
+        return _edits(words, situation, chosen or {})
+    except Unclear as unclear:
+        return unclear.ask
+    except Refused as refused:
+        return Decline.model_validate({"code": refused.code, "reason": refused.reason})
+    except Rejected as rejected:
+        return Decline(code="contradictory", reason=rejected.rejection.detail)
+
+
+def _edits(words: str, situation: Situation, chosen: Mapping[str, str]) -> Reading:
+    again = _ANOTHER.match(" ".join(words.lower().split()))
+    if again is not None:
+        return Edits(edits=(_redraw(again, situation, chosen),))
+    if not grammar_of_edits.is_edit(words) and not _of_scene(words, situation, chosen):
+        return Fresh()
+    found: list[Edit] = []
+    for part in _PARTS.split(words.strip()):
+        if part.strip():
+            made = _part(part, situation, chosen)
+            found += made
+            graph = edited(situation.graph, made)
+            situation = situation.model_copy(update={"graph": graph})
+    if not found:
+        return Decline(
+            code="no_change",
+            reason="That changes nothing in the scene; say what shall be different.",
+        )
+    return Edits(edits=tuple(found))
+
+
+def _of_scene(words: str, situation: Situation, chosen: Mapping[str, str]) -> bool:
+    """Whether the words, though they tell an event, name agents that are there."""
+    people = People(situation, chosen)
+    try:
+        items = _items(clean(words))
+        return any(
+            people.named(item, next_item(items, at)) is not None
+            for at, item in enumerate(items)
+            if isinstance(item, Mention) and item.det == "definite"
+        )
+    except Unclear:
+        return True
+    except Refused:
+        return False
+
+
+def _redraw(found: re.Match[str], situation: Situation, chosen: Mapping[str, str]) -> Redraw:
+    who = found.group("who")
+    if not who:
+        return Redraw()
+    people = People(situation, chosen)
+    agent = _subject(_items(clean(who)), people) or people.by_id(who)
+    if agent is None:
+        raise Refused("impossible", f"I do not see who is meant by {who!r}.")
+    return Redraw(agent=agent.id)
+
+
+def _part(text: str, situation: Situation, chosen: Mapping[str, str]) -> tuple[Edit, ...]:
+    """The edits that one clause asks for."""
+    people = People(situation, chosen)
+    text = _spelt_out(text, people)
+    plain = clean(text)
+    items = _items(plain)
+    event = any(isinstance(each, Chunk) and each.has(*_EVENTS) for each in items)
+    related = _which_events(items, situation, people) if event and not _figures(plain) else None
+    if related is not None:
+        return related
+    made = _removed(text, plain, items, situation, people)
+    made = made or (None if event else _more_or_fewer(plain, items, situation))
+    made = made or _dial(text, items, people)
+    made = made or (None if event else _kind(plain, items, situation, people))
+    return made or by_grammar(text, situation, people)
+
+
+def _figures(plain: str) -> bool:
+    """Whether the words tell how severe it shall be: those are for the grammar."""
+    clock = read_clock(plain)[1]
+    return any(each is not None for each in (clock.pet, clock.ttc, clock.speed))
+
+
+def _which_events(
+    items: Sequence[Item], situation: Situation, people: People
+) -> tuple[Relate, ...] | None:
+    """The relations as they shall be, where there are several and nobody is named.
+
+    Who does the same to several does something else to all of them, but can hit only one.
+
+    Raises:
+        Unclear: the answer is the agent that acts.
+    """
+    edges = situation.graph.relations
+    if len(edges) < 2 or any(isinstance(each, Mention) for each in items):
+        return None
+    types = [
+        type_
+        for tag, type_ in _TYPES.items()
+        for item in items
+        if isinstance(item, Chunk) and item.has(tag)
+    ]
+    acting = {each.from_ for each in edges}
+    actor = people.pick([p for p in people.foreground() if p.id in acting], "event, that of")
+    meant = [each for each in edges if each.from_ == actor.id]
+    meant = [each for each in meant if each.type == meant[0].type]
+    return tuple(
+        Relate(
+            edge=RelationEdge.model_validate({"type": types[0], "from": each.from_, "to": each.to})
+        )
+        for each in (meant[:1] if types[0] == "collide_at" else meant)
+    )
+
+
+def _items(plain: str) -> list[Item]:
+    chunks = lexicon().chunks(tokenise(plain))
+    return noun_phrases(modifiers(chunks), text=plain)
+
+
+def _spelt_out(text: str, people: People) -> str:
+    """ "have it turn left" with the vehicle instead of the pronoun."""
+    found = _PRONOUN.search(text.lower())
+    if found is None:
+        return text
+    kind = "vehicle" if found["it"] == "it" else "pedestrian"
+    if not any(each.type == kind for each in people.foreground()):
+        return text
+    return f"{text[: found.start('it')]}the {kind}{text[found.end('it') :]}"
+
+
+def _subject(items: Sequence[Item], people: People) -> Present | None:
+    """The first agent that is named."""
+    for at, item in enumerate(items):
+        if isinstance(item, Mention):
+            agent = people.named(item, next_item(items, at))
+            if agent is not None:
+                return agent
+    return None
+
+
+def _dial(text: str, items: Sequence[Item], people: People) -> tuple[Edit, ...] | None:
+    lowered = " ".join(text.lower().split())
+    if re.search(r"\b(?:pet|ttc|impact|collid|hits?)\b", lowered):
+        return None
+    agent = people.by_id(text) or _subject(items, people)
+    edit = turned(lowered, people, agent)
+    return None if edit is None else (edit,)
+
+
+def _removed(
+    text: str, plain: str, items: Sequence[Item], situation: Situation, people: People
+) -> tuple[Edit, ...] | None:
+    """ "remove the truck", "drop the collision", "remove all pedestrians"."""
+    if not _REMOVES.search(plain):
+        return None
+    agent = people.by_id(text) or _subject(items, people)
+    if agent is not None:
+        return (RemoveAgent(agent=agent.id),)
+    for type_, pattern in _EVENT_WORDS.items():
+        edges = [each for each in situation.graph.relations if each.type == type_]
+        if edges and re.search(rf"\b(?:{pattern})\b", plain):
+            return tuple(Unrelate(first=each.from_, second=each.to) for each in edges)
+    groups = [each for each in items if isinstance(each, Mention) and each.type is not None]
+    if not groups and re.search(r"\b(?:background|everybody|everyone|others?)\b", plain):
+        return (SetBackground(vehicles=0, pedestrians=0),)
+    if not groups:
+        return None
+    counts = _background(situation)
+    for group in groups:
+        kind = str(group.type)
+        counts[kind] = max(counts[kind] - group.count, 0) if group.counted else 0
+    return (_counted(counts, [str(each.type) for each in groups]),)
+
+
+def _more_or_fewer(
+    plain: str, items: Sequence[Item], situation: Situation
+) -> tuple[Edit, ...] | None:
+    """ "add three cars", "two more pedestrians", "fewer cars"; kinds of vehicles by name."""
+    more, fewer = _ADDS.search(plain) is not None, _FEWER.search(plain) is not None
+    groups = [each for each in items if isinstance(each, Mention) and each.type is not None]
+    told = [each for each in items if isinstance(each, Modifier)]
+    if not groups or not (more or fewer) or told:
+        return None
+    if any(each.det == "definite" or each.premods for each in groups if not each.counted):
+        return None
+    named = [each for each in groups if each.subtype in _SUBTYPES - {"car"}]
+    if named and more:
+        return _kinds(groups, situation)
+    counts = _background(situation)
+    for group in groups:
+        many = group.count if group.counted else (_vague(plain) if group.plural else 1)
+        counts[str(group.type)] += -many if fewer else many
+    kinds = [str(each.type) for each in groups]
+    for kind in kinds:
+        if counts[kind] > _MOST:
+            raise Refused(
+                "impossible", f"{counts[kind]} others of one class are too many; at most {_MOST}."
+            )
+        counts[kind] = max(counts[kind], 0)
+    return (_counted(counts, kinds),)
+
+
+def _vague(plain: str) -> int:
+    found = re.search(r"\b(a couple of|a few|some|several)\b", plain)
+    return 3 if found is None else int(number(found[1]))
+
+
+def _kinds(groups: Sequence[Mention], situation: Situation) -> tuple[Edit, ...]:
+    """Trucks, buses and motorcycles take part by name: a crowd has the kinds it was drawn with."""
+    taken = {each.id for each in situation.present} | {a.id for a in situation.graph.agents}
+    made: list[Edit] = []
+    for group in groups:
+        for _ in range(group.count):
+            name = free_name(str(group.type), taken)
+            taken.add(name)
+            made.append(
+                AddAgent.model_validate(
+                    {"node": {"id": name, "type": group.type, "subtype": group.subtype}}
+                )
+            )
+    return tuple(made)
+
+
+def _background(situation: Situation) -> dict[str, int]:
+    others = [each for each in situation.present if each.role == "background"]
+    return {kind: sum(each.type == kind for each in others) for kind in ("vehicle", "pedestrian")}
+
+
+def _counted(counts: Mapping[str, int], kinds: Sequence[str]) -> SetBackground:
+    return SetBackground(
+        vehicles=counts["vehicle"] if "vehicle" in kinds else None,
+        pedestrians=counts["pedestrian"] if "pedestrian" in kinds else None,
+    )
+
+
+def _kind(
+    plain: str, items: Sequence[Item], situation: Situation, people: People
+) -> tuple[Edit, ...] | None:
+    """ "make the car a truck", "replace the bus with a motorcycle"."""
+    mentions = [(at, each) for at, each in enumerate(items) if isinstance(each, Mention)]
+    if not _BECOMES.search(plain) or not mentions:
+        return None
+    at, last = mentions[-1]
+    if last.det != "indefinite" or last.subtype not in _SUBTYPES:
+        return None
+    earlier = [each for _, each in mentions[:-1]]
+    subject = _subject(earlier, people)
+    if subject is None:
+        vehicles = [each for each in people.foreground() if each.type == "vehicle"]
+        if not vehicles:
+            return None
+        subject = people.pick(vehicles, "vehicle")
+    if subject.type == "pedestrian" or subject.role == "background":
+        raise Refused("impossible", f"{subject.id} cannot become that; remove it and add another.")
+    if any(isinstance(each, Modifier) for each in items[at:]):
+        return None
+    node = situation.graph.agent(subject.id)
+    return (ChangeAgent(node=node.model_copy(update={"subtype": last.subtype})),)

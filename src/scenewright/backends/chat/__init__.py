@@ -1,0 +1,13 @@
+"""Any chat model that LangChain reaches, by name: `anthropic:MODEL`, `openai:MODEL`.
+
+With a base URL, an OpenAI-compatible endpoint such as a vLLM server. `naming` makes the model,
+`faults` says what an exception amounts to, `patience` waits between attempts, `transport` bounds
+what an endpoint may send, `model` puts the question.
+"""
+
+from __future__ import annotations
+
+from scenewright.backends.chat.model import ChatModel, Limits
+from scenewright.backends.chat.naming import Endpoint, chat_model
+
+__all__ = ["ChatModel", "Endpoint", "Limits", "chat_model"]

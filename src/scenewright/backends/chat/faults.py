@@ -1,0 +1,131 @@
+"""What an exception of a model's client amounts to: a fault that may pass, or one that stays.
+
+Clients are told apart by what their exceptions carry, a status and a response, so that none of
+their packages has to be there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+
+from scenewright.backends.chat.patience import Passing
+from scenewright.errors import BackendFault
+
+_MAY_PASS = frozenset({408, 409, 425, 429, 500, 502, 503, 504, 520, 522, 524, 529})
+_CUT_OFF = "LengthFinishReasonError"
+_FILTERED = "ContentFilterFinishReasonError"
+_TIMED_OUT = "APITimeoutError"
+_UNREACHED = "APIConnectionError"
+_NO_RESPONSE = "APIResponseValidationError"
+_LONGEST = 200
+_OPTIONS = {
+    "response_format": (
+        *("response_format", "json_schema", "output_config", "output_format"),
+        "structured output",
+    ),
+    "temperature": ("temperature",),
+    "seed": ("seed",),
+}
+"""Options that some endpoints do not know, by the words in which they say so."""
+
+
+def is_cut_off(error: Exception) -> bool:
+    """Whether the reply ended where its tokens did."""
+    return _CUT_OFF in _names(error)
+
+
+def is_filtered(error: Exception) -> bool:
+    """Whether the endpoint withheld the reply."""
+    return _FILTERED in _names(error)
+
+
+def refused_option(error: Exception) -> str | None:
+    """The option of a request that the endpoint does not take, if that is what is wrong."""
+    if _status(error) not in (400, 404, 422, 501):
+        return None
+    words = _message(error).lower()
+    for option, names in _OPTIONS.items():
+        if any(name in words for name in names):
+            return option
+    return None
+
+
+def fault_of(error: Exception, *, model: str, key: str | None) -> Exception | None:
+    """A Passing or a BackendFault; None if the exception is no fault of an endpoint."""
+    names = _names(error)
+    status = _status(error)
+    if status is not None:
+        told = _told(error, status, key)
+        if status in _MAY_PASS:
+            return Passing(f"{model} answered {status}{told}", after=_retry_after(error))
+        return BackendFault(f"{model} answered {status}{told}", final=True)
+    if _TIMED_OUT in names or isinstance(error, httpx.TimeoutException):
+        return Passing(f"{model} did not answer in time")
+    if _UNREACHED in names or isinstance(error, httpx.TransportError):
+        return Passing(f"{model} cannot be reached: {_cause(error)}")
+    if _NO_RESPONSE in names or _is_garbled(error):
+        return Passing(f"{model} sent no answer of a chat model")
+    return None
+
+
+def _is_garbled(error: Exception) -> bool:
+    """Whether a client stumbled over a body that is not what the protocol says."""
+    packages = ("openai", "anthropic", "langchain_openai", "langchain_anthropic", "json", "httpx")
+    known = isinstance(error, ValueError | TypeError | KeyError | AttributeError | IndexError)
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    raised_in = "" if trace is None else str(trace.tb_frame.f_globals.get("__name__", ""))
+    return known and raised_in.partition(".")[0] in (*packages, "pydantic", "langchain_core")
+
+
+def _names(error: Exception) -> set[str]:
+    return {each.__name__ for each in type(error).__mro__}
+
+
+def _status(error: Exception) -> int | None:
+    status = getattr(error, "status_code", None)
+    return status if isinstance(status, int) else None
+
+
+def _message(error: Exception) -> str:
+    body = getattr(error, "body", None)
+    inner: Any = body.get("error", body) if isinstance(body, dict) else body
+    message = inner.get("message") if isinstance(inner, dict) else None
+    return message if isinstance(message, str) else str(error)
+
+
+def _told(error: Exception, status: int, key: str | None) -> str:
+    """What the endpoint says; nothing on keys, as such messages quote them."""
+    match status:
+        case 401 | 403:
+            return ": it does not accept the key in the environment"
+        case 404:
+            return ": there is no such model or address"
+        case 300 | 301 | 302 | 303 | 307 | 308:
+            return ": it redirects elsewhere, which is not followed"
+    text = " ".join("".join(c if c.isprintable() else " " for c in _message(error)).split())
+    return f": {hidden(text, key)[:_LONGEST]}" if text else ""
+
+
+def hidden(text: str, key: str | None) -> str:
+    """The text without the key, should somebody have quoted it."""
+    return text.replace(key, "[key]") if key and len(key) > 3 else text
+
+
+def _retry_after(error: Exception) -> float | None:
+    headers = getattr(getattr(error, "response", None), "headers", None) or {}
+    try:
+        seconds = float(headers.get("retry-after", ""))
+    except ValueError:
+        return None
+    return seconds if 0.0 <= seconds < 1e6 else None
+
+
+def _cause(error: Exception) -> str:
+    root: BaseException = error
+    while root.__cause__ is not None:
+        root = root.__cause__
+    return (str(root) or type(root).__name__)[:_LONGEST]

@@ -1,0 +1,161 @@
+"""A chat model as a speaker: one question, one reply, with patience and within limits."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from scenewright.backends import Question, Wording
+from scenewright.backends.chat.faults import (
+    fault_of,
+    hidden,
+    is_cut_off,
+    is_filtered,
+    refused_option,
+)
+from scenewright.backends.chat.naming import Endpoint
+from scenewright.backends.chat.patience import Patience, patiently
+from scenewright.backends.spoken import Said
+
+_CUT_OFF = ("length", "max_tokens", "model_length")
+_REFUSED = ("refusal", "content_filter")
+_OPTIONAL = ("response_format", "temperature", "seed")
+_AGAIN = 0.7
+"""Temperature of an attempt after a refused one."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a model may take.
+
+    Attributes:
+        timeout: longest wait for a reply [s]; tokens: of a reply; at_once: requests at a time.
+    """
+
+    timeout: float = 60.0
+    tokens: int = 3000
+    at_once: int = 8
+    patience: Patience = field(default_factory=Patience)
+
+
+class ChatModel:
+    """Puts questions to a LangChain chat model (see `Speaker`).
+
+    The reply's schema is asked for as `response_format`; an endpoint that does not know this or
+    another option is asked without it, and the words say the same.
+    """
+
+    def __init__(self, endpoint: Endpoint, *, limits: Limits | None = None) -> None:
+        self.name = endpoint.name
+        self._model, self._key = endpoint.model, endpoint.key
+        self._limits = limits or Limits()
+        self._turn = threading.BoundedSemaphore(self._limits.at_once)
+        self._unknown: set[str] = set()
+
+    def say(self, question: Question, wording: Wording) -> Said:
+        """The reply (see `Speaker`)."""
+        said, asked = patiently(
+            lambda: self._once(question, wording), patience=self._limits.patience
+        )
+        return Said(
+            text=hidden(said.text, self._key),
+            fault=None if said.fault is None else hidden(said.fault, self._key),
+            asked=asked,
+            input_tokens=said.input_tokens,
+            output_tokens=said.output_tokens,
+        )
+
+    def _once(self, question: Question, wording: Wording) -> Said:
+        try:
+            with self._turn:
+                return self._invoke(question, wording)
+        except Exception as error:
+            if is_cut_off(error):
+                return self._cut_off(error)
+            if is_filtered(error):
+                return Said("", fault=_declined("content filter"))
+            fault = fault_of(error, model=self.name, key=self._key)
+            if fault is None:
+                raise
+            raise fault from None
+
+    def _invoke(self, question: Question, wording: Wording) -> Said:
+        messages = [("system", wording.system), ("human", wording.user)]
+        for _ in range(len(_OPTIONAL)):
+            options = self._options(question, wording)
+            try:
+                return _said(self._model.invoke(messages, **options))
+            except Exception as error:
+                refused = refused_option(error)
+                if refused not in options:
+                    raise
+                self._unknown.add(str(refused))
+        return _said(self._model.invoke(messages))
+
+    def _options(self, question: Question, wording: Wording) -> dict[str, Any]:
+        """The reply's schema and, where models take them, a temperature and a seed."""
+        schema = {"name": question.task, "schema": wording.schema}
+        options: dict[str, Any] = {
+            "response_format": {"type": "json_schema", "json_schema": schema}
+        }
+        if self.name.startswith("openai:"):
+            # At no temperature a model that is told of a fault often makes the same one again.
+            options["temperature"] = _AGAIN if question.rejections else 0.0
+            options["seed"] = question.seed % 2**31
+        return {key: each for key, each in options.items() if key not in self._unknown}
+
+    def _cut_off(self, error: Exception) -> Said:
+        usage = getattr(getattr(error, "completion", None), "usage", None)
+        return Said(
+            "",
+            fault=_too_long(),
+            input_tokens=_count(getattr(usage, "prompt_tokens", None)),
+            output_tokens=_count(getattr(usage, "completion_tokens", None)),
+        )
+
+
+def _said(message: Any) -> Said:
+    usage = message.usage_metadata or {}
+    return Said(
+        text=_text(message.content),
+        fault=_fault(message),
+        input_tokens=_count(usage.get("input_tokens")),
+        output_tokens=_count(usage.get("output_tokens")),
+    )
+
+
+def _fault(message: Any) -> str | None:
+    """Why a reply is none, whatever it says."""
+    told: Mapping[str, Any] = message.response_metadata or {}
+    ended = told.get("finish_reason") or told.get("stop_reason")
+    refused = (message.additional_kwargs or {}).get("refusal")
+    if ended in _CUT_OFF:
+        return _too_long()
+    if refused or ended in _REFUSED:
+        return _declined(refused if isinstance(refused, str) else str(ended))
+    if message.tool_calls or message.invalid_tool_calls:
+        return "the reply calls a tool; there are none, answer with one JSON object"
+    return None
+
+
+def _too_long() -> str:
+    return "the reply was cut off before its end; answer with less, as one JSON object"
+
+
+def _declined(why: str) -> str:
+    words = " ".join("".join(c if c.isprintable() else " " for c in why[:400]).split())
+    return f"the model declined to answer ({words[:160]}); this is a simulated traffic scene"
+
+
+def _text(content: str | Sequence[Any]) -> str:
+    """The text of a reply; parts of other kinds, such as thoughts, are passed over."""
+    if isinstance(content, str):
+        return content
+    parts = [each if isinstance(each, str) else each.get("text", "") for each in content]
+    return "".join(part for part in parts if isinstance(part, str))
+
+
+def _count(value: Any) -> int | None:
+    return value if isinstance(value, int) and value >= 0 else None

@@ -1,0 +1,166 @@
+"""A chat model by its name; keys come from the environment, endpoints from the user alone."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from scenewright.errors import InputError
+
+if TYPE_CHECKING:
+    from langchain_core.language_models import BaseChatModel
+
+_PACKAGE = {"openai": "langchain_openai", "anthropic": "langchain_anthropic"}
+_KEY = {"openai": "OPENAI_API_KEY", "anthropic": "ANTHROPIC_API_KEY"}
+_HOME = {"openai": "https://api.openai.com/v1", "anthropic": "https://api.anthropic.com"}
+OWN_KEY = "SCENEWRIGHT_API_KEY"
+"""For endpoints that the user names: the keys of the two providers are not sent there."""
+
+_MOST_BYTES = 16_000_000
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """Where a model is reached.
+
+    Attributes:
+        key: the secret to hide in whatever is said about it; never printed.
+    """
+
+    model: Any
+    name: str
+    key: str | None = field(default=None, repr=False)
+
+
+def chat_model(
+    name: str,
+    *,
+    base_url: str | None = None,
+    timeout: float,
+    max_tokens: int,
+    most_bytes: int = _MOST_BYTES,
+) -> Endpoint:
+    """The chat model of that name, ready to be asked; its own retries are off.
+
+    Raises:
+        InputError: no such provider, or its package or key is missing, or the URL is none.
+    """
+    provider, _, model = name.partition(":")
+    if not model.strip() or not provider:
+        raise InputError(f"a model is named PROVIDER:MODEL, such as openai:MODEL, got {name!r}")
+    if base_url is not None:
+        base_url = _checked(base_url)
+    if provider not in _PACKAGE:
+        return Endpoint(_any_other(name, provider, base_url), name)
+    if provider == "anthropic" and base_url is not None:
+        raise InputError("--base-url is for OpenAI-compatible endpoints; name the model openai:...")
+    if find_spec(_PACKAGE[provider]) is None:
+        raise InputError(
+            f"{name} needs the package {_PACKAGE[provider].replace('_', '-')}; "
+            "pip install 'scenewright[chat]'"
+        )
+    key = _key_for(provider, base_url)
+    make = _openai if provider == "openai" else _anthropic
+    made = make(
+        model,
+        key=key or "none",
+        base_url=base_url or _HOME[provider],
+        timeout=timeout,
+        max_tokens=max_tokens,
+        most_bytes=most_bytes,
+    )
+    return Endpoint(made, name if base_url is None else f"{name} at {base_url}", key)
+
+
+def _checked(base_url: str) -> str:
+    """The URL, which has no secrets in it."""
+    try:
+        parts = urlsplit(base_url)
+        good = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        good = False
+    if not good or any(not c.isprintable() or c.isspace() for c in base_url):
+        raise InputError(
+            f"--base-url is an http address such as http://localhost:8000/v1, got {base_url[:80]!r}"
+        )
+    if parts.username or parts.password or parts.query or parts.fragment:
+        raise InputError(
+            f"--base-url carries no user, password or query; put the key into {OWN_KEY}"
+        )
+    return base_url.rstrip("/")
+
+
+def _key_for(provider: str, base_url: str | None) -> str | None:
+    """The key; an endpoint of the user's own needs none."""
+    variable = _KEY[provider] if base_url is None else OWN_KEY
+    key = os.environ.get(variable, "").strip()
+    if not key and base_url is None:
+        raise InputError(f"{variable} is not set; {provider} models need a key in the environment")
+    if key and not (key.isascii() and key.isprintable()):
+        raise InputError(f"{variable} is no key: it holds characters that cannot be sent")
+    return key or None
+
+
+def _openai(
+    model: str, *, key: str, base_url: str, timeout: float, max_tokens: int, most_bytes: int
+) -> BaseChatModel:
+    from langchain_openai import ChatOpenAI
+    from pydantic import SecretStr
+
+    from scenewright.backends.chat.transport import bounded_client
+
+    own = base_url != _HOME["openai"]
+    # Servers of one's own know `max_tokens`; the name that replaced it is OpenAI's alone.
+    limit: dict[str, Any] = (
+        {"extra_body": {"max_tokens": max_tokens}} if own else {"max_completion_tokens": max_tokens}
+    )
+    return ChatOpenAI(
+        model=model,
+        api_key=SecretStr(key),
+        base_url=base_url,
+        organization="" if own else None,
+        timeout=timeout,
+        max_retries=0,
+        use_responses_api=False,
+        http_client=bounded_client(base_url, seconds=timeout, most_bytes=most_bytes),
+        **limit,
+    )
+
+
+def _anthropic(
+    model: str, *, key: str, base_url: str, timeout: float, max_tokens: int, most_bytes: int
+) -> BaseChatModel:
+    del most_bytes  # its client takes none of ours
+    from langchain_anthropic import ChatAnthropic
+    from pydantic import SecretStr
+
+    return ChatAnthropic(
+        model_name=model,
+        api_key=SecretStr(key),
+        base_url=base_url,
+        timeout=timeout,
+        max_retries=0,
+        max_tokens_to_sample=max_tokens,
+        stop=None,
+    )
+
+
+def _any_other(name: str, provider: str, base_url: str | None) -> BaseChatModel:
+    """A model of another provider, if the package `langchain` is there and knows it."""
+    if base_url is not None:
+        raise InputError("--base-url is for OpenAI-compatible endpoints; name the model openai:...")
+    if find_spec("langchain") is None:
+        known = ", ".join(sorted(_PACKAGE))
+        raise InputError(
+            f"there is no backend {name!r}: of the providers of models, {known} come with the "
+            f"extra 'chat'; for {provider!r} install langchain and its package as well"
+        )
+    try:
+        made: BaseChatModel = import_module("langchain.chat_models").init_chat_model(name)
+    except (ImportError, ValueError) as error:
+        raise InputError(f"{name} cannot be used: {str(error).splitlines()[0][:160]}") from error
+    return made

@@ -1,0 +1,58 @@
+"""Asking again after a fault that may pass: a few times, with growing pauses."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from scenewright.errors import BackendFault
+
+ResultT = TypeVar("ResultT")
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How long to insist.
+
+    Attributes:
+        attempts: in all; first, longest: pauses [s], each twice the one before.
+    """
+
+    attempts: int = 4
+    first: float = 1.0
+    longest: float = 20.0
+
+
+class Passing(Exception):
+    """A fault that may pass.
+
+    Attributes:
+        after: seconds that the endpoint asks to wait; None if it says nothing.
+    """
+
+    def __init__(self, reason: str, *, after: float | None = None) -> None:
+        super().__init__(reason)
+        self.after = after
+
+
+def patiently(ask: Callable[[], ResultT], *, patience: Patience) -> tuple[ResultT, int]:
+    """What `ask` returns, and how often it was called.
+
+    Raises:
+        BackendFault: every attempt failed; says how the last one did.
+    """
+    for attempt in range(1, patience.attempts + 1):
+        try:
+            return ask(), attempt
+        except Passing as fault:
+            if attempt == patience.attempts:
+                raise BackendFault(f"{fault} ({attempt} attempts)", final=True) from None
+            time.sleep(_pause(attempt, fault.after, patience))
+    raise BackendFault("no attempt is allowed", final=True)
+
+
+def _pause(attempt: int, asked_for: float | None, patience: Patience) -> float:
+    pause = patience.first * 2.0 ** (attempt - 1)
+    return min(max(pause, asked_for or 0.0), patience.longest)

@@ -1,0 +1,322 @@
+"""Answers kept in a file, and answers given from it: a run is replayed bit for bit.
+
+The file is JSON lines: a head that says who answered which task, then one line per answer with the
+key of its question (model, prompt, schema and seed). Each line is appended whole, under a lock, so
+that several runs may share a file and one that is killed costs at most its own last line.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from scenewright.backends import TASKS, Backend, Question, Task, Wording
+from scenewright.backends.spoken import Said, Speaker, Spoken, key_of
+from scenewright.errors import BackendFault, InputError
+
+FORMAT: Literal["scenewright answers"] = "scenewright answers"
+_MOST_BYTES = 512_000_000
+
+
+class Who(BaseModel):
+    """Who answers a task."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str
+    deterministic: bool
+
+
+class Head(BaseModel):
+    """The first line of a file of answers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: Literal["scenewright answers"] = FORMAT
+    version: Literal[1] = 1
+    speakers: dict[Task, Who]
+
+
+class Answer(BaseModel):
+    """One line: a question and what was said to it.
+
+    Attributes:
+        reply: as it came; fault: why it is none whatever it says.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    key: str
+    task: Task
+    model: str
+    seed: int
+    system: str
+    user: str
+    schema_: dict[str, Any] = {}
+    reply: str
+    fault: str | None = None
+    input_tokens: int | None = None
+    output_tokens: int | None = None
+
+    def said(self) -> Said:
+        """What was said."""
+        return Said(
+            self.reply,
+            fault=self.fault,
+            asked=0,
+            input_tokens=self.input_tokens,
+            output_tokens=self.output_tokens,
+        )
+
+
+class Answers:
+    """A file of answers, read once and appended to."""
+
+    def __init__(self, path: str | Path, head: Head) -> None:
+        self.path, self.head = Path(path), head
+        self._known: dict[str, Answer] = {}
+        self._lock = threading.Lock()
+
+    @classmethod
+    def read(cls, path: str | Path) -> Answers:
+        """The answers in a file.
+
+        Raises:
+            InputError: it is missing, unreadable or no file of answers; says which line.
+        """
+        head, answers = _parsed(Path(path))
+        if head is None:
+            raise InputError(f"{path} holds no recorded answers")
+        found = cls(path, head)
+        found._known = {each.key: each for each in answers}
+        return found
+
+    @classmethod
+    def to_add_to(cls, path: str | Path, head: Head) -> Answers:
+        """The answers in a file, which is made if it is not there.
+
+        Raises:
+            InputError: it cannot be written, or holds the answers of somebody else.
+        """
+        target = Path(path)
+        try:
+            if not target.exists():
+                _append(target, [head.model_dump(mode="json")], only_if_empty=True)
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+        found = cls.read(path)
+        if found.head != head:
+            raise InputError(
+                f"{path} holds the answers of {_names(found.head)}, not of {_names(head)}; "
+                "name another file"
+            )
+        return found
+
+    def get(self, key: str) -> Answer | None:
+        """The answer to the question with this key."""
+        with self._lock:
+            return self._known.get(key)
+
+    def add(self, answer: Answer) -> None:
+        """Keeps an answer, at once and whole.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        with self._lock:
+            if answer.key in self._known:
+                return
+            try:
+                _append(self.path, [answer.model_dump(mode="json")])
+            except OSError as error:
+                raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
+            self._known[answer.key] = answer
+
+
+class Recording:
+    """Somebody whose answers are kept; what the file holds already is not asked again."""
+
+    def __init__(self, speaker: Speaker, answers: Answers, *, by_facts: bool = False) -> None:
+        self.name = speaker.name
+        self._speaker, self._answers, self._by_facts = speaker, answers, by_facts
+
+    def say(self, question: Question, wording: Wording) -> Said:
+        """The reply (see `Speaker`)."""
+        key = key_of(self.name, question, wording, by_facts=self._by_facts)
+        known = self._answers.get(key)
+        if known is not None:
+            return known.said()
+        said = self._speaker.say(question, wording)
+        self._answers.add(_line(key, self.name, question, wording, said))
+        return said
+
+
+class Replay:
+    """Says what a file holds, and nothing else."""
+
+    def __init__(self, name: str, answers: Answers, *, by_facts: bool = False) -> None:
+        self.name = name
+        self._answers, self._by_facts = answers, by_facts
+
+    def say(self, question: Question, wording: Wording) -> Said:
+        """The recorded reply (see `Speaker`)."""
+        key = key_of(self.name, question, wording, by_facts=self._by_facts)
+        known = self._answers.get(key)
+        if known is None:
+            raise BackendFault(
+                f"{self._answers.path} holds no answer to this {question.task} question of seed "
+                f"{question.seed}; record it with the same request, seed, intersection and version",
+                final=True,
+            )
+        return known.said()
+
+
+class _Aloud:
+    """A backend of rules as a speaker: its answers as text, exact to the bit."""
+
+    def __init__(self, backend: Backend) -> None:
+        self.name = backend.name
+        self._backend = backend
+
+    def say(self, question: Question, wording: Wording) -> Said:
+        """The reply (see `Speaker`)."""
+        del wording
+        return Said(json.dumps(self._backend.answer(question), ensure_ascii=False))
+
+
+class _Heard(Spoken):
+    """What answers as somebody else did who was deterministic or not."""
+
+    def __init__(self, speaker: Speaker, *, deterministic: bool) -> None:
+        super().__init__(speaker)
+        self.deterministic = deterministic
+
+
+def recording(speakers: Mapping[Task, Backend], path: str | Path) -> dict[Task, Backend]:
+    """The backends, by task, with every answer kept in the file.
+
+    Raises:
+        InputError: the file cannot be used.
+    """
+    who = {
+        task: Who(name=each.name, deterministic=each.deterministic)
+        for task, each in speakers.items()
+    }
+    answers = Answers.to_add_to(path, Head(speakers=who))
+    found: dict[Task, Backend] = {}
+    for task, each in speakers.items():
+        rule = each.deterministic
+        kept = Recording(_aloud(each), answers, by_facts=rule)
+        found[task] = _Heard(kept, deterministic=rule)
+    return found
+
+
+def replayed(path: str | Path) -> dict[Task, Backend]:
+    """Backends, by task, that answer as those did whose answers the file holds.
+
+    Raises:
+        InputError: there is no such file, or it is none of answers.
+    """
+    answers = Answers.read(path)
+    found: dict[Task, Backend] = {}
+    for task, who in answers.head.speakers.items():
+        replay = Replay(who.name, answers, by_facts=who.deterministic)
+        found[task] = _Heard(replay, deterministic=who.deterministic)
+    return found
+
+
+def _aloud(backend: Backend) -> Speaker:
+    return backend.speaker if isinstance(backend, Spoken) else _Aloud(backend)
+
+
+def _line(key: str, model: str, question: Question, wording: Wording, said: Said) -> Answer:
+    return Answer(
+        key=key,
+        task=question.task,
+        model=model,
+        seed=question.seed,
+        system=wording.system,
+        user=wording.user,
+        schema_=wording.schema,
+        reply=said.text,
+        fault=said.fault,
+        input_tokens=said.input_tokens,
+        output_tokens=said.output_tokens,
+    )
+
+
+def _parsed(path: Path) -> tuple[Head | None, list[Answer]]:
+    try:
+        if path.stat().st_size > _MOST_BYTES or not path.is_file():
+            raise InputError(f"cannot read {path}: no file of answers, or a larger one than 512 MB")
+        text = path.read_bytes().decode("utf-8")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} holds no recorded answers: not UTF-8") from error
+    # What follows the last end of line was cut off while it was written.
+    lines = text.split("\n")[:-1]
+    head, answers = None, []
+    for number, line in enumerate(lines, start=1):
+        try:
+            if number == 1:
+                head = Head.model_validate_json(line)
+            elif line.strip():
+                answers.append(Answer.model_validate_json(line))
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            raise InputError(
+                f"{path}, line {number}: no recorded answer: {first['msg'][:120]}"
+            ) from None
+    if head is not None and set(head.speakers) != set(TASKS):
+        raise InputError(f"{path}, line 1: does not say who answers {', '.join(TASKS)}")
+    return head, answers
+
+
+def _append(path: Path, values: list[dict[str, Any]], *, only_if_empty: bool = False) -> None:
+    """Adds whole lines, after cutting off one that was never finished."""
+    data = "".join(json.dumps(each, ensure_ascii=False) + "\n" for each in values)
+    with path.open("a+b") as file, _locked(file):
+        end = file.seek(0, 2)
+        if only_if_empty and end:
+            return
+        whole = _end_of_last_line(file, end)
+        if whole < end:
+            file.truncate(whole)
+        file.write(data.encode("utf-8", "backslashreplace"))
+        file.flush()
+
+
+def _end_of_last_line(file: IO[bytes], end: int) -> int:
+    if end == 0:
+        return 0
+    file.seek(end - 1)
+    if file.read(1) == b"\n":
+        return end
+    file.seek(0)
+    return file.read().rfind(b"\n") + 1
+
+
+@contextmanager
+def _locked(file: IO[bytes]) -> Iterator[None]:
+    """Alone with the file, on systems that know such locks."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    fcntl.flock(file, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        fcntl.flock(file, fcntl.LOCK_UN)
+
+
+def _names(head: Head) -> str:
+    return ", ".join(dict.fromkeys(each.name for each in head.speakers.values()))

@@ -1,0 +1,53 @@
+"""Answers handed out in order: the whole machine runs on it without a model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from scenewright.backends import Question, Task, Wording
+from scenewright.backends.spoken import Said, Spoken
+from scenewright.errors import BackendFault
+
+Script = str | dict[str, Any] | Said | Callable[[Question], "str | dict[str, Any] | Said"]
+"""A reply as text, as the object that it holds, or made for the question."""
+
+
+class ScriptedSpeaker:
+    """Says what it was handed for a task, in order; the last is said for good if `forever`.
+
+    Attributes:
+        asked: every question so far, with its words.
+    """
+
+    def __init__(
+        self,
+        replies: Mapping[Task, Iterable[Script]],
+        *,
+        name: str = "scripted",
+        forever: bool = False,
+    ) -> None:
+        self.name = name
+        self.asked: list[tuple[Question, Wording]] = []
+        self._replies = {task: list(each) for task, each in replies.items()}
+        self._forever = forever
+
+    def say(self, question: Question, wording: Wording) -> Said:
+        """The next reply (see `Speaker`)."""
+        self.asked.append((question, wording))
+        left = self._replies.get(question.task, [])
+        if not left:
+            raise BackendFault(f"the script has no answer left for {question.task}", final=True)
+        reply = left[0] if self._forever and len(left) == 1 else left.pop(0)
+        made = reply(question) if callable(reply) else reply
+        if isinstance(made, Said):
+            return made
+        return Said(made if isinstance(made, str) else json.dumps(made, ensure_ascii=False))
+
+
+def scripted(
+    replies: Mapping[Task, Iterable[Script]], *, name: str = "scripted", forever: bool = False
+) -> Spoken:
+    """A backend that gives the replies it is handed, read as those of a model are."""
+    return Spoken(ScriptedSpeaker(replies, name=name, forever=forever))

@@ -1,0 +1,135 @@
+"""From what somebody says to an answer: whoever speaks in texts becomes a backend here."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any, Protocol
+
+from scenewright.backends import STAGE_OF, Call, Question, Wording
+from scenewright.backends.reading import LONGEST, Unreadable, object_in
+from scenewright.errors import Rejected
+from scenewright.scene.rejection import Rejection
+
+AT_ONCE = 8
+"""Questions that may be put to somebody at a time who says nothing of it."""
+
+_REMEMBERED = 256
+
+
+@dataclass(frozen=True)
+class Said:
+    """What was said.
+
+    Attributes:
+        text: the reply, as it came.
+        fault: why it is no answer whatever it says, such as that it was cut off; else None.
+        asked: how often the request was sent.
+    """
+
+    text: str
+    fault: str | None = None
+    asked: int = 1
+    input_tokens: int | None = None
+    output_tokens: int | None = None
+
+
+class Speaker(Protocol):
+    """Says something to a question in words.
+
+    Attributes:
+        name: for provenance, and part of the key under which answers are kept.
+    """
+
+    name: str
+
+    def say(self, question: Question, wording: Wording) -> Said:
+        """The reply to a question.
+
+        Raises:
+            BackendFault: nothing can be said.
+        """
+
+
+class Spoken:
+    """A backend that reads the answer out of what a speaker says.
+
+    Attributes:
+        at_once: how many questions it is worth to put at a time.
+
+    The same question in the same words is not put twice: a question that comes again, after a
+    fresh sample that changed nothing of it, gets the answer that it had.
+    """
+
+    deterministic = False
+
+    def __init__(self, speaker: Speaker) -> None:
+        self.speaker = speaker
+        self.name = speaker.name
+        self.at_once: int = getattr(speaker, "at_once", AT_ONCE)
+        self._known: OrderedDict[str, Said] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def answer(self, question: Question) -> dict[str, Any]:
+        """The reply to a question (see `Backend`)."""
+        wording = question.wording()
+        key = key_of(self.name, question, wording, by_facts=self.deterministic)
+        before = perf_counter()
+        said = self._recalled(key)
+        asked = 0 if said is not None else 1
+        if said is None:
+            said = self.speaker.say(question, wording)
+            self._remember(key, said)
+        question.account(_call(self.name, question, said, asked, perf_counter() - before, key))
+        return _read(said, question)
+
+    def _recalled(self, key: str) -> Said | None:
+        with self._lock:
+            return self._known.get(key)
+
+    def _remember(self, key: str, said: Said) -> None:
+        if len(said.text) > LONGEST:
+            return
+        with self._lock:
+            self._known[key] = said
+            while len(self._known) > _REMEMBERED:
+                self._known.popitem(last=False)
+
+
+def key_of(model: str, question: Question, wording: Wording, *, by_facts: bool = False) -> str:
+    """Fingerprint of a question: who is asked what, in which words, for which reply, which seed.
+
+    Args:
+        by_facts: who answers goes by the facts, of which the words tell but a part.
+    """
+    asked = [model, wording.system, wording.user, wording.schema, question.seed]
+    asked += [question.facts] if by_facts else []
+    text = json.dumps(asked, ensure_ascii=False, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode("utf-8", "backslashreplace")).hexdigest()[:32]
+
+
+def _read(said: Said, question: Question) -> dict[str, Any]:
+    try:
+        if said.fault is not None:
+            raise Unreadable(said.fault)
+        return object_in(said.text)
+    except Unreadable as error:
+        raise Rejected(
+            Rejection(stage=STAGE_OF[question.task], code="malformed_reply", detail=str(error))
+        ) from None
+
+
+def _call(model: str, question: Question, said: Said, asked: int, seconds: float, key: str) -> Call:
+    return Call(
+        task=question.task,
+        model=model,
+        asked=said.asked * asked,
+        seconds=seconds,
+        input_tokens=None if said.input_tokens is None else said.input_tokens * asked,
+        output_tokens=None if said.output_tokens is None else said.output_tokens * asked,
+        prompt=key,
+    )

@@ -1,0 +1,244 @@
+"""Whether scenes differ from one another as much as real traffic does: ratios of spreads.
+
+Taking the likeliest candidates alone (Eq. 4) would make everybody drive in the middle of the lane
+at the usual speed. Each ratio is a standard deviation in the dataset over that in the corpus; the
+bar is 0.8.
+
+- lateral position: across the mean path of a route, at the stations that tracks pass; within
+  routes, pooled over those that have at least five agents in the dataset;
+- speed: 90 % quantile of an agent's speed while it moves, within class; of everybody, which queues
+  widen, and of who is never slow (3 m/s, on foot 0.5);
+- place of events: distance from the mean place of its kind, in both directions;
+- time of events: within the scene; and of those alone that lie between 6 and 20 s, where all
+  events that are asked for have to lie (SEMANTICS section 6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenewright.evals.tables.likelihood import nearest_on
+from scenewright.evals.tables.nearness import CLASSES, STANDING, Watched
+from scenewright.intersections import bundle_folder
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.record import SceneRecord
+from scenewright.tools.recordings.kinematics import kinematics
+
+BAR = 0.8
+FEWEST = 5
+"""Agents of a route, or events of a kind, below which a spread says nothing."""
+ASKED_AT = (6.0, 20.0)
+UNIMPEDED = {"vehicle": 3.0, "pedestrian": 0.5}
+_TOP = 0.9
+_LONG = 10
+"""Samples that a quantile of a speed needs."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """One ratio with its interval (95 %, resampled); spreads in the unit named.
+
+    Attributes:
+        what, group: such as `lateral position` of `vehicle`.
+        ours, corpus: standard deviations; n, n_corpus: values that they are of.
+    """
+
+    what: str
+    group: str
+    unit: str
+    ours: float
+    corpus: float
+    n: int
+    n_corpus: int
+    low: float
+    high: float
+
+    @property
+    def ratio(self) -> float:
+        """Ours over the corpus'."""
+        return self.ours / self.corpus
+
+    @property
+    def enough(self) -> bool:
+        """Whether the ratio is at least 0.8."""
+        return self.ratio >= BAR
+
+
+def lateral(
+    scenes: Iterable[SceneRecord], *, bundle: str | Path, draws: int, seed: int
+) -> list[Spread]:
+    """Spread across the paths of routes, against the held-out tracks of a bundle."""
+    held = held_out(bundle)
+    ours: dict[str, list[FloatArray]] = {}
+    for scene in scenes:
+        for agent in scene.agents:
+            if agent.route in held:
+                xy, drawn = np.array(agent.trajectory), np.array(agent.waypoints)
+                mean, normal = held[agent.route].mean, held[agent.route].normal
+                # Where the track passes the agent's own waypoints, as offsets from the mean path.
+                place, passed = nearest_on(xy, drawn)
+                off = np.where(passed, ((place - mean) * normal).sum(axis=1), np.nan)
+                ours.setdefault(agent.route, []).append(off)
+    kept = {route: np.array(rows) for route, rows in ours.items() if len(rows) >= FEWEST}
+    found = (_lateral(kind, kept, held, draws, seed) for kind in CLASSES)
+    return [each for each in found if each is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Held-out tracks of one route.
+
+    Attributes:
+        mean: [K, 2] mean waypoints [m]; normal: [K, 2] unit vectors across the mean path.
+        offsets: [n, K] of each track from it, to the left [m].
+    """
+
+    mean: FloatArray
+    normal: FloatArray
+    offsets: FloatArray
+
+
+def held_out(bundle: str | Path) -> dict[str, Held]:
+    """The held-out tracks of a bundle by route; none if it keeps none."""
+    file = (bundle if isinstance(bundle, Path) else bundle_folder(bundle)) / "heldout.npz"
+    if not file.is_file():
+        return {}
+    with np.load(file, allow_pickle=False) as stored:
+        ends = np.cumsum(stored["test_tracks"])[:-1]
+        tracks = np.split(stored["waypoints"].astype(np.float64), ends)
+        routes = [str(name) for name in stored["routes"]]
+    return {r: _held(t) for r, t in zip(routes, tracks, strict=True) if len(t) >= FEWEST}
+
+
+def _held(tracks: FloatArray) -> Held:
+    mean = tracks.mean(axis=0)
+    along = np.gradient(mean, axis=0)
+    along /= np.maximum(np.hypot(*along.T)[:, None], 1e-9)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return Held(mean, normal, ((tracks - mean) * normal).sum(axis=2))
+
+
+def _lateral(
+    kind: AgentClass,
+    ours: Mapping[str, FloatArray],
+    held: Mapping[str, Held],
+    draws: int,
+    seed: int,
+) -> Spread | None:
+    routes = [route for route in ours if route.startswith(kind)]
+    if not routes:
+        return None
+    # Every route weighs as much on both sides: as many agents as it has in the dataset.
+    agents = sum(len(ours[route]) for route in routes)
+    weights = [len(ours[route]) / agents for route in routes]
+    spread = _pooled([_variance(ours[r]) for r in routes], weights)
+    corpus = _pooled([_variance(held[r].offsets) for r in routes], weights)
+    rng = np.random.default_rng(seed)
+    again = [
+        _pooled([_variance(_again(ours[r], rng)) for r in routes], weights) for _ in range(draws)
+    ]
+    # Drawing anew from few agents repeats some and narrows; the mean of the draws shows how much.
+    level = spread / max(float(np.mean(again)), 1e-9)
+    low, high = np.quantile(np.array(again) * level / corpus, [0.025, 0.975])
+    count = sum(len(held[r].offsets) for r in routes)
+    return Spread(
+        "lateral position", kind, "m", spread, corpus, agents, count, float(low), float(high)
+    )
+
+
+def _again(rows: FloatArray, rng: np.random.Generator) -> FloatArray:
+    return np.asarray(rows[rng.integers(len(rows), size=len(rows))])
+
+
+def _variance(offsets: FloatArray) -> float:
+    """Mean over the K stations of the variance there; stations that fewer than three pass aside."""
+    passed = (~np.isnan(offsets)).sum(axis=0) >= 3
+    if not passed.any():
+        return 0.0
+    return float(np.nanvar(offsets[:, passed], axis=0, ddof=1).mean())
+
+
+def _pooled(variances: Sequence[float], weights: Sequence[float]) -> float:
+    return float(np.sqrt(np.dot(variances, weights)))
+
+
+def speeds(
+    ours: Sequence[Watched], corpus: Sequence[Watched], *, draws: int, seed: int
+) -> list[Spread]:
+    """Spread of how fast agents go where nothing keeps them."""
+    found = []
+    for kind in CLASSES:
+        for what, least in (("speed", 0.0), ("speed of who is never slow", UNIMPEDED[kind])):
+            a, b = (_column(scenes, kind, least) for scenes in (ours, corpus))
+            found += _spread(what, kind, "m/s", a, b, draws, seed)
+    return found
+
+
+def _column(scenes: Sequence[Watched], kind: AgentClass, least: float) -> FloatArray:
+    parts = [_top(each, kind, least) for each in scenes]
+    return np.concatenate([np.zeros(0), *parts])[:, None]
+
+
+def _top(watched: Watched, kind: AgentClass, least: float) -> FloatArray:
+    done = (kinematics(u.track.xy).speed for u in watched.scene.users if u.shape.type == kind)
+    kept = (speed for speed in done if len(speed) >= _LONG and speed.min() >= least)
+    moving = (speed[speed > STANDING] for speed in kept)
+    return np.array([np.quantile(speed, _TOP) for speed in moving if len(speed) >= _LONG])
+
+
+def events(
+    ours: Sequence[Watched], corpus: Sequence[Watched], *, draws: int, seed: int
+) -> list[Spread]:
+    """Spread of where and when events happen; kinds that the corpus does not know are left out."""
+    found = []
+    for kind in ("yielding", "near_miss", "follow"):
+        a, b = (_events(each, kind) for each in (ours, corpus))
+        found += _spread("place of events", kind, "m", a[:, :2], b[:, :2], draws, seed)
+        found += _spread("time of events", kind, "s", a[:, 2:], b[:, 2:], draws, seed)
+        within = f"time of events, {ASKED_AT[0]:g} to {ASKED_AT[1]:g} s"
+        found += _spread(within, kind, "s", _then(a), _then(b), draws, seed)
+    return found
+
+
+def _then(found: FloatArray) -> FloatArray:
+    """[n, 1] times of the events that lie where events that are asked for do [s]."""
+    times = found[:, 2:]
+    inside = (times[:, 0] >= ASKED_AT[0]) & (times[:, 0] <= ASKED_AT[1])
+    return np.asarray(times[inside])
+
+
+def _events(scenes: Sequence[Watched], kind: str) -> FloatArray:
+    """[n, 3] x, y [m] and time [s] of every event of a kind, asked for or not."""
+    rows = [
+        (*event.location, event.time)
+        for each in scenes
+        for event in each.seen.events
+        if event.type == kind
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _spread(
+    what: str, group: str, unit: str, ours: FloatArray, corpus: FloatArray, draws: int, seed: int
+) -> list[Spread]:
+    if min(len(ours), len(corpus)) < FEWEST:
+        return []
+    rng = np.random.default_rng(seed)
+    base = _deviation(corpus)
+    again = [_deviation(_again(ours, rng)) / base for _ in range(draws)]
+    low, high = np.quantile(again, [0.025, 0.975])
+    return [
+        Spread(
+            what, group, unit, _deviation(ours), base, len(ours), len(corpus),
+            float(low), float(high),
+        )
+    ]  # fmt: skip
+
+
+def _deviation(values: FloatArray) -> float:
+    """Root of the summed variances of all columns."""
+    return float(np.sqrt(values.var(axis=0, ddof=1).sum()))

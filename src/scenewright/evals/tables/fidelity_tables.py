@@ -1,0 +1,122 @@
+"""Tables 1, 4 and 5: NLL and S2R by event, class and role, one table for each backend."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.evals.tables.likelihood import (
+    READINGS,
+    AgentScore,
+    Gap,
+    Left,
+    Reading,
+    Role,
+    gap,
+    group_of,
+    mean_nll,
+    picked,
+    score_scene,
+)
+from scenewright.evals.tables.reading import Dataset
+from scenewright.scene.base import AgentClass
+from scenewright.tools.gmm_sampler import load_priors
+
+CLASSES: tuple[AgentClass, ...] = ("pedestrian", "vehicle")
+ROLES: tuple[Role, ...] = ("foreground", "background")
+EVENTS = ("collision", "yielding", "near_miss", "follow")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """NLL of normal scenes: the first row of Table 1."""
+
+    type: AgentClass
+    reading: Reading
+    scenes: int
+    agents: int
+    nll: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell; None where no such agent is in the dataset."""
+
+    backend: str
+    event: str
+    role: Role
+    type: AgentClass
+    reading: Reading
+    gap: Gap | None
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """All of it.
+
+    Attributes:
+        left: agents without a score; mixed: scenes with several kinds of events, left out.
+    """
+
+    references: tuple[Reference, ...]
+    cells: tuple[Cell, ...]
+    left: Left
+    mixed: int
+
+
+def fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
+    """Scores every agent and compares events with normal scenes, of whichever backend those are."""
+    scores: dict[str, list[AgentScore]] = {name: [] for name in dataset.backends}
+    left, mixed = Left(), 0
+    for number, scene in dataset.scenes(dataset.rows):
+        group = group_of(scene)
+        if group is None:
+            mixed += 1
+            continue
+        priors = load_priors(scene.meta.intersection)
+        found, without = score_scene(scene, priors, number=number, group=group)
+        scores[dataset.rows[number].backend] += found
+        left += without
+    everybody = [score for each in scores.values() for score in each]
+    rng = np.random.default_rng(seed)
+    return Fidelity(
+        tuple(_references(everybody, draws, rng)),
+        tuple(_cells(scores, everybody, draws, rng)),
+        left,
+        mixed,
+    )
+
+
+def _references(
+    scores: Sequence[AgentScore], draws: int, rng: np.random.Generator
+) -> Iterator[Reference]:
+    for reading in READINGS:
+        for kind in CLASSES:
+            normal = list(picked(scores, group="normal", role=None, kind=kind))
+            found = mean_nll(normal, reading, draws=draws, rng=rng)
+            if found is not None:
+                scenes = len({each.scene for each in normal})
+                yield Reference(kind, reading, scenes, len(normal), *found)
+
+
+def _cells(
+    scores: dict[str, list[AgentScore]],
+    everybody: Sequence[AgentScore],
+    draws: int,
+    rng: np.random.Generator,
+) -> Iterator[Cell]:
+    normal = {
+        kind: list(picked(everybody, group="normal", role=None, kind=kind)) for kind in CLASSES
+    }
+    for backend, mine in scores.items():
+        present = [event for event in EVENTS if any(each.group == event for each in mine)]
+        for event in present:
+            for role in ROLES:
+                for kind in CLASSES:
+                    agents = list(picked(mine, group=event, role=role, kind=kind))
+                    for reading in READINGS:
+                        found = gap(agents, normal[kind], reading, draws=draws, rng=rng)
+                        yield Cell(backend, event, role, kind, reading, found)

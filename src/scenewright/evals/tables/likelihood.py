@@ -1,0 +1,228 @@
+"""How likely tracks are under the priors, and the gap to normal traffic (paper 4.2, Eq. 8).
+
+NLL is -log p_wp of ten waypoints of an agent, in metres and nats, given its route (class, entry,
+exit, crosswalk). Two readings stand side by side, as no text says what to do with a track that does
+not run from one end of its route to the other:
+
+- `track`: ten waypoints at equal arc length of the final track as it is, cut short or not. A
+  collision ends a track, and so does the end of a scene.
+- `path`: the ten waypoints that were drawn for the agent, each replaced by where the final track
+  passes it. What the agent never reached stays as drawn, so this is about *where* it went alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.candidates import K
+from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.tools.gmm_sampler import Priors, waypoint_nll
+
+Reading = Literal["track", "path"]
+READINGS: tuple[Reading, ...] = ("track", "path")
+Role = Literal["foreground", "background"]
+_AT_AN_END, _THE_SAME = 1e-3, 2e-3
+"""Positions have millimetres [m]."""
+_BESIDE = 2.5
+"""Further from the track than this, a point was not passed [m]."""
+_SHORTEST = 0.5
+"""A track that covers less than this stands, and has no waypoints of its own [m]."""
+
+
+@dataclass(frozen=True)
+class AgentScore:
+    """One agent's likelihood.
+
+    Attributes:
+        scene: number of its scene; group: event that the scene was made for, or `normal`.
+        nll: by reading [nats per ten waypoints].
+    """
+
+    scene: int
+    group: str
+    role: Role
+    type: AgentClass
+    nll: Mapping[Reading, float]
+
+
+@dataclass(frozen=True)
+class Left:
+    """Agents without a score: on routes without tracks in the corpus, or that stand all along."""
+
+    assumed: int = 0
+    standing: int = 0
+
+    def __add__(self, other: Left) -> Left:
+        return Left(self.assumed + other.assumed, self.standing + other.standing)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """One cell of Table 1, 4 or 5: agents of one class and role in scenes of one event.
+
+    Attributes:
+        nll: mean [nats per ten waypoints]; normal: that of the reference.
+        s2r: Eq. 8 as printed, with its sign; its size is what the paper's tables show.
+        delta: (nll - normal) / 10 [nats per waypoint], free of the unit of length.
+        s2r_interval, delta_interval: 95 %, scenes drawn anew with replacement.
+    """
+
+    agents: int
+    scenes: int
+    nll: float
+    normal: float
+    s2r: float
+    delta: float
+    s2r_interval: tuple[float, float]
+    delta_interval: tuple[float, float]
+
+
+def score_scene(
+    scene: SceneRecord, priors: Priors, *, number: int, group: str
+) -> tuple[list[AgentScore], Left]:
+    """The likelihood of every agent of a scene."""
+    scores, left = [], Left()
+    for agent in scene.agents:
+        prior = priors.waypoints.get(agent.route)
+        if prior is None or prior.tracks == 0:
+            left += Left(assumed=1)
+            continue
+        driven = waypoints_of(np.array(agent.trajectory))
+        if driven is None:
+            left += Left(standing=1)
+            continue
+        both = np.stack([driven, passed_waypoints(agent)])
+        values = waypoint_nll(prior, both)
+        nll: dict[Reading, float] = dict(zip(READINGS, map(float, values), strict=True))
+        scores.append(AgentScore(number, group, agent.role, agent.type, nll))
+    return scores, left
+
+
+def waypoints_of(xy: FloatArray) -> FloatArray | None:
+    """[K, 2] points at equal arc length along a track [T, 2] [m]; None if it hardly moves."""
+    along = _lengths(np.diff(xy, axis=0))
+    if along[-1] < _SHORTEST:
+        return None
+    at = np.linspace(0.0, along[-1], K)
+    return np.stack([np.interp(at, along, xy[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def _lengths(steps: FloatArray) -> FloatArray:
+    """[T] distance driven up to each sample [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+
+
+def passed_waypoints(agent: AgentRecord) -> FloatArray:
+    """[K, 2] the agent's drawn waypoints, each where the final track passes it, if it does [m]."""
+    drawn, xy = np.array(agent.waypoints), np.array(agent.trajectory)
+    nearest, passed = nearest_on(xy, drawn)
+    return np.where(passed[:, None], nearest, drawn)
+
+
+def nearest_on(xy: FloatArray, points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """The nearest place on a track [T, 2] to each point [P, 2], and whether it was passed.
+
+    A point before the track's beginning or beyond its end is not passed, nor one further away than
+    a lane is wide: where a track turns a corner, what it never reached may lie beside it.
+    """
+    if len(xy) < 2:
+        off = np.hypot(*(points - xy[0]).T)
+        return np.broadcast_to(xy[0], points.shape).copy(), off < _THE_SAME
+    start, step = xy[:-1], np.diff(xy, axis=0)
+    length = np.maximum((step**2).sum(axis=1), 1e-12)
+    away = points[:, None, :] - start
+    share = np.clip((away * step).sum(axis=2) / length, 0.0, 1.0)
+    places = start + share[..., None] * step
+    far = np.hypot(*np.moveaxis(points[:, None, :] - places, 2, 0))
+    rows, best = np.arange(len(points)), far.argmin(axis=1)
+    # By distance driven, not by sample: who stands at the end has many samples there.
+    along = _lengths(step)
+    at = along[best] + share[rows, best] * (along[best + 1] - along[best])
+    within = (at > _AT_AN_END) & (at < along[-1] - _AT_AN_END)
+    off = far[rows, best]
+    return places[rows, best], (within & (off < _BESIDE)) | (off < _THE_SAME)
+
+
+def gap(
+    scores: Sequence[AgentScore],
+    normal: Sequence[AgentScore],
+    reading: Reading,
+    *,
+    draws: int,
+    rng: np.random.Generator,
+) -> Gap | None:
+    """The gap of some agents to the normal ones; None where either is empty."""
+    ours, reference = _by_scene(scores, reading), _by_scene(normal, reading)
+    if not len(ours) or not len(reference):
+        return None
+    nll, base = _mean(ours), _mean(reference)
+    again = _resampled(ours, draws, rng)
+    against = _resampled(reference, draws, rng)
+    return Gap(
+        agents=len(scores),
+        scenes=len(ours),
+        nll=float(nll),
+        normal=float(base),
+        s2r=float((base - nll) / base),
+        delta=float((nll - base) / K),
+        s2r_interval=_interval((against - again) / against),
+        delta_interval=_interval((again - against) / K),
+    )
+
+
+def mean_nll(
+    scores: Sequence[AgentScore], reading: Reading, *, draws: int, rng: np.random.Generator
+) -> tuple[float, tuple[float, float]] | None:
+    """Mean NLL and its 95 % interval over scenes; None where there is nobody."""
+    sums = _by_scene(scores, reading)
+    if not len(sums):
+        return None
+    return float(_mean(sums)), _interval(_resampled(sums, draws, rng))
+
+
+def _by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
+    """[S, 2] sum of NLL and number of agents of each scene."""
+    found: dict[int, list[float]] = {}
+    for each in scores:
+        found.setdefault(each.scene, []).append(each.nll[reading])
+    return np.array([[sum(values), len(values)] for values in found.values()]).reshape(-1, 2)
+
+
+def _mean(sums: FloatArray) -> float:
+    total = sums.sum(axis=0)
+    return float(total[0] / total[1])
+
+
+def _resampled(sums: FloatArray, draws: int, rng: np.random.Generator) -> FloatArray:
+    """[draws] means with scenes drawn anew."""
+    weights = rng.multinomial(len(sums), np.full(len(sums), 1 / len(sums)), size=draws)
+    total = weights @ sums
+    return np.asarray(total[:, 0] / total[:, 1])
+
+
+def _interval(values: FloatArray) -> tuple[float, float]:
+    low, high = np.quantile(values, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def group_of(scene: SceneRecord) -> str | None:
+    """The event that a scene was made for, `normal` for none; None where they are of many kinds."""
+    kinds = {relation.type for relation in scene.relations}
+    if len(kinds) > 1:
+        return None
+    return next(iter(kinds), "normal")
+
+
+def picked(
+    scores: Iterable[AgentScore], *, group: str, role: Role | None, kind: AgentClass
+) -> Iterator[AgentScore]:
+    """Scores of one event, role (None: both) and class."""
+    for each in scores:
+        if each.group == group and each.type == kind and role in (None, each.role):
+            yield each

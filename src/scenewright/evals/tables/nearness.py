@@ -1,0 +1,166 @@
+"""How scenes move and keep apart, against a corpus and real tracks: Wasserstein distances.
+
+Speed, acceleration and jerk are those of moving agents; headway is that of vehicles behind another
+in one lane, faster than 1 m/s and at most 10 s; PET is that of every encounter, at most 8.5 s.
+Values of one scene (of one window of a recording) are drawn together for the intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.evals.realism import Distance, Sample, distance, wasserstein
+from scenewright.evals.realism.scenes import Played
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.map import IntersectionMap
+from scenewright.tools.recordings import Recording
+from scenewright.tools.recordings.kinematics import kinematics
+from scenewright.tools.relation_checker import Observation, RoadUser, observe
+
+STANDING = 0.3
+MOST_HEADWAY = 10.0
+CREEP = 1.0
+UNITS: Mapping[str, str] = {
+    "speed": "m/s", "acceleration": "m/s²", "jerk": "m/s³", "headway": "s", "PET": "s",
+}  # fmt: skip
+_MOTION = ("speed", "acceleration", "jerk")
+CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """A scene with all that the checker measures in it."""
+
+    scene: Played
+    seen: Observation
+
+
+@dataclass(frozen=True)
+class Near:
+    """One measure of the dataset against one reference.
+
+    Attributes:
+        group: whose it is, such as `vehicle`; reference: `corpus` or the name of real tracks.
+        distance: None where one of both has no value.
+        halves: distance of two halves of the reference: what no set can be expected to go below.
+        quantiles, reference_quantiles: 5, 50, 95 %.
+    """
+
+    measure: str
+    group: str
+    reference: str
+    distance: Distance | None
+    halves: float | None
+    quantiles: tuple[float, ...] | None
+    reference_quantiles: tuple[float, ...] | None
+
+
+def watch(scenes: Iterable[Played], *, on: IntersectionMap | None) -> Iterator[Watched]:
+    """Scenes with what the checker measures."""
+    for scene in scenes:
+        seen = observe(
+            scene.users, ground=on, signals=scene.signals, asked=scene.asked, detailed=()
+        )
+        yield Watched(scene, seen)
+
+
+Values = Mapping[tuple[str, str], Sample]
+"""(measure, group) -> values."""
+
+
+def values_of(scenes: Sequence[Watched], *, smoothing: float = 0.0) -> Values:
+    """All measures of a set of scenes.
+
+    Args:
+        smoothing: over positions before derivatives are taken [s].
+    """
+    found = motion_of([each.scene for each in scenes], smoothing=smoothing)
+    found["headway", "vehicle"] = Sample.of([headways(each.seen) for each in scenes])
+    pairs = ("vehicle-vehicle", "vehicle-pedestrian")
+    for pair in pairs:
+        found["PET", pair] = Sample.of([pets(each.seen, pair) for each in scenes])
+    return found
+
+
+def motion_of(scenes: Sequence[Played], *, smoothing: float = 0.0) -> dict[tuple[str, str], Sample]:
+    """Speed, acceleration and jerk alone."""
+    found = {}
+    for kind in CLASSES:
+        parts = [_motion(scene, kind, smoothing) for scene in scenes]
+        for k, measure in enumerate(_MOTION):
+            found[measure, str(kind)] = Sample.of([part[k] for part in parts])
+    return found
+
+
+def alone(recordings: Iterable[Recording]) -> list[Played]:
+    """Every agent of real tracks by itself, as far as it was seen; bicycles left out."""
+    return [
+        Played((RoadUser(0, agent.track, agent.shape),))
+        for recording in recordings
+        for agent in recording.agents
+        if agent.subtype != "bicycle" and len(agent.track.xy) > 1
+    ]
+
+
+def _motion(scene: Played, kind: AgentClass, smoothing: float) -> tuple[FloatArray, ...]:
+    done = [
+        kinematics(user.track.xy, smoothing=smoothing)
+        for user in scene.users
+        if user.shape.type == kind
+    ]
+    moving = [each.speed > STANDING for each in done]
+    return tuple(
+        np.concatenate(
+            [np.zeros(0), *(getattr(each, m)[go] for each, go in zip(done, moving, strict=True))]
+        )
+        for m in _MOTION
+    )
+
+
+def headways(seen: Observation) -> FloatArray:
+    """Time headways of vehicles [s], every 0.2 s."""
+    parts = [np.zeros(0)]
+    for lane in seen.lanes:
+        if seen.movers[lane.follower].is_vehicle:
+            value = lane.headway[(lane.speed > CREEP) & (lane.leader >= 0)]
+            parts.append(value[value <= MOST_HEADWAY])
+    return np.concatenate(parts)
+
+
+def pets(seen: Observation, pair: str) -> FloatArray:
+    """PET of every encounter of two classes [s]."""
+    walkers = 0 if pair == "vehicle-vehicle" else 1
+    return np.array(
+        [
+            each.pet
+            for each in seen.meetings
+            if sum(not seen.movers[k].is_vehicle for k in (each.first, each.second)) == walkers
+        ]
+    )
+
+
+def compared(
+    ours: Values, reference: Values, *, named: str, draws: int, seed: int
+) -> Iterator[Near]:
+    """Every measure against one reference."""
+    for (measure, group), sample in ours.items():
+        ref = reference[measure, group]
+        even = np.arange(ref.clusters) % 2 == 0
+        one, two = (ref.only(np.flatnonzero(half)) for half in (even, ~even))
+        rng = np.random.default_rng(seed)
+        yield Near(
+            measure, group, named,
+            distance=distance(sample, ref, draws=draws, rng=rng),
+            halves=wasserstein(one.values, two.values),
+            quantiles=_quantiles(sample.values),
+            reference_quantiles=_quantiles(ref.values),
+        )  # fmt: skip
+
+
+def _quantiles(values: FloatArray) -> tuple[float, ...] | None:
+    if not len(values):
+        return None
+    return tuple(round(float(q), 3) for q in np.quantile(values, [0.05, 0.5, 0.95]))

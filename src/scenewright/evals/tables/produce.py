@@ -1,0 +1,194 @@
+"""All tables of a dataset in one go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenewright.errors import InputError
+from scenewright.evals.realism.scenes import Played, cut_scenes, played
+from scenewright.evals.tables.diversity import Spread, events, lateral, speeds
+from scenewright.evals.tables.fidelity_tables import Fidelity, fidelity
+from scenewright.evals.tables.nearness import Near, alone, compared, motion_of, values_of, watch
+from scenewright.evals.tables.reading import Dataset, commit, read_dataset
+from scenewright.evals.tables.robustness import Rate, out_of_scope, robustness
+from scenewright.intersections import load_map
+from scenewright.tools.recordings import Recording, load_recordings
+from scenewright.tools.recordings.taf_bw import read_taf_bw
+
+MOST_WINDOWS = 150
+"""Windows of a recording that are looked at, spread evenly over it."""
+MOST_SCENES = 400
+"""Scenes of the dataset whose encounters are looked at, spread evenly over it."""
+METHODS = ("gmm", "trajnet", "reasoner")
+INTENT_AT, RELATION_AT = 2.0, 4.0
+"""Observed seconds at which Table 3 is measured; the paper does not state its window."""
+ROUGH = 1.0
+"""Smoothing under which real positions bear an acceleration, for both sides [s]."""
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Everything that the report tells.
+
+    Attributes:
+        understanding: rows of Table 3, by method; none where nobody evaluated.
+        about: dataset, versions, commit, seed, counts.
+    """
+
+    fidelity: Fidelity
+    rates: tuple[Rate, ...]
+    near: tuple[Near, ...]
+    spreads: tuple[Spread, ...]
+    understanding: Mapping[str, Any]
+    about: Mapping[str, Any]
+
+
+def make_tables(
+    folder: Path,
+    *,
+    corpus: Path | None = None,
+    real: Path | None = None,
+    understand: bool = True,
+    draws: int = 1000,
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Tables:
+    """Every table of a dataset.
+
+    Args:
+        corpus: file of `intersections corpus`; without it there is nothing on how scenes move.
+        real: folder of real tracks (TAF-BW).
+        understand: whether Table 3 is measured.
+        draws: resamplings for intervals; seed: of their random numbers.
+
+    Raises:
+        InputError: no dataset, or a file that cannot be read.
+    """
+    dataset = read_dataset(folder)
+    if not any(row.folder for row in dataset.rows):
+        raise InputError(f"{folder} holds no scene, so there is nothing to measure")
+    tell("likelihoods")
+    found = fidelity(dataset, draws=draws, seed=seed)
+    place = str(dataset.manifest.get("intersection"))
+    tell("spread across paths")
+    scenes = (scene for _, scene in dataset.scenes(dataset.rows))
+    few = min(draws, 200)
+    spreads = lateral(scenes, bundle=place, draws=few, seed=seed)
+    near: list[Near] = []
+    if corpus is not None:
+        more, beside = _against(dataset, corpus, real, place, few, seed, tell)
+        near += beside
+        spreads += more
+    return Tables(
+        found,
+        robustness(dataset),
+        tuple(near),
+        tuple(spreads),
+        table_3(folder, tell=tell) if understand else {},
+        _about(dataset, draws, seed, corpus),
+    )
+
+
+def table_3(
+    folder: Path, *, tell: Callable[[str], None] = lambda _: None
+) -> dict[str, tuple[str, ...]]:
+    """Table 3 on the test half: a row for each method that runs without a language model."""
+    from scenewright.evals.understanding.evaluate import evaluate, load
+
+    try:
+        cases = load(folder, split="test", tell=tell)
+    except InputError as error:
+        tell(f"no Table 3: {error}")
+        return {}
+    found = {}
+    for method in METHODS:
+        try:
+            rows = evaluate(cases, method, windows=(INTENT_AT, RELATION_AT), tell=tell).rows
+        except InputError as error:
+            tell(f"no {method} in Table 3: {error}")
+            continue
+        found[method] = _row_of_3({row.window: row for row in rows})
+    return found
+
+
+def _row_of_3(rows: Mapping[float, Any]) -> tuple[str, ...]:
+    intent, relations = rows[INTENT_AT].intent, rows[RELATION_AT].relations
+    cells = [
+        *(intent.get(name) for name in ("pedestrian", "vehicle", "overall")),
+        *(relations.get(name) for name in ("normal", "collision", "yielding", "macro")),
+    ]
+    seconds = rows[RELATION_AT].seconds
+    return (*map(_cell_of_3, cells), "–" if seconds is None else f"{seconds:.3f}")
+
+
+def _cell_of_3(figure: Any) -> str:
+    if figure is None or figure.value is None:
+        return "–"
+    return f"{figure.value:.2f} [{figure.low:.1f}, {figure.high:.1f}]"
+
+
+def _against(
+    dataset: Dataset,
+    corpus: Path,
+    real: Path | None,
+    place: str,
+    draws: int,
+    seed: int,
+    tell: Callable[[str], None],
+) -> tuple[list[Spread], list[Near]]:
+    """What needs a corpus: how scenes move, and whether they differ enough."""
+    on = load_map(place)
+    recordings = load_recordings(corpus, split="test")
+    if not recordings:
+        raise InputError(f"{corpus} holds no test hours")
+    tell("encounters in the dataset")
+    scenes = [played(scene) for _, scene in dataset.scenes(_thinned(dataset.rows, MOST_SCENES))]
+    ours = list(watch(scenes, on=on))
+    tell("encounters in the corpus")
+    known = list(watch(_windows(recordings, on), on=on))
+    near = list(compared(values_of(ours), values_of(known), named="corpus", draws=draws, seed=seed))
+    if real is not None:
+        tell("encounters in real tracks")
+        recordings = read_taf_bw(real).recordings
+        theirs = list(watch(_windows(recordings, on), on=None))
+        smooth = values_of(ours, smoothing=ROUGH)
+        # Real tracks are short: whole windows are few, so motion is that of every track.
+        reference = {**values_of(theirs), **motion_of(alone(recordings), smoothing=ROUGH)}
+        near += compared(smooth, reference, named="TAF-BW", draws=draws, seed=seed)
+    spreads = speeds(ours, known, draws=draws, seed=seed)
+    return [*spreads, *events(ours, known, draws=draws, seed=seed)], near
+
+
+def _windows(recordings: Sequence[Recording], on: Any) -> list[Played]:
+    cut = [scene for _, scene in cut_scenes(recordings, on=on) if scene.users]
+    return list(_thinned(cut, MOST_WINDOWS))
+
+
+def _thinned(items: Sequence[Any], most: int) -> Any:
+    """At most so many, evenly spread."""
+    if len(items) <= most:
+        return tuple(items)
+    return tuple(items[k * len(items) // most] for k in range(most))
+
+
+def _about(dataset: Dataset, draws: int, seed: int, corpus: Path | None) -> dict[str, Any]:
+    from scenewright import __version__
+
+    manifest = dataset.manifest
+    keys = ("order", "input", "intersection", "backend", "refiner", "selection", "writer")
+    return {
+        "dataset": {key: manifest[key] for key in keys if key in manifest},
+        "dataset seed": manifest.get("seed"),
+        "rows": dict(manifest["rows"]),
+        "complete": manifest.get("complete"),
+        "made by scenewright": manifest.get("scenewright"),
+        "measured by scenewright": __version__,
+        "commit": commit(),
+        "out of scope": out_of_scope(dataset),
+        "draws": draws,
+        "seed of intervals": seed,
+        "corpus": None if corpus is None else corpus.name,
+    }

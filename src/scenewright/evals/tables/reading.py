@@ -1,0 +1,92 @@
+"""A dataset as the tables need it: its rows, and its scenes one after the other."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenewright.errors import InputError
+from scenewright.graph.batch.manifest import read_manifest
+from scenewright.graph.run import load_scene
+from scenewright.scene.record import SceneRecord
+from scenewright.tools.exporters.tables import parquet
+
+_COLUMNS = ["row", "folder", "status", "code", "asked", "backend", "verified", "relations", "seed"]
+
+
+@dataclass(frozen=True)
+class Given:
+    """One row of the dataset: an instruction and what became of it.
+
+    Attributes:
+        event: that it asks for, `normal` for none; None where nobody said and no scene shows.
+        verified: whether there is a scene that the checker confirms.
+        scope: False where it was refused as no request for a scene.
+    """
+
+    folder: str | None
+    backend: str
+    event: str | None
+    verified: bool
+    scope: bool
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A dataset on disk."""
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    rows: tuple[Given, ...]
+
+    def scenes(self, rows: tuple[Given, ...]) -> Iterator[tuple[int, SceneRecord]]:
+        """The scenes of some rows, numbered."""
+        for number, row in enumerate(rows):
+            if row.folder is not None:
+                yield number, load_scene(self.folder / row.folder)
+
+    @property
+    def backends(self) -> tuple[str, ...]:
+        """Those that planned, in order of their first row."""
+        return tuple(dict.fromkeys(row.backend for row in self.rows))
+
+
+def read_dataset(folder: Path) -> Dataset:
+    """A dataset that `batch`, `agent` or `dataset paper` wrote.
+
+    Raises:
+        InputError: it is none, or damaged.
+    """
+    manifest = read_manifest(folder)
+    try:
+        table = parquet().read_table(folder / "tables" / "scenes.parquet", columns=_COLUMNS)
+        rows = tuple(_given(row) for row in table.to_pylist())
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"cannot read the table scenes of {folder}: {error}") from error
+    return Dataset(folder, manifest, rows)
+
+
+def _given(row: Mapping[str, Any]) -> Given:
+    made = row["status"] == "made"
+    kinds = set(row["relations"] or ())
+    seen = None if not made or len(kinds) > 1 else next(iter(kinds), "normal")
+    event = row["asked"] or seen
+    # A scene that shows something else than was asked for does not satisfy the instruction.
+    right = made and bool(row["verified"]) and seen in (event, None)
+    scope = row["asked"] is not None or row["code"] not in ("unusable_input", "out_of_scope")
+    return Given(row["folder"], row["backend"], event, right, scope)
+
+
+def commit() -> str | None:
+    """The commit of the code, where it runs from a checkout."""
+    try:
+        done = subprocess.run(
+            ["git", "rev-parse", "--short", "HEAD"],
+            cwd=Path(__file__).parent, capture_output=True, text=True, check=False, timeout=10,
+        )  # fmt: skip
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None

@@ -1,0 +1,252 @@
+"""The tables as Markdown and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from scenewright.evals.tables import paper
+from scenewright.evals.tables.diversity import BAR, Spread
+from scenewright.evals.tables.fidelity_tables import Cell
+from scenewright.evals.tables.likelihood import READINGS, Gap
+from scenewright.evals.tables.nearness import UNITS, Near
+from scenewright.evals.tables.produce import INTENT_AT, RELATION_AT, Tables
+from scenewright.evals.tables.robustness import Rate
+
+_READ = {
+    "track": "ten waypoints of the final track as it is, cut short or not",
+    "path": "the drawn waypoints, each where the final track passes it",
+}
+
+
+def to_json(tables: Tables) -> dict[str, Any]:
+    """Plain JSON."""
+    return {
+        "schema_version": 1,
+        "about": dict(tables.about),
+        "fidelity": {
+            "references": [asdict(each) for each in tables.fidelity.references],
+            "cells": [asdict(each) for each in tables.fidelity.cells],
+            "agents without a score": asdict(tables.fidelity.left),
+            "scenes of several kinds": tables.fidelity.mixed,
+        },
+        "robustness": [_rate_json(rate) for rate in tables.rates],
+        "understanding": dict(tables.understanding),
+        "nearness": [{**asdict(each), "unit": UNITS[each.measure]} for each in tables.near],
+        "diversity": [
+            {**asdict(each), "ratio": each.ratio, "enough": each.enough} for each in tables.spreads
+        ],
+        "paper": {
+            "normal NLL": dict(paper.NORMAL_NLL),
+            "S2R": {
+                name: {", ".join(key): value for key, value in gaps.items()}
+                for name, gaps in paper.GAPS.items()
+            },
+            "ISR": {name: dict(rates) for name, rates in paper.SATISFIED.items()},
+            "understanding": {name: list(row) for name, row in paper.UNDERSTANDING.items()},
+        },
+    }
+
+
+def _rate_json(rate: Rate) -> dict[str, Any]:
+    return {
+        "backend": rate.backend,
+        "event": rate.event,
+        "verified": rate.share.right,
+        "n": rate.share.n,
+        "rate": rate.share.rate,
+        "interval": rate.share.interval,
+    }
+
+
+def markdown(tables: Tables) -> str:
+    """One page."""
+    parts = [
+        "# Tables",
+        *_about(tables),
+        *_fidelity(tables),
+        *_robustness(tables),
+        *_understanding(tables),
+        *_nearness(tables.near),
+        *_diversity(tables.spreads),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
+
+
+def _about(tables: Tables) -> Iterator[str]:
+    lines = []
+    for key, value in tables.about.items():
+        told = (
+            ", ".join(f"{k} {_cut(str(v))}" for k, v in value.items())
+            if isinstance(value, dict)
+            else value
+        )
+        lines.append(f"- {key}: {'–' if told is None else told}")
+    yield "\n".join(lines)
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= 60 else f"{text[:12]}…"
+
+
+def _fidelity(tables: Tables) -> Iterator[str]:
+    found = tables.fidelity
+    yield "## Tables 1, 4 and 5: likelihood of tracks, and the gap to normal scenes"
+    yield (
+        "NLL: -log p_wp of ten waypoints in metres, given the route [nats]. S2R: Eq. 8 as printed, "
+        "signed; the paper prints its size, in an unknown unit. ΔNLL: event minus normal, nats per "
+        "waypoint, free of any unit. In brackets 95 %, scenes resampled. NLL in metres can be "
+        "negative; a positive S2R then means *less* likely than normal."
+    )
+    yield f"Two readings: {'; '.join(f'*{name}*: {_READ[name]}' for name in READINGS)}."
+    rows = [
+        [r.type, r.reading, f"{r.agents} / {r.scenes}", f"{r.nll:.2f} {_between(r.interval)}",
+         f"{paper.NORMAL_NLL[r.type]}"]
+        for r in found.references
+    ]  # fmt: skip
+    yield _table(["normal scenes", "reading", "agents / scenes", "NLL", "paper"], rows)
+    for backend in dict.fromkeys(cell.backend for cell in found.cells):
+        cells = [cell for cell in found.cells if cell.backend == backend]
+        yield f"### Backend `{backend}`"
+        yield _table(
+            ["event", "agents", "class", "reading", "agents / scenes", "NLL", "S2R, signed",
+             "size of S2R", "ΔNLL", *(f"paper: {name}" for name in paper.GAPS)],
+            [_cell(cell) for cell in cells],
+        )  # fmt: skip
+    yield (
+        f"Without a score: {found.left.assumed} agents on routes whose prior is assumed "
+        f"(jaywalking), {found.left.standing} that stand all along; {found.mixed} scenes with "
+        "events of several kinds are left out."
+    )
+
+
+def _cell(cell: Cell) -> list[str]:
+    key = (cell.event, cell.role, cell.type)
+    theirs = [gaps.get(key, "–") if cell.reading == "track" else "" for gaps in paper.GAPS.values()]
+    role = {"foreground": "FG", "background": "BG"}[cell.role]
+    return [cell.event, role, cell.type, cell.reading, *_gap(cell.gap), *theirs]
+
+
+def _gap(gap: Gap | None) -> list[str]:
+    if gap is None:
+        return ["0"] + ["–"] * 4
+    return [
+        f"{gap.agents} / {gap.scenes}",
+        f"{gap.nll:.2f}",
+        f"{gap.s2r:+.3f} {_between(gap.s2r_interval, 3)}",
+        f"{abs(gap.s2r):.3f}",
+        f"{gap.delta:+.3f} {_between(gap.delta_interval, 3)}",
+    ]
+
+
+def _between(interval: tuple[float, float] | None, digits: int = 2) -> str:
+    if interval is None:
+        return ""
+    return f"[{interval[0]:.{digits}f}, {interval[1]:.{digits}f}]"
+
+
+def _robustness(tables: Tables) -> Iterator[str]:
+    yield "## Table 2: instruction satisfaction rate"
+    yield (
+        "Scenes that the checker confirms / instructions given; a refusal counts as a failure. "
+        "95 % Wilson intervals. *overall* is collisions and yields, as in the paper, whose "
+        "validity was judged by hand."
+    )
+    rows = [
+        [
+            rate.backend, rate.event, f"{rate.share.right} / {rate.share.n}",
+            "–" if rate.share.rate is None else f"{100 * rate.share.rate:.2f}",
+            _percent(rate),
+        ]
+        for rate in tables.rates
+    ]  # fmt: skip
+    rows += [
+        [f"paper: {name}", event, "", value, ""]
+        for name, rates in paper.SATISFIED.items()
+        for event, value in rates.items()
+    ]
+    yield _table(["backend", "event", "verified / given", "ISR [%]", "95 %"], rows)
+
+
+def _percent(rate: Rate) -> str:
+    found = rate.share.interval
+    return "" if found is None else f"[{100 * found[0]:.1f}, {100 * found[1]:.1f}]"
+
+
+def _understanding(tables: Tables) -> Iterator[str]:
+    yield "## Table 3: understanding"
+    head = [
+        "method", "intent: pedestrian", "vehicle", "overall", "F1: normal", "collision",
+        "yielding", "overall", "s / scene",
+    ]  # fmt: skip
+    ours = [[name, *map(str, row)] for name, row in tables.understanding.items()]
+    rows = [[f"paper: {name}", *row] for name, row in paper.UNDERSTANDING.items()]
+    if not ours:
+        yield "Not measured here; `scenewright evals understanding` does that."
+    else:
+        yield (
+            f"Test half. Exits told after {INTENT_AT:g} s, relations after {RELATION_AT:g} s of "
+            "observation; *overall* F1 is the mean of the three. The paper states no window, and "
+            "its overall is not the mean of its columns. All windows, methods and definitions: "
+            "`scenewright evals understanding`."
+        )
+    yield _table(head, [*ours, *rows])
+
+
+def _nearness(near: Sequence[Near]) -> Iterator[str]:
+    yield "## How scenes move and keep apart"
+    if not near:
+        yield "Not measured: needs recorded hours (`--corpus`), of `intersections corpus`."
+        return
+    yield (
+        "First Wasserstein distances, 95 % over resampled scenes; *halves* is the distance between "
+        "two halves of the reference. Against real tracks both sides are smoothed over 1 s."
+    )
+    rows = [_near(each) for each in near]
+    yield _table(
+        ["measure", "whose", "against", "W1", "95 %", "n / reference", "halves",
+         "median, 5–95 %", "reference"],
+        rows,
+    )  # fmt: skip
+
+
+def _near(each: Near) -> list[str]:
+    d = each.distance
+    return [
+        each.measure,
+        each.group,
+        each.reference,
+        "–" if d is None else f"{d.value:.3f} {UNITS[each.measure]}",
+        "–" if d is None else _between((d.low, d.high), 3),
+        "–" if d is None else f"{d.n} / {d.n_reference}",
+        "–" if each.halves is None else f"{each.halves:.3f}",
+        _quantiles(each.quantiles),
+        _quantiles(each.reference_quantiles),
+    ]
+
+
+def _quantiles(values: tuple[float, ...] | None) -> str:
+    return "–" if values is None else f"{values[1]:.2f}, {values[0]:.2f}–{values[2]:.2f}"
+
+
+def _diversity(spreads: Sequence[Spread]) -> Iterator[str]:
+    yield "## Diversity"
+    yield (
+        f"Standard deviation in the dataset over that in the corpus; the bar is {BAR}. 95 % over "
+        "resampled agents or events."
+    )
+    rows = [
+        [
+            each.what, each.group, f"{each.ours:.2f} {each.unit}", f"{each.corpus:.2f} {each.unit}",
+            f"{each.ratio:.2f} {_between((each.low, each.high))}",
+            f"{each.n} / {each.n_corpus}", "yes" if each.enough else "**no**",
+        ]
+        for each in spreads
+    ]  # fmt: skip
+    yield _table(["what", "whose", "dataset", "corpus", "ratio", "n / corpus", "enough"], rows)

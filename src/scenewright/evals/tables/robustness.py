@@ -1,0 +1,48 @@
+"""Table 2: how often an instruction becomes a scene that the checker confirms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from scenewright.evals.planning import Share
+from scenewright.evals.tables.reading import Dataset
+
+RARE = ("collision", "yielding")
+"""What the paper's overall rate is over."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """ISR of one backend: verified scenes / instructions given (SEMANTICS section 6).
+
+    Attributes:
+        event: `overall` is collisions and yields, `all` every instruction.
+    """
+
+    backend: str
+    event: str
+    share: Share
+
+
+def robustness(dataset: Dataset) -> tuple[Rate, ...]:
+    """A rate for each backend and event; every instruction counts, retries of an order too."""
+    return tuple(rate for backend in dataset.backends for rate in _rates(dataset, backend))
+
+
+def _rates(dataset: Dataset, backend: str) -> Iterator[Rate]:
+    mine = [row for row in dataset.rows if row.backend == backend and row.scope]
+    events = dict.fromkeys(row.event or "unknown" for row in mine)
+    for event in events:
+        rows = [row for row in mine if (row.event or "unknown") == event]
+        yield Rate(backend, event, Share(sum(row.verified for row in rows), len(rows)))
+    rare = [row for row in mine if row.event in RARE]
+    if rare:
+        yield Rate(backend, "overall", Share(sum(row.verified for row in rare), len(rare)))
+    if mine:
+        yield Rate(backend, "all", Share(sum(row.verified for row in mine), len(mine)))
+
+
+def out_of_scope(dataset: Dataset) -> int:
+    """Instructions that were refused as no request for a scene; they count nowhere."""
+    return sum(not row.scope for row in dataset.rows)

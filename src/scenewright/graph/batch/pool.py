@@ -1,0 +1,165 @@
+"""Jobs on processes of this machine: started fresh, each with one job, replaced when they die."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from typing import Any, Generic, TypeVar
+
+JobT = TypeVar("JobT")
+ResultT = TypeVar("ResultT")
+
+RECYCLED_AFTER = 1000
+"""Jobs after which a worker is replaced, so that what libraries keep does not add up."""
+TRIES = 3
+"""How many workers may die of one job before it is given up."""
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Died:
+    """A job of which every worker died, and with which exit code the last."""
+
+    code: int | None
+
+
+@dataclass(frozen=True)
+class _Task(Generic[JobT]):
+    """A job, and how many workers died of it."""
+
+    job: JobT
+    deaths: int = 0
+
+
+class _Worker(Generic[JobT]):
+    """A process, the pipe to it, and the job that it has."""
+
+    def __init__(self, task: Callable[[Any], Any]) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process: SpawnProcess = context.Process(target=_serve, args=(theirs, task))
+        self.process.daemon = True
+        with _one_thread():
+            self.process.start()
+        theirs.close()
+        self.task: _Task[JobT] | None = None
+        self.given = 0
+
+    def give(self, task: _Task[JobT]) -> None:
+        """Hands over a job; a dead worker is noticed when its answer is awaited."""
+        self.task, self.given = task, self.given + 1
+        with suppress(OSError):
+            self.pipe.send(task.job)
+
+    def stop(self) -> None:
+        """Ends the process, whatever it does."""
+        self.pipe.close()
+        self.process.kill()
+        self.process.join()
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Workers share the cores among them by being many, not by threads of libraries."""
+    missing = [name for name in _THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(missing, "1"))
+    try:
+        yield
+    finally:
+        for name in missing:
+            del os.environ[name]
+
+
+def _serve(pipe: Connection, task: Callable[[Any], Any]) -> None:
+    """What a worker does until its pipe closes. Ctrl-C is the parent's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+    with suppress(EOFError, OSError):
+        while True:
+            pipe.send_bytes(pickle.dumps(task(pipe.recv())))
+
+
+def _die_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def spread(
+    jobs: Iterable[JobT], task: Callable[[JobT], ResultT], *, workers: int
+) -> Iterator[tuple[JobT, ResultT | Died]]:
+    """(job, result) in the order in which jobs come to an end; `jobs` is drawn from as needed.
+
+    A job whose worker dies (killed, out of memory) is given to another one, at most TRIES times.
+    """
+    queue = _Queue(iter(jobs))
+    crew: list[_Worker[JobT]] = []
+    try:
+        while len(crew) < workers and (first := queue.next()) is not None:
+            crew.append(_Worker(task))
+            crew[-1].give(first)
+        while busy := [each for each in crew if each.task is not None]:
+            ready = wait([each.pipe for each in busy])
+            for worker in [each for each in busy if each.pipe in ready]:
+                yield from _answers(worker, crew, queue, task)
+    finally:
+        for worker in crew:
+            worker.stop()
+
+
+class _Queue(Generic[JobT]):
+    """Jobs to do: first those whose worker died."""
+
+    def __init__(self, jobs: Iterator[JobT]) -> None:
+        self._jobs, self.again = jobs, deque[_Task[JobT]]()
+
+    def next(self) -> _Task[JobT] | None:
+        """The next one; None if none is left."""
+        if self.again:
+            return self.again.popleft()
+        return next((_Task(job) for job in self._jobs), None)
+
+
+def _answers(
+    worker: _Worker[JobT],
+    crew: list[_Worker[JobT]],
+    queue: _Queue[JobT],
+    task: Callable[[JobT], ResultT],
+) -> Iterator[tuple[JobT, ResultT | Died]]:
+    """A worker's result, if it lived to tell it, after the next job was handed out."""
+    done, worker.task = worker.task, None
+    if done is None:
+        return
+    result = _received(worker)
+    again = isinstance(result, Died) and done.deaths + 1 < TRIES
+    if again:
+        queue.again.append(_Task(done.job, done.deaths + 1))
+    following = queue.next()
+    if isinstance(result, Died) or worker.given >= RECYCLED_AFTER:
+        worker.stop()
+        crew.remove(worker)
+        if following is not None:
+            worker = _Worker(task)
+            crew.append(worker)
+    if following is not None:
+        worker.give(following)
+    if not again:
+        yield done.job, result
+
+
+def _received(worker: _Worker[JobT]) -> Any:
+    try:
+        return pickle.loads(worker.pipe.recv_bytes())
+    except (EOFError, OSError):
+        worker.process.join()
+        return Died(worker.process.exitcode)

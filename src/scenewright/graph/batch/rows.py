@@ -1,0 +1,224 @@
+"""The rows of a batch: read as a stream, refused by line number, given safe folder names."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from scenewright.errors import InputError
+from scenewright.scene.base import Model
+from scenewright.scene.social import Background, Density, TimeOfDay
+
+MOST_LINE = 1 << 20
+"""Longest line of an input [bytes]: an instruction, not a book."""
+_LONGEST_QUOTE = 60
+_SLUG = 40
+_PLAIN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9._-]{0,78}[A-Za-z0-9_-])?")
+_HASHED = re.compile(r"-[0-9a-f]{16}$", re.IGNORECASE)
+_RESERVED = frozenset(
+    ["con", "prn", "aux", "nul", *(f"{name}{k}" for name in ("com", "lpt") for k in range(10))]
+)
+"""Names that some system keeps for devices, whatever follows the first dot."""
+_OURS = frozenset(
+    ["tables", "figures", "journal", "manifest", "readme", "rows", "order", "report", "evaluation"]
+)
+"""First parts of the names that stand beside the scenes' folders."""
+
+
+class Overrides(Model):
+    """What a row sets, whatever its text and the run's options say; None leaves it.
+
+    Attributes:
+        intersection, selection, refiner: as the options of those names.
+        density, time_of_day, background: the scene's context.
+    """
+
+    intersection: str | None = Field(default=None, max_length=80)
+    selection: Literal["draw", "map"] | None = None
+    refiner: str | None = Field(default=None, max_length=40)
+    density: Density | None = None
+    time_of_day: TimeOfDay | None = None
+    background: Background | None = None
+
+    @property
+    def context(self) -> dict[str, Any]:
+        """Those of the scene's context that are set."""
+        return self.model_dump(
+            mode="json", include={"density", "time_of_day", "background"}, exclude_none=True
+        )
+
+
+class Row(Model):
+    """One line of the input."""
+
+    id: str = Field(min_length=1, max_length=2000)
+    text: str
+    seed: int | None = Field(default=None, ge=0, le=2**63 - 1, strict=True)
+    overrides: Overrides = Overrides()
+
+
+@dataclass(frozen=True)
+class Named:
+    """A row with its place: `number` counts rows from 0, `line` lines of the file from 1."""
+
+    row: Row
+    number: int
+    line: int
+    folder: str
+
+
+@dataclass(frozen=True)
+class Source:
+    """An input that was read once from end to end and is in order.
+
+    Attributes:
+        path: of the file; sha256: of its bytes; rows: how many there are.
+        clashing: names in lower case that more than one row's id has.
+    """
+
+    path: Path
+    sha256: str
+    rows: int
+    clashing: frozenset[str]
+
+    def __iter__(self) -> Iterator[Named]:
+        for number, (line, row) in enumerate(_read(self.path)):
+            yield Named(row, number, line, folder_of(row.id, clashing=self.clashing))
+
+
+def folder_of(identity: str, *, clashing: frozenset[str] = frozenset()) -> str:
+    """The folder of a row: its id where that is a plain file name anywhere, else one made from it.
+
+    Names differ by more than case, stay below 81 characters and never leave the folder they are in.
+    """
+    low = identity.lower()
+    if _PLAIN.fullmatch(identity) and not _HASHED.search(identity) and low not in clashing:
+        first = low.split(".")[0]
+        if first not in _RESERVED | _OURS and not first.startswith("journal-"):
+            return identity
+    slug = re.sub(r"[^a-z0-9]+", "-", low)[:_SLUG].strip("-") or "row"
+    digest = hashlib.sha256(identity.encode("utf-8", "surrogatepass")).hexdigest()[:16]
+    return f"{slug}-{digest}"
+
+
+def seed_of(row: Row, *, seed: int) -> int:
+    """The row's seed: its own, else one that the run's seed and the row's id decide."""
+    if row.seed is not None:
+        return row.seed
+    text = f"{seed}\n{row.id}".encode("utf-8", "surrogatepass")
+    return int.from_bytes(hashlib.sha256(text).digest()[:6], "big")
+
+
+def read_source(path: str | Path) -> Source:
+    """Reads a whole input once, keeping 16 bytes of each row.
+
+    Raises:
+        InputError: unreadable, no rows, a line that is no row, or an id twice; names the line.
+    """
+    file = Path(path)
+    if file.exists() and not file.is_file():
+        raise InputError(f"cannot read {file}: rows are read more than once, so from a plain file")
+    keys, lines = bytearray(), 0
+    for _, row in _read(file):
+        keys += _key(row.id.lower())
+        lines += 1
+    if not lines:
+        raise InputError(f"{file} holds no rows; each line is an object with 'id' and 'text'")
+    clashing = _clashing(file, _twice(bytes(keys)))
+    return Source(file, _sha256(file), lines, clashing)
+
+
+def _key(text: str) -> bytes:
+    return hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=16).digest()
+
+
+def _twice(keys: bytes) -> frozenset[bytes]:
+    """The keys that occur more than once."""
+    found, counts = np.unique(np.frombuffer(keys, dtype="V16"), return_counts=True)
+    return frozenset(bytes(key) for key in found[counts > 1])
+
+
+def _clashing(file: Path, twice: frozenset[bytes]) -> frozenset[str]:
+    """Ids in lower case that several rows have; InputError where two are the very same."""
+    seen: dict[str, int] = {}
+    if twice:
+        for line, row in _read(file):
+            if _key(row.id.lower()) in twice:
+                first = seen.setdefault(row.id, line)
+                if first != line:
+                    raise InputError(
+                        f"{file}, line {line}: the id {_quoted(row.id)} is that of line {first}; "
+                        "every row needs an id of its own"
+                    )
+    return frozenset(identity.lower() for identity in seen)
+
+
+def _sha256(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _read(file: Path) -> Iterator[tuple[int, Row]]:
+    """(line, row), blank lines left out."""
+    try:
+        with file.open("rb") as stream:
+            line = 0
+            while data := stream.readline(MOST_LINE + 1):
+                line += 1
+                if len(data) > MOST_LINE:
+                    raise InputError(f"{file}, line {line}: longer than {MOST_LINE} bytes")
+                text = data.removeprefix(b"\xef\xbb\xbf") if line == 1 else data
+                if text.strip():
+                    yield line, _row(text, f"{file}, line {line}")
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+
+
+def _row(data: bytes, where: str) -> Row:
+    try:
+        value = json.loads(data.decode("utf-8"), object_pairs_hook=_once)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: not JSON: {_cut(str(error))}") from error
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: a row is an object with 'id' and 'text', not {_quoted(value)}")
+    try:
+        row = Row.model_validate(value)
+    except ValidationError as error:
+        raise InputError(f"{where}: {_fault(error)}") from None
+    if any("\ud800" <= char <= "\udfff" for char in row.id + row.text):
+        raise InputError(f"{where}: half a surrogate pair in 'id' or 'text'")
+    return row
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key twice")
+    return found
+
+
+def _fault(error: ValidationError) -> str:
+    first = error.errors(include_url=False)[0]
+    field = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "missing":
+        return f"the row needs {field!r}"
+    if first["type"] == "extra_forbidden":
+        fields = Overrides.model_fields if "." in field else Row.model_fields
+        return f"no field {_cut(field)!r}; there are {', '.join(fields)}"
+    return f"{field}: {first['msg']}, got {_quoted(first['input'])}"
+
+
+def _quoted(value: Any) -> str:
+    return _cut(repr(value))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}..."

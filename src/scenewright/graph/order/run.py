@@ -1,0 +1,212 @@
+"""One order from end to end: the agent's rounds, the dataset, and what came of the order."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from scenewright.errors import InputError
+from scenewright.graph.atomic import write_atomically
+from scenewright.graph.batch.carrying import Batch, Engine, Tell
+from scenewright.graph.batch.finish import finish
+from scenewright.graph.batch.journal import Journal
+from scenewright.graph.batch.manifest import MANIFEST
+from scenewright.graph.batch.run import MOST_WORKERS, check_options, settings_of
+from scenewright.graph.batch.work import Options, json_bytes, speaking
+from scenewright.graph.order.agent import (
+    OrderContext,
+    OrderState,
+    Slot,
+    jobs_of,
+    order_graph,
+    shown_by,
+)
+from scenewright.graph.order.book import BOOK, Book
+from scenewright.graph.order.wish import NORMAL, Quota, Wish
+from scenewright.graph.order.writers import load_writer
+from scenewright.intersections import load_map
+from scenewright.scene.relations import patterns
+from scenewright.scene.social import SceneContext
+
+REPORT = "report.json"
+SPARE = 20
+"""Instructions beyond twice the scenes that a budget has if none is named."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the agent was asked for.
+
+    Attributes:
+        text: the order as given, for the record; wish: as it was understood.
+        writer: who words the instructions; budget: how many at most, None: twice the scenes + 20.
+    """
+
+    text: str
+    wish: Wish
+    out: Path
+    options: Options
+    writer: str = "builtin"
+    budget: int | None = None
+    workers: int = 1
+    engine: Engine = "process"
+    title: str = "Traffic scenes to order"
+
+    @property
+    def most(self) -> int:
+        """Instructions that may be written."""
+        return self.budget or 2 * self.wish.count + SPARE
+
+
+def fill(order: Order, *, tell: Tell = lambda _: None) -> dict[str, Any]:
+    """Fills an order and writes its dataset; the report.
+
+    Raises:
+        InputError: an option or the folder cannot be used.
+        BackendFault: the writer failed for good.
+    """
+    check_options(_without_url(order.options))
+    for backend in {quota.backend for quota in order.wish.quotas if quota.backend}:
+        speaking(backend, order.options.base_url if ":" in backend else None)
+    if not 1 <= order.workers <= MOST_WORKERS:
+        raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {order.workers}")
+    if order.most < order.wish.count:
+        raise InputError(f"a budget of {order.most} is below the {order.wish.count} scenes ordered")
+    on = load_map(order.options.intersection)
+    writer = load_writer(order.writer, on=on, base_url=order.options.base_url)
+    header = header_of(order)
+    with Batch(order.out, header=header) as batch:
+        book = Book(order.out)
+        context = OrderContext(
+            wish=order.wish, batch=batch, book=book, writer=writer, options=order.options,
+            budget=order.most, workers=order.workers, engine=order.engine, tell=tell,
+        )  # fmt: skip
+        before = _written(order.out)
+        state = _run(context)
+        with batch.settled() as journal:
+            report = report_of(order, state, book, journal)
+            if before != _written(order.out) or not (order.out / MANIFEST).exists():
+                _finish(order, book, journal, header, report)
+    return report
+
+
+def _without_url(options: Options) -> Options:
+    """A grammar has no endpoint, though others of the order's backends may."""
+    return options if ":" in options.backend else replace(options, base_url=None)
+
+
+def _run(context: OrderContext) -> OrderState:
+    # Rounds are bounded by the budget; each takes three steps.
+    limit = 4 * context.budget + 8
+    state: OrderState = order_graph().invoke({}, context=context, config={"recursion_limit": limit})
+    return state
+
+
+def _written(out: Path) -> tuple[int, ...]:
+    """Sizes of what grows as an order is filled."""
+    return tuple(path.stat().st_size for path in (*sorted(out.glob("journal*.jsonl")), out / BOOK))
+
+
+def _finish(
+    order: Order, book: Book, journal: Journal, header: Mapping[str, Any], report: dict[str, Any]
+) -> None:
+    write_atomically(order.out / REPORT, json_bytes(report))
+    finish(
+        order.out,
+        jobs_of(book.entries, order.options),
+        journal,
+        about={key: value for key, value in header.items() if key != "journal"},
+        given=len(book.entries),
+        title=order.title,
+        extra=(BOOK, REPORT),
+    )
+
+
+def header_of(order: Order) -> dict[str, Any]:
+    """What decides the scenes of an order."""
+    from scenewright import __version__
+
+    return {
+        "journal": 1,
+        "scenewright": __version__,
+        "order": order.text,
+        "writer": order.writer,
+        "budget": order.most,
+        **settings_of(order.options),
+    }
+
+
+def report_of(order: Order, state: OrderState, book: Book, journal: Journal) -> dict[str, Any]:
+    """What was wanted, what there is, and why the rest could not be."""
+    slots = state["slots"]
+    quotas = [
+        _quota_report(
+            quota, [slot for slot in slots if slot.quota == quota], book, journal, order.out
+        )
+        for quota in order.wish.quotas
+    ]
+    return {
+        "order": order.text,
+        "understood": order.wish.lines(),
+        "filled": all(slot.filled is not None for slot in slots),
+        "scenes": sum(slot.filled is not None for slot in slots),
+        "instructions": len(book.entries),
+        "budget": order.most,
+        "voices": dict(sorted(Counter(entry.voice for entry in book.entries).items())),
+        "quotas": quotas,
+    }
+
+
+def _quota_report(
+    quota: Quota,
+    slots: Sequence[Slot],
+    book: Book,
+    journal: Journal,
+    out: Path,
+) -> dict[str, Any]:
+    mine = {slot.number for slot in slots}
+    leaves, refused = Counter[str](dict.fromkeys(quota.leaves, 0)), Counter[str]()
+    for slot in slots:
+        done = None if slot.filled is None else journal.entry(book.number[slot.filled])
+        if done is not None:
+            leaves.update(shown_by(out, done)[1])
+    for k, entry in enumerate(book.entries):
+        done = journal.entry(k)
+        if entry.slot in mine and done is not None and done.status != "made":
+            refused[f"{entry.leaf or NORMAL}: {done.code}"] += 1
+    return {
+        "name": quota.name,
+        "event": quota.event,
+        "backend": quota.backend,
+        "wanted": quota.count,
+        "filled": sum(slot.filled is not None for slot in slots),
+        "first_attempt": sum(slot.filled is not None and slot.attempts == 1 for slot in slots),
+        "attempts": sum(slot.attempts for slot in slots),
+        "patterns": dict(leaves),
+        "refused": dict(refused.most_common()),
+        "open": [slot.name for slot in slots if slot.filled is None],
+    }
+
+
+def paper_wish(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
+    """The paper's composition (4.1): 100 normal scenes, and 40 collisions and 50 yields of each
+    backend, two agents in the foreground, medium density.
+
+    Args:
+        scale: of the counts, for a small one to try.
+    """
+    normal, collision, yielding = (max(round(scale * n), 1) for n in (100, 40, 50))
+    quotas = [Quota(NORMAL, normal, NORMAL, backend=None, foreground=True)]
+    leaves = {
+        relation: tuple(each.id for each in patterns() if each.relation == relation)
+        for relation in ("collide_at", "yield_to")
+    }
+    for backend in backends:
+        quotas += [
+            Quota("collision", collision, "collision", leaves["collide_at"], backend),
+            Quota("yielding", yielding, "yielding", leaves["yield_to"], backend),
+        ]
+    return Wish(tuple(quotas), context=SceneContext(density="medium"))

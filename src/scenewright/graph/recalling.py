@@ -1,0 +1,33 @@
+"""Accepted scenes as examples for prompts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pydantic import ValidationError
+
+from scenewright.memory.episodes import Episode, Episodes
+from scenewright.nodes.wording import MOST_EXAMPLES, Example, Recall
+from scenewright.scene.social import SocialGraph
+
+
+def recall_from(episodes: Episodes) -> Recall:
+    """Recalls for the planner; the other stages' answers depend on more than the request."""
+
+    def recall(task: str, instruction: str) -> Sequence[Example]:
+        return examples(episodes.recall(instruction, MOST_EXAMPLES)) if task == "plan" else ()
+
+    return recall
+
+
+def examples(episodes: Sequence[Episode]) -> tuple[Example, ...]:
+    """The episodes whose plan is one: the file is data that anybody may have written."""
+    found = []
+    for each in episodes:
+        try:
+            graph = SocialGraph.model_validate(dict(each.graph))
+        except ValidationError:
+            continue
+        plain = graph.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+        found.append(Example(each.request, plain))
+    return tuple(found)

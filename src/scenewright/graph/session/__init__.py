@@ -1,0 +1,1 @@
+"""Authoring in conversation: versions of a scene, made from words, kept in a thread."""

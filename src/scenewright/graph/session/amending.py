@@ -1,0 +1,78 @@
+"""Changes to one agent's motion by hand: where it stands, how long, when it comes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from scenewright.errors import Rejected
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.selection import SelectedAgent, Stop
+from scenewright.tools.time_law import Hold, arrival
+
+_LEAST_STAND = 1.6
+"""A standstill lasts at least so long [s], its smoothed ends included."""
+
+
+def moved_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
+    """The agent standing that much further along its path; Rejected if it stands nowhere."""
+    stop = _its_stop(agent)
+    s = stop.s + metres
+    if not 2.0 < s < agent.candidate.path.length - 1.0:
+        raise _refused(agent, f"has no room to stop {metres:+g} m from where it does")
+    others = tuple(each for each in agent.stops if each is not stop)
+    holds = tuple(Hold(each.s, each.until - agent.enters, each.braking) for each in others)
+    stands = arrival(agent.candidate, Hold(s, 0.0, stop.braking), holds) + agent.enters
+    ahead = None if stop.ahead is None else stop.ahead - metres
+    moved = replace(
+        stop,
+        anchor="yield_point",
+        s=s,
+        start=stands,
+        until=max(stop.until, stands + _LEAST_STAND),
+        ahead=ahead,
+    )
+    return replace(agent, stops=_in_order(*others, moved))
+
+
+def waiting(agent: SelectedAgent, seconds: float) -> SelectedAgent:
+    """The agent standing that much longer; Rejected if it stands nowhere or would not stand."""
+    stop = _its_stop(agent)
+    until = stop.until + seconds
+    if until < stop.start + _LEAST_STAND:
+        raise _refused(agent, f"stands for {stop.until - stop.start:.1f} s, which leaves nothing")
+    others = tuple(each for each in agent.stops if each is not stop)
+    return replace(agent, stops=_in_order(*others, replace(stop, until=until)))
+
+
+def moved_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
+    """The agent doing the same that much later, to the step."""
+    seconds = round(seconds, 1)
+    stops = tuple(
+        replace(each, start=each.start + seconds, until=each.until + seconds)
+        for each in agent.stops
+    )
+    contact = None if agent.contact is None else agent.contact + seconds
+    return replace(agent, enters=round(agent.enters + seconds, 1), stops=stops, contact=contact)
+
+
+def _its_stop(agent: SelectedAgent) -> Stop:
+    """Where it gives way; else where it stands at all."""
+    stops = [each for each in agent.stops if each.reason == "gives_way"] or list(agent.stops)
+    if not stops:
+        raise _refused(agent, "does not stop anywhere in this scene")
+    return stops[0]
+
+
+def _in_order(*stops: Stop) -> tuple[Stop, ...]:
+    return tuple(sorted(stops, key=lambda each: each.s))
+
+
+def _refused(agent: SelectedAgent, what: str) -> Rejected:
+    return Rejected(
+        Rejection(
+            stage="scene_planner",
+            code="contradictory",
+            agents=(agent.name,),
+            detail=f"{agent.name} {what}",
+        )
+    )

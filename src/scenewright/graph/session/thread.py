@@ -1,0 +1,90 @@
+"""The state of a thread, as it is checkpointed: plain values, products by their fingerprint."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypedDict
+
+Act = Literal["say", "make", "undo", "redo", "branch"]
+
+
+class Version(TypedDict):
+    """One verified version.
+
+    Attributes:
+        number: from 1, never used again in this thread; parent: what it was made from.
+        words: what was said; text: everything said up to it, for the scene's prompt.
+        edits: what the words amounted to; graph: its social graph.
+        scene, proof, provenance, earlier: fingerprints of what is kept.
+        moved, gone, come: others who are not as they were; longer: by so much [s].
+        by_hand: whose stop or time is as told; let_go: whose is no longer.
+    """
+
+    number: int
+    parent: int | None
+    words: str
+    text: str
+    edits: list[dict[str, Any]]
+    graph: dict[str, Any]
+    pace: dict[str, float]
+    scene: str
+    proof: str
+    provenance: str
+    earlier: str
+    moved: list[str]
+    gone: list[str]
+    come: list[str]
+    longer: float
+    by_hand: list[str]
+    let_go: list[str]
+
+
+class Pending(TypedDict):
+    """A question that was asked back, and the words that it is about."""
+
+    words: str
+    ask: dict[str, Any]
+    chosen: dict[str, str]
+
+
+class Refused(TypedDict):
+    """Why a turn came to nothing."""
+
+    words: str
+    code: str
+    reason: str
+    rejections: list[dict[str, Any]]
+
+
+class Heading(TypedDict):
+    """What all turns of a thread share."""
+
+    intersection: str
+    seed: int
+    refiner: str
+
+
+class ThreadState(TypedDict, total=False):
+    """Every channel of a thread.
+
+    Attributes:
+        act, words: of this turn; argument: of an act that has one.
+        reading: what the words amount to.
+        current: number of the version that is shown; ahead: those that were undone, last first.
+        branches: name -> number of its version; branch: the one that is worked on.
+        pending: a question that waits for its answer; refused: the last refusal.
+        reply: what became of this turn: `made`, `asked`, `refused`, `moved_to`, `nothing`.
+    """
+
+    act: Act
+    words: str
+    argument: str
+    heading: Heading
+    reading: dict[str, Any] | None
+    versions: list[Version]
+    current: int | None
+    ahead: list[int]
+    branches: dict[str, int]
+    branch: str
+    pending: Pending | None
+    refused: Refused | None
+    reply: dict[str, Any]

@@ -1,0 +1,155 @@
+"""Episodes: accepted scenes, kept between runs and recalled as examples for prompts.
+
+One JSON object a line in a file of bounded length. What is alike is found by counting groups of
+letters that two requests share, hashed into a vector of fixed length: the same on every machine,
+with no model and no network.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenewright.errors import InputError
+
+MOST_EPISODES = 500
+"""More are kept no longer: the oldest go first."""
+
+_LONGEST_REQUEST, _LONGEST_GRAPH = 2000, 20_000
+_DIMENSIONS = 512
+_GRAMS = (3, 4)
+_LEAST_ALIKE = 0.25
+"""Cosine below which a request is no example for another."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """An accepted scene.
+
+    Attributes:
+        request: what was said; graph: the social graph that it led to, as plain JSON.
+        taxonomy: leaves of the taxonomy that it shows.
+    """
+
+    request: str
+    graph: Mapping[str, Any]
+    taxonomy: tuple[str, ...]
+
+
+class Episodes:
+    """The episodes of one file.
+
+    Args:
+        path: the file; a memory that is not there is empty.
+        most: how many are kept.
+    """
+
+    def __init__(self, path: str | Path, *, most: int = MOST_EPISODES) -> None:
+        self.path, self.most = Path(path), most
+
+    def all(self) -> list[Episode]:
+        """Every episode, oldest first; lines that are none are passed over.
+
+        Raises:
+            InputError: the file cannot be read.
+        """
+        try:
+            lines = self.path.read_text("utf-8", "replace").splitlines()
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            raise InputError(f"cannot read {self.path}: {error.strerror or error}") from error
+        found = (_episode(line) for line in lines[-2 * self.most :])
+        return [each for each in found if each is not None][-self.most :]
+
+    def accept(self, *, request: str, graph: Mapping[str, Any], taxonomy: Sequence[str]) -> None:
+        """Keeps an episode; the same request takes the place of its earlier one.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        new = Episode(request[:_LONGEST_REQUEST], graph, tuple(taxonomy))
+        if len(json.dumps(dict(graph))) > _LONGEST_GRAPH:
+            return
+        kept = [each for each in self.all() if each.request != new.request]
+        self._write([*kept, new][-self.most :])
+
+    def wipe(self) -> int:
+        """Forgets everything; how many episodes that were."""
+        count = len(self.all())
+        self.path.unlink(missing_ok=True)
+        return count
+
+    def recall(self, text: str, k: int = 3) -> tuple[Episode, ...]:
+        """The episodes most like the text, at most one of each kind of scene first.
+
+        Of two that are equally alike, the later one; who shows what is there already comes after
+        others, so that three examples are not three times the same.
+        """
+        wanted = embedding(text)
+        scored = [
+            (_cosine(wanted, embedding(each.request)), n, each) for n, each in enumerate(self.all())
+        ]
+        near = sorted((s for s in scored if s[0] >= _LEAST_ALIKE), key=lambda s: (-s[0], -s[1]))
+        shown: set[tuple[str, ...]] = set()
+        first: list[Episode] = []
+        later: list[Episode] = []
+        for _, _, episode in near:
+            (later if episode.taxonomy in shown else first).append(episode)
+            shown.add(episode.taxonomy)
+        return tuple((*first, *later)[:k])
+
+    def _write(self, episodes: Sequence[Episode]) -> None:
+        lines = [
+            json.dumps(
+                {"request": e.request, "graph": dict(e.graph), "taxonomy": list(e.taxonomy)},
+                allow_nan=False,
+            )
+            for e in episodes
+        ]
+        part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            part.write_text("".join(f"{line}\n" for line in lines), "utf-8")
+            part.replace(self.path)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
+
+
+def embedding(text: str) -> dict[int, float]:
+    """The text as a sparse vector of length one: hashed groups of letters, damped counts."""
+    plain = " ".join(re.findall(r"[a-z0-9]+", text.lower()[:_LONGEST_REQUEST]))
+    padded = f" {plain} "
+    counts: dict[int, float] = {}
+    for size in _GRAMS:
+        for at in range(len(padded) - size + 1):
+            place = zlib.crc32(padded[at : at + size].encode()) % _DIMENSIONS
+            counts[place] = counts.get(place, 0.0) + 1.0
+    damped = {place: 1.0 + math.log(count) for place, count in counts.items()}
+    length = math.sqrt(sum(value * value for value in damped.values()))
+    return {place: value / length for place, value in damped.items()} if length else {}
+
+
+def _cosine(a: Mapping[int, float], b: Mapping[int, float]) -> float:
+    return sum(value * b.get(place, 0.0) for place, value in a.items())
+
+
+def _episode(line: str) -> Episode | None:
+    """The episode of a line; None where somebody wrote something else."""
+    try:
+        value = json.loads(line)
+        request, graph, taxonomy = value["request"], value["graph"], value["taxonomy"]
+    except (ValueError, TypeError, KeyError):
+        return None
+    plain = isinstance(request, str) and isinstance(graph, dict) and isinstance(taxonomy, list)
+    if not plain or len(line) > 2 * (_LONGEST_REQUEST + _LONGEST_GRAPH):
+        return None
+    return Episode(request, graph, tuple(str(each) for each in taxonomy))

@@ -1,0 +1,163 @@
+"""What a version is built on, as bytes: arrays exactly, everything else as plain JSON.
+
+Nothing is pickled and no class is named in the bytes: whoever wrote them can put in values, and
+values alone.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
+from scenewright.scene.behavior import Segment
+from scenewright.scene.candidates import Candidate, Path, TimeLaw
+from scenewright.scene.grounding import CastPattern
+from scenewright.scene.map import Route
+from scenewright.scene.pins import Earlier, EarlierAgent
+from scenewright.scene.selection import PlannedEvent, SelectedAgent, Slowing, Stop
+from scenewright.scene.track import Shape, Track
+
+_VERSION = 1
+
+
+def to_bytes(earlier: Earlier) -> bytes:
+    """The products, so that `from_bytes` gives the same to the last bit."""
+    value = {
+        "version": _VERSION,
+        "hour": earlier.hour,
+        "duration": earlier.duration,
+        "signal_offset": earlier.signal_offset,
+        "events": [asdict(each) for each in earlier.events],
+        "patterns": [each.model_dump(mode="json") for each in earlier.patterns],
+        "agents": [_agent(each) for each in earlier.agents.values()],
+    }
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    return zlib.compress(text.encode(), level=1)
+
+
+def from_bytes(data: bytes) -> Earlier:
+    """The products that were written.
+
+    Raises:
+        InputError: these are no such bytes.
+    """
+    try:
+        value = json.loads(zlib.decompress(data))
+        if value["version"] != _VERSION:
+            raise InputError(
+                f"a version of format {value['version']}, not {_VERSION}, is kept here"
+            )
+        agents = [_read_agent(each) for each in value["agents"]]
+        return Earlier(
+            agents={each.agent.name: each for each in agents},
+            patterns=tuple(CastPattern.model_validate(each) for each in value["patterns"]),
+            hour=float(value["hour"]),
+            duration=float(value["duration"]),
+            signal_offset=_optional(value["signal_offset"]),
+            events=tuple(_read_event(each) for each in value["events"]),
+        )
+    except (zlib.error, ValueError, KeyError, TypeError, IndexError) as error:
+        raise InputError(f"a kept version cannot be read: {error}") from error
+
+
+def _agent(each: EarlierAgent) -> dict[str, Any]:
+    agent, candidate = each.agent, each.agent.candidate
+    path = candidate.path
+    return {
+        "number": each.number,
+        "name": agent.name,
+        "role": agent.role,
+        "index": agent.index,
+        "enters": agent.enters,
+        "stops": [asdict(stop) for stop in agent.stops],
+        "slowings": [asdict(slowing) for slowing in agent.slowings],
+        "contact": agent.contact,
+        "violates": agent.violates,
+        "segments": [segment.model_dump(mode="json") for segment in each.segments],
+        "track": {
+            "xy": _array(each.track.xy),
+            "heading": _array(each.track.heading),
+            "start": each.track.start,
+            "step": each.track.step,
+        },
+        "candidate": {
+            "route": candidate.route.model_dump(mode="json"),
+            "waypoints": _array(candidate.waypoints),
+            "path": [_array(a) for a in (path.xy, path.s, path.heading, path.curvature)],
+            "nll": candidate.nll,
+            "time_law": asdict(candidate.time_law),
+            "time_nll": candidate.time_nll,
+            "shape": asdict(candidate.shape),
+            "subtype": candidate.subtype,
+        },
+    }
+
+
+def _read_agent(value: Mapping[str, Any]) -> EarlierAgent:
+    track = value["track"]
+    return EarlierAgent(
+        number=int(value["number"]),
+        agent=SelectedAgent(
+            name=str(value["name"]),
+            role=_role(value["role"]),
+            candidate=_read_candidate(value["candidate"]),
+            index=int(value["index"]),
+            enters=float(value["enters"]),
+            stops=tuple(Stop(**each) for each in value["stops"]),
+            slowings=tuple(Slowing(**each) for each in value["slowings"]),
+            contact=_optional(value["contact"]),
+            violates=bool(value["violates"]),
+        ),
+        segments=tuple(Segment.model_validate(each) for each in value["segments"]),
+        track=Track(
+            _read_array(track["xy"]), _read_array(track["heading"]), track["start"], track["step"]
+        ),
+    )
+
+
+def _read_candidate(value: Mapping[str, Any]) -> Candidate:
+    xy, s, heading, curvature = (_read_array(each) for each in value["path"])
+    return Candidate(
+        route=Route.model_validate(value["route"]),
+        waypoints=_read_array(value["waypoints"]),
+        path=Path(xy, s, heading, curvature),
+        nll=float(value["nll"]),
+        time_law=TimeLaw(**value["time_law"]),
+        time_nll=float(value["time_nll"]),
+        shape=Shape(**value["shape"]),
+        subtype=value["subtype"],
+    )
+
+
+def _read_event(value: Mapping[str, Any]) -> PlannedEvent:
+    first, second = value["agents"]
+    x, y = value["location"]
+    return PlannedEvent(value["clause"], (first, second), float(value["time"]), (x, y))
+
+
+def _role(text: str) -> Any:
+    if text not in ("foreground", "background"):
+        raise ValueError(f"there is no role {text!r}")
+    return text
+
+
+def _array(values: FloatArray) -> dict[str, Any]:
+    exact = np.ascontiguousarray(values, dtype="<f8")
+    return {"shape": list(exact.shape), "f8": base64.b64encode(exact.tobytes()).decode()}
+
+
+def _read_array(value: Mapping[str, Any]) -> FloatArray:
+    flat = np.frombuffer(base64.b64decode(value["f8"], validate=True), dtype="<f8")
+    return np.array(flat.reshape(value["shape"]), dtype=np.float64)
+
+
+def _optional(value: Any) -> float | None:
+    return None if value is None else float(value)

@@ -1,0 +1,273 @@
+"""What the planner may be told: the reply model, its schema for a map, and what a plan entails."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Annotated, Any, get_args
+
+from pydantic import Discriminator, RootModel, Tag, model_validator
+
+from scenewright.nodes.schema import Schema, closed, listed, number, one_of, text, whole
+from scenewright.scene.base import AgentClass
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.relations import Pattern, patterns
+from scenewright.scene.social import (
+    AgentNode,
+    Cause,
+    CollisionKind,
+    Density,
+    EntrySide,
+    ImpactPoint,
+    Refusal,
+    RelationEdge,
+    RelationType,
+    SocialGraph,
+    Subtype,
+)
+from scenewright.tools.map_grounding import lies
+
+TIME = r"^([01][0-9]|2[0-3]):[0-5][0-9](-([01][0-9]|2[0-3]):[0-5][0-9])?$"
+MOST_PATTERNS = 10
+_IDS = tuple(f"{kind}-{n}" for kind in get_args(AgentClass) for n in range(1, 7))
+_FIELDS = ("entry", "exit", "movement", "crosswalk")
+_WORD = re.compile(r"[a-z]+")
+_COMMON = frozenset(
+    (
+        *("a", "an", "the", "of", "its", "his", "her", "for", "to", "into", "on", "in", "at"),
+        *("from", "and", "with", "out", "up", "over", "as", "by", "is", "are", "one", "two"),
+        *("vehicle", "pedestrian", "car", "truck", "bus", "man", "woman", "who", "that"),
+        *("while", "then", "left", "right"),
+    )
+)
+"""Words that tell no phrase from another."""
+
+
+def _which(value: Any) -> str:
+    refusal = isinstance(value, Refusal) or (isinstance(value, Mapping) and "code" in value)
+    return "refused" if refusal else "plan"
+
+
+class PlanReply(
+    RootModel[
+        Annotated[
+            Annotated[SocialGraph, Tag("plan")] | Annotated[Refusal, Tag("refused")],
+            Discriminator(_which),
+        ]
+    ]
+):
+    """A social graph, or the reason why there can be none, as such or under the key `refused`."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_of_the_two(cls, value: Any) -> Any:
+        if not isinstance(value, Mapping) or "refused" not in value:
+            return value
+        rest = {key: each for key, each in value.items() if key != "refused"}
+        if value["refused"] is None:
+            return rest
+        if rest.get("agents") or rest.get("relations"):
+            raise ValueError("either 'refused' or agents and relations, not both")
+        return value["refused"]
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way through the intersection."""
+
+    type: AgentClass
+    entry: str
+    exit: str
+    movement: str
+    crosswalk: str | None = None
+
+
+def ways_of(on: IntersectionMap) -> tuple[Way, ...]:
+    """Every way of a map."""
+    return tuple(
+        Way(each.type, each.entry, each.exit, each.movement, each.crosswalk) for each in on.routes
+    )
+
+
+def _four_legs() -> tuple[Way, ...]:
+    ring = ("north", "east", "south", "west")
+    turns = {"left": 1, "straight": 2, "right": 3}
+    driven = [
+        Way("vehicle", entry, ring[(at + turn) % 4], name)
+        for at, entry in enumerate(ring)
+        for name, turn in turns.items()
+    ]
+    walked = [
+        Way("pedestrian", ring[(at + side) % 4], ring[(at - side) % 4], movement, leg)
+        for at, leg in enumerate(ring)
+        for side in (1, -1)
+        for movement in ("crossing", "jaywalking")
+    ]
+    turned = [Way("vehicle", entry, entry, "uturn") for entry in ring]
+    return (*driven, *turned, *walked)
+
+
+FOUR_LEGS = _four_legs()
+"""Where no map is named: a crossing of two roads that run to the four compass points."""
+
+
+def plan_schema(ways: Sequence[Way], told: Sequence[Pattern]) -> Schema:
+    """The reply's schema: sides, crosswalks and patterns are those there are."""
+    sides = one_of(side for way in ways for side in (way.entry, way.exit))
+    crossed = [way.crosswalk for way in ways if way.crosswalk is not None]
+    ids = one_of(_IDS)
+    agent = {
+        "id": ids,
+        "type": one_of(get_args(AgentClass)),
+        "subtype": one_of(get_args(Subtype)),
+        "entry": sides,
+        "exit": sides,
+        "movement": one_of([*(way.movement for way in ways), "uturn"]),
+        **({"crosswalk": one_of(crossed)} if crossed else {}),
+        "runs_red": {"type": "boolean"},
+    }
+    relation = {
+        "type": one_of(get_args(RelationType)),
+        "from": ids,
+        "to": ids,
+        "kind": one_of(get_args(CollisionKind)),
+        "cause": one_of(get_args(Cause)),
+        **({"pattern": one_of(each.id for each in told)} if told else {}),
+        "target_pet": number(0, 8),
+        "target_ttc": number(0, 8),
+        "impact_speed": number(0.1, 20),
+        "point_from": one_of(get_args(ImpactPoint)),
+        "point_to": one_of(get_args(ImpactPoint)),
+    }
+    drivers = one_of(each for each in _IDS if each.startswith("vehicle"))
+    tie = {"agent": drivers, "of": drivers, "side": one_of(get_args(EntrySide))}
+    others = {"vehicles": whole(0, 20), "pedestrians": whole(0, 20)}
+    context = {
+        "density": one_of(get_args(Density)),
+        "time_of_day": text(TIME),
+        "background": closed(others),
+    }
+    codes = one_of(("out_of_scope", "contradictory", "impossible"))
+    return closed(
+        {
+            "refused": closed({"code": codes, "reason": text()}, required=("code", "reason")),
+            "agents": listed(closed(agent, required=("id", "type")), most=6),
+            "relations": listed(closed(relation, required=("type", "from", "to")), most=6),
+            "ties": listed(closed(tie, required=tie), most=6),
+            "context": closed(context),
+        },
+        required=("agents", "relations"),  # said even where there are none
+    )
+
+
+def patterns_told(instruction: str) -> tuple[Pattern, ...]:
+    """The relation files whose phrases share words with the text, most alike first.
+
+    Of a user's files and the shipped ones alike; a model need not hear of the others.
+    """
+    said = _stems(instruction)
+    found = []
+    for pattern in patterns():
+        alike = max((_alike(words, said) for words, _ in pattern.spoken()), default=0.0)
+        if alike > 0.5:
+            found.append((-alike, pattern.id, pattern))
+    return tuple(each for *_, each in sorted(found, key=lambda each: each[:2])[:MOST_PATTERNS])
+
+
+def _stems(words: str) -> set[str]:
+    return {_stemmed(word) for word in _WORD.findall(words.lower()) if word not in _COMMON}
+
+
+@lru_cache(maxsize=4096)
+def _stemmed(word: str) -> str:
+    return str(_stemmer().stemWord(word[:40]))
+
+
+@cache
+def _stemmer() -> Any:
+    import snowballstemmer
+
+    return snowballstemmer.stemmer("english")
+
+
+def _alike(phrase: str, said: set[str]) -> float:
+    """Share of the phrase's own words that are said."""
+    own = _stems(phrase)
+    return len(own & said) / len(own) if own else 0.0
+
+
+def completed(graph: SocialGraph, ways: Iterable[Way]) -> SocialGraph:
+    """The graph with what its entries, exits, turns and ties entail of one another (SEMANTICS 2).
+
+    Nothing is changed that is told, and nothing added where several ways are left.
+    """
+    ways = tuple(ways)
+    agents = {agent.id: agent for agent in graph.agents}
+    for _ in range(2):
+        agents = {name: _complete(agent, ways) for name, agent in agents.items()}
+        for name, other, side in _bonds(graph):
+            if agents[name].type == agents[other].type == "vehicle":
+                _tie(agents, name, other, side, ways)
+    done = tuple(_complete(agent, ways) for agent in agents.values())
+    return graph.model_copy(update={"agents": done})
+
+
+def _complete(agent: AgentNode, ways: Sequence[Way]) -> AgentNode:
+    told = {field: getattr(agent, field) for field in _FIELDS}
+    if agent.type == "pedestrian" and told["crosswalk"] and told["movement"] is None:
+        told["movement"] = "crossing"
+    open_ = [
+        way
+        for way in ways
+        if way.type == agent.type
+        and all(told[f] is None or told[f] == getattr(way, f) for f in _FIELDS)
+    ]
+    if not open_ or told["movement"] == "jaywalking":
+        return agent
+    fixed = ("entry", "exit") if agent.type == "pedestrian" else _FIELDS[:3]
+    for field in fixed:
+        values = {getattr(way, field) for way in open_}
+        # Who is told no side at all is left free, be there but one way.
+        if told[field] is None and len(values) == 1 and _two_told(told):
+            told[field] = values.pop()
+    return agent.model_copy(update=told)
+
+
+def _two_told(told: Mapping[str, Any]) -> bool:
+    return sum(told[field] is not None for field in _FIELDS) >= 2
+
+
+def _bonds(graph: SocialGraph) -> list[tuple[str, str, EntrySide]]:
+    """Whose entry lies to whose, by ties and by what relations need."""
+    bonds: list[tuple[str, str, EntrySide]] = [(t.agent, t.of, t.side) for t in graph.ties]
+    for edge in graph.relations:
+        side = _side_of(edge)
+        if side is not None:
+            bonds.append((edge.from_, edge.to, side))
+    return bonds
+
+
+def _side_of(edge: RelationEdge) -> EntrySide | None:
+    if edge.type == "follow" or edge.kind == "rear_end":
+        return "same"
+    return "opposite" if edge.kind == "head_on" else None
+
+
+def _tie(
+    agents: dict[str, AgentNode], name: str, other: str, side: EntrySide, ways: Sequence[Way]
+) -> None:
+    """The entry of either from that of the other, where but one leg is left."""
+    legs = dict.fromkeys(way.entry for way in ways if way.type == "vehicle")
+    one, two = agents[name], agents[other]
+    if one.entry is None and two.entry is not None:
+        fits = [leg for leg in legs if lies(side, leg, of=two.entry)]
+        agents[name] = _entering(one, fits)
+    elif two.entry is None and one.entry is not None:
+        fits = [leg for leg in legs if lies(side, one.entry, of=leg)]
+        agents[other] = _entering(two, fits)
+
+
+def _entering(agent: AgentNode, legs: Sequence[str]) -> AgentNode:
+    return agent.model_copy(update={"entry": legs[0]}) if len(legs) == 1 else agent

@@ -1,0 +1,342 @@
+"""The stages as tools for agents: typed arguments in, short facts out, refusals that can be mended.
+
+A workbench holds what has been made so far. Every tool reads what earlier ones have made and puts
+its own product there; what was made from an older one goes. An agent is shown facts, never
+coordinates to write. A refusal is a result with `ok` false, a code and a sentence, as a retry edge
+would have it (`scene/rejection.py`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, cast
+
+from langgraph.runtime import Runtime
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from scenewright.backends import Backend, Question, Task, load_backend
+from scenewright.errors import Rejected
+from scenewright.memory.state import SceneState
+from scenewright.nodes.agent_generator import generate_agents
+from scenewright.nodes.context import RunContext
+from scenewright.nodes.event_reasoner import reason_events
+from scenewright.nodes.event_reasoner.reply import SegmentReply
+from scenewright.nodes.scene_planner import plan_scene
+from scenewright.nodes.scene_verifier import verify_scene
+from scenewright.nodes.trajectory_refiner import refine_trajectories
+from scenewright.nodes.waypoint_filter import filter_waypoints
+from scenewright.scene.events import Finding, Proof
+from scenewright.scene.map import Route
+from scenewright.scene.record import SceneRecord
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.social import SocialGraph
+from scenewright.tools.dsl_validator.parse import format_clause, parse
+
+if TYPE_CHECKING:
+    from langchain_core.tools import BaseTool
+
+Facts = dict[str, Any]
+Recorder = Callable[[SceneRecord, Proof], str]
+"""Keeps a verified scene somewhere that the caller chose; says where."""
+
+_CHANNELS: tuple[tuple[str, ...], ...] = (
+    ("social_graph", "grounding"),
+    ("candidates",),
+    ("constraints", "selection"),
+    ("summary", "behavior", "edited"),
+    ("refined", "refinement", "rolled"),
+    ("scene", "proof"),
+)
+"""By step, in order: what it puts on the workbench."""
+
+_STEPS = ("ground_plan", "draw_candidates", "solve", "edit_segments", "refine", "check_scene")
+_MOST_ANCHORS = 8
+
+
+class NoArguments(BaseModel):
+    """Nothing to say."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class PlanArguments(BaseModel):
+    """The social graph to bind to the map."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    plan: SocialGraph = Field(description="who takes part, and what they do to one another")
+
+
+class ProgramArguments(BaseModel):
+    """A constraint program."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    program: str = Field(
+        max_length=8000, description="clauses of the constraint language, a line each"
+    )
+
+
+class SolveArguments(BaseModel):
+    """What is to hold."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    program: str | None = Field(
+        default=None,
+        max_length=8000,
+        description="clauses to hold; leave out for those of the relation files",
+    )
+
+
+class AgentSegments(BaseModel):
+    """The behavior segments of one agent, in order of time."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    agent: str
+    segments: list[SegmentReply]
+
+
+class SegmentArguments(BaseModel):
+    """Behavior segments of those who shall do otherwise than the solver suggests."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    agents: list[AgentSegments] = Field(default_factory=list, max_length=28)
+
+
+class Workbench:
+    """What has been made so far, and the tools that make it.
+
+    Args:
+        instruction: what shall happen, for the scene's prompt.
+        context: map, priors, seed; its backend answers what a tool is not told.
+        record: where a verified scene is kept.
+    """
+
+    def __init__(
+        self, instruction: str, context: RunContext, *, record: Recorder | None = None
+    ) -> None:
+        self._context, self._record = context, record
+        self._state: SceneState = {"instruction": instruction, "rejections": []}
+
+    @property
+    def state(self) -> SceneState:
+        """Every product so far."""
+        return self._state
+
+    @property
+    def verified(self) -> bool:
+        """Whether there is a scene, and it is proven."""
+        return "proof" in self._state and self._state["proof"].verified
+
+    def ground_plan(self, plan: SocialGraph) -> Facts:
+        """Map grounding (paper 3.1): binds the agents and relations of a plan to the map."""
+        made = self._step("ground_plan", plan_scene, {"planned": plan})
+        routes = {
+            name: list(dict.fromkeys(map(_way, open_)))[:_MOST_ANCHORS]
+            for name, open_ in made["grounding"].routes.items()
+        }
+        return {"agents": [each.id for each in plan.agents], "ways": routes}
+
+    def draw_candidates(self) -> Facts:
+        """GMM sampler (paper 3.2): draws who else is there, and ways to go for everybody."""
+        made = self._step("draw_candidates", generate_agents)["candidates"]
+        return {
+            "candidates_each": self._context.draws,
+            "background": dict(made.background),
+            "hour": round(made.hour, 2),
+            "relations_played": [each.pattern for each in made.cast.patterns],
+        }
+
+    def check_program(self, program: str) -> Facts:
+        """DSL validator (paper 3.3): reads a constraint program; says where it goes wrong."""
+        return {"clauses": [format_clause(each) for each in parse(program).clauses]}
+
+    def solve(self, program: str | None = None) -> Facts:
+        """DSL validator (paper 3.3, Eq. 4): candidates, times and standstills that serve."""
+        answer = None if program is None else {"program": program}
+        made = self._step("solve", filter_waypoints, {}, "constraints", answer)["selection"]
+        return {
+            "duration": made.duration,
+            "events": [{"clause": e.clause, "time": round(e.time, 1)} for e in made.events],
+            "foreground": {
+                name: {
+                    "enters": round(each.enters, 1),
+                    "way": f"{each.candidate.route.movement} from {each.candidate.route.entry}",
+                    "stops": [round(stop.start, 1) for stop in each.stops],
+                }
+                for name, each in made.agents.items()
+                if each.role == "foreground"
+            },
+            "background": sum(each.role == "background" for each in made.agents.values()),
+        }
+
+    def edit_segments(self, agents: list[AgentSegments] | None = None) -> Facts:
+        """Segment editor (paper 3.4, 3.5, Eq. 6): keep, stop, proceed, terminate, at anchors."""
+        told = {
+            each.agent: [s.model_dump(mode="json") for s in each.segments] for each in agents or []
+        }
+        answer = {"segments": told} if told else None
+        made = self._step("edit_segments", reason_events, {}, "behavior", answer)
+        front = {each.id for each in self._state["social_graph"].agents}
+        return {
+            "agents": {
+                each.agent: {
+                    "anchors": [a.id for a in each.anchors][:_MOST_ANCHORS],
+                    "segments": [
+                        f"{s.status} {s.start:.1f}-{s.end:.1f} s at {s.anchor}"
+                        for s in made["behavior"].segments[each.agent]
+                    ],
+                }
+                for each in made["summary"].agents
+                if each.agent in front
+            }
+        }
+
+    def refine(self) -> Facts:
+        """TrajNet++ refiner (paper 3.5, Eq. 7): turns the edited priors into final tracks."""
+        made = self._step("refine", refine_trajectories)
+        return {"tracks": len(made["refined"]), "refinement": made["refinement"].note}
+
+    def check_scene(self) -> Facts:
+        """Relation checker (paper 4.3): looks at the final tracks and decides."""
+        made = self._step("check_scene", verify_scene)
+        names = {each.id: each.name for each in made["scene"].agents}
+        proof = made["proof"]
+        return {
+            "verified": proof.verified,
+            "events": [
+                f"{e.type} of {names[e.from_]} and {names[e.to]} at {e.time:.1f} s"
+                for e in proof.events
+            ],
+            "against": [_told(each, names) for each in (*proof.missing, *proof.interference)],
+        }
+
+    def record_scene(self) -> Facts:
+        """Recorder: keeps the verified scene where whoever runs this wants it."""
+        if not self.verified:
+            raise _too_early("record_scene", "check_scene")
+        if self._record is None:
+            return {"kept": None, "why": "nobody named a place to keep scenes"}
+        return {"kept": self._record(self._state["scene"], self._state["proof"])}
+
+    def _step(
+        self,
+        step: str,
+        node: Callable[..., Any],
+        told: Facts | None = None,
+        task: Task | None = None,
+        answer: Facts | None = None,
+    ) -> dict[str, Any]:
+        """Runs a stage on what is there; its products replace the old, and later ones go."""
+        at = _STEPS.index(step)
+        for before, names in zip(_STEPS[:at], _CHANNELS[:at], strict=True):
+            # The segment editor and the refiner are one stage in the pipeline, and two tools here.
+            if not set(names) - {"edited", "refinement", "rolled"} <= self._state.keys():
+                raise _too_early(step, before)
+        context = self._context
+        if task is not None and answer is not None:
+            context = _answering(context, task, answer)
+        state: Any = {**self._state, **(told or {})}
+        try:
+            made = node(state, runtime=Runtime(context=context))
+        except Rejected as error:
+            self._state["rejections"] = [*self._state["rejections"], error.rejection]
+            raise
+        later = {name for names in _CHANNELS[at:] for name in names}
+        kept = {name: value for name, value in self._state.items() if name not in later}
+        self._state = cast(SceneState, {**kept, **made})
+        found: dict[str, Any] = made
+        return found
+
+
+def _way(route: Route) -> str:
+    crosswalk = f" on the {route.crosswalk} crosswalk" if route.crosswalk else ""
+    return f"{route.movement} from {route.entry} to {route.exit}{crosswalk}"
+
+
+class _Told:
+    """A backend that has one answer, and asks the builtin one for the rest."""
+
+    name = "agent"
+    deterministic = True
+
+    def __init__(self, task: Task, answer: Facts, otherwise: Backend) -> None:
+        self._task, self._answer, self._otherwise = task, answer, otherwise
+
+    def answer(self, question: Question) -> Facts:
+        """The answer that was told (see `Backend`)."""
+        return self._answer if question.task == self._task else self._otherwise.answer(question)
+
+
+def _answering(context: RunContext, task: Task, answer: Facts) -> RunContext:
+    from dataclasses import replace
+
+    return replace(context, backend=_Told(task, answer, load_backend("builtin")))
+
+
+def _too_early(step: str, before: str) -> Rejected:
+    detail = f"{step} needs what {before} makes; call {before} first"
+    return Rejected(Rejection(stage="scene_planner", code="malformed_reply", detail=detail))
+
+
+def _told(finding: Finding, names: dict[int, str]) -> str:
+    who = ", ".join(names.get(each, str(each)) for each in finding.agents)
+    return f"{finding.rule} ({who}): {finding.detail}"
+
+
+def tools_of(bench: Workbench) -> list[BaseTool]:
+    """The workbench's tools for any LangChain chat model, in the order in which they are used."""
+    from langchain_core.tools import StructuredTool
+
+    table: list[tuple[str, Callable[..., Facts], type[BaseModel]]] = [
+        ("ground_plan", bench.ground_plan, PlanArguments),
+        ("draw_candidates", bench.draw_candidates, NoArguments),
+        ("check_program", bench.check_program, ProgramArguments),
+        ("solve", bench.solve, SolveArguments),
+        ("edit_segments", bench.edit_segments, SegmentArguments),
+        ("refine", bench.refine, NoArguments),
+        ("check_scene", bench.check_scene, NoArguments),
+        ("record_scene", bench.record_scene, NoArguments),
+    ]
+    return [
+        StructuredTool.from_function(
+            func=_refusing(run),
+            name=name,
+            description=str(run.__doc__),
+            args_schema=arguments,
+            handle_validation_error=_unfit,
+        )
+        for name, run, arguments in table
+    ]
+
+
+def _refusing(run: Callable[..., Facts]) -> Callable[..., str]:
+    """The tool's facts as JSON; a refusal is a result that a model can act on."""
+
+    def act(**arguments: Any) -> str:
+        try:
+            return json.dumps({"ok": True, **run(**arguments)})
+        except Rejected as error:
+            return refused(error.rejection)
+
+    return act
+
+
+def refused(rejection: Rejection) -> str:
+    """A rejection as the result of a tool."""
+    told = rejection.model_dump(mode="json", include={"code", "agents", "detail"})
+    return json.dumps({"ok": False, **told})
+
+
+def _unfit(error: ValidationError | Any) -> str:
+    """Arguments that do not fit: the first fault, and where it is."""
+    if not isinstance(error, ValidationError):
+        return json.dumps({"ok": False, "code": "malformed_reply", "detail": str(error)[:300]})
+    first = error.errors(include_url=False)[0]
+    where = ".".join(str(part) for part in first["loc"]) or "arguments"
+    detail = f"{where}: {first['msg']}"
+    return json.dumps({"ok": False, "code": "malformed_reply", "detail": detail})

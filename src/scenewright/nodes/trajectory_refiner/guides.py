@@ -1,0 +1,76 @@
+"""What guides the refiner: the edited prior of everybody, and where it must stay as it is.
+
+Whoever stands, keeps standing; what a relation is about keeps the times that the solver found.
+Between these the network moves, from one goal of the segments to the next.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.scene.behavior import BehaviorProgram
+from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection
+from scenewright.scene.track import STEP
+from scenewright.tools.time_law import Motion
+
+if TYPE_CHECKING:
+    from scenewright.tools.trajnet_refiner.guided import Guide
+
+STANDING = 0.3
+"""At most this speed [m/s] is standing (SEMANTICS section 4)."""
+BEFORE, AFTER = 3.0, 2.0
+"""How long around a contact or a near miss the prior is kept [s]."""
+YIELDING = ("gives_way(", "headway(")
+"""Clauses whose events last: these leave more room, as waiting itself is kept anyway."""
+BEFORE_YIELDING, AFTER_YIELDING = 1.0, 0.5
+FIRST = 0.8
+"""How much of every track is the prior's [s]: it says how fast the agent came."""
+
+
+def guides_of(
+    motions: dict[str, Motion], selection: Selection, behavior: BehaviorProgram
+) -> dict[str, Guide]:
+    """One guide for everybody, by name."""
+    from scenewright.tools.trajnet_refiner.guided import Guide
+
+    return {
+        name: Guide(
+            kind=motion.candidate.route.type,
+            path=motion.path,
+            s=motion.s,
+            enters=selection.agents[name].enters,
+            kept=_kept(motion, selection.agents[name], selection),
+            goals=tuple(segment.end for segment in behavior.segments[name]),
+        )
+        for name, motion in motions.items()
+    }
+
+
+def _kept(motion: Motion, agent: SelectedAgent, selection: Selection) -> NDArray[np.bool_]:
+    """[T] samples at which the prior stays as it is."""
+    times = agent.enters + STEP * np.arange(len(motion.s))
+    kept = np.asarray(motion.speed <= STANDING)
+    for event in selection.events:
+        if agent.name in event.agents:
+            begin, end = _about(event, selection)
+            kept |= (times >= begin) & (times <= end)
+    kept[: round(FIRST / STEP)] = True
+    if motion.ended:
+        kept[-1] = True
+    return kept
+
+
+def _about(event: PlannedEvent, selection: Selection) -> tuple[float, float]:
+    """From when to when a relation is at stake; who gives way does so until it starts."""
+    lasts = event.clause.startswith(YIELDING)
+    before, after = (BEFORE_YIELDING, AFTER_YIELDING) if lasts else (BEFORE, AFTER)
+    waits = [
+        stop.until
+        for name in event.agents
+        for stop in selection.agents[name].stops
+        if stop.reason == "gives_way"
+    ]
+    return event.time - before, max([event.time, *waits]) + after

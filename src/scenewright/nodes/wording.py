@@ -1,0 +1,99 @@
+"""Questions in words: a stage's prompt.md with the facts of the scene put in.
+
+Whatever users, files and models wrote stands in a prompt as a JSON text of bounded length, so that
+it can neither end its place nor pose as a rule.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from scenewright.backends import Wording
+
+LONGEST_REQUEST = 2000
+"""Characters of an instruction that a model is shown; builtin reads no more either."""
+
+MOST_EXAMPLES = 3
+MOST_FAULTS = 3
+_LONGEST_FAULT = 400
+_LONGEST_EXAMPLE = 1200
+_USER = "=== user ==="
+_LINE_ENDS = re.compile("[\u0085\u2028\u2029]")
+_PLACE = re.compile(r"<<([a-z]+)>>")
+
+
+@dataclass(frozen=True)
+class Example:
+    """A request of an accepted scene, and the answer that led to it."""
+
+    request: str
+    answer: Mapping[str, Any]
+
+
+Recall = Callable[[str, str], Sequence[Example]]
+"""(task, instruction) -> examples for the prompt, most alike first."""
+
+
+def nothing_recalled(_task: str, _instruction: str) -> Sequence[Example]:
+    """No memory, no examples."""
+    return ()
+
+
+def worded(stage: str, name: str, values: Mapping[str, str], *, schema: dict[str, Any]) -> Wording:
+    """A prompt with its places filled, in one pass: what is put in is never read as a place."""
+    system, user = _prompt(stage, name)
+    return Wording(system=_filled(system, values), user=_filled(user, values), schema=schema)
+
+
+def quoted(text: str, *, most: int = LONGEST_REQUEST) -> str:
+    """A text as data: one JSON string, cut where it is too long."""
+    kept = text if len(text) <= most else text[:most] + "…"
+    return _on_one_line(json.dumps(kept, ensure_ascii=False))
+
+
+def compact(value: Any) -> str:
+    """A value as short JSON."""
+    return _on_one_line(json.dumps(value, ensure_ascii=False, separators=(",", ":")))
+
+
+def _on_one_line(text: str) -> str:
+    """JSON as it can be sent; lone surrogates cannot, and some separators pass for line ends."""
+    sendable = text.encode("utf-8", "replace").decode("utf-8")
+    return _LINE_ENDS.sub(" ", sendable)
+
+
+def faults_told(rejections: Sequence[str]) -> str:
+    """Why earlier answers were refused, the latest last."""
+    if not rejections:
+        return ""
+    lines = [f"- {quoted(each, most=_LONGEST_FAULT)}" for each in rejections[-MOST_FAULTS:]]
+    return "\n".join(
+        ["", "Your earlier answer was refused. Mend exactly this, keep the rest:", *lines]
+    )
+
+
+def examples_told(examples: Sequence[Example]) -> str:
+    """Accepted answers to requests like this one."""
+    told = [
+        f"Request: {quoted(each.request, most=400)}\n{compact(each.answer)}\n"
+        for each in examples
+        if len(compact(each.answer)) <= _LONGEST_EXAMPLE
+    ]
+    return "".join(["Accepted before:\n", *told[:MOST_EXAMPLES]]) if told else ""
+
+
+@cache
+def _prompt(stage: str, name: str) -> tuple[str, str]:
+    text = files("scenewright.nodes").joinpath(stage, name).read_text("utf-8")
+    system, _, user = text.partition(f"{_USER}\n")
+    return system.strip(), user.strip()
+
+
+def _filled(text: str, values: Mapping[str, str]) -> str:
+    return _PLACE.sub(lambda found: values[found[1]], text)

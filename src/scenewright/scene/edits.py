@@ -1,0 +1,310 @@
+"""Edits: what a turn of a conversation changes in a scene, as typed values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError
+
+from scenewright.errors import Rejected
+from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.social import (
+    AgentNode,
+    Background,
+    EntryTie,
+    RelationEdge,
+    SceneContext,
+    SocialGraph,
+)
+
+
+class Present(Model):
+    """An agent of the scene as it is, for whoever reads words about it.
+
+    Attributes:
+        number: its id in scene.json.
+        speed: free speed [m/s]; stops: whether it stands anywhere.
+    """
+
+    id: AgentId
+    number: int
+    type: AgentClass
+    subtype: str | None = None
+    entry: Compass
+    exit: Compass
+    movement: Movement
+    crosswalk: Compass | None = None
+    role: Literal["foreground", "background"]
+    speed: float
+    stops: bool = False
+
+
+class Situation(Model):
+    """What words of a conversation are read against."""
+
+    graph: SocialGraph
+    present: tuple[Present, ...]
+
+
+class ChangeAgent(Model):
+    """An agent of the social graph becomes this."""
+
+    edit: Literal["change_agent"] = "change_agent"
+    node: AgentNode
+
+
+class AddAgent(Model):
+    """One agent more in the social graph."""
+
+    edit: Literal["add_agent"] = "add_agent"
+    node: AgentNode
+
+
+class RemoveAgent(Model):
+    """An agent goes, and every relation it has; also one of the background."""
+
+    edit: Literal["remove_agent"] = "remove_agent"
+    agent: AgentId
+
+
+class Relate(Model):
+    """The relation between two agents becomes this one."""
+
+    edit: Literal["relate"] = "relate"
+    edge: RelationEdge
+
+
+class Unrelate(Model):
+    """Nothing happens between two agents any more."""
+
+    edit: Literal["unrelate"] = "unrelate"
+    first: AgentId
+    second: AgentId
+
+
+class Tie(Model):
+    """Entries that lie to one another in some way, all of them."""
+
+    edit: Literal["tie"] = "tie"
+    ties: tuple[EntryTie, ...]
+
+
+class ChangeContext(Model):
+    """Density and time of day become these; numbers of the background are edits of their own."""
+
+    edit: Literal["change_context"] = "change_context"
+    density: Literal["low", "medium", "high"] | None = None
+    time_of_day: str | None = None
+
+
+class SetBackground(Model):
+    """So many background agents of a class; None leaves it as it is."""
+
+    edit: Literal["set_background"] = "set_background"
+    vehicles: int | None = Field(default=None, ge=0, le=20)
+    pedestrians: int | None = Field(default=None, ge=0, le=20)
+
+
+class SetPace(Model):
+    """An agent is slower or faster: its free speed times `factor`."""
+
+    edit: Literal["set_pace"] = "set_pace"
+    agent: AgentId
+    factor: float = Field(ge=0.3, le=2.0)
+
+
+class MoveStop(Model):
+    """An agent stands `metres` further along its path, or before."""
+
+    edit: Literal["move_stop"] = "move_stop"
+    agent: AgentId
+    metres: float = Field(ge=-15.0, le=15.0)
+
+
+class WaitLonger(Model):
+    """An agent stands `seconds` longer, or less long."""
+
+    edit: Literal["wait_longer"] = "wait_longer"
+    agent: AgentId
+    seconds: float = Field(ge=-20.0, le=20.0)
+
+
+class ComeLater(Model):
+    """An agent comes `seconds` later, or sooner."""
+
+    edit: Literal["come_later"] = "come_later"
+    agent: AgentId
+    seconds: float = Field(ge=-20.0, le=20.0)
+
+
+class Redraw(Model):
+    """An agent takes another path at another time; None: everybody."""
+
+    edit: Literal["redraw"] = "redraw"
+    agent: AgentId | None = None
+
+
+Edit = (
+    ChangeAgent | AddAgent | RemoveAgent | Relate | Unrelate | Tie | ChangeContext
+    | SetBackground | SetPace | MoveStop | WaitLonger | ComeLater | Redraw
+)  # fmt: skip
+
+
+class Edits(Model):
+    """Everything that one turn changes, in order."""
+
+    reading: Literal["edits"] = "edits"
+    edits: tuple[Annotated[Edit, Field(discriminator="edit")], ...] = Field(max_length=32)
+
+
+class Choice(Model):
+    """One answer to a question: what to type, and what it stands for."""
+
+    answer: str = Field(max_length=40)
+    means: str = Field(max_length=200)
+
+
+class Ask(Model):
+    """The words may mean several things; the question is put once."""
+
+    reading: Literal["ask"] = "ask"
+    question: str
+    choices: tuple[Choice, ...] = Field(min_length=2, max_length=24)
+
+
+class Decline(Model):
+    """The words cannot become an edit; the reason says why and what would."""
+
+    reading: Literal["decline"] = "decline"
+    code: Literal["out_of_scope", "contradictory", "impossible", "no_change", "backend_failed"]
+    reason: str
+
+
+class Fresh(Model):
+    """The words describe a scene of their own."""
+
+    reading: Literal["fresh"] = "fresh"
+
+
+class Wish(Model):
+    """The words ask for something that the session itself does."""
+
+    reading: Literal["wish"] = "wish"
+    wish: Literal["why", "undo", "redo", "show", "help", "quit"]
+
+
+Reading = Edits | Ask | Decline | Fresh | Wish
+"""What the words of a turn amount to."""
+
+
+def edited(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
+    """The social graph after the edits.
+
+    Raises:
+        Rejected: `contradictory`, an edit names what is not there or leaves no valid graph.
+    """
+    try:
+        for edit in edits:
+            graph = SocialGraph.model_validate(_applied(graph, edit).model_dump(by_alias=True))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise _refused(f"{where}: {first['msg']}" if where else str(first["msg"])) from error
+    return graph
+
+
+def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:
+    match edit:
+        case ChangeAgent(node=node):
+            _known(graph, node.id)
+            agents = tuple(node if each.id == node.id else each for each in graph.agents)
+            return graph.model_copy(update={"agents": agents})
+        case AddAgent(node=node):
+            return graph.model_copy(update={"agents": (*graph.agents, node)})
+        case RemoveAgent(agent=name):
+            return _without(graph, name)
+        case Relate(edge=edge):
+            pair = {edge.from_, edge.to}
+            kept = [each for each in graph.relations if {each.from_, each.to} != pair]
+            at = next((i for i, e in enumerate(graph.relations) if {e.from_, e.to} == pair), None)
+            kept.insert(len(kept) if at is None else min(at, len(kept)), edge)
+            return graph.model_copy(update={"relations": tuple(kept)})
+        case Unrelate(first=first, second=second):
+            kept = [each for each in graph.relations if {each.from_, each.to} != {first, second}]
+            return graph.model_copy(update={"relations": tuple(kept)})
+        case Tie(ties=ties):
+            return graph.model_copy(update={"ties": ties})
+        case ChangeContext():
+            told = {"density": edit.density, "time_of_day": edit.time_of_day}
+            context = {**graph.context.model_dump(), **told}
+            return graph.model_copy(update={"context": SceneContext.model_validate(context)})
+        case SetBackground():
+            before = graph.context.background or Background()
+            counts = Background(
+                vehicles=before.vehicles if edit.vehicles is None else edit.vehicles,
+                pedestrians=before.pedestrians if edit.pedestrians is None else edit.pedestrians,
+            )
+            context_ = graph.context.model_copy(update={"background": counts})
+            return graph.model_copy(update={"context": context_})
+    return graph
+
+
+def _without(graph: SocialGraph, name: str) -> SocialGraph:
+    """The graph without the agent; an agent of the background is in no graph."""
+    return graph.model_copy(
+        update={
+            "agents": tuple(each for each in graph.agents if each.id != name),
+            "relations": tuple(e for e in graph.relations if name not in (e.from_, e.to)),
+            "ties": tuple(each for each in graph.ties if name not in (each.agent, each.of)),
+        }
+    )
+
+
+def _known(graph: SocialGraph, name: str) -> None:
+    if name not in {each.id for each in graph.agents}:
+        raise _refused(f"there is no {name} in the scene")
+
+
+def _refused(detail: str) -> Rejected:
+    return Rejected(Rejection(stage="scene_planner", code="contradictory", detail=detail))
+
+
+def difference(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
+    """The edits that lead from one graph to the other, where ids mean the same agents."""
+    old = {each.id: each for each in before.agents}
+    new = {each.id: each for each in after.agents}
+    found: list[Edit] = [RemoveAgent(agent=name) for name in old if name not in new]
+    found += [ChangeAgent(node=n) for name, n in new.items() if name in old and n != old[name]]
+    found += [AddAgent(node=node) for name, node in new.items() if name not in old]
+    found += _related(before, after, set(new))
+    if _open_ties(before, set(new)) != after.ties:
+        found.append(Tie(ties=after.ties))
+    was, now = before.context, after.context
+    if (was.density, was.time_of_day) != (now.density, now.time_of_day):
+        found.append(ChangeContext(density=now.density, time_of_day=now.time_of_day))
+    counts = now.background
+    if counts is not None and counts != was.background:
+        found.append(SetBackground(vehicles=counts.vehicles, pedestrians=counts.pedestrians))
+    return tuple(found)
+
+
+def _related(before: SocialGraph, after: SocialGraph, present: set[str]) -> list[Edit]:
+    pairs = {frozenset((each.from_, each.to)): each for each in before.relations}
+    now = {frozenset((each.from_, each.to)) for each in after.relations}
+    found: list[Edit] = [
+        Unrelate(first=edge.from_, second=edge.to)
+        for pair, edge in pairs.items()
+        if pair not in now and pair <= present
+    ]
+    found += [
+        Relate(edge=edge)
+        for edge in after.relations
+        if pairs.get(frozenset((edge.from_, edge.to))) != edge
+    ]
+    return found
+
+
+def _open_ties(graph: SocialGraph, present: set[str]) -> tuple[EntryTie, ...]:
+    return tuple(each for each in graph.ties if {each.agent, each.of} <= present)

@@ -1,0 +1,1 @@
+"""Scenes in the formats of others. Each module writes one format from plain values."""

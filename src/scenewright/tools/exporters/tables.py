@@ -1,0 +1,317 @@
+"""Scenes as four Parquet tables: scenes, agents, tracks, events.
+
+Rows are written in the order in which scenes are added, in groups of the same size whoever adds
+them, so the same scenes give the same bytes (for one version of pyarrow). pyarrow loads on first
+use.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+TABLES = ("scenes", "agents", "tracks", "events")
+_GROUP = {"scenes": 2_000, "agents": 10_000, "tracks": 120_000, "events": 10_000}
+"""Rows of a row group: what is held in memory before it is written."""
+
+Fields = Mapping[str, tuple[str, str]]
+"""Column -> (type, meaning)."""
+
+SCHEMAS: Mapping[str, Fields] = {
+    "scenes": {
+        "row": ("string", "id of the row, key of all tables"),
+        "folder": ("string", "folder of its scene.json; null if there is none"),
+        "status": ("string", "made, refused (for a reason) or failed (may go well another time)"),
+        "code": ("string", "why there is no scene, for machines"),
+        "reason": ("string", "why there is no scene, one sentence"),
+        "text": ("string", "the instruction"),
+        "asked": ("string", "event that an order wants here; null where rows were given"),
+        "seed": ("int64", "of the scene"),
+        "intersection": ("string", "where it happens"),
+        "backend": ("string", "who planned and reasoned"),
+        "refiner": ("string", "learned refinement of the tracks"),
+        "selection": ("string", "draw among the candidates, or map: the likeliest"),
+        "attempts": ("int16", "how often the pipeline began anew"),
+        "scene_id": ("string", "as in scene.json"),
+        "verified": ("bool", "whether the checker confirms everything that was asked for"),
+        "relations": ("list", "events asked for; empty: none shall happen"),
+        "patterns": ("list", "leaves of the taxonomy that play them"),
+        "time_of_day": ("string", "HH:MM or a range"),
+        "timestamp": ("float64", "time of day at time 0 [s since midnight]"),
+        "density": ("string", "low, medium, high; null: as usual at that hour"),
+        "duration": ("float64", "[s]"),
+        "step": ("float64", "between samples of tracks [s]"),
+        "vehicles": ("int16", "how many"),
+        "pedestrians": ("int16", "how many"),
+        "foreground": ("int16", "agents that the text speaks of"),
+        "background": ("int16", "everybody else"),
+    },
+    "agents": {
+        "row": ("string", "id of the row"),
+        "agent": ("int16", "id within the scene"),
+        "name": ("string", "as the plan calls it"),
+        "type": ("string", "vehicle or pedestrian"),
+        "subtype": ("string", "car, truck, bus, motorcycle; null for pedestrians"),
+        "role": ("string", "foreground or background"),
+        "entry": ("string", "side that it comes from"),
+        "exit": ("string", "side that it leaves towards"),
+        "movement": ("string", "straight, left, right, uturn, crossing, jaywalking"),
+        "crosswalk": ("string", "leg that a pedestrian crosses"),
+        "route": ("string", "id of its route"),
+        "start": ("float64", "first sample [s]"),
+        "end": ("float64", "last sample [s]"),
+        "goal_x": ("float64", "[m]"),
+        "goal_y": ("float64", "[m]"),
+        "length": ("float64", "[m]"),
+        "width": ("float64", "[m]"),
+        "violates_signal": ("bool", "whether it runs a red light as asked for"),
+        "segments": ("string", "behaviour, as JSON"),
+    },
+    "tracks": {
+        "row": ("string", "id of the row"),
+        "agent": ("int16", "id within the scene"),
+        "time": ("float64", "since time 0 [s]"),
+        "x": ("float64", "centre, east [m]"),
+        "y": ("float64", "centre, north [m]"),
+        "heading": ("float64", "counter-clockwise from east [rad]"),
+    },
+    "events": {
+        "row": ("string", "id of the row"),
+        "type": ("string", "collision, yielding, near_miss, follow, normal"),
+        "from": ("int16", "agent that strikes, gives way or follows; null in a normal scene"),
+        "to": ("int16", "the other agent"),
+        "time": ("float64", "[s]"),
+        "x": ("float64", "[m]"),
+        "y": ("float64", "[m]"),
+        "kind": ("string", "of a collision"),
+        "cause": ("string", "where one is seen"),
+        "asked": ("bool", "whether a relation asked for it"),
+        "incidental": ("bool", "allowed though unasked: queueing traffic, for instance"),
+        "evidence": ("string", "what the checker measured, as JSON"),
+    },
+}
+"""All tables with their columns."""
+
+
+@dataclass(frozen=True)
+class SceneFiles:
+    """One row of a dataset: what is known without a scene, and its files if there is one.
+
+    Attributes:
+        about: columns of `scenes` that do not come from the files.
+        scene, proof, provenance: what the files of those names hold.
+    """
+
+    about: Mapping[str, Any]
+    scene: Mapping[str, Any] | None = None
+    proof: Mapping[str, Any] | None = None
+    provenance: Mapping[str, Any] | None = None
+
+
+def rows_of(files: SceneFiles) -> dict[str, Any]:
+    """Rows of each table for one row of the dataset; those of `tracks` as lists by column."""
+    if files.scene is None or files.proof is None:
+        return {"scenes": [dict(files.about)], "agents": [], "tracks": {}, "events": []}
+    row, scene = files.about["row"], files.scene
+    return {
+        "scenes": [_scene_row(files)],
+        "agents": [_agent_row(row, agent, scene["meta"]["step"]) for agent in scene["agents"]],
+        "tracks": _track_rows(row, scene),
+        "events": list(_event_rows(row, scene, files.proof)),
+    }
+
+
+def _scene_row(files: SceneFiles) -> dict[str, Any]:
+    scene, about = files.scene or {}, files.provenance or {}
+    meta, agents = scene["meta"], scene["agents"]
+    return {
+        **files.about,
+        "intersection": meta["intersection"],
+        "refiner": about.get("refiner"),
+        "selection": about.get("selection"),
+        "patterns": list(about.get("patterns", [])),
+        "scene_id": meta["scene_id"],
+        "verified": bool((files.proof or {})["verified"]),
+        "relations": [each["type"] for each in scene["relations"]],
+        "time_of_day": meta["time_of_day"],
+        "timestamp": meta["timestamp"],
+        "density": meta["density"],
+        "duration": meta["duration"],
+        "step": meta["step"],
+        "vehicles": sum(agent["type"] == "vehicle" for agent in agents),
+        "pedestrians": sum(agent["type"] == "pedestrian" for agent in agents),
+        "foreground": sum(agent["role"] == "foreground" for agent in agents),
+        "background": sum(agent["role"] == "background" for agent in agents),
+    }
+
+
+def _agent_row(row: str, agent: Mapping[str, Any], step: float) -> dict[str, Any]:
+    same = ("name", "type", "subtype", "role", "entry", "exit", "movement", "crosswalk", "route")
+    start = agent["spawn_time"]
+    return {
+        "row": row,
+        "agent": agent["id"],
+        **{key: agent[key] for key in same},
+        "start": start,
+        "end": round(start + step * (len(agent["trajectory"]) - 1), 3),
+        "goal_x": agent["goal"][0],
+        "goal_y": agent["goal"][1],
+        "length": agent["length"],
+        "width": agent["width"],
+        "violates_signal": agent["violates_signal"],
+        "segments": _json(agent["segments"]),
+    }
+
+
+def _track_rows(row: str, scene: Mapping[str, Any]) -> dict[str, list[Any]]:
+    columns: dict[str, list[Any]] = {name: [] for name in SCHEMAS["tracks"]}
+    step = scene["meta"]["step"]
+    for agent in scene["agents"]:
+        places, start = agent["trajectory"], agent["spawn_time"]
+        columns["agent"] += [agent["id"]] * len(places)
+        columns["time"] += [round(start + step * k, 3) for k in range(len(places))]
+        columns["x"] += [place[0] for place in places]
+        columns["y"] += [place[1] for place in places]
+        columns["heading"] += agent["heading"]
+    columns["row"] = [row] * len(columns["agent"])
+    return columns
+
+
+def _event_rows(
+    row: str, scene: Mapping[str, Any], proof: Mapping[str, Any]
+) -> Iterator[dict[str, Any]]:
+    """The scene's events with what the checker measured, then the incidental ones."""
+    asked = {(each["type"], each["from"], each["to"]) for each in scene["relations"]}
+    measured = {_key(each): each["evidence"] for each in proof["events"]}
+    for event in scene["events"]:
+        named = (event["type"], event["from"], event["to"])
+        turned = (event["type"], event["to"], event["from"])
+        evidence = measured.get(_key(event), {})
+        yield _event_row(row, event, evidence, asked=named in asked or turned in asked)
+    for event in proof["incidental"]:
+        yield _event_row(row, event, event["evidence"], asked=False, incidental=True)
+
+
+def _key(event: Mapping[str, Any]) -> tuple[Any, ...]:
+    return event["type"], event["from"], event["to"], event["time"]
+
+
+def _event_row(
+    row: str,
+    event: Mapping[str, Any],
+    evidence: Mapping[str, Any],
+    *,
+    asked: bool,
+    incidental: bool = False,
+) -> dict[str, Any]:
+    place = event["location"] or (None, None)
+    return {
+        "row": row,
+        "type": event["type"],
+        "from": event["from"],
+        "to": event["to"],
+        "time": event["time"],
+        "x": place[0],
+        "y": place[1],
+        "kind": event["kind"],
+        "cause": event["cause"],
+        "asked": asked,
+        "incidental": incidental,
+        "evidence": _json(evidence),
+    }
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+
+
+class TableWriter:
+    """Writes the four tables to a folder, group by group."""
+
+    def __init__(self, folder: Path) -> None:
+        self._parts = {name: _Part(folder / f"{name}.parquet", name) for name in TABLES}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for part in self._parts.values():
+            part.close()
+
+    def add(self, files: SceneFiles) -> dict[str, int]:
+        """Adds one row of the dataset; how many rows each table got."""
+        rows = rows_of(files)
+        return {name: part.add(rows[name]) for name, part in self._parts.items()}
+
+
+class _Part:
+    """One table: columns that fill up, and the file that takes them."""
+
+    def __init__(self, path: Path, name: str) -> None:
+        self._group, self._schema = _GROUP[name], arrow_schema(name)
+        self._writer = parquet().ParquetWriter(path, self._schema, compression="zstd")
+        self._columns: dict[str, list[Any]] = {key: [] for key in SCHEMAS[name]}
+
+    def add(self, rows: list[dict[str, Any]] | dict[str, list[Any]]) -> int:
+        columns = rows if isinstance(rows, dict) else _by_column(rows, self._columns)
+        first = next(iter(self._columns))
+        for key, values in columns.items():
+            self._columns[key] += values
+        while len(self._columns[first]) >= self._group:
+            self._write(self._group)
+        return len(columns.get(first, ()))
+
+    def close(self) -> None:
+        self._write(self._group)
+        self._writer.close()
+
+    def _write(self, count: int) -> None:
+        first = {key: values[:count] for key, values in self._columns.items()}
+        if next(iter(first.values())):
+            self._writer.write_table(
+                _arrow().table(first, schema=self._schema), row_group_size=count
+            )
+        for values in self._columns.values():
+            del values[:count]
+
+
+def _by_column(rows: list[dict[str, Any]], columns: Iterable[str]) -> dict[str, list[Any]]:
+    return {key: [row.get(key) for row in rows] for key in columns}
+
+
+def _arrow() -> Any:
+    # pyarrow has no types of its own.
+    return import_module("pyarrow")
+
+
+def parquet() -> Any:
+    """pyarrow's module for Parquet files."""
+    return import_module("pyarrow.parquet")
+
+
+def arrow_schema(name: str) -> Any:
+    """The schema of a table as pyarrow has it, with each column's meaning."""
+    pa = _arrow()
+    types = {
+        "string": pa.string(),
+        "list": pa.list_(pa.string()),
+        "float64": pa.float64(),
+        "int64": pa.int64(),
+        "int16": pa.int16(),
+        "bool": pa.bool_(),
+    }
+    fields = [
+        pa.field(key, types[kind], metadata={"meaning": meaning})
+        for key, (kind, meaning) in SCHEMAS[name].items()
+    ]
+    return pa.schema(fields)

@@ -1,0 +1,81 @@
+"""What every reader makes of its file: lanes into and out of one junction, and ways between them.
+
+Coordinates are metres, x east, y north, the origin in the middle of the junction. A survey says
+what the file says and no more; what is missing is derived later and reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from scenewright.scene.base import Colour, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyLane:
+    """One lane outside the junction.
+
+    Attributes:
+        line: [P, 2] its middle, in driving direction; an approach ends at the junction, an exit
+            begins there.
+        width: [m]; speed: limit [m/s]; road: name for people.
+    """
+
+    id: str
+    line: FloatArray
+    width: float
+    speed: float
+    road: str
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyWay:
+    """One way through the junction from lane to lane.
+
+    Attributes:
+        line: [P, 2] its middle inside the junction, from the end of the approach to the exit.
+        light: which of the survey's lights rules it; None where none does.
+    """
+
+    approach: str
+    exit: str
+    line: FloatArray
+    light: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyCrossing:
+    """A crossing for pedestrians as mapped: [2, 2] its middle from kerb to kerb, and its width."""
+
+    line: FloatArray
+    width: float
+    light: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """One junction of a file.
+
+    Attributes:
+        title: for people.
+        walks: [P, 2] middles of mapped footways.
+        areas: [P, 2] outlines of mapped drivable area inside the junction.
+        phases: (duration [s], colour by light) of the programme; none where there is none.
+        origin: latitude and longitude of the origin [deg]; None where the file has none.
+        offset: of the origin in the coordinates of the file [m].
+        notes: what was assumed or dropped.
+    """
+
+    title: str
+    approaches: Mapping[str, SurveyLane]
+    exits: Mapping[str, SurveyLane]
+    ways: tuple[SurveyWay, ...]
+    crossings: tuple[SurveyCrossing, ...] = ()
+    areas: tuple[FloatArray, ...] = ()
+    phases: tuple[tuple[float, Mapping[str, Colour]], ...] = ()
+    left_hand: bool = False
+    signalised: bool | None = None
+    origin: tuple[float, float] | None = None
+    offset: tuple[float, float] = (0.0, 0.0)
+    notes: list[str] = field(default_factory=list)

@@ -1,0 +1,241 @@
+"""A scene rolled out under the guidance of its edited priors (paper 3.5, Eq. 7).
+
+Everybody starts on the edited prior, is predicted together with everybody else, and heads for
+places on its prior, each due at its time: segment goals, and waypoints evenly in between. What
+comes out is told as a deviation from the prior in arc length along the agent's own path; moving it
+to the output step and keeping it feasible is the task of the kinematic layer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.candidates import Path
+from scenewright.scene.track import STEP, Track
+from scenewright.tools.trajnet_refiner.model import CLASSES, Refiner
+from scenewright.tools.trajnet_refiner.rollout import Waypoints, roll_out
+
+WARM_UP = 4.8
+"""How long before the scene those are rolled out who are mid-route at its beginning [s]."""
+GIVEN = 3
+"""Network steps at the beginning of a track that are the prior's: they say how it moves."""
+SPACING = {"vehicle": 8, "pedestrian": 12}
+"""Network steps from one waypoint to the next."""
+LEAD = 5
+"""Network steps before a waypoint is due from which the next one counts."""
+TEMPERATURE = 0.3
+"""Scale of what is drawn: the predicted Gaussian is wide for the few who do something sudden."""
+_ASIDE = 12.0
+"""No further from where the prior is [m] a position is looked for on the path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """What is known of one agent before it is refined.
+
+    Attributes:
+        s: [T] arc length of the edited prior [m] every 0.1 s from `enters` on.
+        enters: scene time of the first sample [s], a multiple of 0.1.
+        kept: [T] where the prior stays exactly as it is.
+        goals: scene times [s] at which it must be where the prior is.
+    """
+
+    kind: AgentClass
+    path: Path
+    s: FloatArray
+    enters: float
+    kept: NDArray[np.bool_]
+    goals: tuple[float, ...] = ()
+
+    @property
+    def leaves(self) -> float:
+        """Scene time of the last sample [s]."""
+        return self.enters + STEP * (len(self.s) - 1)
+
+    def within(self, duration: float) -> NDArray[np.bool_]:
+        """[T] which samples lie in a scene of this length."""
+        times = self.enters + STEP * np.arange(len(self.s))
+        return np.asarray((times >= 0.0) & (times <= duration))
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Arc length [m] of the prior at scene times; NaN while it is not there."""
+        local = STEP * np.arange(len(self.s))
+        return np.interp(times - self.enters, local, self.s, left=np.nan, right=np.nan)
+
+    def kept_at(self, times: FloatArray) -> NDArray[np.bool_]:
+        """Whether the prior is kept at scene times."""
+        k = np.clip(np.rint((times - self.enters) / STEP).astype(int), 0, len(self.s) - 1)
+        return np.asarray(self.kept[k])
+
+
+def deviations(
+    net: Refiner,
+    guides: Mapping[str, Guide],
+    *,
+    duration: float,
+    rng: np.random.Generator | None = None,
+    fixed: Mapping[str, FloatArray] | None = None,
+    temperature: float = TEMPERATURE,
+) -> dict[str, FloatArray]:
+    """How far ahead of its prior everybody gets, by name: [T] like each guide's samples [m].
+
+    Args:
+        duration: of the scene [s].
+        rng: of the drawn motion; the mean motion if None.
+        fixed: [T] deviations of agents that are not predicted, but seen by the others.
+        temperature: scale of what is drawn.
+    """
+    if not guides:
+        return {}
+    step = net.config.step
+    columns = int(np.ceil((duration + WARM_UP) / step)) + 1
+    times = step * np.arange(columns, dtype=np.float64) - WARM_UP
+    rows = list(guides.values())
+    prior = np.stack([guide.at(times) for guide in rows])
+    known = np.stack([_known(guide, times, prior[n]) for n, guide in enumerate(rows)])
+    for name, deviation in (fixed or {}).items():
+        n = list(guides).index(name)
+        local = STEP * np.arange(len(deviation))
+        known[n] = prior[n] + np.interp(times - rows[n].enters, local, deviation)
+    places = np.stack([_places(guide.path, known[n]) for n, guide in enumerate(rows)])
+    noise = None if rng is None else temperature * rng.standard_normal((len(rows), columns, 2))
+    rolled = _rolled(net, rows, places, prior, times, noise)
+    result = {}
+    for n, (name, guide) in enumerate(guides.items()):
+        ahead = _progress(guide.path, rolled[n], prior[n]) - prior[n]
+        ahead = np.where(np.isfinite(known[n]), known[n] - prior[n], ahead)
+        result[name] = _fine(guide, times, ahead)
+    return result
+
+
+def deviation_of(guide: Guide, track: Track) -> FloatArray:
+    """How far ahead of its prior an agent is on a track of it [m]; 0 where the track is not."""
+    deviation = np.zeros(len(guide.s))
+    k = np.rint((track.times - guide.enters) / STEP).astype(int)
+    inside = (k >= 0) & (k < len(guide.s))
+    prior = guide.s[k[inside]]
+    deviation[k[inside]] = _progress(guide.path, track.xy[inside], prior) - prior
+    return deviation
+
+
+def _known(guide: Guide, times: FloatArray, prior: FloatArray) -> FloatArray:
+    """[T] arc length where it is given: at the beginning, and where the prior is kept."""
+    there = np.flatnonzero(np.isfinite(prior))
+    given = np.isfinite(prior) & guide.kept_at(times)
+    given[there[:GIVEN]] = True
+    return np.where(given, prior, np.nan)
+
+
+def _places(path: Path, s: FloatArray) -> FloatArray:
+    """[T, 2] positions of arc lengths; NaN for NaN."""
+    at = np.nan_to_num(s)
+    xy = np.stack([np.interp(at, path.s, path.xy[:, axis]) for axis in (0, 1)], axis=-1)
+    return np.where(np.isfinite(s)[:, None], xy, np.nan)
+
+
+def _rolled(
+    net: Refiner,
+    rows: list[Guide],
+    places: FloatArray,
+    prior: FloatArray,
+    times: FloatArray,
+    noise: FloatArray | None,
+) -> FloatArray:
+    """[N, T, 2] positions of everybody at the network's steps."""
+    there = np.isfinite(prior)
+    until = np.where(there.any(axis=1), len(times) - np.argmax(there[:, ::-1], axis=1), 0)
+    due = [_due(guide, times, there[n]) for n, guide in enumerate(rows)]
+    most = max(1, *(len(each) for each in due))
+    goals = np.full((len(rows), most, 2), np.nan)
+    when = np.full((len(rows), most), np.nan)
+    for n, columns in enumerate(due):
+        goals[n, : len(columns)] = _places(rows[n].path, rows[n].at(_time_of(columns, times)))
+        when[n, : len(columns)] = columns
+    classes = torch.tensor([[CLASSES.index(guide.kind) for guide in rows]])
+    with _one_thread():
+        filled = roll_out(
+            net,
+            _tensor(places),
+            classes=classes,
+            waypoints=Waypoints(_tensor(goals), _tensor(when)),
+            until=torch.from_numpy(until)[None],
+            keep=net.config.stride,
+            lead=LEAD,
+            noise=None if noise is None else _tensor(noise),
+        )
+    return filled[0].numpy().astype(np.float64)
+
+
+def _due(guide: Guide, times: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
+    """Columns at which a waypoint is due: evenly, at every goal, where the prior is kept again."""
+    step = float(times[1] - times[0])
+    first = int(np.argmax(there))
+    last = (guide.leaves - times[0]) / step
+    even = np.arange(first + SPACING[guide.kind], last, SPACING[guide.kind], dtype=np.float64)
+    onsets = np.flatnonzero(np.diff(guide.kept.astype(np.int8)) > 0) + 1
+    again = guide.enters + STEP * onsets
+    wanted = np.concatenate([again, np.array(guide.goals), [guide.leaves]])
+    columns = np.floor((wanted - times[0]) / step + 1e-6)
+    every = np.unique(np.concatenate([even, columns]))
+    return np.asarray(every[(every > first) & (every <= last + 1e-6)])
+
+
+def _time_of(columns: FloatArray, times: FloatArray) -> FloatArray:
+    return np.asarray(times[0] + (times[1] - times[0]) * columns)
+
+
+def _progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArray:
+    """[T] arc length of the place on the path nearest to each position, not far from `near`."""
+    seen = np.isfinite(xy).all(axis=1) & np.isfinite(near)
+    progress = np.full(len(xy), np.nan)
+    if not seen.any():
+        return progress
+    away = xy[seen, None] - path.xy[None]
+    square = (away**2).sum(-1)
+    square[np.abs(path.s[None] - near[seen, None]) > _ASIDE] = np.inf
+    k = square.argmin(axis=1)
+    off = away[np.arange(len(k)), k]
+    along = off[:, 0] * np.cos(path.heading[k]) + off[:, 1] * np.sin(path.heading[k])
+    spacing = path.s[1] - path.s[0]
+    progress[seen] = np.clip(path.s[k] + np.clip(along, -spacing, spacing), 0.0, path.length)
+    return progress
+
+
+def _fine(guide: Guide, times: FloatArray, ahead: FloatArray) -> FloatArray:
+    """[T] deviations at the network's steps brought to 0.1 s by a spline of smooth acceleration."""
+    from scipy import interpolate
+
+    make: Any = interpolate.CubicSpline
+    fine = np.zeros(len(guide.s))
+    seen = np.flatnonzero(np.isfinite(ahead))
+    if len(seen) < 2:
+        return fine
+    spline = make(times[seen], ahead[seen], bc_type="clamped")
+    local = guide.enters + STEP * np.arange(len(guide.s))
+    inside = (local >= times[seen[0]]) & (local <= times[seen[-1]])
+    fine[inside] = spline(local[inside])
+    return fine
+
+
+def _tensor(array: FloatArray) -> torch.Tensor:
+    return torch.from_numpy(array.astype(np.float32))[None]
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """One thread: sums come out alike however many processors there are, and scenes are small."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.no_grad():
+            yield
+    finally:
+        torch.set_num_threads(before)

@@ -1,0 +1,162 @@
+"""What a network proposes made feasible: along the agent's own path, inside SEMANTICS section 5.
+
+A proposal is a deviation from the edited prior in arc length over time. It is joined smoothly to
+the stretches where the prior is kept, and between two such stretches the largest share of it is
+taken for which every limit holds. Speeds and accelerations along the path are linear in arc length
+over time, so that a small enough share of any deviation from a feasible prior is feasible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.candidates import Path
+from scenewright.scene.track import STEP
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a refined agent may do at most, unless its edited prior does more just there.
+
+    Far less than the gate allows: this is what people do without need.
+
+    Attributes:
+        speed [m/s], acceleration, braking, lateral [m/s^2].
+    """
+
+    speed: float
+    acceleration: float
+    braking: float
+    lateral: float
+
+
+LIMITS: dict[AgentClass, Limits] = {
+    "vehicle": Limits(19.5, 2.4, 3.2, 4.5),
+    "pedestrian": Limits(2.9, 2.2, 2.2, np.inf),
+}
+SMOOTHING: dict[AgentClass, float] = {"vehicle": 3.0, "pedestrian": 1.5}
+"""Waves in progress shorter than that [s] lose half of their height or more."""
+SETTLING = 2.5
+"""How long before and after the prior is kept a proposal counts less [s]."""
+_FAINT = 0.02
+"""How little it counts next to the prior, beside 1 further off."""
+_FIRM = 1e7
+_SHARES = np.array([1.0, 0.85, 0.7, 0.55, 0.4, 0.3, 0.2, 0.1, 0.05])
+_NEAR = 5
+"""Samples around one at which the prior's own excess over a limit is allowed."""
+
+
+def feasible(
+    prior: FloatArray,
+    deviation: FloatArray,
+    *,
+    kept: BoolArray,
+    path: Path,
+    kind: AgentClass,
+    most: float = 1.0,
+) -> tuple[FloatArray, FloatArray]:
+    """The prior with as much of a deviation as the limits allow.
+
+    Args:
+        prior: [T] arc length every 0.1 s [m], never falling.
+        deviation: [T] what is to be added [m].
+        kept: [T] where the prior stays exactly as it is.
+        most: the largest share that is taken.
+
+    Returns:
+        [T'] arc length [m], shorter than the prior if the path's end is reached earlier; and [T]
+        the share taken of what was proposed; 0 where the prior is kept.
+    """
+    share = np.zeros(len(prior))
+    if most <= 0.0:
+        return prior, share
+    smooth = smoothed(prior + deviation, prior, kept=kept, over=SMOOTHING[kind]) - prior
+    shares = most * _SHARES
+    tried = prior + shares[:, None] * smooth
+    broken = _broken(tried, prior, path, LIMITS[kind])
+    for part in free_parts(kept):
+        wide = slice(max(part.start - _NEAR, 0), part.stop + _NEAR)
+        good = np.flatnonzero(~broken[:, wide].any(axis=1))
+        if len(good):
+            share[part] = shares[good[0]]
+    s = prior + share * smooth
+    past = np.flatnonzero(s > path.length)
+    return (s[: past[0]] if len(past) else s), share
+
+
+def smoothed(
+    proposal: FloatArray, prior: FloatArray, *, kept: BoolArray, over: float
+) -> FloatArray:
+    """[T] the proposal with little jerk, joined without a kink to the prior where that is kept.
+
+    Least squares with a penalty on third differences (Whittaker 1923): s minimises
+    sum w (s - y)^2 + k sum (d^3 s)^2, y the prior where it is kept, with a very large weight, else
+    the proposal. A wave of period `over` keeps half its height where k = (2 sin(pi dt / over))^-6.
+    """
+    from scipy import linalg
+
+    n, solve = len(prior), linalg.solveh_banded
+    if n < 8:
+        return prior
+    penalty = (2.0 * np.sin(np.pi * STEP / over)) ** -6
+    weight = np.where(kept, _FIRM, _FAINT ** (1.0 - _away(kept)))
+    third = np.array([-1.0, 3.0, -3.0, 1.0])
+    bands = np.zeros((4, n))
+    bands[0] = weight
+    for j in range(4):
+        for k in range(j, 4):
+            bands[k - j, j : n - 3 + j] += penalty * third[j] * third[k]
+    target = np.where(kept, prior, proposal)
+    found = np.asarray(solve(bands, weight * target, lower=True, check_finite=False))
+    return np.where(kept, prior, found)
+
+
+def _away(kept: BoolArray) -> FloatArray:
+    """[T] 0 where the prior is kept, rising to 1 within SETTLING of it."""
+    at = np.arange(len(kept))
+    before = np.maximum.accumulate(np.where(kept, at, -len(kept) - 999))
+    after = np.minimum.accumulate(np.where(kept, at, 2 * len(kept) + 999)[::-1])[::-1]
+    return np.clip(np.minimum(at - before, after - at) * STEP / SETTLING, 0.0, 1.0)
+
+
+def free_parts(kept: BoolArray) -> list[slice]:
+    """The stretches between the places at which the prior is kept."""
+    edges = np.flatnonzero(np.diff((~kept).astype(np.int8), prepend=0, append=0))
+    return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def _broken(tried: FloatArray, prior: FloatArray, path: Path, limits: Limits) -> BoolArray:
+    """[S, T] samples at which arc lengths [S, T] break a limit that the prior keeps there."""
+    speed, acceleration = _rates(tried)
+    own_speed, own_acceleration = (each[0] for each in _rates(prior[None]))
+    curvature = np.abs(np.interp(tried, path.s, path.curvature))
+    own_lateral = own_speed**2 * np.abs(np.interp(prior, path.s, path.curvature))
+    return np.asarray(
+        (np.diff(tried, axis=1, prepend=tried[:, :1]) < 0.0)
+        | (tried < 0.0)
+        | (speed > _allowed(limits.speed, own_speed))
+        | (acceleration > _allowed(limits.acceleration, own_acceleration))
+        | (-acceleration > _allowed(limits.braking, -own_acceleration))
+        | (speed**2 * curvature > _allowed(limits.lateral, own_lateral))
+    )
+
+
+def _allowed(limit: float, own: FloatArray) -> FloatArray:
+    """[T] the limit, or the most that the prior itself does within half a second."""
+    wide = np.pad(own, _NEAR, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * _NEAR + 1)
+    return np.asarray(np.maximum(limit, windows.max(axis=1)))
+
+
+def _rates(s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """[S, T] speed and acceleration along the path, as section 5 has them, ends held."""
+    speed = np.gradient(s, STEP, axis=1)
+    wide = np.pad(speed, ((0, 0), (2, 2)), mode="edge")
+    rate = (wide[:, 4:] + wide[:, 3:-1] - wide[:, 1:-3] - wide[:, :-4]) / (6 * STEP)
+    return speed, rate

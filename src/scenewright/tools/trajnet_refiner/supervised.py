@@ -1,0 +1,130 @@
+"""Training as the pipeline uses the network: with places to be at, and when, all along the way.
+
+In a scene the edited prior supervises: every agent has a row of waypoints on it, each due at its
+time. Here the same rows are drawn from recorded tracks, so that what is learned is how people get
+from one to the next: when they brake and start, how even their speed is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenewright.scene.base import FloatArray
+from scenewright.tools.recordings import Recording, cut_windows
+from scenewright.tools.trajnet_refiner.model import CLASSES, Scenes
+from scenewright.tools.trajnet_refiner.train import Recipe
+from scenewright.tools.trajnet_refiner.windows import Variation, Window, grouped, varied
+
+SPACING = (2, 12)
+"""Fewest and most steps from one waypoint to the next."""
+_STANDING = 0.25
+"""Weight of agents that stand all the while: there is little to learn from them."""
+_STANDS = 0.5
+"""Who gets no further than that [m] in a window stands."""
+RECIPE = Recipe(
+    epochs=12, agents=192, rate=3e-3, likelihood=0.1, stretch=0.1, unseen=0.1, goals=0.9
+)
+"""How the networks of bundles are trained."""
+
+
+def recorded_windows(
+    recordings: Sequence[Recording], *, observed: int, predicted: int, stride: int | None = None
+) -> list[Window]:
+    """Stretches of recordings for training, with a second horizon behind the first for waypoints.
+
+    Args:
+        stride: network steps from one stretch's start to the next; None for `predicted`, so that
+            every moment is predicted once.
+    """
+    steps, every = observed + 2 * predicted, 4
+    windows = []
+    for recording in recordings:
+        for cut in cut_windows(
+            recording, steps=steps, every=every, stride=every * (stride or predicted), least_whole=0
+        ):
+            now = cut.present[:, observed - 1] & cut.present[:, observed]
+            if not now.any():
+                continue
+            xy = np.where(cut.present[now][..., None], cut.xy[now], np.nan)
+            kinds = [recording.agents[i].shape.type for i in cut.members[now]]
+            way = np.nanmax(xy, axis=1) - np.nanmin(xy, axis=1)
+            ends = [recording.agents[i].track.xy[-1] for i in cut.members[now]]
+            windows.append(
+                Window(
+                    xy,
+                    np.array([CLASSES.index(kind) for kind in kinds], dtype=np.int64),
+                    np.array(ends),
+                    np.where(way.max(axis=1) < _STANDS, _STANDING, 1.0),
+                )
+            )
+    return windows
+
+
+def supervised_batches(
+    windows: Sequence[Window],
+    *,
+    observed: int,
+    agents: int,
+    variation: Variation,
+    rng: np.random.Generator,
+) -> Iterator[tuple[Scenes, Tensor, Tensor]]:
+    """As `windows.batches`, for windows with a second horizon, a share of them with waypoints."""
+    groups = grouped([len(w.xy) for w in windows], agents=agents, rng=rng)
+    for k in rng.permutation(len(groups)):
+        chosen = [varied(windows[i], observed=observed, by=variation, rng=rng) for i in groups[k]]
+        yield _collated(chosen, observed=observed, goals=variation.goals, rng=rng)
+
+
+def _collated(
+    windows: Sequence[Window], *, observed: int, goals: float, rng: np.random.Generator
+) -> tuple[Scenes, Tensor, Tensor]:
+    most, steps = max(len(w.xy) for w in windows), windows[0].xy.shape[1]
+    predicted = (steps - observed) // 2
+    xy = np.full((len(windows), most, steps, 2), np.nan)
+    classes = np.zeros((len(windows), most), dtype=np.int64)
+    goal = np.full((len(windows), most, predicted, 2), np.nan)
+    due = np.full((len(windows), most, predicted), np.nan)
+    weight = np.zeros((len(windows), most))
+    for b, window in enumerate(windows):
+        n = len(window.xy)
+        centre = np.nanmean(window.xy[:, observed - 1], axis=0)
+        xy[b, :n] = window.xy - centre
+        classes[b, :n], weight[b, :n] = window.classes, window.weight
+        if rng.random() < goals:
+            goal[b, :n], due[b, :n] = _waypoints(xy[b, :n, observed:], predicted, rng)
+    end = observed + predicted
+    scenes = Scenes(
+        _single(xy[:, :, :observed]), torch.from_numpy(classes), _single(goal), _single(due)
+    )
+    return scenes, _single(xy[:, :, observed:end]), _single(weight)
+
+
+def _waypoints(
+    future: FloatArray, predicted: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """For each agent and step the next of its waypoints, evenly spaced on its way.
+
+    Args:
+        future: [N, 2 P, 2] positions, NaN where unseen.
+
+    Returns:
+        [N, P, 2] places and [N, P] steps from now until they are due; NaN for none.
+    """
+    n, steps = future.shape[:2]
+    spacing = rng.integers(SPACING[0], SPACING[1] + 1, size=(n, 1))
+    first = rng.integers(1, SPACING[1] + 1, size=(n, 1)) % spacing
+    step = np.arange(1, predicted + 1)[None]
+    due = step + (first - step) % spacing  # the first of first + k spacing not before the step
+    known = due <= steps
+    at = np.minimum(due, steps) - 1
+    places = np.take_along_axis(future, at[..., None], axis=1)
+    places = np.where(known[..., None], places, np.nan)
+    return places, np.where(np.isfinite(places).all(-1), due.astype(np.float64), np.nan)
+
+
+def _single(array: FloatArray) -> Tensor:
+    return torch.from_numpy(array.astype(np.float32))

@@ -1,0 +1,243 @@
+"""What words mean where a scene is there: edits, questions back, refusals with a reason."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenewright.backends.builtin.planner import plan
+from scenewright.backends.builtin.references import answered
+from scenewright.backends.builtin.revising import read
+from scenewright.scene.edits import (
+    Ask,
+    Decline,
+    Edits,
+    Fresh,
+    Present,
+    Situation,
+    Wish,
+    difference,
+    edited,
+)
+from scenewright.scene.social import SocialGraph
+
+
+def there(name: str, **told: Any) -> Present:
+    kind = name.partition("-")[0]
+    facts = {
+        "id": name, "number": 1, "type": kind, "subtype": "car" if kind == "vehicle" else None,
+        "entry": "north", "exit": "south",
+        "movement": "straight" if kind == "vehicle" else "crossing",
+        "role": "foreground", "speed": 10.0 if kind == "vehicle" else 1.4,
+    }  # fmt: skip
+    return Present.model_validate(facts | told)
+
+
+def situation(text: str, *present: Present) -> Situation:
+    graph = plan(text)
+    assert isinstance(graph, SocialGraph)
+    return Situation(graph=graph, present=present)
+
+
+ONE = situation(
+    "A car from the north yields to a pedestrian on the east crosswalk at 8 am",
+    there("vehicle-1", stops=True, movement="left", exit="east"),
+    there("pedestrian-1", crosswalk="east"),
+    there("vehicle-2", role="background", subtype="truck", entry="west", exit="east"),
+    there("pedestrian-2", role="background", crosswalk="west"),
+)
+TWO = situation(
+    "A car from the north yields to a pedestrian on the south crosswalk and an SUV from the west "
+    "turning left follows a bus",
+    there("vehicle-1", stops=True),
+    there("pedestrian-1", crosswalk="south"),
+    there("vehicle-2", entry="west", exit="north", movement="left"),
+    there("vehicle-3", entry="west", exit="north", movement="left", subtype="bus"),
+)
+
+
+def told(words: str, where: Situation = ONE, **chosen: str) -> list[dict[str, Any]]:
+    reading = read(words, where, chosen=chosen)
+    assert isinstance(reading, Edits), reading
+    plain = [e.model_dump(mode="json", by_alias=True, exclude_defaults=True) for e in reading.edits]
+    return [{"": type(e).__name__, **p} for e, p in zip(reading.edits, plain, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("words", "edit"),
+    [
+        ("add three cars", {"": "SetBackground", "vehicles": 4}),
+        ("two more pedestrians please", {"": "SetBackground", "pedestrians": 3}),
+        ("no background traffic", {"": "SetBackground", "vehicles": 0, "pedestrians": 0}),
+        ("remove all pedestrians", {"": "SetBackground", "pedestrians": 0}),
+        ("remove the pedestrian", {"": "RemoveAgent", "agent": "pedestrian-1"}),
+        ("remove the truck", {"": "RemoveAgent", "agent": "vehicle-2"}),
+        ("drop vehicle-2", {"": "RemoveAgent", "agent": "vehicle-2"}),
+        ("stop one metre later", {"": "MoveStop", "agent": "vehicle-1", "metres": 1.0}),
+        ("stop half a metre earlier", {"": "MoveStop", "agent": "vehicle-1", "metres": -0.5}),
+        ("let the car stop 2 m before", {"": "MoveStop", "agent": "vehicle-1", "metres": -2.0}),
+        ("wait two seconds longer", {"": "WaitLonger", "agent": "vehicle-1", "seconds": 2.0}),
+        ("slow the car down", {"": "SetPace", "agent": "vehicle-1", "factor": 0.8}),
+        ("a bit slower", {"": "SetPace", "agent": "vehicle-1", "factor": 0.9}),
+        ("make the pedestrian walk faster", {"": "SetPace", "agent": "pedestrian-1",
+                                             "factor": 1.25}),
+        ("the car drives at 18 km/h", {"": "SetPace", "agent": "vehicle-1", "factor": 0.5}),
+        ("the pedestrian comes 2 seconds later", {"": "ComeLater", "agent": "pedestrian-1",
+                                                  "seconds": 2.0}),
+        ("make it 5 pm", {"": "ChangeContext", "time_of_day": "17:00"}),
+        ("try again", {"": "Redraw"}),
+        ("another path for the car", {"": "Redraw", "agent": "vehicle-1"}),
+        ("nothing happens", {"": "Unrelate", "first": "vehicle-1", "second": "pedestrian-1"}),
+        ("drop the yielding", {"": "Unrelate", "first": "vehicle-1", "second": "pedestrian-1"}),
+    ],
+)  # fmt: skip
+def test_an_edit_is_a_typed_value(words: str, edit: dict[str, Any]) -> None:
+    assert told(words) == [edit]
+
+
+@pytest.mark.parametrize(
+    ("words", "relation"),
+    [
+        ("now have it be a collision", ("collide_at", "vehicle-1", "pedestrian-1")),
+        ("make it a near miss with a PET of 1 s", ("near_miss", "vehicle-1", "pedestrian-1")),
+        ("let the pedestrian yield instead", ("yield_to", "pedestrian-1", "vehicle-1")),
+        ("swap roles", ("yield_to", "pedestrian-1", "vehicle-1")),
+    ],
+)
+def test_what_happens_becomes_something_else(words: str, relation: tuple[str, str, str]) -> None:
+    (edit,) = told(words)
+    assert (edit["edge"]["type"], edit["edge"]["from"], edit["edge"]["to"]) == relation
+
+
+def test_agents_change_where_the_words_say_so_and_nowhere_else() -> None:
+    (edit,) = told("make the pedestrian come from the east instead")
+    assert edit["node"] == {
+        "id": "pedestrian-1", "type": "pedestrian", "entry": "east", "exit": "west",
+        "movement": "crossing",
+    }  # fmt: skip
+    (edit,) = told("make the car a truck")
+    assert edit["node"] == {
+        "id": "vehicle-1", "type": "vehicle", "subtype": "truck", "entry": "north",
+    }  # fmt: skip
+    joined = told("add a truck that follows the car")
+    assert [each[""] for each in joined] == ["AddAgent", "Relate"]
+    assert joined[0]["node"]["id"] == "vehicle-3"
+    both = told("make it night and add three cars")
+    assert [each[""] for each in both] == ["ChangeContext", "SetBackground"]
+
+
+def test_a_figure_of_before_stays_where_nobody_speaks_of_it() -> None:
+    (edit,) = told("make it a near miss with a PET of 1 s")
+    graph = edited(ONE.graph, read("make it a near miss with a PET of 1 s", ONE).edits)  # type: ignore[union-attr]
+    assert edit["edge"]["target_pet"] == 1.0
+    later = ONE.model_copy(update={"graph": graph})
+    assert told("make it 5 pm", later) == [{"": "ChangeContext", "time_of_day": "17:00"}]
+    (truck,) = told("make the car a truck", later)
+    assert truck[""] == "ChangeAgent"
+
+
+@pytest.mark.parametrize(
+    ("words", "among"),
+    [
+        ("make the car turn left", ["vehicle-1", "vehicle-2"]),
+        ("slow the vehicle down", ["vehicle-1", "vehicle-2", "vehicle-3"]),
+        ("have it turn right", ["vehicle-1", "vehicle-2", "vehicle-3"]),
+        ("make it a collision", ["vehicle-1", "vehicle-2"]),
+    ],
+)
+def test_what_may_mean_several_is_asked(words: str, among: list[str]) -> None:
+    asked = read(words, TWO)
+    assert isinstance(asked, Ask)
+    assert [each.answer for each in asked.choices] == among
+    noun = asked.choices[0].means.partition("=")[0]
+    for name in among:
+        edits = told(words, TWO, **{noun: name}) if "turn" not in words else None
+        assert edits is None or name in str(edits)
+
+
+@pytest.mark.parametrize(
+    ("words", "agent"),
+    [
+        ("slow the bus down", "vehicle-3"),
+        ("slow vehicle 2 down", "vehicle-2"),
+        ("slow the car from the north down", "vehicle-1"),
+        ("the second vehicle should be slower", "vehicle-2"),
+    ],
+)
+def test_who_is_told_apart_is_not_asked_for(words: str, agent: str) -> None:
+    assert told(words, TWO)[0]["agent"] == agent
+
+
+@pytest.mark.parametrize(
+    ("answer", "name"),
+    [
+        ("vehicle-2", "vehicle-2"), ("2", "vehicle-2"), ("the first", "vehicle-1"),
+        ("the one from the north", "vehicle-1"), ("the bus", "vehicle-3"),
+        ("I mean the southbound one", "vehicle-1"), ("the car", None), ("9", None), ("", None),
+        ("make it night", None),
+    ],
+)  # fmt: skip
+def test_an_answer_is_taken_if_it_means_one(answer: str, name: str | None) -> None:
+    asked = read("slow the vehicle down", TWO)
+    assert isinstance(asked, Ask)
+    choice = answered(answer, asked)
+    assert (None if choice is None else choice.answer) == name
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        ("remove the bus", "impossible", "There is no bus"),
+        ("slow vehicle-77 down", "impossible", "no vehicle-77"),
+        ("stop 400 metres later", "impossible", "at most 15"),
+        ("add 30 cars", "impossible", "at most 20"),
+        ("make the car come from the west and turn right", "impossible", "east crosswalk"),
+        ("make the truck turn left", "impossible", "one of the others"),
+        ("make me a coffee", "no_change", "changes nothing"),
+        ("asdf qwer zxcv", "out_of_scope", "English"),
+    ],
+)
+def test_what_cannot_be_says_why(words: str, code: str, says: str) -> None:
+    reading = read(words, ONE)
+    assert isinstance(reading, Decline), reading
+    assert reading.code == code
+    assert says in reading.reason
+
+
+def test_a_scene_of_its_own_and_wishes_are_told_apart() -> None:
+    assert isinstance(read("A bus follows a car", ONE), Fresh)
+    assert isinstance(read("new scene: a car hits a bus", ONE), Fresh)
+    assert isinstance(read("add three cars", None), Fresh)
+    for words, wish in {"why did you refuse?": "why", "undo": "undo", "go back": "undo"}.items():
+        assert read(words, ONE) == Wish.model_validate({"wish": wish})
+
+
+@given(st.text(max_size=80))
+def test_any_text_is_read_as_something(words: str) -> None:
+    read(words, ONE)
+
+
+_TRADE = (
+    "make the car pedestrian a an three collision yield remove add stop slow later earlier it "
+    "night instead truck metre second turn left from north east crosswalk hits vehicle-1 with and"
+)
+WORDS = _TRADE.split()
+
+
+@given(st.lists(st.sampled_from(WORDS), min_size=1, max_size=9))
+def test_any_words_of_the_trade_are_read_as_something(words: list[str]) -> None:
+    reading = read(" ".join(words), TWO)
+    if isinstance(reading, Edits):
+        graph = TWO.graph
+        for edit in reading.edits:
+            graph = edited(graph, [edit])
+
+
+def test_the_difference_of_two_graphs_leads_from_one_to_the_other() -> None:
+    for before, after in ((ONE.graph, TWO.graph), (TWO.graph, ONE.graph), (ONE.graph, ONE.graph)):
+        made = edited(before, difference(before, after))
+        assert {n.id: n for n in made.agents} == {n.id: n for n in after.agents}
+        assert set(made.relations) == set(after.relations)

@@ -1,0 +1,85 @@
+"""The roll-out's measure: what is told of a track, what is held out, and the rivals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from scenewright.evals.realism.rollouts import (
+    BEFORE_END,
+    Task,
+    errors,
+    even,
+    main,
+    rolled,
+    splined,
+    table,
+    tasks,
+)
+from scenewright.scene.track import Track, vehicle_shape
+from scenewright.tools.recordings import RecordedAgent, Recording
+from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+
+torch.set_num_threads(1)
+
+
+def recording(seconds: float = 30.0) -> Recording:
+    """One vehicle at even speed and one that brakes, on two lanes."""
+    t = 0.1 * np.arange(round(seconds / 0.1))
+    tracks = [
+        np.column_stack([8.0 * t, np.zeros_like(t)]),
+        np.column_stack([10.0 * t - 0.15 * t**2, np.full_like(t, 50.0)]),
+    ]
+    agents = tuple(
+        RecordedAgent(Track(xy, np.zeros(len(xy)), 0.0), vehicle_shape("car")) for xy in tracks
+    )
+    return Recording("here", 0.0, seconds, agents, split="test")
+
+
+@pytest.mark.parametrize("before_end", BEFORE_END)
+def test_the_end_is_never_told(before_end):
+    (task,) = tasks([recording()], before_end=before_end, most=5)
+    for told, goals in zip(task.given, task.goals, strict=True):
+        assert not (told | goals)[-before_end:].any()
+        assert goals[-1 - before_end]
+        assert told.sum() == 9
+
+
+def test_even_motion_and_the_spline_are_right_where_they_must_be():
+    (task,) = tasks([recording()], before_end=4, most=5)
+    straight = list(errors(task, even(task)))
+    assert straight[0][1:] == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert straight[1][2] > 0.3
+    for _, ade, fde in errors(task, splined(task)):  # a parabola is a cubic
+        assert (ade, fde) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_a_network_that_has_learned_nothing_keeps_even_motion_even():
+    net = Refiner(RefinerConfig(hidden=8, embedding=8, pooled=8, apart=None, mirrored=False)).eval()
+    torch.nn.init.zeros_(net.output.weight)
+    (task,) = tasks([recording()], before_end=4, most=5)
+    (first, second) = errors(task, rolled(net, task))
+    assert first[2] < 0.01
+    assert second[2] < 5.0
+    lines = list(table(net, [recording()], most=5, named="here"))
+    assert len(lines) == 3 * len(BEFORE_END)
+
+
+def test_who_is_too_short_is_seen_and_not_asked_for():
+    (task,) = tasks([recording()], before_end=4, most=5)
+    short = np.full((1, task.xy.shape[1], 2), np.nan)
+    short[0, :10] = 0.0
+    more = Task(
+        np.concatenate([task.xy, short]),
+        np.concatenate([task.given, np.isfinite(short[..., 0])]),
+        np.concatenate([task.goals, np.zeros((1, task.xy.shape[1]), dtype=bool)]),
+        (*task.kinds, "pedestrian"),
+    )
+    assert len(list(errors(more, even(more)))) == 2
+
+
+def test_no_source_is_said_in_one_line(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path))
+    assert main(["--intersection", "nowhere"]) == 2
+    assert "nowhere" in capsys.readouterr().err

@@ -1,0 +1,214 @@
+"""Exits and relations from motion: what must come out, and what must not matter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenewright.evals.understanding.agent import Settings, understand
+from scenewright.evals.understanding.calibration import load_calibration
+from scenewright.evals.understanding.conflicts import meeting
+from scenewright.evals.understanding.dataset import Case
+from scenewright.evals.understanding.features import NAMES, mirrored
+from scenewright.evals.understanding.futures import DT, TICKS, Future
+from scenewright.evals.understanding.intent import fits_of, nearest_mean
+from scenewright.evals.understanding.labels import Relation
+from scenewright.evals.understanding.observing import (
+    Observation,
+    ObservationRow,
+    Seen,
+    as_arrays,
+    observe,
+)
+from scenewright.evals.understanding.oracle import oracle_seen
+from scenewright.evals.understanding.rules import (
+    as_relations,
+    constant_velocity,
+    findings,
+    rolled_out,
+)
+from scenewright.evals.understanding.ways import sides_of, ways_of
+from scenewright.intersections import load_map
+
+PLACE = "amsterdam_120"
+REASONER = Settings("posterior", "futures")
+CHECKED = Settings("none", "rules", constant_velocity, "constant velocity")
+
+
+def driven(
+    route: str, *, way: float, speed: float = 9.0, id_: str = "0a", back: float = 0.0
+) -> Seen:
+    """A vehicle that has driven some way [m] of a route's first mean curve, from `back` [m] on."""
+    ways = ways_of(PLACE, "vehicle")
+    c = [each.id for each in ways.routes].index(route)
+    s = back + np.arange(0.0, way, 0.1 * speed)
+    xy = np.stack([np.interp(s, ways.s[c], ways.curve[c, :, d]) for d in (0, 1)], axis=-1)
+    return Seen(
+        id_, "vehicle", 0.0, xy, np.interp(s, ways.s[c], ways.heading[c]),
+        np.full(len(s), speed), s - back, 4.6, 1.85, False,
+    )  # fmt: skip
+
+
+def seen(*agents: Seen, now: float = 4.0) -> Observation:
+    return Observation("00ff00ff00ff00ff", PLACE, now, 12, agents, ())
+
+
+@pytest.mark.parametrize(
+    ("route", "exit_"),
+    [("vehicle:north>east:left", "east"), ("vehicle:south>east:right", "east"),
+     ("vehicle:west>east:straight", "east"), ("vehicle:east>south:left", "south")],
+)  # fmt: skip
+def test_who_is_well_into_a_turn_is_told_with_certainty(route: str, exit_: str) -> None:
+    sides = sides_of(load_map(PLACE))
+    agent = driven(route, way=60.0)
+    chances = fits_of(seen(agent))[agent.id].exits(sides)
+    assert chances.sum() == pytest.approx(1.0)
+    assert chances[sides.index(exit_)] > 0.95
+    assert nearest_mean(agent, intersection=PLACE) == exit_
+
+
+def test_before_the_turn_its_lane_and_custom_decide() -> None:
+    sides = sides_of(load_map(PLACE))
+    agent = driven("vehicle:north>south:straight", way=12.0)
+    chances = fits_of(seen(agent))[agent.id].exits(sides)
+    assert chances[sides.index("north")] == pytest.approx(0.0)
+    assert 0.3 < chances[sides.index("south")] < 0.99
+
+
+def test_who_slows_down_for_no_light_is_likelier_to_turn() -> None:
+    sides = sides_of(load_map(PLACE))
+    ways = ways_of(PLACE, "vehicle")
+    c = [each.id for each in ways.routes].index("vehicle:south>east:right")
+    free = driven("vehicle:south>east:right", way=37.0)
+    v = np.minimum(9.0, np.interp(free.moved, ways.s[c], ways.bend[c]))
+    assert v[-1] < 8.0
+    slowed = replace(free, speed=v)
+    here = sides.index("north")
+    straight = [fits_of(seen(a))[a.id].exits(sides)[here] for a in (free, slowed)]
+    assert straight[1] < straight[0]
+
+
+def future(xy: np.ndarray, heading: float) -> Future:
+    size = 3
+    return Future(
+        np.repeat(xy[None], size, axis=0), np.full((size, TICKS), heading),
+        np.ones((size, TICKS), dtype=np.bool_), np.full(size, 5.0),
+        np.zeros(size, dtype=np.bool_), np.zeros(size, dtype=np.bool_),
+        np.zeros(size, dtype=np.intp), np.full(size, 1 / size),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("late", "gap"), [(0.0, 0.0), (1.5, 1.0), (-2.5, -2.0)])
+def test_the_gap_of_crossing_cars_is_what_either_would_have_to_wait(
+    late: float, gap: float
+) -> None:
+    """Two cars cross at right angles at 5 m/s, the second `late` seconds later at the crossing.
+
+    Footprints are 4.6 m long, so that up to a second later they still touch, a tick more or less.
+    """
+    t = DT * np.arange(TICKS)
+    a, b = (driven("vehicle:west>east:straight", way=5.0, id_=name) for name in "ab")
+    east = future(np.stack([-20.0 + 5.0 * t, 0 * t], axis=-1), 0.0)
+    north = future(np.stack([0 * t, -20.0 + 5.0 * (t - late)], axis=-1), np.pi / 2)
+    found = meeting((a, east), (b, north))
+    assert found is not None
+    least = max(abs(late) - (4.6 + 1.85) / 2 / 5.0, 0.0)
+    assert np.abs(found.gap).max() == pytest.approx(least, abs=2 * DT)
+    assert (np.sign(found.gap) == -np.sign(gap)).all()
+    assert found.angle[found.gap < 90] == pytest.approx(np.pi / 2)
+
+
+def test_ways_that_stay_apart_do_not_meet() -> None:
+    t = DT * np.arange(TICKS)
+    a, b = (driven("vehicle:west>east:straight", way=5.0, id_=name) for name in "ab")
+    one = future(np.stack([5.0 * t, 0 * t], axis=-1), 0.0)
+    two = future(np.stack([5.0 * t, 0 * t + 20.0], axis=-1), 0.0)
+    assert meeting((a, one), (b, two)) is None
+
+
+def test_calibrated_odds_sum_to_one_and_know_no_order() -> None:
+    values = np.random.default_rng(0).uniform(0, 1, (50, len(NAMES)))
+    trees = load_calibration()
+    there, back = trees.likely(values), trees.likely(mirrored(values))
+    assert there.sum(axis=1) == pytest.approx(1.0)
+    assert back[:, [0, 1, 2, 4, 3]] == pytest.approx(there)
+    assert trees.likely(values[:0]).shape == (0, 5)
+
+
+def test_constant_velocity_and_the_checker_see_a_crash_coming() -> None:
+    one = driven("vehicle:west>east:straight", way=36.0, id_="a", speed=9.0)
+    two = driven("vehicle:south>north:straight", way=36.0, id_="b", speed=9.0)
+    observation = seen(one, two)
+    found = as_relations(findings(observation, constant_velocity), observation)
+    assert {each.key[0] for each in found} <= {"collision", "near_miss"}
+    assert len(found) == 1
+    apart = seen(one, driven("vehicle:east>west:straight", way=36.0, id_="b"))
+    assert findings(apart, constant_velocity) == ()
+
+
+def renamed(row: ObservationRow, names: dict[str, str]) -> ObservationRow:
+    agents = [a.model_copy(update={"id": names[a.id]}) for a in row.agents]
+    return row.model_copy(update={"agents": tuple(sorted(agents, key=lambda a: a.id))})
+
+
+@pytest.mark.parametrize("settings", [REASONER, CHECKED], ids=["reasoner", "rules"])
+def test_nothing_but_motion_decides(cases: dict[str, Case], settings: Settings) -> None:
+    """Other ids, and so another order, give the same exits and relations."""
+    for name, case in cases.items():
+        for window in (4.0, 6.0):
+            row = observe(case.record, scene=name, window=window)
+            names = {a.id: f"{n:08x}" for n, a in enumerate(reversed(row.agents))}
+            before, after = understand(row, settings), understand(renamed(row, names), settings)
+            assert before.relations is not None
+            assert after.relations is not None
+            moved = {Relation(r.type, names[r.from_], names[r.to]).key for r in before.relations}
+            assert moved == {r.key for r in after.relations}
+            if before.exits is not None:
+                assert after.exits == {names[a]: side for a, side in before.exits.items()}
+
+
+def test_the_reasoner_says_the_same_twice_and_speaks_of_those_seen(cases: dict[str, Case]) -> None:
+    for name, case in cases.items():
+        row = observe(case.record, scene=name, window=4.0)
+        first, second = understand(row, REASONER), understand(row, REASONER)
+        assert (first.exits, first.relations) == (second.exits, second.relations)
+        ids = {agent.id for agent in row.agents}
+        assert set(first.exits or ()) == ids
+        assert {r.from_ for r in first.relations or ()} | {
+            r.to for r in first.relations or ()
+        } <= ids
+
+
+def test_who_knows_everything_is_right_about_those_seen(cases: dict[str, Case]) -> None:
+    case = cases["struck"]
+    row = observe(case.record, scene="struck", window=20.0)
+    said = oracle_seen(row, case)
+    assert said.relations is not None
+    assert {r.key for r in said.relations} == {r.key for r in case.labels.relations}
+    assert [r.type for r in said.relations].count("collision") == 1
+
+
+def test_an_empty_street_is_understood(cases: dict[str, Case]) -> None:
+    row = observe(cases["plain"].record, scene="plain", window=1.0).model_copy(
+        update={"agents": (), "lights": ()}
+    )
+    said = understand(row, REASONER)
+    assert (said.exits, said.relations) == ({}, ())
+
+
+def test_the_refiner_predicts_everybody_seen_for_a_step_or_more(cases: dict[str, Case]) -> None:
+    """An untrained network changes no velocity much; who has just come goes on as it came."""
+    pytest.importorskip("torch")
+    from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+
+    net = Refiner(RefinerConfig(hidden=8, embedding=4, pooled=4)).eval()
+    for window in (0.5, 4.0):
+        observation = as_arrays(observe(cases["plain"].record, scene="plain", window=window))
+        drawn = rolled_out(net, observation)
+        assert len(drawn) == len(observation.agents)
+        for agent, xy in zip(observation.agents, drawn, strict=True):
+            assert xy.shape == (80, 2)
+            assert np.isfinite(xy).all()
+            assert np.hypot(*(xy[0] - agent.xy[-1])) < 3.0

@@ -1,0 +1,116 @@
+"""One prompt of every kind, with facts set down by hand: two agents bound, ten in the scene."""
+
+from __future__ import annotations
+
+import json
+
+from scenewright.backends import Wording
+from scenewright.nodes.event_reasoner.wording import worded_behavior, worded_summary
+from scenewright.nodes.scene_planner import FOUR_LEGS
+from scenewright.nodes.scene_planner.wording import worded_plan
+from scenewright.nodes.waypoint_filter.wording import worded_program
+from scenewright.nodes.wording import Example
+from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
+
+TEXT = (
+    "Busy morning rush: a northbound van turning right breaks off its right turn for a woman who "
+    'walks south on the east crosswalk, "PET" 1.5 s, with eight other cars around.'
+)
+PLAN = {
+    "agents": [{"id": "vehicle-1", "type": "vehicle", "entry": "south", "movement": "right"}],
+    "relations": [],
+}
+RELATION = {
+    "type": "yield_to",
+    "from": "vehicle-1",
+    "to": "pedestrian-1",
+    "striker": "vehicle-1",
+    "struck": "pedestrian-1",
+    "pattern": "vehicle_yields_to_pedestrian_right_turn",
+    "kind": None,
+    "cause": None,
+    "target_pet": 1.5,
+    "target_ttc": None,
+    "impact_speed": None,
+    "point_from": None,
+    "point_to": None,
+}
+FACTS = {
+    "instruction": TEXT,
+    "told": [
+        {"id": "vehicle-1", "movement": "right"},
+        {"id": "pedestrian-1", "movement": "crossing"},
+    ],
+    "relations": [RELATION],
+    "violators": [],
+}
+RELATIONS = ["vehicle-1 yield_to pedestrian-1"]
+OWED = {"vehicle-1": ["keep", "stop", "proceed"], "pedestrian-1": ["keep"]}
+
+
+def plan() -> Wording:
+    return worded_plan(
+        TEXT,
+        "A car hits a bus.",
+        FOUR_LEGS,
+        rejections=("vehicle-1: entry up is none of north, east, south, west",),
+        examples=(Example("A van turns right from the south.", PLAN),),
+    )
+
+
+def constraints() -> Wording:
+    fault = "yield_to of vehicle-1 and pedestrian-1 lacks gives_way(vehicle-1, pedestrian-1)"
+    return worded_program(FACTS, ("north", "east", "south", "west"), rejections=(fault,))
+
+
+def summary() -> Wording:
+    return worded_summary(TEXT, _summary(), OWED, RELATIONS)
+
+
+def behavior() -> Wording:
+    fault = "relation_not_realised: vehicle-1 never slows for pedestrian-1 (1 such)"
+    return worded_behavior(TEXT, _summary(), OWED, RELATIONS, rejections=(fault,))
+
+
+def _summary() -> EventSummary:
+    stay = Stay(anchor="yield_point@34.6", start=16.431, until=18.48, reason="gives_way")
+    car = AgentSummary(
+        agent="vehicle-1",
+        enters=10.1,
+        leaves=27.0,
+        anchors=_anchors(
+            "south:stop 13.321", "yield_point@34.6 13.454", "south:crosswalk:entry 13.535",
+            "south:crosswalk:exit 15.552", "east:crosswalk:entry 14.8",
+            "east:crosswalk:exit 16.886", "goal",
+        ),
+        stays=(stay,),
+    )  # fmt: skip
+    walker = AgentSummary(
+        agent="pedestrian-1",
+        enters=-1.1,
+        leaves=27.0,
+        anchors=_anchors(
+            "east:kerb:north 8.721", "east:crosswalk:entry 8.721", "east:crosswalk:exit 19.315",
+            "goal",
+        ),
+    )  # fmt: skip
+    others = tuple(
+        AgentSummary(agent=f"vehicle-{n}", enters=0.0, leaves=9.0, anchors=_anchors("goal 9.0"))
+        for n in range(2, 10)
+    )
+    evidence = {"clause": "gives_way(vehicle-1, pedestrian-1)", "time": 16.431}
+    return EventSummary(duration=27.0, agents=(car, walker, *others), evidence=(evidence,))
+
+
+def _anchors(*told: str) -> tuple[Anchor, ...]:
+    found = []
+    for s, each in enumerate(told):
+        name, _, time = each.partition(" ")
+        found.append(Anchor(id=name, s=10.0 * s, time=float(time) if time else None))
+    return tuple(found)
+
+
+def as_text(wording: Wording) -> str:
+    """Everything that a model is sent."""
+    schema = json.dumps(wording.schema, indent=1)
+    return f"{wording.system}\n\n=== user ===\n{wording.user}\n\n=== schema ===\n{schema}\n"

@@ -1,0 +1,232 @@
+"""Orders: read, worded by many voices, filled with scenes, and gone on with after a kill."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenewright.apps.cli import main
+from scenewright.backends import Question
+from scenewright.errors import BackendFault, InputError
+from scenewright.graph.batch import carrying
+from scenewright.graph.batch.audit import audit
+from scenewright.graph.batch.work import Options, Outcome
+from scenewright.graph.order.agent import slots_of
+from scenewright.graph.order.run import Order, fill, paper_wish
+from scenewright.graph.order.story import Story, minute_in, particulars
+from scenewright.graph.order.voices import VOICES, tell, voices_for
+from scenewright.graph.order.wish import read_order
+from scenewright.graph.order.writers import Builtin, Spoken, reads_as
+from scenewright.intersections import load_map
+from scenewright.scene.events import EVENT_OF_RELATION
+from scenewright.scene.relations import patterns
+
+ON = load_map("amsterdam_120")
+OPTIONS = Options("amsterdam_120")
+SMALL = "2 follows and 1 normal scene at 5 am in light traffic"
+
+
+@pytest.fixture(autouse=True)
+def inline(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(carrying, "spread", one_by_one)
+
+
+def one_by_one(
+    jobs: Iterable[Any], task: Callable[[Any], Any], *, workers: int
+) -> Iterator[tuple[Any, Any]]:
+    for job in jobs:
+        yield job, task(job)
+
+
+@pytest.mark.parametrize(
+    ("text", "quotas"),
+    [
+        ("40 collisions and 50 yields at rush hour, as varied as they come",
+         {"collision": 40, "yielding": 50}),
+        ("forty crashes, fifty near-misses and a hundred normal scenes in medium traffic",
+         {"collision": 40, "near-miss": 50, "normal": 100}),
+        ("a dozen rear-end collisions at 8 am", {"rear-end-collision": 12}),
+        ("two hundred and fifty yields", {"yielding": 250}),
+        ("8 T-bones around noon with five background cars", {"collision": 8}),
+        ("5 jaywalker near misses in the evening and 3 head-on crashes",
+         {"jaywalker-near-miss": 5, "head-on-collision": 3}),
+    ],
+)  # fmt: skip
+def test_an_order_is_read(text: str, quotas: dict[str, int]) -> None:
+    assert {quota.name: quota.count for quota in read_order(text).quotas} == quotas
+
+
+def test_patterns_times_and_context_of_an_order() -> None:
+    wish = read_order("3 left-turn strikes of pedestrians between 7 and 9 am in heavy traffic")
+    assert wish.quotas[0].leaves == ("pedestrian_strike_left_turn",)
+    assert (wish.windows, wish.context.density) == (((420, 540),), "high")
+    rush = read_order("5 yields at rush hour")
+    assert rush.windows == ((390, 600), (930, 1170))
+    assert len(read_order("2 of each pattern").quotas) == len(patterns())
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["make me happy", "0 collisions", "-3 collisions", "5 unicorns", "", "7 am", "9" * 30],
+)
+def test_an_order_without_a_count_of_a_kind_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="known kind"):
+        read_order(text)
+
+
+def test_an_order_beyond_reason_is_refused() -> None:
+    with pytest.raises(InputError, match="at most"):
+        read_order("999999999 collisions")
+
+
+def test_patterns_are_dealt_out_evenly() -> None:
+    wish = read_order("29 yields")
+    first = Counter(slot.leaves[0] for slot in slots_of(wish, seed=1))
+    assert set(first) == set(wish.quotas[0].leaves)
+    assert max(first.values()) - min(first.values()) <= 1
+
+
+def test_every_pattern_can_be_worded_in_many_voices() -> None:
+    rng, writer, voices = np.random.default_rng(0), Builtin(ON), set()
+    for turn, pattern in enumerate(patterns()):
+        event = EVENT_OF_RELATION[pattern.relation]
+        # Not every way that a pattern allows is on this map; the agent thinks up another story.
+        for _ in range(12):
+            parties = particulars(pattern, on=ON, detail=2, rng=rng)
+            story = Story(event, pattern.id, parties, minute_in([], rng), "medium")
+            told = writer.word(story, turn=turn, avoid=[], rng=rng)
+            if told is not None:
+                break
+        assert told is not None, pattern.id
+        voices.add(told.voice)
+    assert len(voices) >= len(VOICES) - 2
+
+
+def test_nothing_is_worded_that_the_map_has_no_room_for() -> None:
+    pattern = next(each for each in patterns() if each.id == "left_turn_opposite_collision")
+    rng, reader = np.random.default_rng(0), Builtin(ON)._reader
+    one, other = particulars(pattern, on=ON, detail=2, rng=rng)
+    story = Story("collision", pattern.id, (one, other), None, None)
+    text = f"A car turning left from the {one.side} collides with a car from the {other.side}"
+    assert reads_as(reader, text, story, on=ON)
+    assert not reads_as(reader, text.replace("collides with", "follows"), story, on=ON)
+    assert not reads_as(reader, text + " in heavy traffic", story, on=ON)
+
+
+def test_stories_are_told_with_time_and_density_or_without() -> None:
+    rng = np.random.default_rng(0)
+    for minute, density in ((None, None), (485, None), (None, "high"), (750, "low")):
+        story = Story("normal", None, (), minute, density)  # type: ignore[arg-type]
+        for voice in voices_for(story):
+            text = tell(story, voice, rng)
+            assert "{" not in text
+            assert "  " not in text
+
+
+def order(out: Path, text: str = SMALL, **more: Any) -> Order:
+    return Order(text=text, wish=read_order(text), out=out, options=OPTIONS, **more)
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(out)): path.read_bytes()
+        for path in sorted(out.rglob("*"))
+        if path.is_file() and not path.name.startswith((".", "journal"))
+    }
+
+
+def test_an_order_is_filled_and_a_kill_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report = fill(order(tmp_path / "whole"))
+    assert report["filled"]
+    assert [quota["filled"] for quota in report["quotas"]] == [2, 1]
+    assert audit(tmp_path / "whole").faults == ()
+
+    def dying(jobs: Iterable[Any], task: Any, *, workers: int) -> Iterator[Any]:
+        yield from one_by_one(list(jobs)[1:2], task, workers=workers)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(carrying, "spread", dying)
+    with pytest.raises(KeyboardInterrupt):
+        fill(order(tmp_path / "killed"))
+    book = tmp_path / "killed" / "order.jsonl"
+    book.write_bytes(book.read_bytes() + b'{"id": "half')
+    monkeypatch.setattr(carrying, "spread", one_by_one)
+    fill(order(tmp_path / "killed"))
+    assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
+
+
+def test_what_is_refused_is_worded_anew_then_replaced_then_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no(jobs: Iterable[Any], task: Any, *, workers: int) -> Iterator[Any]:
+        for job in jobs:
+            yield job, Outcome("refused", "no_surviving_combination", "no room")
+
+    monkeypatch.setattr(carrying, "spread", no)
+    report = fill(order(tmp_path / "out", "1 collision", budget=5))
+    written = (tmp_path / "out" / "order.jsonl").read_text("utf-8").splitlines()
+    entries = [json.loads(line) for line in written]
+    leaves = [entry["leaf"] for entry in entries]
+    assert len(entries) == report["instructions"] == 5
+    assert len({entry["text"] for entry in entries}) == 5
+    assert leaves[0] == leaves[1] != leaves[2] == leaves[3] != leaves[4]
+    assert not report["filled"]
+    assert report["quotas"][0]["open"] == ["collision-01"]
+
+
+def test_a_language_model_may_word_it_and_fails_softly() -> None:
+    class Model:
+        name, deterministic = "model", False
+
+        def __init__(self, *replies: Any) -> None:
+            self.replies, self.asked = list(replies), []  # type: ignore[var-annotated]
+
+        def answer(self, question: Question) -> dict[str, Any]:
+            self.asked.append(json.loads(question.wording().user))
+            reply = self.replies.pop(0)
+            if isinstance(reply, Exception):
+                raise reply
+            return dict(reply)
+
+    story = Story("normal", None, (), 485, "low")
+    model = Model({"text": "quiet  morning\n"}, {"words": 1}, BackendFault("down"))
+    writer, rng = Spoken(model, ON), np.random.default_rng(0)
+    texts = [writer.word(story, turn=k, avoid=["x"], rng=rng) for k in range(3)]
+    assert texts[0] is not None
+    assert texts[0].text == "quiet morning"
+    assert all(told is not None and told.voice in VOICES for told in texts[1:])
+    assert model.asked[0]["story"]["time"] == "08:05"
+    assert model.asked[0]["not again"] == ["x"]
+    assert len({asked["manner"] for asked in model.asked}) == 3
+
+
+def test_the_papers_composition() -> None:
+    wish = paper_wish(["builtin", "openai:some-model"])
+    counts = {(quota.backend, quota.event): quota.count for quota in wish.quotas}
+    assert counts == {
+        (None, "normal"): 100,
+        ("builtin", "collision"): 40,
+        ("builtin", "yielding"): 50,
+        ("openai:some-model", "collision"): 40,
+        ("openai:some-model", "yielding"): 50,
+    }
+    assert wish.context.density == "medium"
+    names = {slot.name for slot in slots_of(wish, seed=0)}
+    assert {"normal-001", "builtin-collision-01", "some-model-yielding-50"} <= names
+    assert len(names) == wish.count
+
+
+def test_the_command_line_says_what_it_understood(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["agent", "3 yields at noon", "--out", "nowhere", "--dry-run"]) == 0
+    assert "3 x yielding (12 patterns)" in capsys.readouterr().out
+    assert not Path("nowhere").exists()
+    assert main(["agent", "3 dragons", "--out", "nowhere"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

@@ -1,0 +1,15 @@
+"""A version to keep."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from scenewright.backends import load_backend
+from scenewright.graph.session.making import Setting, begin
+from scenewright.scene.pins import Earlier
+
+
+@cache
+def first_version() -> Earlier:
+    setting = Setting("amsterdam_120", load_backend("builtin"), 1)
+    return begin("A car yields to a pedestrian at 5 am", setting).earlier

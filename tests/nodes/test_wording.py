@@ -1,0 +1,276 @@
+"""Questions in words: what they hold, how long they are, and what their schemas let through."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from scenewright import synthesize
+from scenewright.backends import TASKS, Question, Wording, load_backend
+from scenewright.backends.scripted import ScriptedSpeaker
+from scenewright.backends.spoken import Spoken
+from scenewright.backends.staged import Staged
+from scenewright.errors import Rejected
+from scenewright.intersections import load_map
+from scenewright.nodes.event_reasoner.reply import BehaviorReply, SummaryReply, check_summary
+from scenewright.nodes.scene_planner import FOUR_LEGS, ways_of
+from scenewright.nodes.scene_planner.reply import PlanReply, completed, patterns_told
+from scenewright.nodes.scene_planner.wording import worded_plan
+from scenewright.nodes.waypoint_filter.reply import ProgramReply
+from scenewright.nodes.wording import Example
+from scenewright.scene.social import SocialGraph
+
+MOST_TOKENS = 2000
+NODES = Path(__file__).parents[2] / "src" / "scenewright" / "nodes"
+CHAIN = (
+    "At rush hour a bus follows a car from the south, the car yields to a pedestrian on the north "
+    "crosswalk, and a truck from the west nearly hits another pedestrian, with six other cars."
+)
+YIELD = "A car from the south turning right yields to a pedestrian. Nobody else is around."
+
+
+def tokens(text: str) -> float:
+    """More tokens than a text has: byte-pair encodings took 0.66 to 0.71 of this measure here."""
+    pieces = re.findall(r"[A-Za-z]+|\d|[^\sA-Za-z\d]", text)
+    return 0.8 * sum(math.ceil(len(piece) / 4) for piece in pieces)
+
+
+class Listening:
+    """The builtin backend, which keeps the words of every question."""
+
+    name, deterministic = "listening", False
+
+    def __init__(self) -> None:
+        self.words: dict[str, Wording] = {}
+        self.facts: dict[str, Any] = {}
+        self._rule = load_backend("builtin")
+
+    def answer(self, question: Question) -> dict[str, Any]:
+        self.words[question.task] = question.wording()
+        self.facts[question.task] = question.facts
+        return self._rule.answer(question)
+
+
+@pytest.fixture(scope="module")
+def heard() -> Listening:
+    backend = Listening()
+    scene = synthesize(CHAIN, backend=backend, seed=0, refiner="none")
+    assert len(scene.record.agents) >= 10
+    return backend
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_a_prompt_is_short(heard: Listening, task: str) -> None:
+    words = heard.words[task]
+    assert tokens(words.system + words.user) <= MOST_TOKENS
+
+
+def test_even_a_planners_prompt_with_all_there_may_be_is_bounded() -> None:
+    long = "breaks off its right turn and swings left " * 60
+    examples = [Example("a car " * 100, {"agents": [{"id": "x" * 300}] * 3})] * 9
+    words = worded_plan(long, long, FOUR_LEGS, rejections=(long,) * 9, examples=examples)
+    assert tokens(words.system + words.user) <= 2.5 * MOST_TOKENS
+
+
+def schemas(value: Any) -> list[dict[str, Any]]:
+    inner = value.values() if isinstance(value, dict) else value
+    nested = [each for part in inner if isinstance(part, dict | list) for each in schemas(part)]
+    return [value, *nested] if isinstance(value, dict) else nested
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_schemas_keep_to_what_constrained_decoders_take(heard: Listening, task: str) -> None:
+    for part in schemas(heard.words[task].schema):
+        assert not {"$ref", "oneOf", "allOf", "prefixItems", "$defs"} & set(part)
+        if part.get("type") == "object":
+            assert part["additionalProperties"] is False
+            assert set(part["required"]) <= set(part["properties"])
+        if part.get("type") == "array":
+            assert part["maxItems"] <= 40
+        if "enum" in part:
+            assert part["enum"]
+            assert len(set(part["enum"])) == len(part["enum"])
+        if part.get("type") == "string":
+            assert "enum" in part or "pattern" in part
+            repeated = re.findall(r"\{\d+,(\d+)\}", part.get("pattern", ""))
+            assert all(int(most) <= 128 for most in repeated), "xgrammar cannot compile it"
+
+
+def fits(schema: dict[str, Any], value: Any) -> bool:
+    if "anyOf" in schema:
+        return any(fits(each, value) for each in schema["anyOf"])
+    if "enum" in schema:
+        return value in schema["enum"]
+    match schema["type"]:
+        case "object":
+            known = schema["properties"]
+            whole = isinstance(value, dict) and set(schema["required"]) <= set(value) <= set(known)
+            return whole and all(fits(known[key], each) for key, each in value.items())
+        case "array":
+            most = isinstance(value, list) and schema["minItems"] <= len(value)
+            return most and all(fits(schema["items"], each) for each in value)
+        case "boolean":
+            return isinstance(value, bool)
+        case "string":
+            return isinstance(value, str) and re.search(schema["pattern"], value) is not None
+    return isinstance(value, int | float) and schema["minimum"] <= value <= schema["maximum"]
+
+
+def test_the_plans_that_the_prompt_shows_are_answers() -> None:
+    schema = worded_plan("x", None, FOUR_LEGS).schema
+    shown = [
+        json.loads(line)
+        for line in (NODES / "scene_planner" / "prompt.md").read_text("utf-8").splitlines()
+        if line.startswith(('{"agents": [{"id"', '{"refused": {"code": "out'))
+    ]
+    assert len(shown) == 3
+    assert all(fits(schema, each) for each in shown)
+    plans = [PlanReply.model_validate(each).root for each in shown]
+    left = completed(plans[0], FOUR_LEGS)
+    assert isinstance(left, SocialGraph)
+    assert left.agents[0].exit == "west"
+
+
+@pytest.mark.parametrize(
+    ("stage", "name", "start", "reply"),
+    [
+        ("waypoint_filter", "prompt.md", '{"clauses": [{', ProgramReply),
+        ("event_reasoner", "summary.md", '{"anchors": {"v', SummaryReply),
+        ("event_reasoner", "prompt.md", '{"segments": {"v', BehaviorReply),
+    ],
+)
+def test_the_answers_that_the_other_prompts_show_are_read(
+    stage: str, name: str, start: str, reply: Any
+) -> None:
+    lines = (NODES / stage / name).read_text("utf-8").splitlines()
+    [shown] = [line for line in lines if line.startswith(start)]
+    assert reply.model_validate(json.loads(shown))
+
+
+def drawn(schema: dict[str, Any], rng: np.random.Generator) -> Any:
+    if "anyOf" in schema:
+        return drawn(schema["anyOf"][int(rng.integers(len(schema["anyOf"])))], rng)
+    if "enum" in schema:
+        return schema["enum"][int(rng.integers(len(schema["enum"])))]
+    match schema["type"]:
+        case "object":
+            needed = schema["required"]
+            keys = {
+                k: s for k, s in schema["properties"].items() if k in needed or rng.random() < 0.5
+            }
+            return {key: drawn(each, rng) for key, each in keys.items()}
+        case "array":
+            size = int(rng.integers(schema["minItems"], schema["minItems"] + 4))
+            return [drawn(schema["items"], rng) for _ in range(size)]
+        case "boolean":
+            return bool(rng.random() < 0.5)
+        case "string":
+            return "08:30" if "2[0-3]" in schema["pattern"] else "so it is"
+    return float(rng.integers(math.ceil(schema["minimum"]), int(schema["maximum"]) + 1))
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_whatever_fits_the_schema_is_read_or_refused_with_a_reason(
+    heard: Listening, task: str
+) -> None:
+    """By the whole stage: nothing but a rejection may come of it."""
+    rng = np.random.default_rng(5)
+    rule = load_backend("builtin")
+    for _ in range(12):
+        speaker = ScriptedSpeaker({task: [drawn(heard.words[task].schema, rng)]}, forever=True)
+        speakers = {each: Spoken(speaker) if each == task else rule for each in TASKS}
+        answer = speakers[task].answer(_asked(task, heard))
+        told = _fault_of(task, answer)
+        assert told is None or told
+        assert Staged(speakers).deterministic is False
+
+
+def _fault_of(task: str, answer: dict[str, Any]) -> str | None:
+    """Why an answer is refused; anything else that is raised is a bug."""
+    try:
+        _read(task, answer)
+    except Rejected as error:
+        return error.rejection.detail
+    except ValidationError as error:
+        return error.errors()[0]["msg"]
+    return None
+
+
+def _asked(task: str, heard: Listening) -> Question:
+    return Question(task, {}, wording=lambda: heard.words[task])  # type: ignore[arg-type]
+
+
+def _read(task: str, answer: dict[str, Any]) -> None:
+    match task:
+        case "plan":
+            plan = PlanReply.model_validate(answer).root
+            if isinstance(plan, SocialGraph):
+                completed(plan, FOUR_LEGS)
+        case "constraints":
+            ProgramReply.model_validate(answer).read()
+        case "summary":
+            check_summary(SummaryReply.model_validate(answer).anchors, ())
+        case _:
+            BehaviorReply.model_validate(answer)
+
+
+@pytest.mark.parametrize(
+    ("text", "agent", "exit_"),
+    [
+        ({"entry": "south", "movement": "left"}, "movement", "west"),
+        ({"entry": "north", "exit": "south"}, "straight", "south"),
+        ({"exit": "east", "movement": "right"}, "south", "east"),
+        ({"entry": "west"}, None, None),
+    ],
+)
+def test_what_entry_exit_and_turn_entail_is_filled_in(
+    text: dict[str, str], agent: str | None, exit_: str | None
+) -> None:
+    graph = SocialGraph.model_validate({"agents": [{"id": "vehicle-1", "type": "vehicle", **text}]})
+    for ways in (FOUR_LEGS, ways_of(load_map("amsterdam_120"))):
+        [found] = completed(graph, ways).agents
+        assert found.exit == exit_
+        assert agent in (found.entry, found.movement, "movement", None)
+
+
+def test_ties_and_lanes_fix_entries() -> None:
+    two = [{"id": f"vehicle-{n}", "type": "vehicle"} for n in (1, 2)]
+    two[0]["entry"] = "north"
+    tie = {"agent": "vehicle-2", "of": "vehicle-1", "side": "opposite"}
+    graph = SocialGraph.model_validate({"agents": two, "ties": [tie]})
+    assert completed(graph, FOUR_LEGS).agents[1].entry == "south"
+    lateral = SocialGraph.model_validate({"agents": two, "ties": [{**tie, "side": "lateral"}]})
+    assert completed(lateral, FOUR_LEGS).agents[1].entry is None
+    follow = {"type": "follow", "from": "vehicle-2", "to": "vehicle-1"}
+    lane = SocialGraph.model_validate({"agents": two, "relations": [follow]})
+    assert completed(lane, FOUR_LEGS).agents[1].entry == "north"
+
+
+def test_the_planner_is_told_the_phrases_of_a_users_relation_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = Path(__file__).parents[2] / "docs" / "relations.md"
+    example = re.search(r"```toml\n(id = \"noses_out\".*?)```", own.read_text("utf-8"), re.DOTALL)
+    assert example is not None
+    (tmp_path / "noses_out.toml").write_text(example[1])
+    monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path))
+    words = worded_plan("A car is nosing out in front of a bus", None, FOUR_LEGS)
+    assert "noses_out (near_miss): FROM noses out in front of TO" in words.user
+    relation = words.schema["properties"]["relations"]["items"]["properties"]
+    assert "noses_out" in relation["pattern"]["enum"]
+    assert [each.id for each in patterns_told("A car hits a bus")] == []
+
+
+def test_what_is_recalled_stands_in_the_prompt() -> None:
+    example = Example("A van waits for a woman.", {"agents": [], "relations": []})
+    words = worded_plan("x", None, FOUR_LEGS, examples=(example,))
+    told = 'Accepted before:\nRequest: "A van waits for a woman."\n{"agents":[],"relations":[]}\n'
+    assert told in words.user
+    assert "Accepted before" not in worded_plan("x", None, FOUR_LEGS).user

@@ -1,0 +1,223 @@
+"""Ten scenes made in conversation: every version verified, everybody else as before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from conversation import Conversation, agents, events, same
+
+from scenewright.backends import TASKS, Backend, Task, load_backend
+from scenewright.backends.scripted import scripted
+from scenewright.backends.staged import Staged
+from scenewright.graph.session.session import Shown
+
+YIELD = "A car from the north yields to a pedestrian on the east crosswalk at 5 am"
+
+
+@pytest.fixture
+def talk() -> Iterator[Conversation]:
+    conversation = Conversation()
+    yield conversation
+    conversation.threads.close()
+
+
+def lowest(shown: Shown, name: str) -> tuple[float, float]:
+    """Where the agent is slowest."""
+    xy = np.array(agents(shown)[name].trajectory)
+    at = int(np.argmin(np.convolve(np.hypot(*np.diff(xy, axis=0).T), np.ones(5), "same")[3:-3])) + 3
+    return float(xy[at][0]), float(xy[at][1])
+
+
+def fastest(shown: Shown, name: str) -> float:
+    xy = np.array(agents(shown)[name].trajectory)
+    return float(np.hypot(*np.diff(xy, axis=0).T).max() / 0.1)
+
+
+def test_a_stop_is_moved_and_lengthened(talk: Conversation) -> None:
+    first = talk.made(YIELD)
+    later = talk.made("stop one metre later")
+    assert np.hypot(*np.subtract(lowest(first, "vehicle-1"), lowest(later, "vehicle-1"))) == (
+        pytest.approx(1.0, abs=0.15)
+    )
+    sooner = talk.made("stop half a metre earlier")
+    assert np.hypot(*np.subtract(lowest(sooner, "vehicle-1"), lowest(later, "vehicle-1"))) == (
+        pytest.approx(0.5, abs=0.15)
+    )
+    longer = talk.made("wait two seconds longer")
+    everybody = set(agents(first))
+    for before, after in ((first, later), (later, sooner), (sooner, longer)):
+        assert same(before, after) == everybody - {"vehicle-1"}
+    assert longer.version["by_hand"] == ["vehicle-1"]
+    slow = talk.made("slow the car down")
+    assert (slow.version["by_hand"], slow.version["let_go"]) == ([], ["vehicle-1"])
+    assert fastest(slow, "vehicle-1") < fastest(longer, "vehicle-1")
+    assert events(slow) == ["yielding"]
+
+
+def test_a_yield_becomes_a_near_miss_and_a_collision(talk: Conversation) -> None:
+    first = talk.made(YIELD)
+    miss = talk.made("make it a near miss")
+    assert events(miss) == ["near_miss"]
+    assert same(first, miss) == set(agents(first)) - {"vehicle-1"}
+    hit = talk.made("now have it be a collision")
+    assert events(hit) == ["collision"]
+    again = talk.made("make it a yield again")
+    assert events(again) == ["yielding"]
+    other = talk.made("let the pedestrian yield instead")
+    (seen,) = other.proof.events
+    assert agents(other)["pedestrian-1"].id == seen.from_
+
+
+def test_somebody_comes_from_elsewhere(talk: Conversation) -> None:
+    talk.made(YIELD)
+    east = talk.made("make the pedestrian come from the east instead")
+    assert agents(east)["pedestrian-1"].entry == "east"
+    assert agents(east)["pedestrian-1"].id == 2
+    south = talk.made("put the pedestrian on the south crosswalk")
+    assert agents(south)["pedestrian-1"].crosswalk == "south"
+    straight = talk.made("the car should go straight")
+    assert agents(straight)["vehicle-1"].movement == "straight"
+    back = talk.session.undo()
+    assert back == {"kind": "moved_to", "version": south.version["number"]}
+    truck = talk.made("make the car a truck")
+    assert agents(truck)["vehicle-1"].length > 8.0
+    assert events(truck) == ["yielding"]
+
+
+def test_others_come_and_go(talk: Conversation) -> None:
+    first = talk.made(YIELD)
+    more = talk.made("add three cars")
+    assert same(first, more) == set(agents(first))
+    assert len(more.version["come"]) == 3
+    walkers = talk.made("add two pedestrians")
+    assert same(more, walkers) == set(agents(more))
+    gone = talk.made(f"remove {walkers.version['come'][0]}")
+    assert same(walkers, gone) == set(agents(walkers)) - {walkers.version["come"][0]}
+    nobody = talk.made("no background traffic")
+    assert set(agents(nobody)) == {"vehicle-1", "pedestrian-1"}
+    assert same(gone, nobody) == {"vehicle-1", "pedestrian-1"}
+
+
+def test_the_clock_changes_and_nobody_moves(talk: Conversation) -> None:
+    first = talk.made(YIELD)
+    evening = talk.made("make it 5 pm")
+    assert evening.record.meta.time_of_day == "17:00"
+    assert same(first, evening) == set(agents(first))
+    night = talk.made("make it night")
+    assert same(first, night) == set(agents(first))
+    busy = talk.made("make it busier")
+    assert same(night, busy) == set(agents(night))
+    assert len(agents(busy)) >= 13
+    quiet = talk.made("less traffic, please")
+    assert len(agents(quiet)) < len(agents(busy))
+
+
+def test_undo_gives_the_same_bytes_and_redo_as_well(talk: Conversation) -> None:
+    made = [
+        talk.made(words).scene_json
+        for words in (YIELD, "make it a near miss", "slow the car down", "add a car")
+    ]
+    for before in reversed(made[:-1]):
+        talk.session.undo()
+        assert talk.now.scene_json == before
+    assert talk.session.undo()["kind"] == "nothing"
+    for after in made[1:]:
+        talk.session.redo()
+        assert talk.now.scene_json == after
+    assert talk.session.redo()["kind"] == "nothing"
+
+
+def test_branches_are_worked_on_apart(talk: Conversation) -> None:
+    talk.made(YIELD)
+    assert talk.session.branch("hit")["branch"] == "hit"
+    hit = talk.made("now have it be a collision")
+    assert talk.session.branch("main")["version"] == 1
+    miss = talk.made("make it a near miss")
+    assert events(miss) == ["near_miss"]
+    talk.session.branch("hit")
+    assert talk.now.scene_json == hit.scene_json
+    late = talk.made("make it 5 pm")
+    assert events(late) == ["collision"]
+    assert late.version["parent"] == hit.version["number"]
+
+
+def test_what_may_mean_two_is_asked_back_once(talk: Conversation) -> None:
+    talk.made(
+        "A car from the north yields to a pedestrian on the south crosswalk and a truck from the "
+        "west follows a bus at 5 am"
+    )
+    reply = talk.say("slow the vehicle down")
+    assert reply["kind"] == "asked"
+    assert reply["choices"] == ["vehicle-1", "vehicle-2", "vehicle-3"]
+    slower = talk.made("the truck")
+    assert [each["edit"] for each in slower.version["edits"]] == ["set_pace"]
+    assert slower.version["edits"][0]["agent"] == "vehicle-2"
+    assert talk.say("make it a collision")["kind"] == "asked"
+    hit = talk.made("vehicle-1")
+    assert sorted(events(hit)) == ["collision", "follow"]
+    assert talk.say("have it turn right")["kind"] == "asked"
+    # Other words end the question.
+    assert events(talk.made("no background traffic")) == events(hit)
+
+
+def test_a_refusal_leaves_the_scene_and_says_why(talk: Conversation) -> None:
+    first = talk.made(YIELD)
+    refused = talk.say("make the car come from the west and turn right")
+    assert refused["kind"] == "refused"
+    assert "east crosswalk" in refused["reason"]
+    assert talk.now.scene_json == first.scene_json
+    assert talk.say("why did you refuse?") == {"kind": "wish", "wish": "why"}
+    state = talk.session.state["refused"]
+    assert state is not None
+    assert state["reason"] == refused["reason"]
+    assert "bus" in talk.say("remove the bus")["reason"]
+    assert talk.say("make me a coffee")["kind"] == "refused"
+    assert talk.say("asdf qwer zxcv")["kind"] == "refused"
+    assert talk.say("stop 400 metres later")["kind"] == "refused"
+    hit = talk.made("have the car hit the pedestrian")
+    assert talk.say("have a truck hit the car")["code"] == "ungroundable"
+    assert talk.now.scene_json == hit.scene_json
+
+
+def test_words_that_the_grammar_does_not_know_go_to_the_planner_that_is_a_model() -> None:
+    plan = {
+        "agents": [{"id": "vehicle-1", "type": "vehicle", "entry": "north"},
+                   {"id": "pedestrian-1", "type": "pedestrian", "crosswalk": "east"}],
+        "relations": [{"type": "yield_to", "from": "vehicle-1", "to": "pedestrian-1"}],
+        "context": {"time_of_day": "05:00"},
+    }  # fmt: skip
+    other = {**plan, "relations": [{**plan["relations"][0], "type": "collide_at"}]}
+    model = scripted({"plan": [plan, "no JSON at all", other]})
+    builtin = load_backend("builtin")
+    others: dict[Task, Backend] = dict.fromkeys(TASKS, builtin)
+    talk = Conversation(backend=Staged({**others, "plan": model}))
+    first = talk.made("Someone lets someone walk")
+    assert events(first) == ["yielding"]
+    tragic = talk.made("give it a tragic ending")
+    assert events(tragic) == ["collision"]
+    assert tragic.version["edits"][0]["edit"] == "relate"
+    # What the grammar knows needs no model; the script has no answer left for the rest.
+    assert events(talk.made("add two cars")) == ["collision"]
+    reply = talk.say("give it a happy ending")
+    assert (reply["kind"], reply["code"]) == ("refused", "backend_failed")
+    assert events(talk.now) == ["collision"]
+    talk.threads.close()
+
+
+def test_somebody_new_joins_and_leaves(talk: Conversation) -> None:
+    first = talk.made("A car from the south turns left and yields to a pedestrian at 5 am")
+    behind = talk.made("add a truck that follows the car")
+    assert sorted(events(behind)) == ["follow", "yielding"]
+    (new,) = [name for name, each in agents(behind).items() if each.subtype == "truck"]
+    assert new not in agents(first)
+    alone = talk.made("remove the truck")
+    assert new not in agents(alone)
+    assert events(alone) == ["yielding"]
+    calm = talk.made("remove the pedestrian")
+    assert events(calm) == ["normal"]
+    fresh = talk.made("A bus follows a taxi from the east at 5 am")
+    assert events(fresh) == ["follow"]
+    talk.session.undo()
+    assert talk.now.scene_json == calm.scene_json

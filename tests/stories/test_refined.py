@@ -1,0 +1,59 @@
+"""Whole runs with the refiner that the shipped intersection brings along."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from scenewright import synthesize, verify
+from scenewright.graph.run import scene_bytes
+from scenewright.intersections import REFINER_WEIGHTS, bundle_folder
+
+pytestmark = pytest.mark.skipif(
+    not (bundle_folder("amsterdam_120") / REFINER_WEIGHTS).is_file(), reason="no weights shipped"
+)
+STORIES = {
+    "yielding": "A car from the south yields to a pedestrian on the north crosswalk.",
+    "collision": "A truck from the east runs a red light and hits a northbound sedan.",
+    "near_miss": "A cab from the north narrowly misses a pedestrian on the south crosswalk.",
+    "follow": "An SUV follows a bus from the south through the intersection at noon.",
+}
+
+
+@pytest.mark.parametrize(("event", "text"), STORIES.items(), ids=STORIES)
+def test_refined_tracks_are_proved_and_move_otherwise_than_edited_ones(event, text):
+    scene = synthesize(text, seed=1, refiner="trajnet")
+    assert [each.type for each in scene.record.events] == [event]
+    assert scene.proof == verify(scene)
+    assert scene.proof.verified
+    told = scene.provenance["refinement"]
+    assert told["refiner"] == "trajnet"
+    assert set(told["agents"]) == {agent.name for agent in scene.record.agents}
+    edited, refined = scene.state["edited"], scene.state["refined"]
+    assert any(
+        len(edited[name].xy) != len(track.xy) or not np.array_equal(edited[name].xy, track.xy)
+        for name, track in refined.items()
+    )
+
+
+def test_the_same_seed_gives_the_same_bytes_in_another_process():
+    text = STORIES["yielding"]
+    program = (
+        "import sys; from scenewright import synthesize; "
+        "from scenewright.graph.run import scene_bytes; "
+        f"made = synthesize({text!r}, seed=4, refiner='trajnet'); "
+        "sys.stdout.buffer.write(scene_bytes(made.record))"
+    )
+    there = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    here = scene_bytes(synthesize(text, seed=4, refiner="trajnet").record)
+    assert there.stdout == here
+
+
+def test_the_refiner_is_the_default_and_can_be_declined(monkeypatch):
+    monkeypatch.delenv("SCENEWRIGHT_REFINER")
+    text = STORIES["follow"]
+    assert synthesize(text, seed=2).provenance["refiner"] == "trajnet"
+    assert synthesize(text, seed=2, refiner="none").provenance["refinement"]["refiner"] == "none"
