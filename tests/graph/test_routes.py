@@ -12,6 +12,7 @@ from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets
 from scenewright.scene.refinement import AgentRefinement, Refinement
 from scenewright.scene.rejection import Rejection, RejectionCode, Stage
+from scenewright.scene.social import RelationEdge, SocialGraph
 
 BUDGETS = Budgets(planner=2, filter=2, reasoner=2, generator=4)
 AFTER: dict[Stage, Any] = {
@@ -47,7 +48,7 @@ def test_what_is_not_refused_goes_on(stage: Stage, onwards: str, *, model: bool)
     assert led(stage, [(other, "no_surviving_combination")], model=model) == onwards
 
 
-@pytest.mark.parametrize("code", ["out_of_scope", "contradictory"])
+@pytest.mark.parametrize("code", ["out_of_scope", "contradictory", "impossible"])
 @pytest.mark.parametrize("model", [False, True])
 def test_what_cannot_be_meant_is_not_asked_again(code: RejectionCode, *, model: bool) -> None:
     assert led("scene_planner", [("scene_planner", code)], model=model) == "give_up"
@@ -98,6 +99,25 @@ def test_a_model_reasons_again_before_all_is_sampled_afresh(
     tries = [led(stage, [(stage, code)] * count, model=True) for count in range(1, 6)]
     assert tries == ["event_reasoner"] * 2 + ["agent_generator"] * 2 + ["give_up"]
     assert led(stage, [(stage, code)], model=False) == "agent_generator"
+
+
+@pytest.mark.parametrize(
+    ("agent", "onwards"),
+    [("vehicle-1", "event_reasoner"), ("vehicle-9", "agent_generator")],
+)
+def test_a_model_is_not_asked_to_mend_what_agents_it_was_not_asked_about_do(
+    agent: str, onwards: str
+) -> None:
+    code: RejectionCode = "background_interferes"
+    refused = Rejection(stage="scene_verifier", code=code, agents=(agent,), detail="so")
+    edge = RelationEdge.model_validate(
+        {"type": "yield_to", "from": "vehicle-1", "to": "pedestrian-1"}
+    )
+    nodes = [{"id": "vehicle-1", "type": "vehicle"}, {"id": "pedestrian-1", "type": "pedestrian"}]
+    graph = SocialGraph.model_validate({"agents": nodes, "relations": (edge,)})
+    state: SceneState = {"refused": refused, "rejections": [refused], "social_graph": graph}
+    context = SimpleNamespace(backend=SimpleNamespace(deterministic=False), budgets=BUDGETS)
+    assert routes.after_scene_verifier(state, SimpleNamespace(context=context)) == onwards  # type: ignore[arg-type]
 
 
 def test_the_planners_refusals_cost_no_sample() -> None:

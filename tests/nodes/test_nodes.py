@@ -136,7 +136,7 @@ def test_the_planner_asks_with_the_maps_legs_and_earlier_faults():
     [
         ({"code": "out_of_scope", "reason": "no traffic"}, "out_of_scope"),
         ({"code": "contradictory", "reason": "left and right"}, "contradictory"),
-        ({"code": "impossible", "reason": "no such leg"}, "ungroundable"),
+        ({"code": "impossible", "reason": "no such leg"}, "impossible"),
         ({"agents": [{"id": "car", "type": "vehicle"}]}, "malformed_reply"),
         (
             {"agents": [{"id": CAR, "type": "vehicle", "entry": "north", "exit": "north"}]},

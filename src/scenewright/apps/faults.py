@@ -18,6 +18,7 @@ TERMINATED = 143
 
 _ADVICE = {
     "contradictory": "Change or drop one of the two.",
+    "impossible": "`scenewright intersections show NAME` lists what there is.",
     "ungroundable": "`scenewright intersections show NAME` lists what there is.",
     "role_mismatch": "Ask for other movements, or leave them open.",
     "unknown_direction": "`scenewright intersections show NAME` lists the legs.",

@@ -11,7 +11,7 @@ from scenewright.memory.state import SceneState
 from scenewright.nodes.context import RunContext
 from scenewright.scene.rejection import Rejection, Stage
 
-_FINAL = ("out_of_scope", "contradictory", "ungroundable")
+_FINAL = ("out_of_scope", "contradictory", "impossible", "ungroundable")
 
 
 def after_scene_planner(
@@ -67,7 +67,18 @@ def after_scene_verifier(
         and refinement.attempt <= runtime.context.budgets.refiner
     ):
         return "trajectory_refiner"
+    if not _asked_about(state):
+        return _sample_afresh(state, runtime.context.budgets.generator)
     return _reason_again(state, runtime.context, "scene_verifier")
+
+
+def _asked_about(state: SceneState) -> bool:
+    """Whether the refusal concerns somebody whose segments are the reasoner's to change."""
+    refused, graph = state.get("refused"), state.get("social_graph")
+    if refused is None or graph is None or not refused.agents:
+        return True
+    bound = {name for edge in graph.relations for name in (edge.from_, edge.to)}
+    return not bound.isdisjoint(refused.agents)
 
 
 def _reason_again(

@@ -24,6 +24,7 @@ RejectionCode = Literal[
     "ungroundable",
     "out_of_scope",
     "contradictory",
+    "impossible",
     "malformed_program",
     "no_surviving_combination",
     "unknown_anchor",

@@ -17,6 +17,7 @@ _STAGES = {
 _ADVICE = {
     "out_of_scope": "Say which vehicles or pedestrians shall do what.",
     "no_change": "Name what shall be different.",
+    "impossible": "`scenewright intersections show NAME` lists the ways there are.",
     "ungroundable": "`scenewright intersections show NAME` lists the ways there are.",
     "no_surviving_combination": "Fewer others, fewer fixed directions or a gentler figure helps.",
     "background_interferes": "Fewer others may help.",

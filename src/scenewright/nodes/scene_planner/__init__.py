@@ -43,7 +43,7 @@ __all__ = ["FOUR_LEGS", "PlanReply", "Way", "ask_for_plan", "plan_scene", "ways_
 _CODES: dict[str, RejectionCode] = {
     "out_of_scope": "out_of_scope",
     "contradictory": "contradictory",
-    "impossible": "ungroundable",
+    "impossible": "impossible",
 }
 
 
