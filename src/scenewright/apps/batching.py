@@ -79,6 +79,7 @@ def batch(
     """
     from scenewright.graph.batch.run import Request, run_batch, shard_of
     from scenewright.graph.batch.work import Options
+    from scenewright.graph.run import refiner_or_default
 
     request = Request(
         source=Path(rows),
@@ -86,7 +87,7 @@ def batch(
         options=Options(
             intersection=intersection,
             backend=backend,
-            refiner=refiner_of(refiner),
+            refiner=refiner_or_default(refiner),
             selection=selection,
             seed=seed,
             base_url=base_url,
@@ -116,13 +117,6 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return max(len(os.sched_getaffinity(0)), 1)
     return os.cpu_count() or 1
-
-
-def refiner_of(name: str | None) -> str:
-    """The refiner that is named, else the environment's, else that of `make`."""
-    from scenewright.graph.run import DEFAULT_REFINER
-
-    return name or os.environ.get("SCENEWRIGHT_REFINER") or DEFAULT_REFINER
 
 
 def folder_of_option(out: str) -> Path:

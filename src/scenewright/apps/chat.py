@@ -50,7 +50,7 @@ class ChatRequest:
     intersection: str
     backend: Backend
     seed: int
-    refiner: str
+    refiner: str | None
     out: str | None
     memory: bool
     quiet: bool
@@ -64,6 +64,7 @@ def chat(request: ChatRequest) -> None:
         InputError: the thread cannot be used.
     """
     from scenewright.graph.recalling import recall_from
+    from scenewright.graph.run import refiner_or_default
     from scenewright.graph.session.session import Session
     from scenewright.memory.threads import Threads
 
@@ -81,7 +82,7 @@ def chat(request: ChatRequest) -> None:
             setting={
                 "intersection": request.intersection,
                 "seed": request.seed,
-                "refiner": request.refiner,
+                "refiner": refiner_or_default(request.refiner),
             },
             tell=teller,
             recall=None if episodes is None else recall_from(episodes),

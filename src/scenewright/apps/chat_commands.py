@@ -24,7 +24,9 @@ def chat(
     record: Record = None,
     timeout: Timeout = None,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
-    refiner: Annotated[str, typer.Option(help="Learned refinement, in a new thread.")] = "none",
+    refiner: Annotated[
+        str | None, typer.Option(help="trajnet or none, in a new thread; that of make.")
+    ] = None,
     out: Annotated[str | None, typer.Option(help="Folder that /save writes to.")] = None,
     threads: Annotated[
         str | None, typer.Option(metavar="FILE", help="Where threads are kept.")

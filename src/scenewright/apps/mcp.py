@@ -82,6 +82,8 @@ class _Desk:
         from scenewright.memory.threads import Threads
 
         self._served = served
+        from scenewright.graph.run import refiner_or_default
+
         threads = Threads(threads_file(served.threads))
         threads.hold(served.thread)
         self._session: Session = Session(
@@ -91,7 +93,7 @@ class _Desk:
             setting={
                 "intersection": served.intersection,
                 "seed": served.seed,
-                "refiner": "none",
+                "refiner": refiner_or_default(None),
             },
         )
         self._bench: Workbench | None = None

@@ -19,7 +19,6 @@ from scenewright.apps.batching import (
     batch_progress,
     cores,
     folder_of_option,
-    refiner_of,
 )
 from scenewright.apps.console import one_line, put, put_json, say
 from scenewright.apps.datasets import dataset
@@ -65,6 +64,7 @@ def agent(
     from scenewright.graph.batch.work import Options
     from scenewright.graph.order.run import Order
     from scenewright.graph.order.wish import read_order
+    from scenewright.graph.run import refiner_or_default
 
     wish = read_order(order)
     if dry_run:
@@ -80,7 +80,7 @@ def agent(
         options=Options(
             intersection=intersection,
             backend=backend,
-            refiner=refiner_of(refiner),
+            refiner=refiner_or_default(refiner),
             seed=seed,
             base_url=base_url,
         ),
@@ -120,6 +120,7 @@ def paper(
     """
     from scenewright.graph.batch.work import Options
     from scenewright.graph.order.run import Order, paper_wish
+    from scenewright.graph.run import refiner_or_default
 
     backends = list(dict.fromkeys(backend or ["builtin"]))
     wanted = Order(
@@ -129,7 +130,7 @@ def paper(
         options=Options(
             intersection=intersection,
             backend=backends[0],
-            refiner=refiner_of(refiner),
+            refiner=refiner_or_default(refiner),
             seed=seed,
             base_url=base_url,
         ),

@@ -139,7 +139,7 @@ def synthesize(
         if tell is not None:
             tell(stage, line)
 
-    refiner = refiner or os.environ.get("SCENEWRIGHT_REFINER") or DEFAULT_REFINER
+    refiner = refiner_or_default(refiner)
     check_arguments(seed, refiner)
     context = RunContext(
         backend=_made(backend, base_url),
@@ -325,6 +325,11 @@ def _learned(name: str) -> Learned | None:
     from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
 
     return bundled_refiner(name)
+
+
+def refiner_or_default(name: str | None) -> str:
+    """The refiner that is named, else what SCENEWRIGHT_REFINER says, else `trajnet`."""
+    return name or os.environ.get("SCENEWRIGHT_REFINER") or DEFAULT_REFINER
 
 
 def check_arguments(seed: int, refiner: str) -> None:

@@ -212,3 +212,12 @@ def test_the_refiner_predicts_everybody_seen_for_a_step_or_more(cases: dict[str,
             assert xy.shape == (80, 2)
             assert np.isfinite(xy).all()
             assert np.hypot(*(xy[0] - agent.xy[-1])) < 3.0
+
+
+def test_the_refiner_predicts_nobody_where_nobody_was_seen(cases: dict[str, Case]) -> None:
+    pytest.importorskip("torch")
+    from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
+
+    net = Refiner(RefinerConfig(hidden=8, embedding=4, pooled=4)).eval()
+    observation = as_arrays(observe(cases["plain"].record, scene="plain", window=0.5))
+    assert rolled_out(net, replace(observation, agents=())) == []

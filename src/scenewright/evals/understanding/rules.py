@@ -78,6 +78,8 @@ def rolled_out(net: Refiner, observation: Observation) -> list[FloatArray]:
     from scenewright.tools.trajnet_refiner.rollout import roll_out
 
     step, fallback = net.config.step, constant_velocity(observation)
+    if not observation.agents:
+        return []
     steps = int(np.ceil(AHEAD / step))
     past = min(net.config.observed, int(observation.now / step) + 1)
     known = np.full((len(fallback), past + steps, 2), np.nan)

@@ -83,7 +83,8 @@ class Actor:
 
     def ended(self, time: float) -> Actor:
         """Cut at the first sample not before scene time `time`, where it stays as a wreck."""
-        return replace(self, motion=terminated(self.motion, time - self.enters), contact=round(time, 6))
+        motion = terminated(self.motion, time - self.enters)
+        return replace(self, motion=motion, contact=round(time, 6))
 
 
 def shared_times(a: Actor, b: Actor) -> FloatArray | None:
