@@ -56,7 +56,8 @@ def _agent(agent: SelectedAgent, duration: float, ground: Ground) -> AgentSummar
         leaves=round(leaves, 3),
         anchors=_anchors(agent, move(agent.candidate), duration, ground),
         stays=stays,
-        contact=agent.contact,
+        # 14.330000000000002 would be later than it leaves.
+        contact=None if agent.contact is None else round(agent.contact, 9),
     )
 
 

@@ -72,7 +72,7 @@ class Actor:
             replace(stop, start=stop.start + seconds, until=stop.until + seconds)
             for stop in self.stops
         )
-        contact = None if self.contact is None else round(self.contact + seconds, 6)
+        contact = None if self.contact is None else self.contact + seconds
         enters = round(self.enters + seconds, 1)
         return replace(self, enters=enters, stops=stops, contact=contact)
 
@@ -83,8 +83,7 @@ class Actor:
 
     def ended(self, time: float) -> Actor:
         """Cut at the first sample not before scene time `time`, where it stays as a wreck."""
-        motion = terminated(self.motion, time - self.enters)
-        return replace(self, motion=motion, contact=round(time, 6))
+        return replace(self, motion=terminated(self.motion, time - self.enters), contact=time)
 
 
 def shared_times(a: Actor, b: Actor) -> FloatArray | None:
