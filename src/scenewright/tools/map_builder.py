@@ -165,7 +165,7 @@ def build_map(plan: FourLegPlan = AMSTERDAM_120) -> IntersectionMap:
             conflict_zones({m.id: _lane_lines(plan, m) for m in movements}, movements, crosswalks)
         ),
         signals=_signals(plan, movements, crosswalks),
-        routes=(*map(_vehicle_route, movements), *_pedestrian_routes()),
+        routes=(*map(vehicle_route, movements), *_pedestrian_routes()),
     )
 
 
@@ -545,7 +545,8 @@ def _phases(plan: FourLegPlan) -> Iterator[SignalPhase]:
             yield SignalPhase(duration=duration, colours=colours)
 
 
-def _vehicle_route(movement: VehicleMovement) -> Route:
+def vehicle_route(movement: VehicleMovement) -> Route:
+    """The route of a movement."""
     return Route(
         id=f"vehicle:{movement.id}",
         type="vehicle",
@@ -566,9 +567,9 @@ def _pedestrian_routes() -> Iterator[Route]:
     for leg, entry, exit_ in _crossings():
         for before in sides:
             for after in sides:
-                yield _pedestrian_route(leg, entry, exit_, f"{before}>{after}")
+                yield pedestrian_route(leg, entry, exit_, f"{before}>{after}")
     for leg, entry, exit_ in _crossings():
-        yield _pedestrian_route(leg, entry, exit_, None)
+        yield pedestrian_route(leg, entry, exit_, None)
 
 
 def _crossings() -> Iterator[tuple[Compass, Compass, Compass]]:
@@ -578,7 +579,8 @@ def _crossings() -> Iterator[tuple[Compass, Compass, Compass]]:
         yield leg, last, first
 
 
-def _pedestrian_route(leg: Compass, entry: Compass, exit_: Compass, side: str | None) -> Route:
+def pedestrian_route(leg: Compass, entry: Compass, exit_: Compass, side: str | None) -> Route:
+    """Over a leg's crosswalk from sidewalk to sidewalk; without a side, over its roadway."""
     return Route(
         id=f"pedestrian:{leg}:{entry}>{exit_}:{side or 'jaywalk'}",
         type="pedestrian",

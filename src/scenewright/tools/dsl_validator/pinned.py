@@ -13,7 +13,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from scenewright.scene.pins import Pins
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
-from scenewright.tools.dsl_validator.crowd import Guest, Option, Seating, Table, seat_in_turn
+from scenewright.tools.dsl_validator.crowd import Option, Seating, Table, seat_in_turn
 from scenewright.tools.dsl_validator.search import MAX_SECONDS, Framing, Search, _needed, counted
 from scenewright.tools.dsl_validator.separation import Presence, forbidden_offsets
 from scenewright.tools.dsl_validator.stage import demands
@@ -182,18 +181,7 @@ class PinnedSearch(Search):
             wanted[self._pool.agents[name].route.type] -= 1
         if any(count < 0 for count in wanted.values()):
             return "more agents stay than there shall be"
-        moment = self._moment(framing)
-        guests = [
-            Guest(
-                name=name,
-                type=draws.route.type,
-                foreground=draws.role == "foreground",
-                make=partial(self._options, draws, moment),
-                spare=draws.spare,
-            )
-            for name, draws in self._pool.agents.items()
-            if name not in actors and name not in self._stays
-        ]
+        guests = self._guests(framing, placed={*actors, *self._stays})
         return seat_in_turn(guests, Table(fixed), wanted)
 
     def _staying(self, framing: Framing) -> tuple[dict[str, SelectedAgent], list[Actor]]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -347,8 +347,15 @@ class Search:
 
     def _seat(self, framing: Framing) -> Seating | str:
         """Everybody else around the foreground; spares stand in for those who find no room."""
-        moment, actors = self._moment(framing), framing.staging.actors
-        everybody = [
+        actors = framing.staging.actors
+        table = Table(actor.until(framing.duration) for actor in actors.values())
+        guests = self._guests(framing, placed=actors)
+        return seat_in_turn(guests, table, self._pool.background)
+
+    def _guests(self, framing: Framing, *, placed: Container[str]) -> list[Guest]:
+        """All but those who have their place already."""
+        moment = self._moment(framing)
+        return [
             Guest(
                 name=name,
                 type=draws.route.type,
@@ -357,10 +364,8 @@ class Search:
                 spare=draws.spare,
             )
             for name, draws in self._pool.agents.items()
-            if name not in actors
+            if name not in placed
         ]
-        table = Table(actor.until(framing.duration) for actor in actors.values())
-        return seat_in_turn(everybody, table, self._pool.background)
 
     def _options(
         self, draws: AgentDraws, moment: Moment, standing: Sequence[Actor]

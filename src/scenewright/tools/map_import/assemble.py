@@ -25,7 +25,13 @@ from scenewright.scene.map import (
     StopLine,
     VehicleMovement,
 )
-from scenewright.tools.map_builder import area_of, conflict_zones, ring
+from scenewright.tools.map_builder import (
+    area_of,
+    conflict_zones,
+    pedestrian_route,
+    ring,
+    vehicle_route,
+)
 from scenewright.tools.map_import import areas
 from scenewright.tools.map_import.areas import Section, even, geos, len_of
 from scenewright.tools.map_import.legs import (
@@ -265,7 +271,7 @@ class _Assembly:
             movements=movements,
             conflict_zones=tuple(conflict_zones(lines, movements, crosswalks)),
             signals=signals,
-            routes=(*map(_vehicle_route, movements), *self._pedestrian_routes(walks)),
+            routes=(*map(vehicle_route, movements), *self._pedestrian_routes(walks)),
         )
         kept = {f"vehicle:{m.id}": tuple(self.whole[i] for i in found)
                 for m, found in zip(movements, groups.values(), strict=True)}  # fmt: skip
@@ -440,10 +446,10 @@ class _Assembly:
         for leg in legs:
             for entry, exit_ in (_sides(leg), _sides(leg)[::-1]):
                 for before, after in product(_SIDES, _SIDES):
-                    yield _walk(leg, entry, exit_, f"{before}>{after}")
+                    yield pedestrian_route(leg, entry, exit_, f"{before}>{after}")
         for leg in legs:
             for entry, exit_ in (_sides(leg), _sides(leg)[::-1]):
-                yield _walk(leg, entry, exit_, None)
+                yield pedestrian_route(leg, entry, exit_, None)
 
     def _goals(self, walks: Mapping[str, FloatArray]) -> Iterator[GoalRegion]:
         for k, leg in enumerate(self.legs):
@@ -558,27 +564,4 @@ def _lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:
         width=round(lane.width, 3),
         speed_limit=round(float(np.clip(lane.speed, _LEAST_SPEED, _MOST_SPEED)), 3),
         **fields,
-    )
-
-
-def _vehicle_route(movement: VehicleMovement) -> Route:
-    return Route(
-        id=f"vehicle:{movement.id}",
-        type="vehicle",
-        entry=movement.entry,
-        exit=movement.exit,
-        movement=movement.turn,
-        movement_id=movement.id,
-    )
-
-
-def _walk(leg: Compass, entry: Compass, exit_: Compass, side: str | None) -> Route:
-    return Route(
-        id=f"pedestrian:{leg}:{entry}>{exit_}:{side or 'jaywalk'}",
-        type="pedestrian",
-        entry=entry,
-        exit=exit_,
-        movement="crossing" if side else "jaywalking",
-        crosswalk=leg,
-        side=side,
     )

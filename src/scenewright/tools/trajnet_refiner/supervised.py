@@ -8,6 +8,7 @@ from one to the next: when they brake and start, how even their speed is.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,7 +18,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.tools.recordings import Recording, cut_windows
 from scenewright.tools.trajnet_refiner.model import CLASSES, Scenes
 from scenewright.tools.trajnet_refiner.train import Recipe
-from scenewright.tools.trajnet_refiner.windows import Variation, Window, grouped, varied
+from scenewright.tools.trajnet_refiner.windows import Window, batches
 
 SPACING = (2, 12)
 """Fewest and most steps from one waypoint to the next."""
@@ -65,18 +66,10 @@ def recorded_windows(
 
 
 def supervised_batches(
-    windows: Sequence[Window],
-    *,
-    observed: int,
-    agents: int,
-    variation: Variation,
-    rng: np.random.Generator,
+    windows: Sequence[Window], **how: Any
 ) -> Iterator[tuple[Scenes, Tensor, Tensor]]:
     """As `windows.batches`, for windows with a second horizon, a share of them with waypoints."""
-    groups = grouped([len(w.xy) for w in windows], agents=agents, rng=rng)
-    for k in rng.permutation(len(groups)):
-        chosen = [varied(windows[i], observed=observed, by=variation, rng=rng) for i in groups[k]]
-        yield _collated(chosen, observed=observed, goals=variation.goals, rng=rng)
+    return batches(windows, collate=_collated, **how)
 
 
 def _collated(

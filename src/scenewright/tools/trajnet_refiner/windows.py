@@ -6,7 +6,7 @@ they are drawn: mirrored, stretched, blurred, partly unseen, with and without go
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +61,10 @@ class Variation:
     goals: float = 0.4
 
 
+Collate = Callable[..., tuple[Scenes, Tensor, Tensor]]
+"""Makes one batch of windows, as `collated` does."""
+
+
 def batches(
     windows: Sequence[Window],
     *,
@@ -68,12 +72,17 @@ def batches(
     agents: int,
     variation: Variation,
     rng: np.random.Generator,
+    collate: Collate | None = None,
 ) -> Iterator[tuple[Scenes, Tensor, Tensor]]:
-    """All windows once, in random order, about `agents` at a time, as (scenes, future, weight)."""
+    """All windows once, in random order, about `agents` at a time, as (scenes, future, weight).
+
+    Args:
+        collate: makes one batch of windows; `collated` if None.
+    """
     groups = grouped([len(w.xy) for w in windows], agents=agents, rng=rng)
     for k in rng.permutation(len(groups)):
         chosen = [varied(windows[i], observed=observed, by=variation, rng=rng) for i in groups[k]]
-        yield collated(chosen, observed=observed, goals=variation.goals, rng=rng)
+        yield (collate or collated)(chosen, observed=observed, goals=variation.goals, rng=rng)
 
 
 def grouped(
