@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from scenewright.apps.console import is_terminal, one_line, progress, put, put_json, say
 from scenewright.apps.interrupts import forget_interrupt, was_terminated
-from scenewright.apps.storage import data_folder, threads_file
+from scenewright.apps.storage import threads_file
 from scenewright.errors import InputError
+from scenewright.intersections import data_folder
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -60,13 +61,7 @@ def import_map_file(
             force=force,
             tell=tell,
         )
-    if not quiet:
-        for line in import_text(facts):
-            say(one_line(line))
-    if as_json:
-        put_json({"ok": True, **facts})
-    else:
-        put(f"{facts['folder']}\n")
+    _tell(facts, () if quiet else import_text(facts), as_json=as_json)
 
 
 def simulate(
@@ -81,10 +76,7 @@ def simulate(
 
     with progress(quiet=quiet) as tell:
         facts = simulate_own(name, minutes=minutes, seed=seed, tell=tell)
-    if as_json:
-        put_json({"ok": True, **facts})
-    else:
-        put(f"{facts['folder']}\n")
+    _tell(facts, (), as_json=as_json)
 
 
 def fit(
@@ -134,9 +126,13 @@ def fit(
             licence=licence,
             tell=tell,
         )
-    if not quiet:
-        for line in fit_text(facts):
-            say(one_line(line))
+    _tell(facts, () if quiet else fit_text(facts), as_json=as_json)
+
+
+def _tell(facts: Mapping[str, Any], lines: Iterable[str], *, as_json: bool) -> None:
+    """Remarks to people; then the facts as one object, or just where the bundle is."""
+    for line in lines:
+        say(one_line(line))
     if as_json:
         put_json({"ok": True, **facts})
     else:

@@ -2,24 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
 
-VARIABLE = "SCENEWRIGHT_DATA"
-
-
-def data_folder() -> Path:
-    """The folder for the user's own data, which the variable SCENEWRIGHT_DATA names otherwise."""
-    told = os.environ.get(VARIABLE)
-    if told:
-        return Path(told)
-    home = Path.home()
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local") / "scenewright"
-    if sys.platform == "darwin":
-        return home / "Library" / "Application Support" / "scenewright"
-    return Path(os.environ.get("XDG_DATA_HOME") or home / ".local" / "share") / "scenewright"
+from scenewright.intersections import data_folder
 
 
 def threads_file(told: str | None) -> Path:

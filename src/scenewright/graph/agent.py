@@ -20,7 +20,7 @@ from langgraph.graph.message import add_messages
 
 from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.graph.run import DEFAULT_INTERSECTION, Tell, _json, ground_of
+from scenewright.graph.run import DEFAULT_INTERSECTION, Tell, json_bytes, ground_of
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.toolbox import Recorder, Workbench, tools_of
 from scenewright.scene.events import Proof
@@ -245,7 +245,7 @@ def _routed(
 
 def provenance_bytes(made: Authored, *, seed: int, model: str | None) -> bytes:
     """provenance.json of a scene that an agent made."""
-    return _json(
+    return json_bytes(
         {
             "schema_version": 1,
             "seed": seed,

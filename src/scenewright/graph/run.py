@@ -20,7 +20,7 @@ from pydantic_core import PydanticSerializationError
 from scenewright.backends import Backend, Call, Named, load_backend
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.graph.atomic import write_atomically
-from scenewright.intersections import REFINER_WEIGHTS, bundle_folder, load_map
+from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
 from scenewright.nodes.wording import Recall, nothing_recalled
@@ -82,11 +82,11 @@ class Scene:
                 cannot be verified again.
         """
         target = make_folder(folder)
-        write_atomically(target / "provenance.json", _json(self.provenance))
-        write_atomically(
-            target / "proof.json", _json(self.proof.model_dump(mode="json", by_alias=True))
+        write_atomically(target / "provenance.json", json_bytes(self.provenance))
+        write_atomically(target / "proof.json", proof_bytes(self.proof))
+        scene = (
+            scene_bytes(self.record) if profile == "full" else json_bytes(self.record.to_paper())
         )
-        scene = scene_bytes(self.record) if profile == "full" else _json(self.record.to_paper())
         write_atomically(target / "scene.json", scene)
         return target
 
@@ -273,12 +273,12 @@ def scene_bytes(record: SceneRecord) -> bytes:
     try:
         return record.model_dump_json(by_alias=True).encode() + b"\n"
     except PydanticSerializationError:  # text that no UTF-8 can hold
-        return _json(record.to_json())
+        return json_bytes(record.to_json())
 
 
 def proof_bytes(proof: Proof) -> bytes:
     """proof.json."""
-    return _json(proof.model_dump(mode="json", by_alias=True))
+    return json_bytes(proof.model_dump(mode="json", by_alias=True))
 
 
 @lru_cache(maxsize=8)
@@ -320,7 +320,7 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
 
 def _learned(name: str) -> Learned | None:
     """The network of a bundle; torch is loaded only where there is one."""
-    if not (bundle_folder(name) / REFINER_WEIGHTS).is_file():
+    if not ships_refiner(name):
         return None
     from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
 
@@ -431,6 +431,7 @@ def _versions() -> dict[str, str]:
     return {package: version(package) for package in packages}
 
 
-def _json(value: Any) -> bytes:
+def json_bytes(value: Any) -> bytes:
+    """A value as one line of JSON, every file's form."""
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return (text + "\n").encode("utf-8", "backslashreplace")

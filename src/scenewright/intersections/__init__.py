@@ -33,10 +33,12 @@ __all__ = [
     "bundle_header",
     "check_bundle",
     "checked_name",
+    "data_folder",
     "list_intersections",
     "load_map",
     "own_root",
     "shipped_names",
+    "ships_refiner",
 ]
 
 FORMAT = 1
@@ -67,6 +69,11 @@ def bundle_folder(name: str) -> Path:
     return found[name]
 
 
+def ships_refiner(name: str) -> bool:
+    """Whether a bundle holds a trained refiner; InputError where there is none so named."""
+    return (bundle_folder(name) / REFINER_WEIGHTS).is_file()
+
+
 def checked_name(name: str) -> str:
     """A name that one's own bundle may have.
 
@@ -88,11 +95,11 @@ def own_root() -> Path:
     named = os.environ.get("SCENEWRIGHT_INTERSECTIONS")
     if named:
         return Path(named)
-    return _data_folder() / "intersections"
+    return data_folder() / "intersections"
 
 
-def _data_folder() -> Path:
-    """The user's folder for data, as `apps.storage` has it."""
+def data_folder() -> Path:
+    """The folder for the user's own data, which the variable SCENEWRIGHT_DATA names otherwise."""
     named = os.environ.get("SCENEWRIGHT_DATA")
     if named:
         return Path(named)

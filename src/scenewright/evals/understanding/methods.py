@@ -14,7 +14,8 @@ from scenewright.evals.understanding.dataset import Case
 from scenewright.evals.understanding.observing import ObservationRow
 from scenewright.evals.understanding.oracle import oracle, oracle_seen
 from scenewright.evals.understanding.predictions import Prediction
-from scenewright.evals.understanding.rules import constant_velocity, ships_refiner, trajnet
+from scenewright.evals.understanding.rules import constant_velocity, trajnet
+from scenewright.intersections import ships_refiner
 
 METHODS = {
     "gmm": "exits: the nearest mean trajectory of p_wp (the paper's baseline)",

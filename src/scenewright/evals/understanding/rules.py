@@ -63,13 +63,6 @@ def trajnet(intersection: str) -> Predictor:
     return lambda observation: rolled_out(net, observation)
 
 
-def ships_refiner(intersection: str) -> bool:
-    """Whether the bundle of an intersection holds a trained refiner."""
-    from scenewright.intersections import REFINER_WEIGHTS, bundle_folder
-
-    return (bundle_folder(intersection) / REFINER_WEIGHTS).is_file()
-
-
 def rolled_out(net: Refiner, observation: Observation) -> list[FloatArray]:
     """The refiner's prediction, resampled; constant velocity for whoever it cannot predict."""
     import torch

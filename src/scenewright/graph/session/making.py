@@ -227,9 +227,3 @@ def _compared(
         by_hand=tuple(sorted(told)),
         let_go=tuple(let_go),
     )
-
-
-def same_in(before: SceneRecord, after: SceneRecord) -> tuple[str, ...]:
-    """Names of the agents that are bit for bit the same in both."""
-    old = {each.name: each for each in before.agents}
-    return tuple(each.name for each in after.agents if old.get(each.name) == each)

@@ -24,7 +24,14 @@ from pydantic import TypeAdapter
 from scenewright.backends import Backend
 from scenewright.backends.builtin.references import answered
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
-from scenewright.graph.run import Scene, Tell, _json, check_arguments, proof_bytes, scene_bytes
+from scenewright.graph.run import (
+    Scene,
+    Tell,
+    check_arguments,
+    json_bytes,
+    proof_bytes,
+    scene_bytes,
+)
 from scenewright.graph.session.making import Made, Setting, begin, change
 from scenewright.graph.session.reading import read_words, situation_of
 from scenewright.graph.session.thread import Heading, Pending, Refused, ThreadState, Version
@@ -365,7 +372,7 @@ def _entered(
         "pace": dict(made.pace),
         "scene": keep(scene_bytes(scene.record)),
         "proof": keep(proof_bytes(scene.proof)),
-        "provenance": keep(_json(_provenance(scene, edits))),
+        "provenance": keep(json_bytes(_provenance(scene, edits))),
         "earlier": keep(to_bytes(made.earlier)),
         "moved": list(made.moved),
         "gone": list(made.gone),

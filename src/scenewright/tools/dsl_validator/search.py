@@ -73,9 +73,6 @@ _TUPLES = 14
 _HOPELESS = 7
 """Tuples per relation that are tried; and after which routes are given up if none is staged."""
 _STAGINGS_PER_TUPLE = 4
-_GUEST_DRAWS = 1
-"""Candidates of a background agent that are looked at: one, as the prior drew it (`draw`)."""
-
 _SEATINGS = 3
 """Seatings tried before everybody is drawn afresh (`draw`)."""
 

@@ -29,18 +29,43 @@ def write_network(folder: Path, plan: FourLegPlan, place: IntersectionMap) -> Pa
 
     The programme is `signals.add.xml` beside it. InputError where SUMO is not installed.
     """
+    network = converted(
+        folder, nodes=_nodes(plan), edges=_edges(plan), connections=_connections(plan, place)
+    )
+    write_signals(folder, programme_lines(network, place))
+    return network
+
+
+def converted(
+    folder: Path,
+    *options: str,
+    nodes: Iterable[str],
+    edges: Iterable[str],
+    connections: Iterable[str],
+) -> Path:
+    """The network that netconvert makes of plain elements; the path of its `.net.xml`.
+
+    Args:
+        options: further ones of netconvert.
+
+    Raises:
+        InputError: SUMO is not installed, or does not take the network.
+    """
     files = {
-        "plain.nod.xml": document("nodes", _nodes(plan)),
-        "plain.edg.xml": document("edges", _edges(plan)),
-        "plain.con.xml": document("connections", _connections(plan, place)),
+        "plain.nod.xml": document("nodes", nodes),
+        "plain.edg.xml": document("edges", edges),
+        "plain.con.xml": document("connections", connections),
     }
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     network = folder / "intersection.net.xml"
-    netconvert(folder, network)
-    signals = document("additional", programme_lines(network, place))
-    (folder / "signals.add.xml").write_text(signals, encoding="utf-8")
+    netconvert(folder, network, *options)
     return network
+
+
+def write_signals(folder: Path, lines: Iterable[str]) -> None:
+    """The signal programme of a network, `signals.add.xml` beside it."""
+    (folder / "signals.add.xml").write_text(document("additional", lines), encoding="utf-8")
 
 
 def sumo_home() -> Path:

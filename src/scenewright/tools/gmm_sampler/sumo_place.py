@@ -15,12 +15,12 @@ import numpy as np
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.map import IntersectionMap, Lanelet
 from scenewright.tools.gmm_sampler.sumo_network import (
-    document,
+    converted,
     edge_id,
-    netconvert,
     programme_lines,
     shape_of,
     tag,
+    write_signals,
 )
 
 BEYOND = 180.0
@@ -34,17 +34,14 @@ def write_place(folder: Path, place: IntersectionMap) -> Path:
         InputError: SUMO is not installed, or does not take the network.
     """
     lanes = {leg.name: _numbered(place, leg.name) for leg in place.legs}
-    files = {
-        "plain.nod.xml": document("nodes", _nodes(place)),
-        "plain.edg.xml": document("edges", _edges(lanes)),
-        "plain.con.xml": document("connections", _connections(place, lanes)),
-    }
-    for name, text in files.items():
-        (folder / name).write_text(text, encoding="utf-8")
-    network = folder / "intersection.net.xml"
-    netconvert(folder, network, *(("--lefthand", "true") if place.left_hand_traffic else ()))
-    lines = [] if place.signals is None else programme_lines(network, place)
-    (folder / "signals.add.xml").write_text(document("additional", lines), encoding="utf-8")
+    network = converted(
+        folder,
+        *(("--lefthand", "true") if place.left_hand_traffic else ()),
+        nodes=_nodes(place),
+        edges=_edges(lanes),
+        connections=_connections(place, lanes),
+    )
+    write_signals(folder, [] if place.signals is None else programme_lines(network, place))
     return network
 
 

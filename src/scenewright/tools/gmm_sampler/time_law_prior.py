@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import NormalDist
 
 import numpy as np
 
@@ -43,6 +44,8 @@ def _of_route(priors: Priors, route: str) -> TimeLawPrior:
 
 
 def _inverse_normal(quantile: FloatArray) -> FloatArray:
-    from scipy.special import ndtri
+    safe = np.clip(quantile, 1e-12, 1 - 1e-12)
+    return np.array([_NORMAL.inv_cdf(q) for q in safe.ravel().tolist()]).reshape(safe.shape)
 
-    return np.asarray(ndtri(np.clip(quantile, 1e-12, 1 - 1e-12)))
+
+_NORMAL = NormalDist()
