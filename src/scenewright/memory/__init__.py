@@ -1,1 +1,1 @@
-"""Memory: the state within a run (checkpoints and episodes are to come)."""
+"""Memory: of a run (state), of a conversation (threads), and of accepted scenes (episodes)."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
+import weakref
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -77,6 +78,8 @@ class Threads:
             self._connection = sqlite3.connect(
                 self.path, check_same_thread=False, timeout=_PATIENCE
             )
+            # Whoever forgets to close it must not leave the file open.
+            self._close = weakref.finalize(self, self._connection.close)
             self._connection.execute("PRAGMA synchronous=FULL")
             self.saver = SqliteSaver(self._connection, serde=PlainSerializer())
             self.saver.setup()
@@ -140,4 +143,4 @@ class Threads:
         if self._held is not None:
             self._held.close()
         with suppress(sqlite3.Error):
-            self._connection.close()
+            self._close()
