@@ -120,10 +120,13 @@ class Table:
 
     def __init__(self, fixed: Iterable[Actor]) -> None:
         self.fixed = list(fixed)
-        self._present = Presence(self.fixed)
         self._free: dict[int, Steps] = {}
         self._pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
         self.evaluated = 0
+
+    @cached_property
+    def _present(self) -> Presence:
+        return Presence(self.fixed)
 
     def clear_of_fixed(self, option: Option) -> Steps:
         """The option's entry times [steps] that keep clear of every fixed actor."""
