@@ -38,7 +38,7 @@ def on():
 
 @pytest.fixture(scope="module")
 def yielding():
-    return synthesize("A car turning right yields to a pedestrian at 09:00", seed=3)
+    return synthesize("A car turning right yields to a pedestrian at 09:00", seed=4)
 
 
 @given(values, values)

@@ -261,3 +261,30 @@ def test_a_contact_ends_the_way_and_events_are_evidence():
     assert summary.agents[0].leaves == 5.0
     assert summary.agents[1].leaves == pytest.approx(9.9)
     assert summary.evidence[0]["clause"] == event.clause
+
+
+def test_who_started_before_the_scene_comes_from_its_stop_and_shows_none():
+    stop = Stop("stop_line", 60.0, -8.0, -1.0, "red_light")
+    agent = selected(ROAD, enters=-15.0, stops=(stop,))
+    selection = Selection({agent.name: agent}, (), DURATION, None, 0.0, 0.0, optimal=False)
+    [summary] = summarise(selection, ground=GROUND).agents
+    segments = summary.suggested(DURATION)
+    assert [each.status for each in segments] == ["keep"]
+    places = {anchor.id: anchor.s for anchor in summary.anchors}
+    track = edit(agent, segments, places, duration=DURATION)
+    # A second after its start it has come 1 m or so, not the 150 m of who never stood.
+    assert 60.0 < along(track, ROAD)[0][0] < 63.0
+
+
+def test_who_rolls_keeps_and_proceeds_without_a_stop():
+    stop = Stop("yield_point", 80.0, 9.0, 9.0, "gives_way", None, 5.0, 2.0)
+    agent = selected(ROAD, stops=(stop,))
+    selection = Selection({agent.name: agent}, (), DURATION, None, 0.0, 0.0, optimal=False)
+    [summary] = summarise(selection, ground=GROUND).agents
+    segments = summary.suggested(DURATION)
+    assert [each.status for each in segments] == ["keep", "proceed"]
+    places = {anchor.id: anchor.s for anchor in summary.anchors}
+    asked_to_stop = (*segments[:1], segment(9.0, 12.0, "yield_point@80.0", "stop"), *segments[1:])
+    for told in (segments, asked_to_stop):
+        speed = np.gradient(along(edit(agent, told, places, duration=DURATION), ROAD)[0], STEP)
+        assert 1.0 < speed[20:150].min() < 3.5

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from solver_actors import BARE, EAST, actor, candidate, law, straight
 
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
-from scenewright.tools.dsl_validator.waiting import Moment, passes_on_green
+from scenewright.scene.selection import Stop
+from scenewright.tools.dsl_validator.waiting import (
+    Moment,
+    comes_at,
+    last_in_lane,
+    no_faster,
+    passes_on_green,
+)
 from scenewright.tools.landmarks import Landmarks
 from scenewright.tools.signals import SignalClock
 
@@ -35,3 +43,40 @@ def test_who_never_gets_to_the_line_and_who_has_none_may_come_at_any_time():
     stops_short = actor(TEN_M_PER_S, marks=AT_20_M).until(1.5)
     assert passes_on_green(stops_short, MOMENT, 15.0)
     assert passes_on_green(actor(TEN_M_PER_S, marks=BARE), MOMENT, 15.0)
+
+
+def test_chance_arrivals_wait_as_long_as_the_light_is_red():
+    """Green 0 to 10 s, red to 30 s: those who came on red before the scene still stand in it."""
+    arriving = actor(TEN_M_PER_S, marks=AT_20_M)
+    late = Moment(SignalClock(GREEN_10_RED_20, 15.0), duration=30.0, blocked=False)
+    enters = np.array([comes_at(arriving, late, (n + 0.5) / 400) for n in range(400)])
+    # Time 15 of the programme at 0: red since -5 s, until 15 s. Who came at -7 s stands there now.
+    assert enters.min() == pytest.approx(-7.0, abs=0.6)
+    assert enters.max() < 26.0
+    spread = np.diff(np.quantile(enters, [0.0, 0.25, 0.5, 0.75, 1.0]))
+    assert spread == pytest.approx([spread.mean()] * 4, abs=1.5)
+
+
+def test_who_would_have_gone_on_green_long_ago_is_not_there():
+    arriving = actor(TEN_M_PER_S, marks=AT_20_M)
+    enters = [comes_at(arriving, MOMENT, n / 50) for n in range(50)]
+    seen = [e for e in enters if e < -4.5]
+    # Only those held by the red light that ends at 0.
+    assert all(not passes_on_green(arriving, MOMENT, e) for e in seen)
+
+
+def test_nobody_goes_faster_than_who_is_ahead_in_the_queue():
+    slow, fast = law(6.0, acceleration=1.0), law(12.0, acceleration=2.0)
+    paced = no_faster(candidate(TEN_M_PER_S.path, time_law=fast), slow).time_law
+    assert (paced.speed, paced.acceleration) == (6.0, 1.0)
+    assert no_faster(candidate(TEN_M_PER_S.path, time_law=slow), fast).time_law == slow
+
+
+def test_who_stands_at_another_time_is_no_queue():
+    stop = Stop("stop_line", 18.0, 2.0, 8.0, "red_light")
+    stands = actor(TEN_M_PER_S, marks=AT_20_M).edited(stops=(stop,))
+    behind = candidate(straight((0.0, 0.5), EAST, 80.0))
+    assert last_in_lane(behind, [stands], (5.0, 20.0)) is not None
+    assert last_in_lane(behind, [stands], (9.0, 20.0)) is None
+    aside = candidate(straight((0.0, 3.5), EAST, 80.0))
+    assert last_in_lane(aside, [stands], (5.0, 20.0)) is None

@@ -25,7 +25,10 @@ class Anchor(Model):
 
 
 class Stay(Model):
-    """A standstill at an anchor that the solver found to work: [from, until] [s]."""
+    """A standstill at an anchor that the solver found to work: [from, until] [s].
+
+    One of no length is the moment at which somebody is slowest who gives way without standing.
+    """
 
     anchor: str
     start: float
@@ -46,15 +49,20 @@ class AgentSummary(Model):
     def suggested(self, duration: float) -> tuple[Segment, ...]:
         """What the solver found: Keep, then Stop and Proceed at every stay, Terminate at a contact.
 
+        A stay that ended before the scene began is no part of it.
+
         Args:
             duration: of the scene [s].
         """
         now, moving = self.enters, "keep"
         segments: list[Segment] = []
         for stay in self.stays:
+            if stay.until <= 0.0:
+                continue
             start, until = min(stay.start, self.leaves), min(stay.until, self.leaves)
             segments.append(_segment(now, start, stay.anchor, moving))
-            segments.append(_segment(start, until, stay.anchor, "stop"))
+            if stay.until > stay.start:
+                segments.append(_segment(start, until, stay.anchor, "stop"))
             now, moving = until, "proceed"
         if self.contact is not None:
             segments.append(_segment(now, self.contact, "contact", moving))

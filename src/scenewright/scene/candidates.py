@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.grounding import Cast
+from scenewright.scene.manners import Habits
 from scenewright.scene.map import Route
 from scenewright.scene.track import Shape
 
@@ -113,6 +114,8 @@ class AgentDraws:
         build: makes the m-th `Candidate`, its path splined on demand (Eq. 3).
         arrival: when it would reach the middle of its way [s], from exponential intervals;
             None for agents that a relation places.
+        chance: which of all moments at which it would be seen it comes at, 0 to 1; None where
+            `arrival` alone says when.
         spare: drawn beyond the number wanted, for when somebody finds no room.
     """
 
@@ -124,6 +127,7 @@ class AgentDraws:
     draw: Callable[[], Draws]
     build: Callable[[int], Candidate]
     arrival: float | None = None
+    chance: float | None = None
     spare: bool = False
 
     @property
@@ -150,9 +154,11 @@ class CandidateSet:
         cast: routes and patterns of the foreground.
         hour: time of day [h] that the numbers were drawn for.
         background: how many background agents of each class the scene shall have.
+        manners: how people give way here.
     """
 
     agents: Mapping[str, AgentDraws]
     cast: Cast
     hour: float
     background: Mapping[AgentClass, int]
+    manners: Habits = field(default_factory=dict)

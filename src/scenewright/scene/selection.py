@@ -14,7 +14,7 @@ AgentRole = Literal["foreground", "background"]
 
 @dataclass(frozen=True)
 class Stop:
-    """A standstill in scene time.
+    """A standstill in scene time, or slowing down to a low speed instead of one.
 
     Attributes:
         anchor: the map entity it stands at; s: arc length of the centre [m].
@@ -22,6 +22,7 @@ class Stop:
         reason: `gives_way` or `red_light`.
         braking: deceleration towards it [m/s^2]; None = as comfortable as the time law says.
         ahead: from the centre to where the other's way begins [m]; None for lights and queues.
+        speed: who rolls passes `s` this fast [m/s] and does not stand: `until` is `start` then.
     """
 
     anchor: str
@@ -31,6 +32,12 @@ class Stop:
     reason: str
     braking: float | None = None
     ahead: float | None = None
+    speed: float = 0.0
+
+    @property
+    def rolls(self) -> bool:
+        """Whether the agent slows there without standing."""
+        return self.speed > 0.0
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ class Landmarks:
         group: the signal group that rules `line`; None where nothing does.
         own_crosswalk: the crosswalk that a pedestrian's route leads over.
         steps_on: how often its path comes onto that crosswalk.
+        left_hand: people drive on the left here.
     """
 
     line: float | None
@@ -40,6 +41,7 @@ class Landmarks:
     group: str | None
     own_crosswalk: str | None = None
     steps_on: int = 1
+    left_hand: bool = False
 
     def off_crosswalks(self, s: float, *, own: str | None = None) -> float:
         """The last place up to `s` [m] to stand at and block no crosswalk.
@@ -60,7 +62,8 @@ def landmarks(candidate: Candidate, *, ground: Ground) -> Landmarks:
     inside = ground.on_crosswalks(candidate.path.xy)
     crossed, group = _crosswalks(candidate, inside), signal_group(route, on=on)
     if route.type == "vehicle":
-        return Landmarks(_stop_line(candidate, on), crossed, group)
+        line = _stop_line(candidate, on)
+        return Landmarks(line, crossed, group, left_hand=on.left_hand_traffic)
     if route.movement == "jaywalking":
         return Landmarks(_kerb(candidate, on), crossed, group)
     own = next((each for each in crossed if each[0] == f"{route.crosswalk}:crosswalk"), None)

@@ -374,9 +374,9 @@ def serves(pattern: Pattern, a: Route, b: Route, *, on: IntersectionMap) -> bool
 def _mirrored(pattern: Pattern, on: IntersectionMap) -> bool:
     """Whether left and right change places: the files speak of right-hand traffic.
 
-    Not in collisions whose kind names a left turn; the checker knows that kind by its geometry.
+    So a left turn across the path of others is a right turn there, its kind of collision included.
     """
-    return on.left_hand_traffic and pattern.kind is None
+    return on.left_hand_traffic and pattern.kind != "pedestrian_strike"
 
 
 _MIRROR = {"left": "right", "right": "left"}

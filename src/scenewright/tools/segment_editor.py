@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.behavior import Segment
-from scenewright.scene.selection import SelectedAgent, Slowing
+from scenewright.scene.selection import SelectedAgent, Slowing, Stop
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.time_law import Hold, Motion, move, track_of
 
@@ -32,9 +32,14 @@ class Editing:
     end: float | None
 
 
+def hold_of(stop: Stop, enters: float) -> Hold:
+    """A stop in the time of an agent that enters then [s]."""
+    return Hold(stop.s, stop.until - enters, stop.braking, stop.speed)
+
+
 def editing_of(agent: SelectedAgent) -> Editing:
     """The edits that the solver found for a selected agent."""
-    holds = tuple(Hold(s.s, s.until - agent.enters, s.braking) for s in agent.stops)
+    holds = tuple(hold_of(stop, agent.enters) for stop in agent.stops)
     end = None if agent.contact is None else agent.contact - agent.enters
     return Editing(holds, agent.slowings, end)
 
@@ -83,10 +88,14 @@ def _editing(
     duration: float,
 ) -> Editing:
     braking = {round(stop.s, 1): stop.braking for stop in agent.stops}
-    holds = []
+    # Who has started before the scene began shows no stop in it, but comes from there; and who
+    # rolls never stands.
+    unseen = [stop for stop in agent.stops if stop.rolls or stop.until <= 0.0]
+    holds = [hold_of(stop, agent.enters) for stop in unseen]
+    rolls = {round(stop.s, 1) for stop in unseen if stop.rolls}
     end = None
     for segment in segments:
-        if segment.status == "stop":
+        if segment.status == "stop" and round(anchors[segment.anchor], 1) not in rolls:
             s = anchors[segment.anchor]
             # Who still stands when the scene ends has not begun to start.
             lasts = segment.end + (_STAYS_ON if segment.end >= duration - STEP else 0.0)

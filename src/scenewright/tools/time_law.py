@@ -38,11 +38,13 @@ class Hold:
     Attributes:
         release: [s], in the time frame of whoever uses it (local or scene time).
         braking: deceleration towards it [m/s^2]; None = as comfortable as the time law says.
+        speed: driven there [m/s]; above 0 nobody stands, and `release` says nothing.
     """
 
     s: float
     release: float
     braking: float | None = None
+    speed: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +171,7 @@ def _profile(
     s = _with_nodes(path.s, extra)
     w = np.interp(s, path.s, _limit(candidate))
     for hold in holds:
-        w = _approach(s, w, at=hold.s, speed=0.0, braking=hold.braking or law.braking)
+        w = _approach(s, w, at=hold.s, speed=hold.speed, braking=hold.braking or law.braking)
     for slow in slowings:
         w = _approach(s, w, at=slow.s, speed=slow.speed, braking=slow.braking)
     return s, _forward(s, w, law.acceleration)
@@ -211,6 +213,8 @@ def _running(took: FloatArray) -> FloatArray:
 
 
 def _dwell(s: FloatArray, times: FloatArray, hold: Hold) -> FloatArray:
+    if hold.speed > 0.0:
+        return times
     node = int(s.searchsorted(hold.s - 1e-9))
     wait = max(0.0, hold.release - float(times[node]))
     return np.where(np.arange(len(s)) > node, times + wait, times)

@@ -83,7 +83,7 @@ def yield_stops(scene: Played, *, on: IntersectionMap) -> tuple[tuple[Stop, ...]
     for event in found.events:
         if event.type != "yielding":
             continue
-        stop = _yield_stop(movers[event.from_], event, scene, on, found.movers)
+        stop = given_way(movers[event.from_], event, scene, on, found.movers)
         givers[event.from_] = givers.get(event.from_, False) or stop is not None
         if stop is not None:
             stops[event.from_] = _nearer(stops.get(event.from_), stop)
@@ -99,7 +99,7 @@ def _nearer(known: Stop | None, other: Stop) -> Stop:
     return replace(kept, asked=known.asked or other.asked, gap=min(gaps, default=None))
 
 
-def _yield_stop(
+def given_way(
     giver: Mover, event: Event, scene: Played, on: IntersectionMap, everybody: Sequence[Mover]
 ) -> Stop | None:
     """The last standstill between the giver's slowing and its entering the zone, if it stood."""

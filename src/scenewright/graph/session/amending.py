@@ -57,7 +57,8 @@ def moved_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
 
 def _its_stop(agent: SelectedAgent) -> Stop:
     """Where it gives way; else where it stands at all."""
-    stops = [each for each in agent.stops if each.reason == "gives_way"] or list(agent.stops)
+    stands = [each for each in agent.stops if not each.rolls]
+    stops = [each for each in stands if each.reason == "gives_way"] or stands
     if not stops:
         raise _refused(agent, "does not stop anywhere in this scene")
     return stops[0]

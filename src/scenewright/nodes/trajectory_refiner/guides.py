@@ -64,8 +64,12 @@ def _kept(motion: Motion, agent: SelectedAgent, selection: Selection) -> NDArray
 
 
 def _about(event: PlannedEvent, selection: Selection) -> tuple[float, float]:
-    """From when to when a relation is at stake; who gives way does so until it starts."""
-    lasts = event.clause.startswith(YIELDING)
+    """From when to when a relation is at stake; who gives way does so until it starts.
+
+    Who does not stand has its times at stake like who passes narrowly.
+    """
+    rolls = any(stop.rolls for name in event.agents for stop in selection.agents[name].stops)
+    lasts = event.clause.startswith(YIELDING) and not rolls
     before, after = (BEFORE_YIELDING, AFTER_YIELDING) if lasts else (BEFORE, AFTER)
     waits = [
         stop.until

@@ -11,8 +11,8 @@ from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.landmarks import Landmarks
-from scenewright.tools.segment_editor import terminated
-from scenewright.tools.time_law import Hold, Motion, move
+from scenewright.tools.segment_editor import hold_of, terminated
+from scenewright.tools.time_law import Motion, move
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Actor:
 
     def edited(self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()) -> Actor:
         """The same actor with other standstills."""
-        holds = tuple(Hold(stop.s, stop.until - self.enters, stop.braking) for stop in stops)
+        holds = tuple(hold_of(stop, self.enters) for stop in stops)
         motion = move(self.candidate, holds=holds, slowings=slowings)
         return replace(self, motion=motion, stops=stops, slowings=slowings)
 

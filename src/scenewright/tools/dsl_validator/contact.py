@@ -59,14 +59,14 @@ def _touching(
 ) -> Iterator[Staging]:
     for delta in deltas:
         a, b = staging.placed(clause, *pair, delta)
-        found = first_contact(a, b)
+        found = first_contact(a, b, left_hand=setting.left_hand)
         if found is not None and clause.speed is not None and not a.slowings:
-            a, found = _down_to(clause.speed, a, b, found, setting.rng)
+            a, found = _down_to(clause.speed, a, b, found, setting)
         if found is None or not _as_wanted(found, clause, a, setting):
             continue
         if not _in_time(found, clause, b, staging, setting):
             continue
-        a, found = _startled(clause, a, b, found, setting.rng)
+        a, found = _startled(clause, a, b, found, setting)
         if clause.cause == "late_brake" and not a.slowings:
             words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
             setting.missed(clause, Reached.COMPANY, words)
@@ -117,36 +117,36 @@ def _window(clause: Contact, b: Actor, staging: Staging) -> tuple[float, float]:
 
 
 def _startled(
-    clause: Contact, a: Actor, b: Actor, found: FirstContact, rng: np.random.Generator
+    clause: Contact, a: Actor, b: Actor, found: FirstContact, setting: Setting
 ) -> tuple[Actor, FirstContact]:
     """The striking vehicle brakes in the last moment, as drivers do, if it still strikes."""
-    kind, asked = a.candidate.route.type, clause.cause == "late_brake"
+    kind, asked, rng = a.candidate.route.type, clause.cause == "late_brake", setting.rng
     if kind != "vehicle" or a.slowings or (rng.random() > _BRAKES and not asked):
         return a, found
     speed = found.speed * float(rng.uniform(*(_LATE if asked else (0.55, 0.85))))
-    braked, again = _braked(a, b, found, speed, rng)
+    braked, again = _braked(a, b, found, speed, setting)
     if again is None or _fault(again, clause, a) is not None or abs(again.time - found.time) > 0.6:
         return a, found
     return braked, again
 
 
 def _down_to(
-    speed: float, a: Actor, b: Actor, found: FirstContact, rng: np.random.Generator
+    speed: float, a: Actor, b: Actor, found: FirstContact, setting: Setting
 ) -> tuple[Actor, FirstContact | None]:
     """The striking vehicle braked to the speed asked for, if it would be faster."""
     if found.speed < speed + _SMOOTHED:
         return a, found
-    return _braked(a, b, found, max(speed - _SMOOTHED, 0.5), rng)
+    return _braked(a, b, found, max(speed - _SMOOTHED, 0.5), setting)
 
 
 def _braked(
-    a: Actor, b: Actor, found: FirstContact, speed: float, rng: np.random.Generator
+    a: Actor, b: Actor, found: FirstContact, speed: float, setting: Setting
 ) -> tuple[Actor, FirstContact | None]:
     """`a` braking late to `speed` where it would have touched, and its contact then."""
     at = float(a.motion.position(np.array([found.time - a.enters]))[0])
-    slow = Slowing(at, speed, float(rng.uniform(4.0, 6.0)))
+    slow = Slowing(at, speed, float(setting.rng.uniform(4.0, 6.0)))
     braked = a.edited(stops=a.stops, slowings=(slow,))
-    return braked, first_contact(braked, b)
+    return braked, first_contact(braked, b, left_hand=setting.left_hand)
 
 
 def _as_wanted(found: FirstContact, clause: Contact, a: Actor, setting: Setting) -> bool:

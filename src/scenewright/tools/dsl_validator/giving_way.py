@@ -6,13 +6,14 @@ The offset is such that, unheld, it would have been there while the other was (S
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import TimeLaw
 from scenewright.scene.constraints import GivesWay, PairClause, TimeGap
+from scenewright.scene.manners import drawn
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
@@ -22,6 +23,7 @@ from scenewright.tools.dsl_validator.shortfall import Reached
 from scenewright.tools.dsl_validator.staging import Happening, Staging, point_of
 from scenewright.tools.encounter import Encounter, gap_to, meeting_offsets
 from scenewright.tools.landmarks import STOP_GAP
+from scenewright.tools.segment_editor import hold_of
 from scenewright.tools.time_law import Hold, Motion, arrival, move
 
 MERGE_METRES = 5.0
@@ -29,6 +31,38 @@ MERGE_METRES = 5.0
 
 _STANDS = 1.6
 """Least standstill of who gives way [s], start and end smoothed away included."""
+
+_PAUSES, _LONGEST, _USUAL = {"vehicle": 0.5, "pedestrian": 1.6}, 11.0, 5.0
+"""The same where it was seen that people hardly stand; longest standstills, and where nobody was
+seen [s]."""
+
+_REACTS, _SEEN_TO = (0.3, 0.8), (-1.5, 2.7)
+"""From the other's leaving to the start [s]: where nobody was seen; and what can be proved."""
+
+_USUAL_GAP = {"vehicle": (0.9, 2.0), "pedestrian": (0.6, 1.1)}
+"""From the centre's place to the zone [m] where nobody was seen."""
+
+_GAPS = {"vehicle": (0.8, 8.0), "pedestrian": (0.5, 3.9)}
+"""Least and greatest distance from the front to the zone that is stood at [m]; who keeps farther
+off stands at the line."""
+
+_KERB_GAP, _LINE_GAPS = 0.3, (0.8, 1.9)
+"""From the kerb, and from the stop line [m], to who waits there."""
+
+_PAST_LINE = 2.5
+"""So little beyond its stop line [m] nobody waits."""
+
+_ROLLS, _SLOWEST, _SMOOTHED = 4, 0.15, 0.25
+"""Draws for one who rolls; least speed that it slows to, and what smoothing adds to it [m/s]."""
+
+_SLOW = 0.42
+"""Largest share of the free speed that slowing to it counts as giving way (SEMANTICS: half)."""
+
+_ON = 0.4
+"""How long a pedestrian is on its crosswalk when who stops for it alone begins to slow [s]."""
+
+_BEFORE = 0.5
+"""How long before it slows a vehicle must be seen [s]."""
 
 _CAUSE = 1.2
 """How far [s] from the other's time in the zone it would have been there unheld (2 s)."""
@@ -60,7 +94,9 @@ def yields(clause: GivesWay, staging: Staging, setting: Setting) -> Iterator[Sta
         return
     words = f"{clause.first} has no place to wait near where {clause.second} passes"
     setting.missed(clause, Reached.PATHS, words)
-    for anchor, hold in _stopping_places(a, b, zone, setting):
+    if _may_roll(clause, staging, setting):
+        yield from _rolling(clause, staging, setting, zone)
+    for anchor, hold in _stopping_places(clause, a, b, zone, setting):
         yield from _held(clause, staging, setting, zone, (anchor, hold))
 
 
@@ -81,35 +117,149 @@ def _held(
     anchor, hold = place
     others = tuple(stop for stop in a.stops if abs(stop.s - hold.s) > 0.5)
     stands = arrival(a.candidate, hold, _holds(others, a.enters))
-    b_in, b_out = passage(b.motion, zone.s_b[zone.j])
-    a_in, a_out = _unheld(a, hold, stands, zone.s_a[zone.i])
-    react = float(setting.rng.uniform(0.3, 0.8))
-    wanted = setting.pet_of(clause)
-    if wanted is not None:
-        react = (wanted.low + wanted.high) / 2 - _rolls(a, hold, stands, zone)
-    low = max(stands + _STANDS - react, a_in - _CAUSE) - b_out
-    high = min(stands + 5.0 - b_out - react, a_out + _CAUSE - b_in)
-    if not np.isfinite(low + high) or low > high:
-        words = f"{clause.first}, unheld, would not have met {clause.second}, so it has no reason"
-        setting.missed(clause, Reached.ROLES, words)
-        if wanted is not None and np.isfinite(low + high):
-            longer = low - high if stands + _STANDS - react >= a_in - _CAUSE else high - low
-            _pet_is((wanted.low + wanted.high) / 2 + longer, clause, wanted, setting)
-        return
-    for delta in setting.rng.uniform(low, high, 3):
-        placed_a, placed_b = staging.placed(clause, a, b, float(delta))
+    unheld = _unheld(a, hold, stands, zone.s_a[zone.i])
+    _, b_out = passage(b.motion, zone.s_b[zone.j])
+    for react, lasts in _tempers(clause, a, hold, stands, zone, setting):
+        low, high = _reasons(clause, b, unheld, zone, setting)
+        least = _PAUSES[a.candidate.route.type] if lasts is not None else _STANDS
+        longest = _USUAL if lasts is None else _LONGEST
+        low = max(stands + least - react - b_out, low)
+        high = min(stands + longest - react - b_out, high)
+        if not np.isfinite(low + high) or low > high:
+            _no_reason(clause, low, high, stands + least - react - b_out, setting)
+            continue
+        delta = float(setting.rng.uniform(low, high))
+        if lasts is not None:
+            delta = min(max(stands + lasts - react - b_out, low), high)
+        placed_a, placed_b = staging.placed(clause, a, b, delta)
         start = placed_a.enters + stands
         ahead = float(zone.s_a[zone.i].min()) - hold.s
         stop = Stop(anchor, hold.s, start, 0.0, "gives_way", hold.braking, ahead)
-        release = placed_b.enters + b_out + react
+        release = max(placed_b.enters + b_out + react, start + least)
         held = _released(clause, placed_a, placed_b, replace(stop, until=release), zone, setting)
-        if held is None:
+        if held is not None:
+            yield _given_way(clause, staging, held, placed_b, start, unheld, zone)
+
+
+def _tempers(
+    clause: GivesWay, a: Actor, hold: Hold, stands: float, zone: Encounter, setting: Setting
+) -> Iterator[tuple[float, float | None]]:
+    """How soon who gives way starts once the other has left, and how long it stood by then [s].
+
+    As people were seen to do it, or as the PET asked for wants it; last, so that it fits best.
+    """
+    wanted, manners = setting.pet_of(clause), setting.manners(clause)
+    if wanted is not None:
+        react = (wanted.low + wanted.high) / 2 - _rolls(a, hold, stands, zone)
+        yield from [(react, None)] * 3
+        return
+    if manners is not None:
+        for _ in range(2):
+            react = float(np.clip(drawn(manners.reacts, setting.rng), *_SEEN_TO))
+            yield react, drawn(manners.stands, setting.rng)
+    react = float(setting.rng.uniform(*_REACTS))
+    yield from [(react, None)] * (3 if manners is None else 2)
+
+
+def _reasons(
+    clause: GivesWay, b: Actor, unheld: _Unheld, zone: Encounter, setting: Setting
+) -> tuple[float, float]:
+    """Between which differences of entry times [s] the other is the reason (SEMANTICS 4, cause)."""
+    b_in, b_out = passage(b.motion, zone.s_b[zone.j])
+    high = unheld.leaves + _CAUSE - b_in
+    crosses = b.candidate.route.type == "pedestrian" and b.marks.own_crosswalk is not None
+    if crosses and setting.manners(clause) is not None and b.marks.line is not None:
+        # It is on the crosswalk when who gives way begins to slow.
+        high = max(high, unheld.begins - b.motion.time_at(b.marks.line) - _ON)
+    return unheld.enters - _CAUSE - b_out, high
+
+
+def _no_reason(
+    clause: GivesWay, low: float, high: float, by_standing: float, setting: Setting
+) -> None:
+    words = f"{clause.first}, unheld, would not have met {clause.second}, so it has no reason"
+    setting.missed(clause, Reached.ROLES, words)
+    wanted = setting.pet_of(clause)
+    if wanted is not None and np.isfinite(low + high):
+        longer = low - high if by_standing >= low else high - low
+        _pet_is((wanted.low + wanted.high) / 2 + longer, clause, wanted, setting)
+
+
+def _given_way(
+    clause: GivesWay,
+    staging: Staging,
+    held: Actor,
+    other: Actor,
+    start: float,
+    unheld: _Unheld,
+    zone: Encounter,
+) -> Staging:
+    """The staging in which that has happened; `start` is when it is slowest [s]."""
+    enters = held.enters + held.motion.time_at(float(zone.s_a[zone.i].min()))
+    passed = other.enters + passage(other.motion, zone.s_b[zone.j])[1]
+    begins = min(held.enters + unheld.begins, start) - _BEFORE
+    happening = Happening(clause, start, begins, enters, passed, point_of(held, start))
+    return staging.with_event(happening, held, other)
+
+
+def _may_roll(clause: GivesWay, staging: Staging, setting: Setting) -> bool:
+    """Whether `first` slows without standing this time; nothing else may depend on its stop."""
+    manners = setting.manners(clause)
+    if manners is None or setting.pet_of(clause) is not None:
+        return False
+    if clause.first in setting.busy or clause.first in staging.actors:
+        return False
+    return bool(setting.rng.random() < manners.rolls)
+
+
+def _rolling(
+    clause: GivesWay, staging: Staging, setting: Setting, zone: Encounter
+) -> Iterator[Staging]:
+    """The first slows down so far that the other is out of the zone when it arrives there."""
+    a, b = setting.both(clause, staging)
+    manners = setting.manners(clause)
+    if manners is None:
+        return
+    nodes = zone.s_a[zone.i]
+    _, b_out = passage(b.motion, zone.s_b[zone.j])
+    for _ in range(_ROLLS):
+        s = a.marks.off_crosswalks(
+            float(nodes.min()) - max(drawn(manners.place, setting.rng), 0.5),
+            own=b.marks.own_crosswalk,
+        )
+        margin = max(drawn(manners.margin, setting.rng), _PETS[0] + 0.2)
+        found = _slowed(a, s, drawn(manners.pace, setting.rng), nodes)
+        if found is None:
             continue
-        enters = placed_a.enters + held.motion.time_at(float(zone.s_a[zone.i].min()))
-        passed = placed_b.enters + b_out
-        spot = point_of(held, start)
-        happening = Happening(clause, start, start - 5.0, enters, passed, spot)
-        yield staging.with_event(happening, held, placed_b)
+        rolling, unheld = found
+        low, high = _reasons(clause, b, unheld, zone, setting)
+        enters = rolling.motion.time_at(float(nodes.min()))
+        delta = min(max(enters - b_out - margin, low), high)
+        if low > high or not np.isfinite(delta) or enters - b_out - delta < _PETS[0]:
+            continue
+        placed_a, placed_b = staging.placed(clause, rolling, b, delta)
+        if _passes_well(clause, placed_a, placed_b, zone, setting):
+            start = placed_a.stops[-1].start
+            yield _given_way(clause, staging, placed_a, placed_b, start, unheld, zone)
+
+
+def _slowed(a: Actor, s: float, pace: float, nodes: FloatArray) -> tuple[Actor, _Unheld] | None:
+    """Who slows to a share `pace` of its approach speed at `s` [m]; None if that is no yield."""
+    if s <= 2.0 or nodes.min() - s >= _UPSTREAM[a.candidate.route.type]:
+        return None
+    stop = Hold(s, 0.0)
+    unheld = _unheld(a, stop, arrival(a.candidate, stop), nodes)
+    free = float(np.interp(s, unheld.free.s, unheld.free.speed))
+    speed = max(min(pace * unheld.approach, _SLOW * free) - _SMOOTHED, _SLOWEST)
+    hold = Hold(s, 0.0, speed=speed)
+    at = arrival(a.candidate, hold)
+    ahead = float(nodes.min()) - s
+    stop_at = Stop("yield_point", s, at + a.enters, at + a.enters, "gives_way", None, ahead, speed)
+    rolling = a.edited(stops=(stop_at,))
+    lowest = float(np.interp(at, STEP * np.arange(len(rolling.motion.s)), rolling.motion.speed))
+    if lowest > (_SLOW + 0.04) * free:
+        return None
+    return rolling, _unheld(a, hold, at, nodes)
 
 
 def _rolls(a: Actor, hold: Hold, stands: float, zone: Encounter) -> float:
@@ -136,48 +286,78 @@ def _released(
 
 
 def _stopping_places(
-    a: Actor, b: Actor, zone: Encounter, setting: Setting
+    clause: GivesWay, a: Actor, b: Actor, zone: Encounter, setting: Setting
 ) -> Iterator[tuple[str, Hold]]:
     """Where to wait: at the stop line or kerb if near enough, else short of the zone."""
     kind = a.candidate.route.type
     first = float(zone.s_a[zone.i].min())
-    line = a.marks.line
-    turning = a.candidate.route.movement in ("left", "right", "uturn")
-    room = (0.9, 2.0) if kind == "vehicle" else (0.6, 1.1)
-    short = first - float(setting.rng.uniform(*room))
-    places: list[tuple[str, float]] = []
-    waits = [s for s in a.stops if s.reason == "gives_way"]
+    waits = [stop for stop in a.stops if stop.reason == "gives_way" and not stop.rolls]
     for stop in waits:
         if 0.3 <= first - stop.s < _UPSTREAM[kind]:
             yield stop.anchor, Hold(stop.s, 0.0, stop.braking)
     if waits:
         return
-    if line is not None and line - STOP_GAP <= short and first - line < _UPSTREAM[kind]:
-        anchor = "stop_line" if kind == "vehicle" else "kerb"
-        places = [(anchor, line - min(STOP_GAP, 0.3 if kind == "pedestrian" else STOP_GAP))]
-    free = kind == "vehicle" or setting.lenient or line is None or short < line + _ROADSIDE
-    if free and (line is None or short > line + 1.0):
-        at_zone = ("yield_point", short)
-        places = [at_zone, *places] if turning else [*places, at_zone]
+    short_of_line = _KERB_GAP if kind == "pedestrian" else STOP_GAP
+    if kind == "vehicle" and setting.manners(clause) is not None:
+        short_of_line = float(setting.rng.uniform(*_LINE_GAPS))
+    places = _places(clause, a, first, setting, short_of_line)
     if kind == "vehicle":
-        places = _off_crosswalks(places, a, b, first)
+        places = _off_crosswalks(places, a, b, first, short_of_line)
     for anchor, s in places:
         for braking in (None, 3.2):
             if s > 2.0:
                 yield anchor, Hold(s, 0.0, braking)
 
 
+def _places(
+    clause: GivesWay, a: Actor, first: float, setting: Setting, line_gap: float
+) -> list[tuple[str, float]]:
+    """Anchors and arc lengths [m] to stand at, those to try first at the front.
+
+    Args:
+        first: where the zone begins [m]; line_gap: how far from its line one stops [m].
+    """
+    kind, line = a.candidate.route.type, a.marks.line
+    gaps = _distances(clause, kind, setting)
+    ahead = [("yield_point", first - gap) for gap in gaps if gap <= _GAPS[kind][1]]
+    nearest = first - min(gaps)
+    places: list[tuple[str, float]] = []
+    if line is not None:
+        ahead = [place for place in ahead if place[1] > line + 1.0]
+        if kind == "pedestrian" and not setting.lenient:
+            ahead = [place for place in ahead if place[1] < line + _ROADSIDE]
+        if line - STOP_GAP <= nearest and first - line < _UPSTREAM[kind]:
+            anchor = "stop_line" if kind == "vehicle" else "kerb"
+            places = [(anchor, line - line_gap)]
+    turning = a.candidate.route.movement in ("left", "right", "uturn")
+    near = turning and gaps[0] <= _GAPS[kind][1]
+    return [*ahead[:1], *places, *ahead[1:]] if near else [*places, *ahead]
+
+
+def _distances(clause: GivesWay, kind: AgentClass, setting: Setting) -> list[float]:
+    """Distances from the zone to stand at [m]: as was seen of people, then as is usual."""
+    usual = float(setting.rng.uniform(*_USUAL_GAP[kind]))
+    manners = setting.manners(clause)
+    if manners is None or setting.pet_of(clause) is not None:
+        return [usual]
+    return [max(drawn(manners.gap, setting.rng), _GAPS[kind][0]), usual]
+
+
 def _off_crosswalks(
-    places: list[tuple[str, float]], a: Actor, b: Actor, first: float
+    places: list[tuple[str, float]], a: Actor, b: Actor, first: float, line_gap: float
 ) -> list[tuple[str, float]]:
     """The same, but before any crosswalk that the other does not walk on.
 
     Args:
-        first: where the zone begins [m].
+        first: where the zone begins [m]; line_gap: how far from its line one stops [m].
     """
     found: list[tuple[str, float]] = []
-    for anchor, wished in places:
-        s = a.marks.off_crosswalks(wished, own=b.marks.own_crosswalk)
+    line = a.marks.line
+    for named, wished in places:
+        anchor, s = named, a.marks.off_crosswalks(wished, own=b.marks.own_crosswalk)
+        if line is not None and s < wished and s < line + _PAST_LINE:
+            # Who would stand between its line and a crosswalk stands at its line.
+            anchor, s = "stop_line", line - line_gap
         near = any(abs(s - other) < 1.0 for _, other in found)
         if first - s < _UPSTREAM["vehicle"] and not near:
             found.append((anchor, s))
@@ -225,11 +405,11 @@ def _joined(stops: tuple[Stop, ...], stop: Stop) -> tuple[Stop, ...]:
     if not same:
         return tuple(sorted((*rest, stop), key=lambda each: each.s))
     until = max(stop.until, *(each.until for each in same))
-    return tuple(sorted((*rest, replace(same[0], until=until)), key=lambda each: each.s))
+    return tuple(sorted((*rest, replace(same[0], until=until, speed=0.0)), key=lambda each: each.s))
 
 
 def _holds(stops: tuple[Stop, ...], enters: float) -> tuple[Hold, ...]:
-    return tuple(Hold(stop.s, stop.until - enters, stop.braking) for stop in stops)
+    return tuple(hold_of(stop, enters) for stop in stops)
 
 
 def passage(motion: Motion, nodes: FloatArray) -> tuple[float, float]:
@@ -237,11 +417,25 @@ def passage(motion: Motion, nodes: FloatArray) -> tuple[float, float]:
     return motion.time_at(float(nodes.min())), motion.time_at(float(nodes.max()))
 
 
-def _unheld(a: Actor, hold: Hold, stands: float, nodes: FloatArray) -> tuple[float, float]:
-    """Local times [s] of reaching and leaving the zone, free from where it began to slow.
+@dataclass(frozen=True, eq=False)
+class _Unheld:
+    """How who gives way would have driven on, free from where it began to slow.
 
-    It began at the last moment at which it still drove its approach speed (less 0.3 m/s).
+    Attributes:
+        enters, leaves: local times [s] of reaching and leaving the zone.
+        begins: when it begins to slow [s]; approach: its speed then [m/s].
+        free: the motion, not in its times.
     """
+
+    enters: float
+    leaves: float
+    begins: float
+    approach: float
+    free: Motion
+
+
+def _unheld(a: Actor, hold: Hold, stands: float, nodes: FloatArray) -> _Unheld:
+    """It began at the last moment at which it still drove its approach speed (less 0.3 m/s)."""
     motion = move(a.candidate, holds=(replace(hold, release=stands + 9.0),))
     until = int(stands / STEP)
     speed, s = motion.speed[: until + 1], motion.s[: until + 1]
@@ -252,7 +446,7 @@ def _unheld(a: Actor, hold: Hold, stands: float, nodes: FloatArray) -> tuple[flo
     free = move(replace(a.candidate, time_law=law))
     shift = STEP * begin - free.time_at(float(s[begin]))
     first, last = passage(free, nodes)
-    return first + shift, last + shift
+    return _Unheld(first + shift, last + shift, STEP * begin, approach, free)
 
 
 def _merging(a: Actor, b: Actor) -> bool:

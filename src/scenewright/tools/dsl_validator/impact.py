@@ -49,8 +49,12 @@ class FirstContact:
     points: tuple[tuple[ImpactPoint, ...], tuple[ImpactPoint, ...]]
 
 
-def first_contact(a: Actor, b: Actor) -> FirstContact | None:
-    """The first contact of two placed actors, to 0.01 s; None if they never touch."""
+def first_contact(a: Actor, b: Actor, *, left_hand: bool = False) -> FirstContact | None:
+    """The first contact of two placed actors, to 0.01 s; None if they never touch.
+
+    Args:
+        left_hand: people drive on the left, so that right turns lead across the others' way.
+    """
     times = shared_times(a, b)
     if times is None:
         return None
@@ -60,7 +64,7 @@ def first_contact(a: Actor, b: Actor) -> FirstContact | None:
         return None
     fine = np.linspace(times[touching[0] - 1], times[touching[0]], 11)
     hit = np.nonzero(footprint_clearance(a.at(fine), b.at(fine), shapes=shapes) <= 0)[0][0]
-    return _describe(a, b, float(fine[hit]))
+    return _describe(a, b, float(fine[hit]), left_hand)
 
 
 def least_clearance(a: Actor, b: Actor) -> tuple[float, float, Point]:
@@ -75,7 +79,7 @@ def least_clearance(a: Actor, b: Actor) -> tuple[float, float, Point]:
     return float(clearance[index]), float(times[index]), (float(middle[0]), float(middle[1]))
 
 
-def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
+def _describe(a: Actor, b: Actor, time: float, left_hand: bool) -> FirstContact:
     around = np.array([time - 0.05, time, time + 0.05])
     poses = (a.at(around), b.at(around))
     velocity = [(pose[2, :2] - pose[0, :2]) / 0.1 for pose in poses]
@@ -86,7 +90,7 @@ def _describe(a: Actor, b: Actor, time: float) -> FirstContact:
     return FirstContact(
         time=time,
         location=(float(spot[0]), float(spot[1])),
-        kind=_kind(a, b, time, turned, sides),
+        kind=_kind(a, b, time, turned, sides, -1.0 if left_hand else 1.0),
         closing=float(np.hypot(*(velocity[0] - velocity[1]))),
         speed=speeds[0],
         frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
@@ -127,24 +131,26 @@ def point_names(along: float, across: float, *, shape: Shape) -> tuple[ImpactPoi
     return (end,) if at_end else (side, "side")
 
 
-def _kind(a: Actor, b: Actor, time: float, turned: float, sides: list[str]) -> CollisionKind:
+def _kind(
+    a: Actor, b: Actor, time: float, turned: float, sides: list[str], sign: float
+) -> CollisionKind:
     routes = (a.candidate.route, b.candidate.route)
     if any(route.type == "pedestrian" for route in routes):
         return "pedestrian_strike"
     if turned <= np.radians(30):
         return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"
-    left = max(_turned_left(actor, time) for actor in (a, b))
+    left = max(_turned_left(actor, time, sign) for actor in (a, b))
     if turned >= np.radians(135) and sides == ["front", "front"]:
         return "left_turn" if left >= _LEFT_OF_HEAD_ON else "head_on"
     return "left_turn" if left >= _LEFT else "angle"
 
 
-def _turned_left(actor: Actor, time: float) -> float:
-    """How far it has turned left over its last 30 m [rad]."""
+def _turned_left(actor: Actor, time: float, sign: float) -> float:
+    """How far it has turned left (right, if the sign is negative) over its last 30 m [rad]."""
     path = actor.candidate.path
     s = float(actor.motion.position(np.array([time - actor.enters]))[0])
     recent = (path.s <= s) & (path.s >= s - 30.0)
-    heading = path.heading[recent]
+    heading = sign * path.heading[recent]
     return float(heading[-1] - heading.min()) if len(heading) else 0.0
 
 

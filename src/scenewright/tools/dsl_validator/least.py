@@ -139,8 +139,9 @@ class Least(Search):
     ) -> Iterator[Staging]:
         """Stagings of a tuple, drawn afresh several times."""
         stage = Stage(
-            candidates, marks, self._rng, lenient=self._lenient, shortfalls=self._shortfalls
-        )
+            candidates, marks, self._rng, lenient=self._lenient,
+            shortfalls=self._shortfalls, habits=self._pool.manners,
+        )  # fmt: skip
         for _ in range(_MAP_PLAYS):
             played = itertools.islice(stage.play(self._events, Staging()), _MAP_STAGINGS)
             yield from filter(self._red_first, played)

@@ -54,10 +54,15 @@ from scenewright.tools.dsl_validator.waiting import (
     LINE_GAP,
     QUEUE_GAP,
     START_LAG,
+    STARTED,
+    LastInLane,
     Moment,
     RedLight,
+    comes_at,
     last_in_lane,
+    no_faster,
     passes_on_green,
+    red_span,
     starts_of,
 )
 from scenewright.tools.encounter import encounter
@@ -68,7 +73,12 @@ from scenewright.tools.time_law import Hold, arrival
 
 MAX_SECONDS = 30.0
 _MIN_SECONDS = 20.0
-_FIRST_EVENT = (6.0, 19.5)
+_FIRST_EVENT = (2.5, 26.5)
+"""When the first event happens [s], as far as it is seen coming and ending."""
+
+_SIGHT, _ENDED = 0.2, 1.5
+"""How long before the beginning and after the last of an event the scene is seen at least [s]."""
+
 _TUPLES = 14
 _HOPELESS = 7
 """Tuples per relation that are tried; and after which routes are given up if none is staged."""
@@ -85,6 +95,9 @@ WAITING_ALREADY = 4.0
 _WINDOW, _FAR_COST = 6.0, 2.0
 """How far from its drawn arrival an agent may be moved to keep out of others' way [s]; and what
 it costs [nats] to have it come at another time altogether."""
+
+_PATIENCE = 3
+"""Candidates on which one who comes on red looks for room to wait."""
 
 _ROOM_TO_COME = 3.0
 """Least way [m] before a place in a queue."""
@@ -181,8 +194,9 @@ class Search:
         if not self._paths_fit(candidates):
             return None
         stage = Stage(
-            candidates, marks, self._rng, lenient=self._lenient, shortfalls=self._shortfalls
-        )
+            candidates, marks, self._rng, lenient=self._lenient,
+            shortfalls=self._shortfalls, habits=self._pool.manners,
+        )  # fmt: skip
         count = 0
         for staging in filter(self._red_first, stage.play(self._events, self._opening())):
             selection = self._finish(staging, choice)
@@ -260,15 +274,16 @@ class Search:
         return Framing(timed, duration, offset)
 
     def _timed(self, staging: Staging) -> Staging | None:
-        """Shifted so that the first event falls where it can be seen coming."""
+        """Shifted so that the first event falls anywhere where it is seen coming and ending."""
         if not staging.happenings:
             return staging
         first = min(each.time for each in staging.happenings)
-        shift = self._rng.uniform(*_FIRST_EVENT) - first
-        shift = max(shift, 0.5 - min(each.begins for each in staging.happenings))
-        needed = _needed(staging)
-        shift = round(min(shift, MAX_SECONDS - 0.2 - needed), 1)
-        if min(each.begins for each in staging.happenings) + shift < 0.0:
+        begins = min(each.begins for each in staging.happenings)
+        last = MAX_SECONDS - 0.2 - _needed(staging)
+        earliest = max(_FIRST_EVENT[0] - first, _SIGHT - begins)
+        latest = max(min(_FIRST_EVENT[1] - first, last), earliest)
+        shift = round(min(float(self._rng.uniform(earliest, latest)), last), 1)
+        if begins + shift < 0.0:
             self._failures["the events do not fit into one scene of 30 s"] += 1
             return None
         return staging.shifted(shift)
@@ -367,15 +382,25 @@ class Search:
     def _options(
         self, draws: AgentDraws, moment: Moment, standing: Sequence[Actor]
     ) -> Iterator[Option]:
-        """The ways in which an agent may take part: of its first candidate that has any."""
+        """The ways in which an agent may take part: of its first candidate that has any.
+
+        Who comes on red looks for room to wait on a few candidates before it comes at other times.
+        """
+        later: list[Option] = []
+        tried = 0
         for m in range(len(draws.nll)):
             built = self._candidate(draws.name, m)
-            ways = iter(()) if built is None else self._ways(draws, m, built, moment, standing)
+            if built is None:
+                continue
+            ways = self._ways(draws, m, built, moment, standing, later)
             first = next(ways, None)
             if first is not None:
                 yield first
                 yield from ways
-                return
+            tried += first is not None or bool(later)
+            if tried == _PATIENCE or (tried and not later):
+                break
+        yield from later
 
     def _ways(
         self,
@@ -384,22 +409,29 @@ class Search:
         built: tuple[Candidate, Landmarks],
         moment: Moment,
         standing: Sequence[Actor],
+        later: list[Option],
     ) -> Iterator[Option]:
         """Passing on green near the time drawn; waiting; passing at any other moment.
 
         Args:
             standing: behind whom it may wait.
+            later: gets what is left to one who comes on red and finds no room to wait.
         """
         actor = Actor.unplaced(*built)
         half = STEP * len(actor.motion.s) / 2
         arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
         cost, around = self._cost(draws.name, m), arrives - half
+        if draws.chance is not None:
+            around = comes_at(actor, moment, draws.chance)
         starts, wish = starts_of(actor, moment), round(around / STEP)
         near = starts[np.abs(STEP * starts - around) <= _WINDOW]
-        if len(near):
-            yield Option(lambda: actor, m, near, cost, wish)
+        waits = draws.chance is not None and not passes_on_green(actor, moment, around)
+        passing = [Option(lambda: actor, m, near, cost, wish)] if len(near) else []
+        if not waits:
+            yield from passing
         drives = draws.route.type == "vehicle"
-        last = last_in_lane(built[0], standing) if drives else None
+        span = red_span(actor, moment, around)
+        last = last_in_lane(built[0], standing, span) if drives else None
         waiting: list[tuple[RedLight, Steps]] = []
         if last is not None and draws.arrival is not None:
             yield from self._behind(actor, m, cost, around, moment, last)
@@ -407,20 +439,24 @@ class Search:
             for red in self._reds(actor, moment, around, -half - WAITING_ALREADY):
                 waiting.append((red, np.array([round(red.enters / STEP)], dtype=np.int64)))
                 yield Option(red.actor, m, waiting[-1][1], cost)
+        rest = passing if waits else []
         if len(starts) > len(near):
-            yield Option(lambda: actor, m, starts, cost + _FAR_COST, wish)
+            rest.append(Option(lambda: actor, m, starts, cost + _FAR_COST, wish))
         for red, step in waiting:
             if moment.blocked and red.release < moment.duration:
-                yield Option(replace(red, stays=True).actor, m, step, cost + _STUCK_COST)
+                rest.append(Option(replace(red, stays=True).actor, m, step, cost + _STUCK_COST))
+        if waits:
+            later += rest
+        else:
+            yield from rest
 
     def _reds(
         self, actor: Actor, moment: Moment, around: float, waiting: float
     ) -> Iterator[RedLight]:
         """Waiting first in its lane: come about the time drawn, or before the scene began."""
         late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
-        lag = float(self._rng.uniform(*START_LAG))
         for enters in (around, *(around + each for each in late), waiting):
-            gap = float(self._rng.uniform(*LINE_GAP))
+            gap, lag = (float(self._rng.uniform(*each)) for each in (LINE_GAP, START_LAG))
             red = RedLight(actor, moment, round(enters, 1), gap, lag)
             if red.holds:
                 yield red
@@ -432,10 +468,11 @@ class Search:
         cost: float,
         wish: float,
         moment: Moment,
-        last: tuple[float, float, float],
+        last: LastInLane,
     ) -> Iterator[Option]:
         """Queueing behind the last of those who stand in the agent's lane, if there is time."""
-        rear, start, until = last
+        rear, start, until = last.rear, last.start, last.until
+        free = Actor.unplaced(no_faster(free.candidate, last.law), free.marks)
         s = rear - free.candidate.shape.length / 2 - float(self._rng.uniform(*QUEUE_GAP))
         if s < _ROOM_TO_COME:
             return
@@ -443,7 +480,7 @@ class Search:
         soonest = start + float(self._rng.uniform(0.8, 4.0)) - stands
         enters = round(max(wish, soonest), 1)
         release = until + float(self._rng.uniform(*START_LAG))
-        if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < 4.0:
+        if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < STARTED:
             return
         stop = Stop("queue", s, stands, release - enters, "red_light")
         actor = free.edited(stops=(stop,)).until(moment.duration - enters)
@@ -563,9 +600,9 @@ def counted(selection: Selection, tried: int) -> Selection:
 
 def _needed(staging: Staging) -> float:
     """Scene time [s] until which every event can be seen to have ended."""
-    ends = [max(each.time, each.ends) + 4.0 for each in staging.happenings]
+    ends = [max(each.time, each.ends) + _ENDED for each in staging.happenings]
     for actor in staging.actors.values():
-        ends += [stop.until + 4.0 for stop in actor.stops if stop.reason == "gives_way"]
+        ends += [stop.until + _ENDED for stop in actor.stops if stop.reason == "gives_way"]
     return max(ends)
 
 

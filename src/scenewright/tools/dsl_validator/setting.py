@@ -8,6 +8,7 @@ import numpy as np
 
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import PairClause, TimeGap
+from scenewright.scene.manners import Habits, Manners
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.dsl_validator.shortfall import Reached, Shortfall, Shortfalls
@@ -31,6 +32,7 @@ class Setting:
         lenient: pedestrians may also wait in the middle of the road.
         clauses: everything that is to hold, as a PET asked for shapes the clause it goes with.
         shortfalls: where nearest misses are noted.
+        habits: how people give way here; where nobody knows, they stand a while near the zone.
     """
 
     def __init__(
@@ -41,12 +43,16 @@ class Setting:
         *,
         lenient: bool = True,
         shortfalls: Shortfalls | None = None,
+        habits: Habits | None = None,
     ) -> None:
+        self.habits: Habits = {} if habits is None else habits
+        self.busy: frozenset[str] = frozenset()
         self.candidates = candidates
         self.lenient = lenient
         self.rng = rng
         self.shortfalls = shortfalls or Shortfalls()
         self.pets: dict[Pairing, TimeGap] = {}
+        self.left_hand = any(each.left_hand for each in marks.values())
         self._marks = marks
         self._encounters: dict[Pairing, Encounter] = {}
 
@@ -64,6 +70,11 @@ class Setting:
             # The two have nothing to do with those on stage, so they may come at any time.
             a = a.shifted(float(self.rng.uniform(*_APART)))
         return a, b
+
+    def manners(self, clause: PairClause) -> Manners | None:
+        """How those of the class of `first` give way to those of the class of `second`."""
+        first, second = (self.candidates[name].route.type for name in pair_of(clause))
+        return self.habits.get((first, second))
 
     def encounter(self, clause: PairClause) -> Encounter:
         """Where the two paths come close."""

@@ -14,6 +14,7 @@ placed keeps its time, the other one gets the delta that the clause wants.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -27,6 +28,7 @@ from scenewright.scene.constraints import (
     PairClause,
     TimeGap,
 )
+from scenewright.scene.manners import Habits
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.dsl_validator.braking import brakings
 from scenewright.tools.dsl_validator.contact import contacts
@@ -51,6 +53,7 @@ class Stage:
         rng: draws among the many placements that serve a clause.
         lenient: pedestrians may also wait in the middle of the road.
         shortfalls: where the nearest miss of every clause is noted.
+        habits: how people give way here.
     """
 
     def __init__(
@@ -61,13 +64,18 @@ class Stage:
         *,
         lenient: bool = True,
         shortfalls: Shortfalls | None = None,
+        habits: Habits | None = None,
     ) -> None:
-        self._setting = Setting(candidates, marks, rng, lenient=lenient, shortfalls=shortfalls)
+        self._setting = Setting(
+            candidates, marks, rng, lenient=lenient, shortfalls=shortfalls, habits=habits
+        )
 
     def play(self, clauses: tuple[PairClause, ...], staging: Staging) -> Iterator[Staging]:
         """Every staging (lazily, several per clause) under which all clauses hold, in order."""
         gaps = [each for each in clauses if isinstance(each, TimeGap)]
         self._setting.pets = {pair_of(each): each for each in gaps}
+        named = Counter(name for each in clauses for name in pair_of(each))
+        self._setting.busy = frozenset(name for name, count in named.items() if count > 1)
         # A PET asked for on top of another relation of the two is looked at when that is placed.
         ordered = sorted(clauses, key=lambda each: each in gaps and _bound(each, clauses))
         yield from self._play(tuple(ordered), staging)

@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.scene.candidates import Candidate
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Candidate, TimeLaw
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.signals import SignalClock, shows
 from scenewright.tools.time_law import Hold, arrival
 
-LINE_GAP, QUEUE_GAP, START_LAG = (0.3, 1.5), (1.6, 3.4), (0.8, 1.5)
+LINE_GAP, QUEUE_GAP, START_LAG = (0.3, 1.5), (1.4, 2.6), (0.8, 1.5)
 """Waiting vehicles: to the line and to the next ahead [m], from its start to one's own [s]."""
 
-_LANE_OFFSET, _ONE_WAY = 1.4, 0.85
-"""Who stands within 1.4 m of a path, facing its way (cosine), stands in its lane."""
+_LANE_OFFSET, _ONE_WAY = 2.6, 0.85
+"""Who stands within 2.6 m of a path, facing its way (cosine), leaves no room to stand beside it."""
+
+_SEEN, _GRID = 4.0, 0.5
+"""How long everybody is seen at least; how finely moments to come at are told apart [s]."""
+
+STARTED = -3.0
+"""Who started longer before the scene than this has hardly anything of its start left [s]."""
+
+Span = tuple[float, float]
 
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
@@ -64,14 +73,14 @@ class RedLight:
 
     @property
     def holds(self) -> bool:
-        """Whether there is a red light to wait at, seen in the scene, and room to stand."""
+        """Whether there is a red light to wait at, its end seen in the scene, and room to stand."""
         group, clock = self.free.marks.group, self.moment.clock
         if clock is None or self.free.marks.line is None or group is None or self.s < 3.0:
             return False
         if self.enters > self.moment.duration - 4.0:
             return False
         colours = [clock.colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
-        return "green" not in colours and self.release > 4.0
+        return "green" not in colours and self.release > STARTED
 
     @property
     def release(self) -> float:
@@ -103,6 +112,34 @@ def starts_of(actor: Actor, moment: Moment) -> NDArray[np.int64]:
     return steps[green.all(axis=0)]
 
 
+def comes_at(free: Actor, moment: Moment, chance: float) -> float:
+    """When a chance arrival enters [s], given that it is seen: `chance` picks among all moments.
+
+    Arrivals are uniform in time. Who came to a green light long before the scene has gone; who came
+    to a red one then still stands there when the scene begins. So the moments to pick from reach
+    back as far as the light has been red.
+    """
+    first, last = _SEEN - STEP * len(free.motion.s), moment.duration - _SEEN
+    line, group, clock = free.marks.line, free.marks.group, moment.clock
+    if clock is None or line is None or group is None:
+        return first + chance * (last - first)
+    enters = np.arange(min(first, -clock.program.cycle), last, _GRID)
+    crosses = enters + free.motion.time_at(line)
+    goes = _next_green(clock, group, crosses)
+    seen = (enters >= first) | ((goes > crosses) & (goes > STARTED))
+    return float(enters[seen][int(chance * seen.sum())]) if seen.any() else first
+
+
+def _next_green(clock: SignalClock, group: str, times: FloatArray) -> FloatArray:
+    """[N] when the light is green next, at evenly spaced ascending times [s] or after them."""
+    step = _GRID
+    after = times[-1] + step * np.arange(1, int(clock.program.cycle / step) + 2)
+    every = np.concatenate([times, after])
+    green = shows(clock.program, group, every + clock.offset, ("green",))
+    at = np.where(green, every, np.inf)
+    return np.asarray(np.minimum.accumulate(at[::-1])[::-1][: len(times)])
+
+
 def passes_on_green(actor: Actor, moment: Moment, enters: float) -> bool:
     """Whether an actor that enters at scene time [s] has green at its line, or never gets there.
 
@@ -115,13 +152,39 @@ def passes_on_green(actor: Actor, moment: Moment, enters: float) -> bool:
     return bool(np.isinf(crosses)) or clock.colour(group, crosses) == "green"
 
 
+def red_span(free: Actor, moment: Moment, enters: float) -> Span:
+    """From when until when [s] the light keeps who enters then; no time at all if it is green."""
+    line, group, clock = free.marks.line, free.marks.group, moment.clock
+    reaches = enters + free.motion.time_at(line or 0.0)
+    if clock is None or group is None or line is None:
+        return reaches, reaches
+    return reaches, clock.next_green(group, reaches)
+
+
+@dataclass(frozen=True)
+class LastInLane:
+    """The last who stands in a lane.
+
+    Attributes:
+        rear: arc length [m] of its rear on the path of who comes behind it.
+        start, until: [s] of its standstill; law: how it drives.
+    """
+
+    rear: float
+    start: float
+    until: float
+    law: TimeLaw
+
+
 def last_in_lane(
-    candidate: Candidate, standing: Sequence[Actor]
-) -> tuple[float, float, float] | None:
-    """Rear [m] of the last who stands on the candidate's path, and from when until when [s]."""
-    found: tuple[float, float, float] | None = None
+    candidate: Candidate, standing: Sequence[Actor], span: Span = (-np.inf, np.inf)
+) -> LastInLane | None:
+    """The last who stands on the candidate's path at some time of a span [s]."""
+    found: LastInLane | None = None
     for actor in standing:
         for s, start, until in _standstills(actor):
+            if until < span[0] or start > span[1]:
+                continue
             x, y, heading = actor.pose(s)
             path = candidate.path
             away = np.hypot(path.xy[:, 0] - x, path.xy[:, 1] - y)
@@ -129,9 +192,24 @@ def last_in_lane(
             if away[node] > _LANE_OFFSET or np.cos(path.heading[node] - heading) < _ONE_WAY:
                 continue
             rear = float(path.s[node]) - actor.candidate.shape.length / 2
-            if found is None or rear < found[0]:
-                found = (rear, start, until)
+            if found is None or rear < found.rear:
+                found = LastInLane(rear, start, until, actor.candidate.time_law)
     return found
+
+
+def no_faster(candidate: Candidate, ahead: TimeLaw) -> Candidate:
+    """The candidate at the pace of who goes ahead of it: nobody drives through its leader."""
+    law = candidate.time_law
+    pace = replace(
+        law,
+        speed=min(law.speed, ahead.speed),
+        acceleration=min(law.acceleration, ahead.acceleration),
+    )
+    return replace(candidate, time_law=pace)
+
+
+def _stands(stop: Stop, last: float) -> bool:
+    return not stop.rolls and stop.s <= last + 0.5
 
 
 def _standstills(actor: Actor) -> Iterator[tuple[float, float, float]]:
@@ -139,6 +217,6 @@ def _standstills(actor: Actor) -> Iterator[tuple[float, float, float]]:
     if actor.candidate.route.type == "pedestrian":
         return
     last = float(actor.motion.s[-1])
-    yield from ((stop.s, stop.start, stop.until) for stop in actor.stops if stop.s <= last + 0.5)
+    yield from ((stop.s, stop.start, stop.until) for stop in actor.stops if _stands(stop, last))
     if actor.contact is not None:
         yield last, actor.contact, actor.contact + _FOR_GOOD

@@ -28,7 +28,7 @@ from scenewright.tools.gmm_sampler.derived import (
     derived_priors,
 )
 from scenewright.tools.gmm_sampler.matching import Match, Matcher
-from scenewright.tools.gmm_sampler.moving import kind_of, narrowed, shipped_pool
+from scenewright.tools.gmm_sampler.moving import Pool, kind_of, narrowed, shipped_pool
 from scenewright.tools.gmm_sampler.partial import (
     kept,
     offset_nll,
@@ -51,6 +51,8 @@ _LEAST_OFFSETS = 30
 _FARTHEST_SHIFT = 3.0
 
 Matched = Mapping[str, Mapping[int, list[FloatArray]]]
+Lanes = Mapping[str, Sequence[FloatArray]]
+"""By turn, for each lane of a place without a map [n, K] offsets from its middle [m]."""
 """Offsets [K] of tracks, by route and line."""
 
 
@@ -65,6 +67,7 @@ class Fitted:
             waypoint seen; empty where there were too few.
         lines: what was done, for people.
         seen: [T, 2] positions of the matched tracks in the map's frame [m].
+        matches: of the same tracks.
     """
 
     priors: Priors
@@ -74,6 +77,7 @@ class Fitted:
     heldout: tuple[tuple[float, int, float, float], ...]
     lines: tuple[str, ...]
     seen: tuple[FloatArray, ...]
+    matches: tuple[Match, ...]
 
 
 def fit_tracks(
@@ -86,6 +90,7 @@ def fit_tracks(
     shift: tuple[float, float] | None = None,
     begin: float | None = None,
     hourly: Mapping[str, FloatArray] | None = None,
+    elsewhere: Lanes | None = None,
 ) -> Fitted:
     """Priors from recorded tracks.
 
@@ -94,6 +99,7 @@ def fit_tracks(
         shift: added to the tracks' positions instead [m].
         begin: time of day of recordings that state none [h].
         hourly: [24] vehicles (and pedestrians) an hour, counted elsewhere.
+        elsewhere: how drivers of another place keep to their lanes, for the pool.
 
     Raises:
         InputError: no track lies on the map.
@@ -134,12 +140,12 @@ def fit_tracks(
         )
     matched = Counter(match.route for match, _ in every)
     lines.append(_counted(every, reasons))
-    priors = _priors(place, ways, _grouped(m for m, _ in every))
+    priors = _priors(place, ways, _grouped(m for m, _ in every), elsewhere)
     frequency = _frequency(place, by_file, begin, hourly, lines)
     counts, instants = derived_counts(place, frequency, stay=_stay(every, kinds))
     laws = _laws(place, every, priors.time_laws)
     priors = replace(priors, frequency=frequency, counts=counts, instants=instants, time_laws=laws)
-    heldout = tuple(heldout_table(place, ways, [found for _, found in by_file]))
+    heldout = tuple(heldout_table(place, ways, [found for _, found in by_file], elsewhere))
     return Fitted(
         priors,
         dict(matched),
@@ -148,6 +154,7 @@ def fit_tracks(
         heldout,
         tuple(lines),
         tuple(track.xy for _, track in every),
+        tuple(match for match, _ in every),
     )
 
 
@@ -236,8 +243,14 @@ def _stacked(groups: Matched, route: str, count: int) -> list[FloatArray]:
     return [kept(np.array(own.get(n, [])).reshape(-1, K)) for n in range(count)]
 
 
-def _pools(place: IntersectionMap, ways: Lines, groups: Matched) -> dict[str, FloatArray]:
-    """The pools of every kind of route from all the tracks of that kind."""
+def pools_of(
+    place: IntersectionMap, ways: Lines, groups: Matched, elsewhere: Lanes | None = None
+) -> dict[str, FloatArray]:
+    """The pools of every kind of route from all the tracks of that kind.
+
+    Args:
+        elsewhere: by turn, for each lane of another place [n, K] offsets from its middle [m].
+    """
     shipped = shipped_pool()
     by_kind: dict[str, list[FloatArray]] = defaultdict(list)
     base: dict[str, FloatArray] = {}
@@ -245,11 +258,16 @@ def _pools(place: IntersectionMap, ways: Lines, groups: Matched) -> dict[str, Fl
         if route.movement != "jaywalking":
             by_kind[kind_of(route)] += _stacked(groups, route.id, len(ways[route.id]))
             base[kind_of(route)] = narrowed(route, shipped)
+    for turn, lanes in (elsewhere or {}).items():
+        by_kind[turn] += lanes
+        base.setdefault(turn, shipped[turn])
     return {**shipped, **{kind: pooled_partial(t, base[kind]) for kind, t in by_kind.items()}}
 
 
-def _priors(place: IntersectionMap, ways: Lines, groups: Matched) -> Priors:
-    pools = _pools(place, ways, groups)
+def _priors(
+    place: IntersectionMap, ways: Lines, groups: Matched, elsewhere: Lanes | None
+) -> Priors:
+    pools = pools_of(place, ways, groups, elsewhere)
     derived = derived_priors(place, ways)
     fitted = {
         route.id: partial_prior(
@@ -262,7 +280,10 @@ def _priors(place: IntersectionMap, ways: Lines, groups: Matched) -> Priors:
 
 
 def heldout_table(
-    place: IntersectionMap, ways: Lines, recordings: Sequence[Sequence[tuple[Match, Track]]]
+    place: IntersectionMap,
+    ways: Lines,
+    recordings: Sequence[Sequence[tuple[Match, Track]]],
+    elsewhere: Lanes | None = None,
 ) -> list[tuple[float, int, float, float]]:
     """p_wp on tracks held out by recording (one recording: by time), as fewer tracks are fitted on.
 
@@ -282,7 +303,7 @@ def heldout_table(
             train = train[:: max(round(1.0 / share), 1)]
             sizes.append(len(train))
             groups = _grouped(m for m, _ in train)
-            pools = _pools(place, ways, groups)
+            pools = pools_of(place, ways, groups, elsewhere)
             for route in place.routes:
                 tests = [m for m, _ in folds[n] if m.route == route.id]
                 if not tests:
@@ -306,6 +327,27 @@ def heldout_table(
                 (share, int(np.mean(sizes)), float(np.mean(pooled_nll)), float(np.mean(own_nll)))
             )
     return rows
+
+
+def foretold(
+    place: IntersectionMap, ways: Lines, matches: Sequence[Match], *, pool: Pool
+) -> list[float]:
+    """How a pool foretells the tracks of a place none of which it has seen [nats per waypoint].
+
+    Each track's line is known; lower is better.
+    """
+    found = []
+    for route in place.routes:
+        mine = [m for m in matches if m.route == route.id and len(kept(m.beside[None]))]
+        if not mine:
+            continue
+        lines = ways[route.id]
+        nothing = [np.zeros((0, K))] * len(lines)
+        prior = partial_prior(route, lines, nothing, pool=pool, predictive=True)
+        for match in mine:
+            only, row = _one(prior, match.line), match.beside[None]
+            found.append(float(offset_nll(only, lines[match.line], row)[0]))
+    return found
 
 
 def _one(prior: WaypointPrior, line: int) -> WaypointPrior:

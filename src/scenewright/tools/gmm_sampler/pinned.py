@@ -181,6 +181,7 @@ def _first(agent: SelectedAgent, fresh: AgentDraws) -> AgentDraws:
         draw=draw,
         build=build,
         arrival=_middle(agent),
+        chance=None,
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from statistics import NormalDist
@@ -22,6 +22,8 @@ from scenewright.errors import InputError
 from scenewright.intersections import bundle_folder, check_bundle
 from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import K
+from scenewright.scene.manners import Habits
+from scenewright.tools.gmm_sampler.manners import load_manners
 
 DIMENSIONS = 2 * K
 FORMAT = 1
@@ -146,6 +148,7 @@ class Priors:
         time_laws: by route id.
         frequency: by route id, [24] mean trips per hour.
         subtypes: by route id of vehicles, share of each subtype.
+        manners: how people give way (a file of its own, `manners.json`).
     """
 
     name: str
@@ -155,6 +158,7 @@ class Priors:
     time_laws: Mapping[str, TimeLawPrior]
     frequency: Mapping[str, FloatArray]
     subtypes: Mapping[str, Mapping[str, float]]
+    manners: Habits = field(default_factory=dict)
 
 
 def load_priors(name: str | Path) -> Priors:
@@ -178,9 +182,10 @@ def _load(folder: Path, _changed: int) -> Priors:
     check_bundle(folder, "priors.npz")
     try:
         with np.load(folder / "priors.npz", allow_pickle=False) as stored:
-            return _unpack({key: stored[key] for key in stored.files})
+            priors = _unpack({key: stored[key] for key in stored.files})
     except (OSError, ValueError, KeyError) as fault:
         raise InputError(f"cannot read the priors of {folder.name!r}: {fault}") from None
+    return replace(priors, manners=load_manners(folder))
 
 
 def checksum(file: Path) -> str:

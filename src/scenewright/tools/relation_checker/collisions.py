@@ -120,17 +120,20 @@ def is_at(asked: ImpactPoint, seen: ImpactPoint | None) -> bool:
     return seen in ("left", "right") if asked == "side" else seen == asked
 
 
-def kind_of(first: Mover, second: Mover, hit: Impact, *, time: float) -> CollisionKind | None:
+def kind_of(
+    first: Mover, second: Mover, hit: Impact, *, time: float, left_hand: bool = False
+) -> CollisionKind | None:
     """Kind of a collision (SEMANTICS section 4); None for pedestrians hit below 2 m/s.
 
     Same direction first, then head-on against left turn: where the fronts meet, an agent that has
-    turned left by 25 degrees makes it a left turn; elsewhere 15 degrees do.
+    turned left by 25 degrees makes it a left turn; elsewhere 15 degrees do. In left-hand traffic
+    it is the turn to the right that leads across the others' way, and that the kind stands for.
     """
     if not (first.is_vehicle and second.is_vehicle):
         return _strike(first, second, hit)
     if hit.angle <= np.deg2rad(30.0):
         return "rear_end" if set(hit.sides) == {"front", "rear"} else "sideswipe"
-    turned = max(left_turned(m, time=time) for m in (first, second))
+    turned = max(turned_across(m, time=time, left_hand=left_hand) for m in (first, second))
     fronts = hit.sides == ("front", "front")
     if hit.angle >= np.deg2rad(135.0) and fronts:
         return "left_turn" if turned >= LEFT_TURN_HEAD_ON else "head_on"
@@ -142,11 +145,15 @@ def _strike(first: Mover, second: Mover, hit: Impact) -> CollisionKind | None:
     return "pedestrian_strike" if vehicle and vehicle[0] >= STRIKE_SPEED else None
 
 
-def left_turned(mover: Mover, *, time: float) -> float:
-    """How far a vehicle has turned left in its last 30 m before a time [rad], >= 0."""
+def turned_across(mover: Mover, *, time: float, left_hand: bool = False) -> float:
+    """How far a vehicle has turned left in its last 30 m before a time [rad], >= 0.
+
+    Args:
+        left_hand: to the right instead.
+    """
     k = mover.index(time)
     recent = mover.s[: k + 1] >= mover.s[k] - 30.0
-    heading = mover.heading[: k + 1][recent]
+    heading = mover.heading[: k + 1][recent] * (-1.0 if left_hand else 1.0)
     return float(max(heading[-1] - heading.min(), 0.0))
 
 

@@ -1,11 +1,18 @@
-"""Which leg a track comes from, and how the entries of two tracks lie to one another."""
+"""Which leg a track comes from, and how the entries of two tracks lie to one another.
+
+The lane that a track begins or ends on tells its leg, however the legs lie and bend. Beside the
+lanes (a wrong-way driver, a map without lanes) it is the leg whose direction it has.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import TieRecord
@@ -13,6 +20,8 @@ from scenewright.tools.relation_checker.motion import Mover
 
 ALONG = np.deg2rad(40.0)
 """How far a track may begin off the direction of the leg that it comes in by [rad]."""
+BESIDE = 2.5
+"""How far from the middle of a lane a vehicle's centre may be on it [m]."""
 WELL_OUT = 8.0
 """How far out of the middle a track has chosen its exit [m]."""
 
@@ -21,10 +30,39 @@ _SEEN_AS = {"lateral": ("left", "right"), "other": ("left", "right", "opposite")
 _ROUND = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
 
 
+@dataclass(frozen=True, eq=False)
+class LanePoints:
+    """The middles of a map's lanes on legs, point by point.
+
+    Attributes:
+        xy: [P, 2] points [m]; heading: [P] of the lane there [rad].
+        legs: by point.
+    """
+
+    xy: FloatArray
+    heading: FloatArray
+    legs: tuple[str, ...]
+
+    def leg_at(self, xy: FloatArray, heading: float) -> str | None:
+        """The leg of the nearest lane that leads the way a vehicle [2] is headed, if on it."""
+        alike = np.abs(_turn(self.heading - heading)) <= ALONG
+        if not alike.any():
+            return None
+        away = np.where(alike, np.hypot(*(self.xy - xy).T), np.inf)
+        nearest = int(away.argmin())
+        return self.legs[nearest] if away[nearest] <= BESIDE else None
+
+
 def entry_of(mover: Mover, ground: IntersectionMap) -> str | None:
     """The leg along which a track comes in; None if it begins where that cannot be told."""
+    lane = _lanes_of(ground, "approach").leg_at(mover.xy[0], float(mover.heading[0]))
+    return lane or _entry_by_direction(mover, ground)
+
+
+def _entry_by_direction(mover: Mover, ground: IntersectionMap) -> str | None:
     inwards = {leg.name: leg.bearing + np.pi for leg in ground.legs}
-    off = {name: abs(_turn(float(mover.heading[0]) - way)) for name, way in inwards.items()}
+    begin = float(mover.heading[0])
+    off = {name: float(np.abs(_turn(begin - way))) for name, way in inwards.items()}
     name = min(off, key=off.__getitem__, default=None)
     if name is None or off[name] > ALONG:
         return None
@@ -34,7 +72,13 @@ def entry_of(mover: Mover, ground: IntersectionMap) -> str | None:
 
 def exit_of(mover: Mover, ground: IntersectionMap) -> str | None:
     """The leg along which a track goes out; None if it ends before that can be told."""
-    off = {leg.name: abs(_turn(float(mover.heading[-1]) - leg.bearing)) for leg in ground.legs}
+    lane = _lanes_of(ground, "exit").leg_at(mover.xy[-1], float(mover.heading[-1]))
+    return lane or _exit_by_direction(mover, ground)
+
+
+def _exit_by_direction(mover: Mover, ground: IntersectionMap) -> str | None:
+    end = float(mover.heading[-1])
+    off = {leg.name: float(np.abs(_turn(end - leg.bearing))) for leg in ground.legs}
     name = min(off, key=off.__getitem__, default=None)
     if name is None or off[name] > ALONG:
         return None
@@ -75,5 +119,45 @@ def misplaced(
     return tuple(found)
 
 
-def _turn(angle: float) -> float:
-    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
+_Kind = Literal["approach", "exit"]
+_known: list[tuple[IntersectionMap, dict[_Kind, LanePoints]]] = []
+
+
+def _lanes_of(ground: IntersectionMap, kind: _Kind) -> LanePoints:
+    """The lanes of a map; the last four maps are remembered by identity."""
+    for known, lanes in _known:
+        if known is ground:
+            return lanes[kind]
+    found: dict[_Kind, LanePoints] = {each: _lane_points(ground, each) for each in _KINDS}
+    _known[:] = [(ground, found), *_known[:3]]
+    return found[kind]
+
+
+_KINDS: tuple[_Kind, ...] = ("approach", "exit")
+_SPACING = 1.0
+
+
+def _lane_points(ground: IntersectionMap, kind: _Kind) -> LanePoints:
+    parts: list[FloatArray] = [np.zeros((0, 3))]
+    legs: list[str] = []
+    for lane in ground.lanelets:
+        if lane.kind == kind and lane.leg is not None:
+            parts.append(_spaced(np.array(lane.centreline)))
+            legs += [lane.leg] * len(parts[-1])
+    points = np.concatenate(parts)
+    return LanePoints(points[:, :2], points[:, 2], tuple(legs))
+
+
+def _spaced(line: FloatArray) -> FloatArray:
+    """[P, 3] x, y and heading every metre along a line."""
+    step = np.diff(line, axis=0)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
+    at = np.linspace(0.0, s[-1], max(2, round(float(s[-1]) / _SPACING) + 1))
+    course = np.arctan2(step[:, 1], step[:, 0])
+    piece = np.clip(np.searchsorted(s, at, side="right") - 1, 0, len(step) - 1)
+    return np.stack([np.interp(at, s, line[:, 0]), np.interp(at, s, line[:, 1]), course[piece]], 1)
+
+
+def _turn(angle: FloatArray | float) -> FloatArray:
+    """Angles as turns within half a circle [rad]."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -211,6 +211,7 @@ class _Search:
         if contact.initial:
             return []
         hit = impact(first, second, time=contact.time)
+        left_hand = self.ground is not None and self.ground.left_hand_traffic
         if hit.relative_speed < IMPACT_SPEED:
             return []
         k = striking(first, second, hit)
@@ -227,7 +228,7 @@ class _Search:
         return [
             _event(
                 "collision", order, time=contact.time, place=hit.place, evidence=evidence,
-                kind=kind_of(first, second, hit, time=contact.time),
+                kind=kind_of(first, second, hit, time=contact.time, left_hand=left_hand),
                 cause=cause[0] if cause else None,
             )
         ]  # fmt: skip
