@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from scenewright.backends import Question
+from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.planner import plan
 from scenewright.scene.behavior import AgentSummary
 from scenewright.scene.relations import Pattern, RoleName, pattern_named
+
+_FOUR = frozenset({"north", "east", "south", "west"})
 
 _PET_BAND, _TTC_BAND = 0.05, 0.08
 """How far from the PET and the TTC asked for the clauses may be met [s]."""
@@ -48,12 +51,16 @@ class BuiltinBackend:
                         for each in question.facts["agents"]
                     }
                 }
+            case "edits":
+                raise TypeError("the grammar reads turns of a conversation where they are said")
 
 
 def _plan(facts: dict[str, Any]) -> dict[str, Any]:
-    return plan(facts["instruction"], previous=facts.get("previous")).model_dump(
-        mode="json", by_alias=True
+    site = Site(
+        compass=_FOUR.issuperset(facts.get("legs", ())), left_hand=facts.get("left_hand", False)
     )
+    understood = plan(facts["instruction"], previous=facts.get("previous"), site=site)
+    return understood.model_dump(mode="json", by_alias=True)
 
 
 def _program(facts: dict[str, Any]) -> str:

@@ -56,6 +56,31 @@ _VERBS = frozenset(
 
 
 _PROPERTIES = ("JAYWALK", "CROSS", "OPPOSITE", "OF_OTHER", "SAME", "REDRUN", "SIGNAL")
+_NO_DEEDS = frozenset(
+    [
+        "sees",
+        "notices",
+        "noticed",
+        "watches",
+        "watched",
+        "spots",
+        "observes",
+        "observed",
+        "greets",
+        "recognises",
+        "recognizes",
+        "this",
+        "does",
+        "needs",
+        "wants",
+        "wanted",
+        "admires",
+        "less",
+    ]
+)
+"""Words between two agents after which nothing has happened yet, and some that are no verbs."""
+
+_CHASES = ("chas", "pursu", "stalk")
 _ALONG = (["on"], ["from"], ["along"])
 
 
@@ -95,19 +120,19 @@ class Reader(Naming):
 
     def _word(self, at: int, chunk: Chunk) -> None:
         self._main_verb(chunk)
-        if chunk.words[0] in _CAUSES and self.subject and isinstance(self._item(at + 1), Mention):
+        causes = chunk.words[0] in _CAUSES and not chunk.has("YIELD")
+        if causes and self.subject and isinstance(self._item(at + 1), Mention):
             self.causer, self.caused, self.awaiting = self.subject, True, None
             return
         tag = next((tag for tag in ("NEAR", "COLLIDE", "YIELD", "FOLLOW") if chunk.has(tag)), None)
-        if tag == "FOLLOW" and chunk.text == "behind" and not self._mention_ahead(at):
+        if tag == "FOLLOW" and self._mere_place(at, chunk):
             return
         if tag is not None and not chunk.has("SIGNAL"):
             self._relation(at, chunk, tag)
         elif chunk.text == "into" and self._turned_into(at):
             self._start(OpenRelation("collide_at", None, at, self.subject or None, tag="COLLIDE"))
         elif chunk.has("LATE"):
-            self.said.append("late_brake")
-            self.verb_seen = True
+            self._brakes_late(at)
         elif chunk.has("PRONOUN"):
             self._pronoun(at, chunk)
         elif chunk.tags.get("ALMOST") == "avoid" and self._avoids(at):
@@ -118,8 +143,27 @@ class Reader(Naming):
             self._wait(at, chunk)
         elif chunk.has("BY"):
             self._by()
+        elif chunk.text == "between" and self._once_more_between(at):
+            return
         else:
             self._minor(at, chunk)
+
+    def _once_more_between(self, at: int) -> bool:
+        """ "two near misses, one between ... and one between ...": a second one of the kind."""
+        before = self._item(at - 1)
+        told = self.open[-1] if self.open else None
+        one = isinstance(before, Mention) and before.type is None
+        if told is None or not (told.nominal and one):
+            return False
+        if not told.between:
+            told.between = told.explicit = True
+            told.object, told.closed, self.awaiting = None, False, told
+            return True
+        told.object = (told.object or [])[:2]
+        again = OpenRelation(told.type, told.kind, at, None, nominal=True, tag=told.tag)
+        again.between = again.explicit = True
+        self._start(again)
+        return True
 
     def _has_priority(self, at: int, chunk: Chunk) -> bool:
         """ "the bus goes first", "the bus has the right of way"."""
@@ -140,11 +184,54 @@ class Reader(Naming):
             self._leave_relative()
             self.last = self.subject or self.last
 
+    def unknown_deed(self) -> str | None:
+        """What somebody does to somebody else in a word that nothing is known of."""
+        for first, verb, second in zip(self.items, self.items[1:], self.items[2:], strict=False):
+            named = isinstance(first, Mention) and isinstance(second, Mention)
+            if not (named and isinstance(verb, Chunk)) or verb.tags or verb.mark:
+                continue
+            word = verb.words[0]
+            if len(word) > 3 and word.endswith(("s", "ed")) and word not in _NO_DEEDS:
+                return verb.text
+        return None
+
+    def _mere_place(self, at: int, chunk: Chunk) -> bool:
+        """ "the car behind", "stops ahead of the pedestrian": nobody drives after anybody."""
+        if chunk.text == "behind":
+            verb = self._item(at + 1)
+            acts = isinstance(verb, Chunk) and verb.has("LATE", "NEGATION", "BE")
+            return acts or not self._mention_ahead(at) or self._walks_behind(at)
+        if chunk.words[0].startswith(_CHASES):
+            return not any(agent.type == "vehicle" for agent in self.subject)
+        after = self._item(at + 1)
+        walks = isinstance(after, Mention) and after.type == "pedestrian"
+        return chunk.text == "ahead of" and walks
+
+    def _walks_behind(self, at: int) -> bool:
+        """ "crosses behind a bus"."""
+        after = self._item(at + 1)
+        on_foot = {agent.type for agent in self.subject} == {"pedestrian"}
+        return on_foot and isinstance(after, Mention) and after.type == "vehicle"
+
+    def _brakes_late(self, at: int) -> None:
+        """ "does not brake in time for the bus": it is the bus that is hit."""
+        self.said.append("late_brake")
+        self.verb_seen = True
+        for_whom = self._next_text(at) in {"for", "behind"}
+        if for_whom and isinstance(self._item(at + 2), Mention):
+            self._start(OpenRelation("collide_at", None, at, self.subject or None, tag="COLLIDE"))
+
     def _turned_into(self, at: int) -> bool:
-        """ "turned left into a bus", not "into the path of" or "into the avenue"."""
+        """ "turned left into a bus", not "into the path of a bus" or "into the avenue"."""
         before, after = self._item(at - 1), self._item(at + 1)
-        turn = isinstance(before, Modifier) and before.means in {"turn", "straight", "uturn"}
-        return turn and (isinstance(after, Mention) or is_pronoun(after))
+        if isinstance(before, Modifier):
+            moved = before.means in {"turn", "straight", "uturn"}
+        else:
+            moved = isinstance(before, Chunk) and before.has("HEAD")
+        path = self._item(at + 2)
+        way = isinstance(path, Chunk) and path.words[0] in {"path", "way", "lane"}
+        whom = isinstance(after, Mention) and after.type is not None and not after.mass
+        return moved and not way and (whom or is_pronoun(after))
 
     def _minor(self, at: int, chunk: Chunk) -> None:
         if chunk.has("GO_FIRST") and self._has_priority(at, chunk):
@@ -165,7 +252,7 @@ class Reader(Naming):
             self._bare_turn(at, chunk)
         elif chunk.has("BACKGROUND") and self.counted and self.counted[-1] is self.last:
             self.to_background(self.last)
-        elif not chunk.tags and isinstance(self._item(at - 1), Mention | Modifier):
+        elif chunk.tags.keys() <= {"EDIT"} and isinstance(self._item(at - 1), Mention | Modifier):
             self.verb_seen |= chunk.words[0].endswith(("s", "ed")) or chunk.words[0] in _VERBS
         elif chunk.has("HEAD", "TURN", "EXIT") and not chunk.words[0].endswith("ing"):
             self.verb_seen = True
@@ -181,11 +268,12 @@ class Reader(Naming):
             self._close(relation)
         if self.subject:
             self.previous_subject = self.subject
-        self.hints += self.fronted
+        self.hints += [] if self.shared else self.fronted
         self.open, self.sentence, self.fronted = [], [], []
         self.subject, self.awaiting, self.gap = [], None, None
         self.relative, self.verb_seen, self.boundary, self.linked = [], False, True, False
         self.signal, self.crossing, self.causer, self.caused = False, False, [], False
+        self.shared = False
 
     def _comma(self, at: int) -> None:
         if self.relative and self.verb_seen and not self._then_follows(at):

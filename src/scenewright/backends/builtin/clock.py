@@ -64,6 +64,11 @@ _YEAR = re.compile(r"\b(?:a|an|the|in|of|his|her|their|my|model)\s+$")
 _MILITARY = re.compile(
     r"(?:\bat\s+)?\b([01]\d|2[0-3])([0-5]\d)\s*(?:hours|hrs|hr|h)?\b(?!\s*(?:m|km)\b)"
 )
+_HOUR = re.compile(
+    r"(?:\bat\s+)?(?<![\d.])\b([01]?\d|2[0-3]) ?h(?:rs?)?\b(?! ?\d)"
+    r"|(?:\bat|\baround|\babout|\btime:?)\s+([01]?\d|2[0-3])\.([0-5]\d)\b"
+    r"(?!\s*(?:m\b|s\b|sec|met|km|mph|m/s|%|am\b|pm\b|in the\b|at night))"
+)
 _PLAIN = re.compile(
     rf"{_LEAD}\b(?:({_NUMBER})\s*[:h]\s*([0-5]\d)(?::[0-5]\d)?{_SUFFIX}?(?!\w)"
     rf"|({_NUMBER})(?:[.: ]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?"
@@ -74,12 +79,26 @@ _BARE = re.compile(
     r"seconds?|s\b|feet|ft|%|degree|"
     r"cars?|vehicles?|ped|pedestrians?|people|percent))\b(?=\s*(?:$|[.,;]|a\b|the\b|in\b|with\b))"
 )
-_PET = re.compile(
-    r"\b(pet|ttc|time to collision|post encroachment time)(?: (?:of|is|around|about|"
-    r"approximately|below|under|at|near))*\s*[:=<]?\s*"
-    r"(\d+(?:\.\d+)?|one|two|half a)\s*(?:s|sec|secs|seconds?)?\b"
+_MEASURE = (
+    r"(pet|ttc|time[ -]to[ -]collision|post[ -]?encroachment(?:[ -]time)?)(?: ?\((?:pet|ttc)\))?"
 )
-_PET_AFTER = re.compile(r"\b(\d+(?:\.\d+)?)\s*(?:s|sec|seconds?)\s*(pet|ttc)\b")
+_SECONDS = r"(?:s|sec|secs|seconds?)"
+_FIGURE = r"(\d+(?:[.,]\d+)?|one|two|three|half an?|three quarters of an?|one and a half)"
+_PET = re.compile(
+    rf"\b{_MEASURE}(?: (?:of|is|was|equals|around|about|approximately|roughly|only|just|merely|"
+    rf"a|mere|drops?|dropped|falls?|fell|to|down|below|under|at|near))*\s*[:=<≈]?\s*"
+    rf"{_FIGURE}(?:\s*|-){_SECONDS}?\b"
+)
+_PET_AFTER = re.compile(rf"\b{_FIGURE}(?:\s*|-){_SECONDS}\s*\(?(?:of )?{_MEASURE}\b")
+_GAP = re.compile(
+    rf"\b(?:time )?gap (?:of |is |was |between them |between the two |only |just |about |a |mere )*"
+    rf"{_FIGURE}(?:\s*|-){_SECONDS}\b"
+)
+_HEADWAY = re.compile(r"\b(?:headway|follow\w*|tail\w*|trail\w*|behind)\b")
+_IN_SECONDS = {
+    "one": 1.0, "two": 2.0, "three": 3.0, "half a": 0.5, "half an": 0.5,
+    "three quarters of a": 0.75, "one and a half": 1.5,
+}  # fmt: skip
 _SPEED = re.compile(
     r"(?:\bat\s+)?(?:(?:about|around|roughly|over|under|nearly)\s+)*\b(\d+(?:\.\d+)?)\s*"
     r"(km/h|kmh|kph|km per hour|kilometers per hour|kilometres per hour|mph|"
@@ -145,6 +164,7 @@ def read_clock(text: str) -> tuple[str, Clock]:
         (_PAST, _past),
         (_PLAIN, _plain),
         (_MILITARY, _military),
+        (_HOUR, _full_hour),
         (_BARE, _bare),
     ):
         text = _collect(text, pattern, reader, times)
@@ -260,6 +280,11 @@ def _military(match: re.Match[str]) -> str | None:
     return f"{match[1]}:{match[2]}"
 
 
+def _full_hour(match: re.Match[str]) -> str | None:
+    """ "23h", "at 13.15"."""
+    return f"{int(match[1] or match[2]):02d}:{match[3] or '00'}"
+
+
 def _bare(match: re.Match[str]) -> str | None:
     hour = int(match[1])
     if not 0 < hour <= 23:
@@ -299,11 +324,17 @@ def _severity(text: str) -> tuple[str, float | None, float | None]:
     found: dict[str, float] = {}
     for pattern, name, number in ((_PET, 1, 2), (_PET_AFTER, 2, 1)):
         while match := pattern.search(text):
-            key = "pet" if match[name] in {"pet", "post encroachment time"} else "ttc"
-            words = {"one": 1.0, "two": 2.0, "half a": 0.5}
-            found[key] = words.get(match[number]) or float(match[number])
+            key = "pet" if match[name].startswith("p") else "ttc"
+            found[key] = _seconds(match[number])
             text = _cut(text, match)
+    if not found and not _HEADWAY.search(text) and (match := _GAP.search(text)):
+        found["pet"] = _seconds(match[1])
+        text = _cut(text, match)
     return text, found.get("pet"), found.get("ttc")
+
+
+def _seconds(figure: str) -> float:
+    return _IN_SECONDS.get(figure) or float(figure.replace(",", "."))
 
 
 def _minutes_of(name: str) -> set[int]:

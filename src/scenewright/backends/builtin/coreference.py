@@ -49,6 +49,8 @@ _SAME_THING = (
     frozenset({"ambulance", "vehicle"}),
 )
 _ANY_VEHICLE = frozenset({"vehicle", "driver", "motorist", "vehicles", "drivers"})
+_UNITS = frozenset({"unit", "agent", "participant", "party", "road user", "actor"})
+_LABELS = "1234abcd"
 MOST_AGENTS = 8
 
 
@@ -139,7 +141,8 @@ class Discourse:
             fitting = [agent for agent in fitting if self._met(agent)]
         if mention.det in _ORDINALS:
             index = _ORDINALS[mention.det]
-            pool = same_class if len(same_class) > max(index, 0) else []
+            alike = [agent for agent in same_class if _of_kind(agent, mention)]
+            pool = alike if len(alike) > max(index, 0) else []
             return (
                 [pool[index]]
                 if pool and not (mention.premods and pool[index] not in fitting)
@@ -182,7 +185,7 @@ class Discourse:
         if len(group) == 1:
             return (
                 self._twin(group[-1])
-                if mention.det in {"one", "another", "indefinite"}
+                if mention.det in {"one", "another", "indefinite", "other"}
                 else self._only(group, avoid)
             )
         if mention.det in {"one", "definite", "indefinite"}:
@@ -217,15 +220,27 @@ class Discourse:
         return [agent for agent in group if agent not in avoid]
 
     def _labelled(self, mention: Mention) -> list[AgentDraft] | None:
+        unit = mention.head in _UNITS
         for agent in self.draft.agents:
-            if agent.label == mention.label and (
-                agent.type == mention.type or mention.head == "unit"
-            ):
+            if agent.label == mention.label and (agent.type == mention.type or unit):
                 return [agent]
         announced = [agent for agent in self.draft.agents if agent.announced]
         if announced and announced[0].type == mention.type:
             announced[0].announced, announced[0].label = False, mention.label
             return announced[:1]
+        return self._nth(mention)
+
+    def _nth(self, mention: Mention) -> list[AgentDraft] | None:
+        """ "two cars: car 1 ..., car 2 ...": the labels tell a counted group apart."""
+        place = _LABELS.find(mention.label or " ") % 4
+        for group in reversed(self.groups):
+            if not (len(group) > 1 and place < len(group)):
+                continue
+            agent = group[place]
+            same = agent.type == mention.type and _compatible(agent, mention)
+            if same and agent.label is None and agent.head.rstrip("s") == mention.head.rstrip("s"):
+                agent.label = mention.label
+                return [agent]
         return None
 
     def _introduce(self, mention: Mention) -> list[AgentDraft]:
@@ -253,6 +268,12 @@ class Discourse:
 
     def _recency(self, agent: AgentDraft) -> int:
         return max((i for i, group in enumerate(self.groups) if agent in group), default=-1)
+
+
+def _of_kind(agent: AgentDraft, mention: Mention) -> bool:
+    """ "the first car" of a bus and two cars is the first of the cars."""
+    general = mention.head in _ANY_VEHICLE or mention.type == "pedestrian"
+    return general or agent.subtype in {None, mention.subtype}
 
 
 def _compatible(agent: AgentDraft, mention: Mention) -> bool:

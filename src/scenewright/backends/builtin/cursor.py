@@ -37,6 +37,7 @@ NOUNS = frozenset(
         "yielding",
         "ender",
         "bender",
+        "blow",
         "crashes",
         "collisions",
         "accidents",
@@ -105,6 +106,7 @@ class Cursor:
         self.leading: Group = []
         self.trailing: list[AgentDraft] = []
         self.caused = False
+        self.shared = False
 
     def _item(self, at: int) -> Item | None:
         return self.items[at] if 0 <= at < len(self.items) else None
@@ -195,7 +197,9 @@ class Cursor:
                     "JAYWALK",
                     "LATE",
                     "DITTO",
+                    "GO_FIRST",
                 )
+                and (item.text.endswith(" first") or not item.has("GO_FIRST"))
                 and not item.words[0].endswith("ing")
                 and item.text not in {"behind", "across", "in front", "close to"}
             ):
@@ -343,7 +347,7 @@ class Cursor:
         for back in range(1, 7):
             item = self._item(at - back)
             if isinstance(item, Chunk) and item.has("NEGATION"):
-                return item.words[0] not in {"without", "no", "free"}
+                return item.text == "no one" or item.words[0] not in {"without", "no", "free"}
             if isinstance(item, Modifier):
                 return False
         return True

@@ -17,6 +17,25 @@ class Refused(Exception):
         self.reason = reason
 
 
+@dataclass(frozen=True)
+class Site:
+    """What must be known of the place to read a text about it.
+
+    Attributes:
+        compass: the legs' names are true of turns: who comes from the north and turns left leaves
+            to the east. So it is wherever all legs are called north, east, south or west.
+        left_hand: people drive on the left.
+    """
+
+    compass: bool = True
+    left_hand: bool = False
+
+    @property
+    def across(self) -> str:
+        """The turn that crosses the way of those who come towards one."""
+        return "right" if self.left_hand else "left"
+
+
 @dataclass(eq=False)
 class AgentDraft:
     """One agent with what the text says of it.
@@ -99,3 +118,4 @@ class Draft:
     context: ContextDraft = field(default_factory=ContextDraft)
     denied: set[str] = field(default_factory=set)
     normal: bool = False
+    site: Site = Site()

@@ -1,10 +1,14 @@
-"""What entry, exit and movement entail on a four-leg map, and what cannot be (SEMANTICS 2)."""
+"""What entry, exit and movement entail of one another, and what cannot be (SEMANTICS 2).
+
+Where the legs' names are no compass of the turns (five legs; three at odd angles), the map alone
+says where a turn leads: what is said is kept as it is, and grounding finds the rest.
+"""
 
 from __future__ import annotations
 
 from scenewright.backends.builtin.attach import LEFT_OF_HEADING
 from scenewright.backends.builtin.coreference import OPPOSITE
-from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
+from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft, Site
 
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
 RIGHT = {exit_: entry for entry, exit_ in LEFT.items()}
@@ -20,34 +24,41 @@ _VEHICLE_TAKES = frozenset({"rear_end", "sideswipe", "head_on", "angle"})
 def entail(draft: Draft) -> None:
     """Fill what follows from what is said; Refused where it cannot be."""
     for relation in draft.relations:
-        _left_turn(relation)
+        _turn_across(relation, draft.site)
     for _ in range(2):
         for agent in draft.agents:
-            complete(agent)
+            complete(agent, draft.site)
             _relatives(agent, draft)
         for relation in draft.relations:
-            _shared_lane(relation)
-            _head_on(relation)
+            _shared_lane(relation, draft.site)
+            _head_on(relation, draft.site)
     for agent in draft.agents:
-        complete(agent)
+        complete(agent, draft.site)
     for relation in draft.relations:
-        _possible(relation)
+        _possible(relation, draft.site)
 
 
-def complete(agent: AgentDraft) -> None:
+def complete(agent: AgentDraft, site: Site) -> None:
     """Entry, exit, movement and crosswalk of one agent from one another."""
+    if agent.type == "vehicle" and agent.movement not in (None, *TURNS):
+        raise Refused(
+            "impossible", "Only pedestrians cross or jaywalk; give the crossing to a pedestrian."
+        )
+    if agent.type == "pedestrian" and agent.movement == "jaywalking":
+        _unmarked(agent)
+    if site.compass:
+        _by_compass(agent)
+
+
+def _by_compass(agent: AgentDraft) -> None:
     if agent.type == "vehicle":
         _vehicle(agent)
-    else:
+    elif agent.movement == "crossing":
         _pedestrian(agent)
 
 
 def _vehicle(agent: AgentDraft) -> None:
     entry, exit_, movement = agent.entry, agent.exit, agent.movement
-    if movement is not None and movement not in TURNS:
-        raise Refused(
-            "impossible", "Only pedestrians cross or jaywalk; give the crossing to a pedestrian."
-        )
     if movement is not None and entry in TURNS[movement]:
         follows = TURNS[movement][str(entry)]
         if exit_ is not None and exit_ != follows:
@@ -64,14 +75,15 @@ def _vehicle(agent: AgentDraft) -> None:
         agent.movement = next((m for m, table in TURNS.items() if table.get(entry) == exit_), None)
 
 
-def _pedestrian(agent: AgentDraft) -> None:
-    if agent.movement == "jaywalking" and agent.crosswalk is not None and agent.marked:
+def _unmarked(agent: AgentDraft) -> None:
+    if agent.crosswalk is not None and agent.marked:
         raise Refused(
             "contradictory",
             "A jaywalker is outside the crosswalks; drop the jaywalking or the crosswalk.",
         )
-    if agent.movement != "crossing":
-        return
+
+
+def _pedestrian(agent: AgentDraft) -> None:
     for field, other in (("entry", "exit"), ("exit", "entry")):
         side = getattr(agent, field)
         if side is None:
@@ -101,6 +113,8 @@ def _relatives(agent: AgentDraft, draft: Draft) -> None:
             leg = other.exit if word == "exit_crosswalk" else other.entry
             agent.crosswalk = agent.crosswalk or leg
             continue
+        if not draft.site.compass and word != "same":
+            continue  # the tie between the two is kept; the map says which leg that is
         if other.entry is None and word in {"opposite", "mutual"} and agent.entry is not None:
             other.entry = OPPOSITE[agent.entry]
         if agent.entry is None and other.entry is not None:
@@ -146,13 +160,13 @@ def partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
     return others[0] if len(others) == 1 else None
 
 
-def _shared_lane(relation: RelationDraft) -> None:
+def _shared_lane(relation: RelationDraft, site: Site) -> None:
     first, second = relation.from_, relation.to
     lane = relation.type == "follow" or relation.kind == "rear_end"
     if not lane or {first.type, second.type} != {"vehicle"}:
         return
     if first.entry and second.entry and first.entry != second.entry:
-        if _merge(first, second):
+        if _merge(first, second) or not site.compass:
             return
         raise Refused(
             "contradictory",
@@ -169,16 +183,28 @@ def _merge(first: AgentDraft, second: AgentDraft) -> bool:
     return bool(turned) and exits[0] == exits[1]
 
 
-def _left_turn(relation: RelationDraft) -> None:
-    """A left-turn crash has somebody turning left."""
+_TURN_CRASHES = {"left_turn": "left", "right_turn": "right"}
+
+
+def _turn_across(relation: RelationDraft, site: Site) -> None:
+    """A left-turn crash has somebody turning left, a right-turn crash right.
+
+    It is of the kind `left_turn` if that turn crosses the way of oncoming traffic.
+    """
+    turn = _TURN_CRASHES.get(relation.kind or "")
+    if turn is None:
+        return
     vehicles = [agent for agent in (relation.from_, relation.to) if agent.type == "vehicle"]
     free = [agent for agent in vehicles if agent.movement is None]
-    if relation.kind == "left_turn" and free and all(a.movement != "left" for a in vehicles):
-        free[0].movement = "left"
+    if free and all(a.movement != turn for a in vehicles):
+        free[0].movement = turn
+    relation.kind = "left_turn" if turn == site.across else None
 
 
-def _head_on(relation: RelationDraft) -> None:
+def _head_on(relation: RelationDraft, site: Site) -> None:
     if relation.kind != "head_on" or not (relation.from_.type == relation.to.type == "vehicle"):
+        return
+    if not site.compass:
         return
     for agent, other in ((relation.from_, relation.to), (relation.to, relation.from_)):
         if agent.entry is not None and other.entry is None:
@@ -195,7 +221,7 @@ def _head_on(relation: RelationDraft) -> None:
         )
 
 
-def _possible(relation: RelationDraft) -> None:
+def _possible(relation: RelationDraft, site: Site) -> None:
     first, second = relation.from_, relation.to
     if first.type == second.type == "pedestrian" and relation.type != "follow":
         raise Refused(
@@ -207,7 +233,7 @@ def _possible(relation: RelationDraft) -> None:
             "A pedestrian and a vehicle share no lane, so neither follows the other; "
             "use two of a kind.",
         )
-    if relation.type != "follow" and first.type != second.type:
+    if relation.type != "follow" and first.type != second.type and site.compass:
         _meets(*((first, second) if first.type == "vehicle" else (second, first)))
     if relation.type == "collide_at" and first.type != second.type:
         _strike(relation)

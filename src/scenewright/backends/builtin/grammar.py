@@ -126,6 +126,9 @@ def _shares_noun(nodes: Sequence[Node], at: int) -> bool:
     if len(following) < 4:
         return False
     first, link, second, noun = following[:4]
+    before = nodes[at - 1] if at else None
+    if isinstance(before, Chunk) and before.has("AGENT"):
+        return False  # "a car turning left and a westbound bus"
     directions = all(
         isinstance(n, Modifier) and n.means in {"bound", "turn"} for n in (first, second)
     )

@@ -165,6 +165,10 @@ def _parts(chunks: Sequence[Chunk], at: int) -> list[Chunk]:
             Chunk(("bus",), {"AGENT": "vehicle.bus"}),
             Chunk(("stop",), {"WAIT": "any"}),
         ]
+    if chunk.text in {"car following", "vehicle following"} and _followed(chunks, at):
+        noun, verb = chunk.words
+        kind = "vehicle.car" if noun == "car" else "vehicle"
+        return [Chunk((noun,), {"AGENT": kind}), Chunk((verb,), {"FOLLOW": "any"})]
     if chunk.text == "by the" and _agent_in(chunks[at + 1 : at + 5]):
         return [Chunk(("by",), {"BY": "by"}), Chunk(("the",), {"DET": "definite"})]
     if chunk.text in {"no background", "zero background"} and _agent_in(chunks[at + 1 : at + 2]):
@@ -175,6 +179,14 @@ def _parts(chunks: Sequence[Chunk], at: int) -> list[Chunk]:
             Chunk(("traffic",), {"AGENT": "traffic"}),
         ]
     return []
+
+
+def _followed(chunks: Sequence[Chunk], at: int) -> bool:
+    """ "a car following it", not "a car following event"."""
+    before = chunks[at - 1] if at else None
+    after = chunks[at + 1] if at + 1 < len(chunks) else None
+    names = before is not None and before.has("DET", "NUMBER", "BOUND")
+    return names and after is not None and after.has("PRONOUN", "DET", "AGENT", "NUMBER", "BOUND")
 
 
 def _agent_in(chunks: Sequence[Chunk]) -> bool:
@@ -228,7 +240,7 @@ def _add_phrases(root: _Node, spoken: Sequence[Phrase]) -> set[str]:
 
 def _forms(word: str, tag: str) -> tuple[str, ...]:
     """The word with the endings that a typo may hide."""
-    if tag in {"AGENT", "XWALK"}:
+    if tag in {"AGENT", "BAD_AGENT", "XWALK"}:
         return word, f"{word}s"
     if tag in {"COLLIDE", "YIELD", "NEAR", "FOLLOW", "WAIT", "CROSS", "TURN"}:
         base = word.removesuffix("e")
@@ -239,9 +251,23 @@ def _forms(word: str, tag: str) -> tuple[str, ...]:
 def _add(root: _Node, phrase: str, tag: str, value: str) -> list[str]:
     exact = phrase.startswith("=") or tag in _EXACT_TAGS
     tokens = tokenise(phrase.lstrip("=").replace("'", " "))
+    if tag == "BAD_AGENT":
+        return _add_noun(root, [token.text for token in tokens], tag, value)
     node = root
     for token in tokens:
         key = "=" + token.text if exact else token.stem
         node = node.children.setdefault(key, _Node())
     node.tags[tag] = value
     return [token.text for token in tokens]
+
+
+def _add_noun(root: _Node, words: list[str], tag: str, value: str) -> list[str]:
+    """Singular and plural, and no verb of that stem: a train is one, training is not."""
+    last = words[-1]
+    plural = f"{last[:-1]}ies" if last.endswith("y") and last[-2] not in "aeiou" else f"{last}s"
+    for ending in (last, plural):
+        node = root
+        for word in (*words[:-1], ending):
+            node = node.children.setdefault(f"={word}", _Node())
+        node.tags[tag] = value
+    return [*words, plural]

@@ -95,6 +95,8 @@ class Modifying(Settling):
         finite = self._is_finite(modifier) or self._all_do(at)
         if modifier.means in {"crosswalk", "on_crosswalk"} and self._kept_off(at):
             return
+        if finite:
+            self._main_clause(modifier)
         if modifier.means in VEHICLE_ONLY:
             self._at_the_wheel(finite=finite)
         targets = self._targets(at, modifier, finite=finite)
@@ -121,6 +123,15 @@ class Modifying(Settling):
             targets = targets + [a for a in self.subject if a not in targets and a.entry is None]
         attach(modifier, targets, crossing=self.crossing)
         self._reconcile(targets)
+
+    def _main_clause(self, modifier: Modifier) -> None:
+        """ "the car that should have waited for a bus turns left": the car turns."""
+        relation = self.awaiting
+        closed = relation is not None and relation.object is not None
+        inside = self.relative and self.verb_seen and not self.boundary and self.gap is None
+        if closed and inside and modifier.first.endswith("s"):
+            self._leave_relative()
+            self.last = self.subject or self.last
 
     def _all_do(self, at: int) -> bool:
         """ "a truck and a sedan are going straight": the verb belongs to both."""
@@ -162,6 +173,8 @@ class Modifying(Settling):
             self.last = targets
             self.subject = targets if self.subject == targets[:1] else self.subject
             self.sentence.append((at, targets))
+        if len(targets) == 1 and len(self.subject) == 2 and targets[0] in self.subject:
+            targets = self.subject
         sides = [Modifier(single, (value,), modifier.chunks) for value in modifier.values]
         for agent, side in zip(
             targets if len(targets) == 2 else targets[:1] * 2, sides, strict=False
@@ -185,6 +198,8 @@ class Modifying(Settling):
     def _targets(self, at: int, modifier: Modifier, *, finite: bool) -> Group:
         if not finite and not self.sentence and self._introduces(at, modifier):
             return []
+        if not finite and self._ushers(at, modifier):
+            return []
         prefer = (
             self.subject
             if (finite and not self._made_way_for()) or self._after_while(at)
@@ -192,11 +207,9 @@ class Modifying(Settling):
         )
         if modifier.means in {"turn", "straight", "uturn"} and self._nominal_turn(at):
             prefer = self.subject or self.last
-        fits = [agent for agent in prefer if can_hold(agent, modifier)]
-        if fits:
-            return fits
-        for _, group in reversed(self.sentence):
-            fits = [agent for agent in group if can_hold(agent, modifier)]
+        drives = self._of_who_turns(at, modifier)
+        for group in (prefer, *(group for _, group in reversed(self.sentence))):
+            fits = [a for a in group if can_hold(a, modifier) and not (drives and a.type[0] == "p")]
             if fits:
                 return fits
         if not self._mentions_follow(at, modifier):
@@ -206,6 +219,29 @@ class Modifying(Settling):
             ):
                 return kinds
         return []
+
+    def _of_who_turns(self, at: int, modifier: Modifier) -> bool:
+        """ "..., northbound, left turn": a side that stands with a turn is a vehicle's."""
+        before, comma, turn = self._item(at - 1), self._item(at + 1), self._item(at + 2)
+        return (
+            modifier.means in {"bound", "from"}
+            and isinstance(before, Chunk)
+            and before.mark == ","
+            and isinstance(comma, Chunk)
+            and comma.mark == ","
+            and isinstance(turn, Modifier)
+            and turn.means in VEHICLE_ONLY
+        )
+
+    def _ushers(self, at: int, modifier: Modifier) -> bool:
+        """ "from the east a bus, from the north a car": each side comes before its agent."""
+        before, after = self._item(at - 1), self._item(at + 1)
+        first = self._item(at - 2)
+        opens = isinstance(before, Chunk) and (before.mark == "," or before.has("AND"))
+        named = isinstance(after, Mention) and after.type is not None
+        told = isinstance(first, Mention) and isinstance(self._item(at - 3), Modifier)
+        new = named and isinstance(after, Mention) and after.det in {"indefinite", "bare"}
+        return modifier.means in {"from", "from_to"} and opens and new and told
 
     def _introduces(self, at: int, modifier: Modifier) -> bool:
         """ "From the south comes a bus": a new sentence brings in a new agent."""
@@ -265,6 +301,8 @@ class Modifying(Settling):
             isinstance(before, Modifier) and before.means in {"from", "bound", "leg"}
         )
         vehicles = [agent for agent in self.last if agent.type == "vehicle"]
+        if chunk.has("THROUGH") and self._let_through():
+            return
         if chunk.has("THROUGH"):
             noun = isinstance(after, Chunk) and after.has("COLLIDE", "NEAR", "YIELD", "AND")
             bound = isinstance(before, Modifier) and before.means == "bound"
@@ -275,6 +313,11 @@ class Modifying(Settling):
         elif closed and follows:
             for agent in vehicles:
                 put(agent, "movement", "left" if chunk.has("LEFT") else "right")
+
+    def _let_through(self) -> bool:
+        """ "lets a bus through": nothing is said of its way."""
+        relation = self.awaiting
+        return relation is not None and relation.tag == "LET" and relation.object is self.last
 
     def _both_ways(self, at: int, chunk: Chunk) -> None:
         """ "turns left and right": one vehicle cannot do both."""
@@ -293,8 +336,9 @@ class Modifying(Settling):
         if chunk.has("SIGNAL") and not chunk.has("REDRUN"):
             self.signal = True
             return
-        if chunk.has("CROSS"):
-            self.crossing = True
+        self.crossing |= chunk.has("CROSS")
+        if chunk.text == "from behind" and self._hit_from_behind():
+            return
         finite = (
             chunk.has("CROSS", "REDRUN", "JAYWALK")
             and not chunk.words[0].endswith("ing")
@@ -343,6 +387,17 @@ class Modifying(Settling):
             self.fronted.append(chunk)
         if finite:
             self.verb_seen = True
+
+    def _hit_from_behind(self) -> bool:
+        """ "the second hits the first from behind"."""
+        relation = self.open[-1] if self.open else None
+        if relation is None or relation.type != "collide_at" or relation.kind is not None:
+            return False
+        bound = [*(relation.subject or []), *(relation.object or [])]
+        if len(bound) != 2 or any(agent.type != "vehicle" for agent in bound):
+            return False
+        relation.kind = "rear_end"
+        return True
 
     def _walks_on_red(self, at: int, chunk: Chunk, *, finite: bool) -> bool:
         """ "a pedestrian ignores the light", "crossing against the signal": said of who walks."""
@@ -394,6 +449,7 @@ class Modifying(Settling):
         others = [a for a in self.draft.agents if a not in told and a.type == "vehicle"]
         model = next((a for a in reversed(others) if a.movement or a.exit or a.entry), None)
         self.verb_seen = True
+        self._gives_way_too(told)
         for agent in told:
             if model is None or agent.type != "vehicle":
                 continue
@@ -401,6 +457,16 @@ class Modifying(Settling):
             if model.movement is None:
                 agent.exit = agent.exit or model.exit
                 agent.entry = agent.entry or model.entry
+
+    def _gives_way_too(self, told: Group) -> None:
+        """ "yields to a pedestrian, and so does the bus"."""
+        for relation in reversed(self.open):
+            bound = [*(relation.subject or []), *(relation.object or [])]
+            same = relation.type == "yield_to" and relation.object and relation.subject
+            if same and not (relation.negated or relation.passive) and told:
+                if not any(agent in bound for agent in told):
+                    relation.subject = [*(relation.subject or []), *told]
+                return
 
     def _cross_there(self, agents: Group) -> None:
         leg = next(

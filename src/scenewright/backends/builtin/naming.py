@@ -45,6 +45,8 @@ class Naming(Relating):
         if self._is_background(at, mention):
             self._count_background(mention, mention.count)
             return
+        if self._some_others(at, mention):
+            return
         group = self._resolve(at, mention)
         if not group:
             return
@@ -280,6 +282,7 @@ class Naming(Relating):
                 kept.append(waiting)
             elif isinstance(waiting, Modifier):
                 attach(waiting, fits, crossing=self.crossing)
+                kept += [waiting] if self.shared else []
             else:
                 self._mark(fits, waiting)
         self.fronted = kept
@@ -326,6 +329,10 @@ class Naming(Relating):
             return False
         if self.boundary and relation.tag != "WAIT" and self._complete(relation):
             return False
+        if self.boundary and relation.nominal and not relation.explicit and self._verb_follows(at):
+            before = {id(a) for place, group in self.sentence if place < relation.at for a in group}
+            if len(before) > 1:
+                return False  # "a bus and a truck have an accident because the truck ..."
         return not (
             self.boundary
             and relation.tag not in {"WAIT", "LET"}
@@ -367,7 +374,7 @@ class Naming(Relating):
         """ "yields to a bus and to a pedestrian"."""
         before, link = self._item(at - 1), self._item(at - 2)
         preposition = isinstance(before, Chunk) and (before.text in {"to", "for", "by"})
-        joint = {"and", "as well as", "and then"}
+        joint = {"and", "as well as", "and then", "then"}
         return preposition and isinstance(link, Chunk) and link.text in joint
 
     def _pronoun(self, at: int, chunk: Chunk) -> None:
@@ -534,7 +541,8 @@ class Naming(Relating):
         group = next(
             (g for g in reversed(self.discourse.groups) if len(g) > 1), self.draft.agents[-2:]
         )
-        if everyone:
+        self.shared = not self.draft.agents  # "both go straight, a car from ... and a bus"
+        if everyone and not self._takes_object():
             group = [agent for agent in self.draft.agents if agent.type == "vehicle"]
         if len(group) > 1:
             relation = self.awaiting
@@ -560,6 +568,11 @@ class Naming(Relating):
             return True
         others = mention.det in {"other"} or (mention.first_word and self._says_other(mention))
         return bool(others) and not self._takes_object()
+
+    def _some_others(self, at: int, mention: Mention) -> bool:
+        """ "with other cars around": nobody in particular."""
+        some = mention.plural and not mention.counted and mention.det == "other"
+        return some and self._background_follows(at) and not self._takes_object()
 
     def _says_other(self, mention: Mention) -> bool:
         return mention.det == "other"
@@ -590,10 +603,21 @@ class Naming(Relating):
             if (
                 item is None
                 or isinstance(item, Modifier)
-                or (item.tags and not item.has("AND", "WITH", "LEG") and item.text != "in")
+                or (
+                    item.tags
+                    and not item.has("AND", "WITH", "LEG")
+                    and item.text != "in"
+                    and not self._lists_on(at + step)
+                )
             ):
                 return False
         return False
+
+    def _lists_on(self, at: int) -> bool:
+        """ "4 cars, 2 pedestrians in the background"."""
+        comma, then = self._item(at), self._item(at + 1)
+        listed = isinstance(then, Mention) and then.counted
+        return isinstance(comma, Chunk) and comma.mark == "," and listed
 
     def _count_background(self, mention: Mention, count: int) -> None:
         if mention.type is None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from scenewright.backends.builtin.clock import read_clock
-from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraft
+from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraft, Site
 from scenewright.backends.builtin.impacts import read_impacts
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.shorthand import expand
@@ -67,8 +67,11 @@ def read_pattern(value: str | None) -> tuple[str | None, bool]:
     return value.removesuffix(_REVERSED), value.endswith(_REVERSED)
 
 
-def cast(relation: RelationDraft) -> None:
+def cast(relation: RelationDraft, site: Site) -> None:
     """Gives both agents what the pattern of the phrase leaves no choice about.
+
+    A phrase that names a turn means that turn. In left-hand traffic the files' patterns are played
+    in a mirror, so there it fixes the turn only, and no pattern.
 
     Raises:
         Refused: the phrase cannot be said of these two.
@@ -76,6 +79,9 @@ def cast(relation: RelationDraft) -> None:
     pattern = next((each for each in patterns() if each.id == relation.pattern), None)
     if pattern is None:
         return
+    if site.left_hand and _names_a_turn(pattern):
+        relation.pattern = None
+        relation.kind = None if relation.kind == "left_turn" else relation.kind
     for agent, role in _roles(relation, pattern):
         if agent.movement is None and len(role.movements) == 1:
             agent.movement = role.movements[0]
@@ -85,6 +91,10 @@ def cast(relation: RelationDraft) -> None:
                 f"'{_said(pattern)}' is for {' or '.join(role.movements)}, not {agent.movement}; "
                 "change the one or the other.",
             )
+
+
+def _names_a_turn(pattern: Pattern) -> bool:
+    return any(role.movements in (("left",), ("right",)) for role in (pattern.from_, pattern.to))
 
 
 def _roles(relation: RelationDraft, pattern: Pattern) -> list[tuple[AgentDraft, Role]]:

@@ -1,8 +1,8 @@
 """Stage 1 without a model: instruction text -> social graph, or a refusal with its reason.
 
-Text goes through `normalise` (tokens), `shorthand` (plainer words), `clock` (figures), `lexicon`
-(tagged chunks), `grammar` (modifiers), `mentions` (noun phrases), `clauses` (agents, relations),
-`context` and `entail`.
+Text goes through `normalise` (tokens), `idioms` and `shorthand` (plainer words), `clock` (figures),
+`lexicon` (tagged chunks), `grammar` (modifiers), `mentions` (noun phrases), `clauses` (agents,
+relations), `context` and `entail`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from scenewright.backends.builtin import edits
 from scenewright.backends.builtin.clauses import Reader
 from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.context import read_context
-from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
+from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft, Site
 from scenewright.backends.builtin.entail import entail
 from scenewright.backends.builtin.grammar import modifiers
 from scenewright.backends.builtin.impacts import Impacts, brakes_hard, read_impacts
@@ -29,7 +29,7 @@ from scenewright.backends.builtin.scope import (
     nothing_planned,
 )
 from scenewright.backends.builtin.shorthand import denied, expand
-from scenewright.backends.builtin.ties import name_left_turns, ties
+from scenewright.backends.builtin.ties import name_turns_across, ties
 from scenewright.scene.social import (
     AgentNode,
     Background,
@@ -55,27 +55,27 @@ _NOTHING = (
 _SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
 
 
-def plan(text: str, *, previous: str | None = None) -> Plan:
+def plan(text: str, *, previous: str | None = None, site: Site | None = None) -> Plan:
     """The social graph that the text asks for, or why there is none (paper 3.1, SEMANTICS 2-4).
 
     Args:
         text: the instruction, in English, at most 2,000 characters.
         previous: an earlier instruction that `text` edits; a full instruction replaces it.
+        site: where it is to happen; None: four legs in right-hand traffic.
     """
     try:
-        return _graph(_understand(text, previous))
+        return _graph(_understand(text, previous, site or Site()))
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 
 
-def _understand(text: str, previous: str | None) -> Draft:
-    if previous is None or not previous.strip():
-        return _finish(_draft(text))
-    if edits.is_edit(text):
+def _understand(text: str, previous: str | None, site: Site) -> Draft:
+    base = None
+    if previous is not None and previous.strip() and edits.is_edit(text):
         base = _base(previous)
-        if base is not None:
-            return _finish(_edited(text, base))
-    return _finish(_draft(text))
+    draft = _draft(text) if base is None else _edited(text, base)
+    draft.site = site
+    return _finish(draft)
 
 
 def _base(previous: str) -> Draft | None:
@@ -92,7 +92,7 @@ def _draft(text: str) -> Draft:
     check_language(text, tokenise(plain))
     without_figures, clock = read_clock(plain)
     chunks = lexicon().chunks(tokenise(without_figures))
-    check_scope(plain, chunks)
+    check_scope(plain, chunks, measured=clock.pet is not None or clock.ttc is not None)
     draft = Draft(
         normal=any(chunk.has("NORMAL") and chunk.tags["NORMAL"] == "normal" for chunk in chunks)
     )
@@ -179,6 +179,12 @@ def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> Non
         )
     if draft.relations:
         return
+    if not draft.normal and not draft.denied and (deed := reader.unknown_deed()):
+        raise Refused(
+            "out_of_scope",
+            f"What '{deed}' asks for is not known here; say that they collide, nearly collide, "
+            "give way or follow.",
+        )
     _drop_generic(draft)
     for group in list(reader.counted):
         if not any(a.entry or a.exit or a.movement for a in group):
@@ -214,9 +220,9 @@ def _drop_generic(draft: Draft) -> None:
 def _finish(draft: Draft) -> Draft:
     _one_event_per_pair(draft)
     for relation in draft.relations:
-        cast(relation)
+        cast(relation, draft.site)
     entail(draft)
-    name_left_turns(draft)
+    name_turns_across(draft)
     if any(agent.runs_red for agent in draft.agents):
         _cause(draft, "red_light_run")
     for relation in draft.relations:

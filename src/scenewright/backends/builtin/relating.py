@@ -29,6 +29,23 @@ _WAIT_FOR = frozenset(
 
 _CRASHES = frozenset({"collision", "crash", "accident", "wreck", "conflict"})
 
+_PLAIN_NOUNS = frozenset(
+    [
+        "collision",
+        "accident",
+        "yielding",
+        "miss",
+        "call",
+        "shave",
+        "contact",
+        "encounter",
+        "bender",
+        "run",
+        "crash",
+        "collisions",
+        "accidents",
+    ]
+)
 _PRIORITY = frozenset(["way", "priority", "precedence", "room", "space", "ahead"])
 
 
@@ -63,11 +80,25 @@ class Relating(Modifying):
             pattern=pattern if type_ == _RELATION_TAGS[tag] else None,
         )
         self._voice(relation, at, chunk)
+        self._listed_actor(relation, at)
         if relation.nominal:
             self._heading(at)
         if tag == "FOLLOW" and chunk.text == "behind":
             relation.subject = self.last if self.sentence else None
         self._start(relation)
+
+    def _listed_actor(self, relation: OpenRelation, at: int) -> None:
+        """ "pedestrian on the west crosswalk, truck turning right, yields": the truck does."""
+        before, after = self._item(at - 1), self._item(at + 1)
+        bare = after is None or (isinstance(after, Chunk) and bool(after.mark))
+        comma = isinstance(before, Chunk) and before.mark == ","
+        groups = [group for _, group in self.sentence]
+        listed = relation.type == "yield_to" and bare and comma and len(groups) > 1
+        if not listed or relation.nominal or self.verb_seen or self.relative:
+            return
+        vehicles = [group for group in groups if group[0].type == "vehicle"]
+        if len(vehicles) == 1:
+            relation.subject = vehicles[0]
 
     def _heading(self, at: int) -> None:
         """ "Vehicle-pedestrian collision: a cab ..." announces agents that are named later."""
@@ -189,20 +220,10 @@ class Relating(Modifying):
         return (
             noun
             and not crashes
-            and chunk.words[-1]
-            in {
-                "collision",
-                "accident",
-                "yielding",
-                "miss",
-                "call",
-                "shave",
-                "contact",
-                "encounter",
-                "bender",
-                "run",
-                "crash",
-            }
+            and (
+                chunk.words[-1] in _PLAIN_NOUNS
+                or (len(chunk.words) > 1 and chunk.words[-1] in {"misses", "calls", "shaves"})
+            )
             and not finite_object
             and not (isinstance(after, Chunk) and after.has("TO"))
         )
@@ -214,7 +235,9 @@ class Relating(Modifying):
 
     def _avoids(self, at: int) -> bool:
         """ "barely avoids a jogger": an object, and no collision between."""
-        after = self._item(at + 1)
+        after, chunk = self._item(at + 1), self._item(at)
+        if words_of(chunk).startswith("prevent"):
+            return False
         if isinstance(after, Chunk) and after.tags.get("PRONOUN") == "each":
             return True
         return self._mention_ahead(at) and (isinstance(after, Mention) or is_pronoun(after))
@@ -229,7 +252,7 @@ class Relating(Modifying):
                 passive.by, self.awaiting = True, passive
 
     def _chain(self) -> None:
-        if self._chain_behind():
+        if self._chain_behind() or {agent.type for agent in self.last} == {"pedestrian"}:
             return
         group = next((g for g in (self.last, self.subject) if len(g) > 1), None)
         group = group or [a for _, g in self.sentence for a in g] or list(self.draft.agents)
@@ -264,6 +287,7 @@ class Relating(Modifying):
             self.verb_seen = True
             return
         negated, almost = self._polarity(at)
+        negated = negated and self._governs(at, chunk)
         if almost == "almost":
             return
         target = self._waits_for(at)

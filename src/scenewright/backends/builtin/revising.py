@@ -110,6 +110,11 @@ def read(
         return Decline(code="contradictory", reason=rejected.rejection.detail)
 
 
+def begins_anew(words: str) -> bool:
+    """Whether the words say that a new scene begins."""
+    return _FRESH.search(" ".join(words.lower().split())) is not None
+
+
 def _edits(words: str, situation: Situation, chosen: Mapping[str, str]) -> Reading:
     again = _ANOTHER.match(" ".join(words.lower().split()))
     if again is not None:

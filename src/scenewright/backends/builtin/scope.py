@@ -77,8 +77,14 @@ def _familiar(tokens: Sequence[Token]) -> bool:
     return words.familiar(tokens) >= 0.2 and words.familiar(words.mend(tokens)) >= 0.6
 
 
-def check_scope(clean: str, chunks: Sequence[Chunk], *, editing: bool = False) -> None:
-    """Refused for agents, places and motions that no scene here can hold."""
+def check_scope(
+    clean: str, chunks: Sequence[Chunk], *, editing: bool = False, measured: bool = False
+) -> None:
+    """Refused for agents, places and motions that no scene here can hold.
+
+    Args:
+        measured: the text gives a PET or a TTC, which nothing but a scene has.
+    """
     for at, chunk in enumerate(chunks):
         if chunk.has("BAD_AGENT") and not _excused(chunks, at):
             reason = _BAD_AGENT[chunk.tags["BAD_AGENT"]]
@@ -109,7 +115,7 @@ def check_scope(clean: str, chunks: Sequence[Chunk], *, editing: bool = False) -
         raise _no_traffic()
     evidence = _EVIDENCE + _EDITS if editing else _EVIDENCE
     first = any(chunk.has("GO_FIRST") and chunk.text.endswith(" first") for chunk in chunks)
-    if not first and not any(chunk.has(*evidence) for chunk in chunks):
+    if not (first or measured) and not any(chunk.has(*evidence) for chunk in chunks):
         raise _no_traffic()
 
 

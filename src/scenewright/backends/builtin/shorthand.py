@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from scenewright.backends.builtin import idioms
 from scenewright.backends.builtin.draft import Refused
 
 _NUMBER = (
@@ -70,6 +71,11 @@ _VERSUS = re.compile(
     rf"\b({_BOUND})[ -]({_MOVE})(?=\s*(?:vs|versus|x|against)\b|\s+{_ACTION}\b)"
     rf"|(?<=vs )({_BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
     rf"|(?<=versus )({_BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
+    rf"|(?:(?<=to )|(?<=by )|(?<=with )|(?<=hits )|(?<=and ))({_BOUND})[ -]({_MOVE})\b"
+    r"(?=\s*(?:[,.;)]|$))"
+)
+_BOTH_BOUND = re.compile(
+    rf"\b({_BOUND}) and ({_BOUND})[ -]({_MOVE})(?:[ -]turn(?:s|ers?)?|s)?(?=\s*(?:[,.;:)]|$))"
 )
 _OF_MAP = re.compile(
     r"\b(?:the )?(left|right|top|bottom|upper|lower)(?:[ -]hand)?(?: side| edge| end| part)? of"
@@ -154,6 +160,7 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r", neither (?:one |of them )?turning\b", ", both going straight"),
         (
             r"\bbetween two (?:vehicles|cars|road users) ?[:(,] ?"
+            r"(?!(?:both|all|each|coming|going|heading|driving|who|which|that|one)\b)"
             r"(?=(?:an? )?(?:[a-z]+ )?[a-z]+ ?(?::|from|\(|and))",
             "between ",
         ),
@@ -276,6 +283,7 @@ def expand(text: str) -> str:
     both = _BOTH_WAYS.search(text)
     if both and both[1] != both[2]:
         raise Refused("contradictory", "One vehicle cannot go two ways at once; keep one of them.")
+    text = idioms.plain(text)
     for pattern, new in _SIMPLE:
         text = pattern.sub(new, text)
     if _MAP_WORDS.search(text):
@@ -283,6 +291,7 @@ def expand(text: str) -> str:
     if _EGO_AND_OTHER.search(text):
         text = re.sub(r"\bego\b", "vehicle 1", _OTHER.sub("vehicle 2", text))
     text = _OF_MAP.sub(lambda match: f"the {_MAP_SIDES[match[1]]}", text)
+    text = _BOTH_BOUND.sub(_both_vehicles, text)
     text = _VERSUS.sub(_vehicle, text)
     text = _THAT_LEG.sub(_that_leg, text)
     text = _ENTRY_CROSSWALK.sub("the entrywalk", text)
@@ -301,6 +310,12 @@ def _vehicle(match: re.Match[str]) -> str:
     """ "NB left vs SB thru": two vehicles."""
     bound, move = (group for group in match.groups() if group is not None)
     return f"a {bound} vehicle {_MOVES[move]}"
+
+
+def _both_vehicles(match: re.Match[str]) -> str:
+    """ "EB and WB left turns": two vehicles."""
+    move = _MOVES[match[3]]
+    return f"a {match[1]} vehicle {move} and a {match[2]} vehicle {move}"
 
 
 def _that_leg(match: re.Match[str]) -> str:

@@ -29,12 +29,16 @@ def ties(draft: Draft) -> list[Tie]:
     return list(found.values())
 
 
-def name_left_turns(draft: Draft) -> None:
-    """Who turns left across an oncoming vehicle and hits it has a left-turn collision."""
+def name_turns_across(draft: Draft) -> None:
+    """Who turns across the way of an oncoming vehicle and hits it has a left-turn collision.
+
+    In left-hand traffic it turns right; the kind has one name.
+    """
     opposite = {frozenset((id(a), id(b))) for a, b, side in ties(draft) if side == "opposite"}
     for relation in draft.relations:
         moves = {relation.from_.movement, relation.to.movement}
-        turns = "left" in moves and moves <= {"left", None, "straight"} and len(moves) == 2
+        across = draft.site.across
+        turns = across in moves and moves <= {across, None, "straight"} and len(moves) == 2
         oncoming = relation.pair() in opposite or _facing(relation)
         if relation.type == "collide_at" and relation.kind is None and turns and oncoming:
             relation.kind = "left_turn"
