@@ -50,7 +50,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
 
-# A served model with random weights, constrained by the schemas; not part of check. About 4 GB.
+# A model with random weights, served and in the process, under the schemas; not part of check.
 test-vllm: $(ENGINE)/.installed
 	SCENEWRIGHT_VLLM=$(abspath $(ENGINE)) $(BIN)/pytest -s tests/vllm
 
@@ -58,7 +58,7 @@ $(ENGINE)/.installed: $(INSTALLED) tests/vllm/environment.txt
 	@echo 'Installing an engine into $(ENGINE), about 4 GB ...'
 	test -x $(ENGINE)/bin/python || $(BIN)/python -m venv $(ENGINE)
 	$(ENGINE)/bin/python -m pip install -qq --disable-pip-version-check $$(grep '^torch==' tests/vllm/environment.txt)
-	$(ENGINE)/bin/python -m pip install -qq --disable-pip-version-check -r tests/vllm/environment.txt
+	$(ENGINE)/bin/python -m pip install -qq --disable-pip-version-check -r tests/vllm/environment.txt -e .
 	$(ENGINE)/bin/python -m pip uninstall -qq -y torchvision torchaudio torchcodec
 	touch $@
 

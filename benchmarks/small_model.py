@@ -26,7 +26,8 @@ from scenewright.backends.spoken import Said, Spoken
 from scenewright.backends.staged import Staged
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.graph.run import Scene
-from scenewright.nodes.scene_planner.reply import TIME
+from scenewright.nodes.scene_planner.reply import ID, TIME
+from scenewright.nodes.schema import inlined
 
 REQUESTS = (
     "A car yields to a pedestrian",
@@ -49,11 +50,11 @@ def drawn(schema: dict[str, Any], rng: Rng) -> Any:
         return _one(schema["enum"], rng)
     match schema["type"]:
         case "object":
-            needed, keys = schema["required"], schema["properties"]
+            needed, keys = schema.get("required", ()), schema["properties"]
             return {k: drawn(s, rng) for k, s in keys.items() if k in needed or rng.random() < 0.4}
         case "array":
-            most = min(schema["maxItems"], schema["minItems"] + 3)
-            size = int(rng.integers(schema["minItems"], most + 1))
+            least = schema.get("minItems", 0)
+            size = int(rng.integers(least, min(schema["maxItems"], least + 3) + 1))
             return [drawn(schema["items"], rng) for _ in range(size)]
         case "boolean":
             return bool(rng.random() < 0.5)
@@ -63,6 +64,8 @@ def drawn(schema: dict[str, Any], rng: Rng) -> Any:
             return round(float(rng.uniform(schema["minimum"], schema["maximum"])), 2)
     if schema["pattern"] == TIME:
         return f"{rng.integers(24):02d}:{rng.integers(60):02d}"
+    if schema["pattern"] == ID:
+        return f"{_one(('vehicle', 'pedestrian'), rng)}-{rng.integers(1, 7)}"
     return " ".join(_one(WORDS, rng) for _ in range(4))
 
 
@@ -128,7 +131,7 @@ class Small:
 
 def at_random(question: Question, wording: Wording, rng: Rng) -> Any:
     del question
-    return drawn(wording.schema, rng)
+    return drawn(inlined(wording.schema), rng)
 
 
 def always_one_wrong(question: Question, wording: Wording, rng: Rng) -> Any:

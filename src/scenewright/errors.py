@@ -11,16 +11,26 @@ Anything else that is raised is a bug and is never caught.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from scenewright.scene.rejection import Rejection
 
 
 class ScenewrightError(Exception):
-    """Base of every error that scenewright raises on purpose."""
+    """Base of every error that scenewright raises on purpose.
+
+    Attributes:
+        models: what models were asked and took until then, by task, as provenance has it.
+    """
 
     exit_code = 1
+
+    def __init__(self, *words: object) -> None:
+        super().__init__(*words)
+        self.models: Mapping[str, Any] = {}
 
 
 class InputError(ScenewrightError):
@@ -48,13 +58,15 @@ class BackendFault(ScenewrightError):
 
     Attributes:
         final: it was asked as often as makes sense, or asking again cannot help.
+        asked: how often the request was sent, where one was.
     """
 
     exit_code = 4
 
-    def __init__(self, message: str, *, final: bool = False) -> None:
+    def __init__(self, message: str, *, final: bool = False, asked: int = 0) -> None:
         super().__init__(message)
         self.final = final
+        self.asked = asked
 
 
 class Rejected(ScenewrightError):

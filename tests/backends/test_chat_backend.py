@@ -31,6 +31,7 @@ from scenewright.backends.chat.patience import Patience
 from scenewright.backends.spoken import Spoken
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import Scene
+from scenewright.nodes.schema import inlined
 
 YIELD = "A car from the south turning right yields to a pedestrian. Nobody else is around."
 ATTEMPTS = 3
@@ -67,7 +68,7 @@ def test_all_four_questions_are_put_to_the_model(server: Server) -> None:
     assert server.requests[0]["seed"] == 1
     assert server.headers[0]["authorization"] == f"Bearer {KEY}"
     schema = server.requests[0]["response_format"]["json_schema"]["schema"]
-    sides = schema["properties"]["agents"]["items"]["properties"]["entry"]["enum"]
+    sides = inlined(schema)["properties"]["agents"]["items"]["properties"]["entry"]["enum"]
     assert sides == ["north", "east", "south", "west"]
     paid = scene.provenance["models"]
     assert list(paid) == list(TASKS)
@@ -152,6 +153,8 @@ def test_a_reply_that_never_is_one_is_given_up(server: Server, name: str) -> Non
         made(server)
     assert {each.code for each in caught.value.rejections} == {"malformed_reply"}
     assert asked(server) == ["plan"] * 3
+    assert list(caught.value.models) == ["plan"]
+    assert caught.value.models["plan"]["requests"] == 3
 
 
 def test_a_model_that_never_reasons_well_is_given_up_within_the_caps(server: Server) -> None:
@@ -378,6 +381,59 @@ def test_rows_are_planned_by_a_model_several_at_a_time(
     assert {each["agents"][0]["exit"] for each in found} == {"west"}
     assert "9 rows, 0 refused, 9 requests, 6300 input tokens, 810 output tokens" in said.err
     assert KEY not in said.out + said.err
+
+
+def test_what_a_refused_run_has_cost_is_told(
+    server: Server, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    server.faults, server.forever = [said(lambda _: '{"agents": 1}')], True
+    who = ["--backend", "openai:m", "--base-url", server.url]
+    assert main(["make", YIELD, *who, "--json"]) == 3
+    [paid] = json.loads(capsys.readouterr().out)["models"].values()
+    assert {key: paid[key] for key in ("model", "answers", "requests")} == {
+        "model": f"openai:m at {server.url}", "answers": 3, "requests": 3,
+    }  # fmt: skip
+    assert (paid["input_tokens"], paid["output_tokens"]) == (2100, 270)
+    (tmp_path / "rows.jsonl").write_text(json.dumps({"id": "a", "text": YIELD}))
+    folder = tmp_path / "batch"
+    main(["batch", str(tmp_path / "rows.jsonl"), "--out", str(folder), *who, "--workers", "1"])
+    [row] = (folder / "journal.jsonl").read_text("utf-8").splitlines()[1:]
+    told = json.loads(row)
+    assert (told["status"], told["paid"]["requests"]) == ("refused", 3)
+    assert told["paid"]["input_tokens"] == 2100
+
+
+def test_what_a_run_has_cost_that_a_model_left_is_told(
+    server: Server, pauses: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    server.good["plan"] = json.dumps(
+        {
+            "agents": [
+                {"id": "vehicle-1", "type": "vehicle"},
+                {"id": "pedestrian-1", "type": "pedestrian"},
+            ],
+            "relations": [{"type": "yield_to", "from": "vehicle-1", "to": "pedestrian-1"}],
+        }
+    )
+    server.faults = [said(lambda text: text)] + [status(503, "overloaded")] * 4
+    assert main(["make", YIELD, "--backend", "openai:m", "--base-url", server.url, "--json"]) == 4
+    found = json.loads(capsys.readouterr().out)
+    paid = {task: (each["answers"], each["requests"]) for task, each in found["models"].items()}
+    assert (found["code"], paid) == ("backend_failed", {"plan": (1, 1), "constraints": (0, 4)})
+    assert found["models"]["plan"]["input_tokens"] == 700
+    assert found["models"]["constraints"]["input_tokens"] is None
+    assert len(pauses) == 3
+
+
+def test_what_planning_has_cost_that_a_model_left_is_told(
+    server: Server, pauses: list[float], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    server.faults, server.forever = [status(503, "overloaded")], True
+    (tmp_path / "in.jsonl").write_text(json.dumps({"id": "a", "text": YIELD}))
+    words = ["plan", str(tmp_path / "in.jsonl"), "--out", str(tmp_path / "out.jsonl"), "--json"]
+    assert main([*words, "--backend", "openai:m", "--base-url", server.url]) == 4
+    paid = json.loads(capsys.readouterr().out)["models"]["plan"]
+    assert (paid["answers"], paid["requests"], len(pauses)) == (0, 4, 3)
 
 
 def test_a_model_that_cannot_be_reached_is_one_line_and_exit_code_4(

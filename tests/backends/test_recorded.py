@@ -11,16 +11,20 @@ import pytest
 
 from backends.misbehaving import KEY
 from scenewright import synthesize
-from scenewright.backends import Question, Wording, load_backend
+from scenewright.backends import Question, Task, Wording, load_backend
 from scenewright.backends.recorded import Answers, recording, replayed
 from scenewright.backends.scripted import scripted
 from scenewright.backends.spoken import Said
 from scenewright.backends.staged import Staged
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.graph.run import scene_bytes
+from scenewright.nodes.revision import Turn, read_by_model
+from scenewright.nodes.scene_planner import FOUR_LEGS
+from scenewright.scene.edits import Edits, Present, Situation
+from scenewright.scene.social import SocialGraph
 
 YIELD = "A car from the south turning right yields to a pedestrian. Nobody else is around."
-TASKS = ("plan", "constraints", "summary", "behavior")
+TASKS: tuple[Task, ...] = ("plan", "constraints", "summary", "behavior")
 
 
 def asked(seed: int = 0, words: str = "x") -> Question:
@@ -145,3 +149,19 @@ def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
         load_backend(record=tmp_path / "no" / "such" / "folder.jsonl")
     with pytest.raises(InputError, match="cannot"):
         load_backend(record=tmp_path)
+
+
+def test_what_a_turn_was_read_as_is_replayed(tmp_path: Path) -> None:
+    file = tmp_path / "answers.jsonl"
+    car = Present(id="vehicle-1", number=0, type="vehicle", entry="north", exit="south",
+                  movement="straight", role="foreground", speed=8.0)  # fmt: skip
+    graph = SocialGraph.model_validate({"agents": [{"id": "vehicle-1", "type": "vehicle"}]})
+    turn = Turn("a bit less haste", Situation(graph=graph, present=(car,)), "A car", FOUR_LEGS)
+    slower = {"edits": [{"edit": "set_pace", "agent": "vehicle-1", "factor": 0.9}]}
+    model = scripted({"edits": ["no", slower]}, name="a model")
+    live = Staged(recording(dict.fromkeys(TASKS, model), file))
+    first = read_by_model(turn, backend=live, seed=1)
+    assert isinstance(first, Edits)
+    assert read_by_model(turn, backend=load_backend(f"recorded:{file}"), seed=1) == first
+    with pytest.raises(BackendFault, match="holds no answer"):
+        read_by_model(turn, backend=load_backend(f"recorded:{file}"), seed=2)

@@ -23,6 +23,7 @@ GOLDENS: dict[str, Callable[[], str]] = {
     "prompt_constraints.txt": lambda: prompts.as_text(prompts.constraints()),
     "prompt_summary.txt": lambda: prompts.as_text(prompts.summary()),
     "prompt_behavior.txt": lambda: prompts.as_text(prompts.behavior()),
+    "prompt_edits.txt": lambda: prompts.as_text(prompts.edits()),
 }
 
 if __name__ == "__main__":

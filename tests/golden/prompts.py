@@ -6,11 +6,14 @@ import json
 
 from scenewright.backends import Wording
 from scenewright.nodes.event_reasoner.wording import worded_behavior, worded_summary
+from scenewright.nodes.revision.wording import worded_edits
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.nodes.scene_planner.wording import worded_plan
 from scenewright.nodes.waypoint_filter.wording import worded_program
 from scenewright.nodes.wording import Example
 from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
+from scenewright.scene.edits import Present, Situation
+from scenewright.scene.social import SocialGraph
 
 TEXT = (
     "Busy morning rush: a northbound van turning right breaks off its right turn for a woman who "
@@ -70,6 +73,46 @@ def summary() -> Wording:
 def behavior() -> Wording:
     fault = "relation_not_realised: vehicle-1 never slows for pedestrian-1 (1 such)"
     return worded_behavior(TEXT, _summary(), OWED, RELATIONS, rejections=(fault,))
+
+
+def edits() -> Wording:
+    return worded_edits(
+        'now have it be a collision, "5 pm", and two trucks more',
+        SITUATION,
+        before=TEXT,
+        ways=FOUR_LEGS,
+        chosen={"truck": "vehicle-1"},
+        rejections=("there is no vehicle-9 in the scene",),
+    )
+
+
+def _situation() -> Situation:
+    kinds = {
+        "vehicle-1": ("south", "east", "right"),
+        "pedestrian-1": ("north", "south", "crossing"),
+    }
+    front = [
+        Present(
+            id=name, number=n, type=name.partition("-")[0], entry=way[0], exit=way[1],
+            movement=way[2], crosswalk="east" if n else None, role="foreground",
+            speed=1.4 if n else 8.2, stops=not n, subtype=None if n else "truck",
+        )
+        for n, (name, way) in enumerate(kinds.items())
+    ]  # fmt: skip
+    others = [
+        Present(
+            id=f"vehicle-{n}", number=n, type="vehicle", subtype="car", entry="west", exit="east",
+            movement="straight", role="background", speed=9.0,
+        )
+        for n in range(2, 10)
+    ]  # fmt: skip
+    nodes = [{"id": each.id, "type": each.type} for each in front]
+    relation = {"type": "yield_to", "from": "vehicle-1", "to": "pedestrian-1", "target_pet": 1.5}
+    plan = {"agents": nodes, "relations": [relation], "context": {"density": "high"}}
+    return Situation(graph=SocialGraph.model_validate(plan), present=(*front, *others))
+
+
+SITUATION = _situation()
 
 
 def _summary() -> EventSummary:

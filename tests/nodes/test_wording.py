@@ -21,25 +21,20 @@ from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.nodes.event_reasoner.reply import BehaviorReply, SummaryReply, check_summary
 from scenewright.nodes.scene_planner import FOUR_LEGS, ways_of
-from scenewright.nodes.scene_planner.reply import PlanReply, completed, patterns_told
-from scenewright.nodes.scene_planner.wording import worded_plan
+from scenewright.nodes.scene_planner.reply import ID, TIME, PlanReply, completed, patterns_told
+from scenewright.nodes.scene_planner.wording import times_told, worded_plan
+from scenewright.nodes.schema import inlined
 from scenewright.nodes.waypoint_filter.reply import ProgramReply
-from scenewright.nodes.wording import Example
-from scenewright.scene.social import SocialGraph
+from scenewright.nodes.wording import MOST_TOKENS, Example, compact, examples_told, tokens
+from scenewright.scene.social import Refusal, SocialGraph
 
-MOST_TOKENS = 2000
+GOLDEN = Path(__file__).parents[1] / "golden"
 NODES = Path(__file__).parents[2] / "src" / "scenewright" / "nodes"
 CHAIN = (
     "At rush hour a bus follows a car from the south, the car yields to a pedestrian on the north "
     "crosswalk, and a truck from the west nearly hits another pedestrian, with six other cars."
 )
 YIELD = "A car from the south turning right yields to a pedestrian. Nobody else is around."
-
-
-def tokens(text: str) -> float:
-    """More tokens than a text has: byte-pair encodings took 0.66 to 0.71 of this measure here."""
-    pieces = re.findall(r"[A-Za-z]+|\d|[^\sA-Za-z\d]", text)
-    return 0.8 * sum(math.ceil(len(piece) / 4) for piece in pieces)
 
 
 class Listening:
@@ -68,8 +63,36 @@ def heard() -> Listening:
 
 @pytest.mark.parametrize("task", TASKS)
 def test_a_prompt_is_short(heard: Listening, task: str) -> None:
+    """Its schema with it: some providers count that as input too."""
     words = heard.words[task]
-    assert tokens(words.system + words.user) <= MOST_TOKENS
+    assert tokens(words.system + words.user) + tokens(compact(words.schema)) <= MOST_TOKENS
+
+
+@pytest.mark.parametrize("name", ["plan", "constraints", "summary", "behavior", "edits"])
+def test_so_it_is_after_a_refusal_and_with_an_example(name: str) -> None:
+    system, user, schema = _kept(name)
+    assert tokens(system + user) + tokens(compact(json.loads(schema))) <= MOST_TOKENS
+
+
+def _kept(name: str) -> list[str]:
+    text = (GOLDEN / f"prompt_{name}.txt").read_text("utf-8")
+    return re.split(r"\n=== (?:user|schema) ===\n", text)
+
+
+@pytest.mark.parametrize(("text", "least"), [
+    # As the encodings cl100k_base and o200k_base count, whichever makes more of it.
+    ('{"type":"object","properties":{"low":{"type":"number","minimum":0,"maximum":20}}}', 22),
+    ("A pedestrian waits for a car at 17:30 and then crosses on the east crosswalk.", 20),
+])  # fmt: skip
+def test_tokens_are_rather_counted_too_many(text: str, least: int) -> None:
+    assert least <= tokens(text) <= 1.3 * least
+
+
+def test_examples_fill_what_room_there_is() -> None:
+    example = Example("A van waits.", {"agents": [], "relations": []})
+    told = examples_told([example] * 5, room=tokens("Accepted before:") + 40)
+    assert told.count("A van waits.") == 2
+    assert examples_told([example], room=5) == ""
 
 
 def test_even_a_planners_prompt_with_all_there_may_be_is_bounded() -> None:
@@ -88,10 +111,13 @@ def schemas(value: Any) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("task", TASKS)
 def test_schemas_keep_to_what_constrained_decoders_take(heard: Listening, task: str) -> None:
     for part in schemas(heard.words[task].schema):
-        assert not {"$ref", "oneOf", "allOf", "prefixItems", "$defs"} & set(part)
+        assert not {"oneOf", "allOf", "prefixItems", "not", "if", "title"} & set(part)
+        if "$ref" in part:  # nothing may stand beside it, and it leads to what all share
+            assert list(part) == ["$ref"]
+            assert part["$ref"].removeprefix("#/$defs/") in heard.words[task].schema["$defs"]
         if part.get("type") == "object":
             assert part["additionalProperties"] is False
-            assert set(part["required"]) <= set(part["properties"])
+            assert set(part.get("required", ())) <= set(part["properties"])
         if part.get("type") == "array":
             assert part["maxItems"] <= 40
         if "enum" in part:
@@ -103,6 +129,20 @@ def test_schemas_keep_to_what_constrained_decoders_take(heard: Listening, task: 
             assert all(int(most) <= 128 for most in repeated), "xgrammar cannot compile it"
 
 
+@pytest.mark.parametrize("name", ["plan", "constraints", "summary", "behavior", "edits"])
+def test_anthropics_client_takes_the_schemas(name: str) -> None:
+    """It turns bounds and patterns into words, and nothing else may be left that it refuses."""
+    anthropic = pytest.importorskip("anthropic")
+    *_, schema = _kept(name)
+    sent = anthropic.transform_schema(json.loads(schema))
+    known = {"type", "enum", "anyOf", "properties", "required", "additionalProperties", "items"}
+    for part in schemas(sent):
+        if "type" in part and isinstance(part["type"], str):
+            assert set(part) <= known | {"description", "minItems", "$defs"}
+            assert part.get("minItems", 0) <= 1
+    assert sent.get("$defs", {}).keys() == json.loads(schema).get("$defs", {}).keys()
+
+
 def fits(schema: dict[str, Any], value: Any) -> bool:
     if "anyOf" in schema:
         return any(fits(each, value) for each in schema["anyOf"])
@@ -111,10 +151,11 @@ def fits(schema: dict[str, Any], value: Any) -> bool:
     match schema["type"]:
         case "object":
             known = schema["properties"]
-            whole = isinstance(value, dict) and set(schema["required"]) <= set(value) <= set(known)
+            needed = set(schema.get("required", ()))
+            whole = isinstance(value, dict) and needed <= set(value) <= set(known)
             return whole and all(fits(known[key], each) for key, each in value.items())
         case "array":
-            most = isinstance(value, list) and schema["minItems"] <= len(value)
+            most = isinstance(value, list) and schema.get("minItems", 0) <= len(value)
             return most and all(fits(schema["items"], each) for each in value)
         case "boolean":
             return isinstance(value, bool)
@@ -124,26 +165,49 @@ def fits(schema: dict[str, Any], value: Any) -> bool:
 
 
 def test_the_plans_that_the_prompt_shows_are_answers() -> None:
-    schema = worded_plan("x", None, FOUR_LEGS).schema
+    schema = inlined(worded_plan("x", None, FOUR_LEGS).schema)
     shown = [
         json.loads(line)
         for line in (NODES / "scene_planner" / "prompt.md").read_text("utf-8").splitlines()
-        if line.startswith(('{"agents": [{"id"', '{"refused": {"code": "out'))
+        if line.startswith(('{"agents":[{"id"', '{"agents":[],"relations":[],"ref'))
     ]
     assert len(shown) == 3
     assert all(fits(schema, each) for each in shown)
-    plans = [PlanReply.model_validate(each).root for each in shown]
+    no, *plans = [PlanReply.model_validate(each).root for each in shown]
+    assert no == Refusal(code="out_of_scope", reason="This asks for a poem.")
     left = completed(plans[0], FOUR_LEGS)
     assert isinstance(left, SocialGraph)
     assert left.agents[0].exit == "west"
 
 
 @pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ({"refused": "impossible", "agents": [], "relations": []}, "needs its 'reason'"),
+        ({"refused": "impossible", "reason": "no", "agents": [{}]}, "not both"),
+        ({"refused": "perhaps", "reason": "no"}, "'out_of_scope'"),
+        ({"code": "impossible", "reason": "no"}, None),
+        ({"refused": {"code": "impossible", "reason": "no"}, "agents": []}, None),
+        ({"refused": None, "reason": "as told", "agents": [], "relations": []}, None),
+        ({"reason": "as told", "agents": [], "relations": []}, None),
+    ],
+)
+def test_a_plan_or_a_refusal_in_any_of_their_forms(
+    answer: dict[str, Any], words: str | None
+) -> None:
+    if words is None:
+        assert PlanReply.model_validate(answer)
+        return
+    with pytest.raises(ValidationError, match=words):
+        PlanReply.model_validate(answer)
+
+
+@pytest.mark.parametrize(
     ("stage", "name", "start", "reply"),
     [
-        ("waypoint_filter", "prompt.md", '{"clauses": [{', ProgramReply),
-        ("event_reasoner", "summary.md", '{"anchors": {"v', SummaryReply),
-        ("event_reasoner", "prompt.md", '{"segments": {"v', BehaviorReply),
+        ("waypoint_filter", "prompt.md", '{"clauses":[{', ProgramReply),
+        ("event_reasoner", "summary.md", '{"anchors":{"v', SummaryReply),
+        ("event_reasoner", "prompt.md", '{"segments":{"v', BehaviorReply),
     ],
 )
 def test_the_answers_that_the_other_prompts_show_are_read(
@@ -161,18 +225,20 @@ def drawn(schema: dict[str, Any], rng: np.random.Generator) -> Any:
         return schema["enum"][int(rng.integers(len(schema["enum"])))]
     match schema["type"]:
         case "object":
-            needed = schema["required"]
+            needed = schema.get("required", ())
             keys = {
                 k: s for k, s in schema["properties"].items() if k in needed or rng.random() < 0.5
             }
             return {key: drawn(each, rng) for key, each in keys.items()}
         case "array":
-            size = int(rng.integers(schema["minItems"], schema["minItems"] + 4))
+            least = schema.get("minItems", 0)
+            size = int(rng.integers(least, least + 4))
             return [drawn(schema["items"], rng) for _ in range(size)]
         case "boolean":
             return bool(rng.random() < 0.5)
         case "string":
-            return "08:30" if "2[0-3]" in schema["pattern"] else "so it is"
+            spoken = {TIME: "08:30", ID: f"vehicle-{rng.integers(1, 4)}"}
+            return spoken.get(schema["pattern"], "so it is")
     return float(rng.integers(math.ceil(schema["minimum"]), int(schema["maximum"]) + 1))
 
 
@@ -184,7 +250,8 @@ def test_whatever_fits_the_schema_is_read_or_refused_with_a_reason(
     rng = np.random.default_rng(5)
     rule = load_backend("builtin")
     for _ in range(12):
-        speaker = ScriptedSpeaker({task: [drawn(heard.words[task].schema, rng)]}, forever=True)
+        reply = drawn(inlined(heard.words[task].schema), rng)
+        speaker = ScriptedSpeaker({task: [reply]}, forever=True)
         speakers = {each: Spoken(speaker) if each == task else rule for each in TASKS}
         answer = speakers[task].answer(_asked(task, heard))
         told = _fault_of(task, answer)
@@ -274,3 +341,21 @@ def test_what_is_recalled_stands_in_the_prompt() -> None:
     told = 'Accepted before:\nRequest: "A van waits for a woman."\n{"agents":[],"relations":[]}\n'
     assert told in words.user
     assert "Accepted before" not in worded_plan("x", None, FOUR_LEGS).user
+
+
+@pytest.mark.parametrize(
+    ("request_", "names"),
+    [
+        ("A car nearly hits a bus while yielding", []),
+        ("busy morning rush", ["morning", "morning rush", "rush hour"]),
+        ("Late at night", ["night", "late night"]),
+        ("in the evening peak", ["rush hour", "evening rush", "evening"]),
+        ("at sunset", ["dusk"]),
+        ("around midnight", ["midnight"]),
+    ],
+)
+def test_times_of_day_are_told_where_a_request_speaks_of_them(
+    request_: str, names: list[str]
+) -> None:
+    said = times_told(request_).removeprefix("Times: ").removesuffix(".\n").split(", ")
+    assert [each.rpartition(" ")[0] for each in said if each] == names

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 from conversation import Conversation, agents, events, same
 
-from scenewright.backends import TASKS, Backend, Task, load_backend
+from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.scripted import scripted
 from scenewright.backends.staged import Staged
 from scenewright.graph.session.session import Shown
@@ -188,8 +189,12 @@ def test_words_that_the_grammar_does_not_know_go_to_the_planner_that_is_a_model(
         "relations": [{"type": "yield_to", "from": "vehicle-1", "to": "pedestrian-1"}],
         "context": {"time_of_day": "05:00"},
     }  # fmt: skip
-    other = {**plan, "relations": [{**plan["relations"][0], "type": "collide_at"}]}
-    model = scripted({"plan": [plan, "no JSON at all", other]})
+    hit = {"edit": "relate", "from": "vehicle-1", "to": "pedestrian-1", "type": "collide_at"}
+    strangers = {"edits": [{**hit, "to": "pedestrian-40"}]}
+    more = {"edits": [{"edit": "change_context", "vehicles": 4}]}
+    model = scripted(
+        {"plan": [plan], "edits": ["no JSON at all", strangers, {"edits": [hit]}, more]}
+    )
     builtin = load_backend("builtin")
     others: dict[Task, Backend] = dict.fromkeys(TASKS, builtin)
     talk = Conversation(backend=Staged({**others, "plan": model}))
@@ -198,20 +203,57 @@ def test_words_that_the_grammar_does_not_know_go_to_the_planner_that_is_a_model(
     tragic = talk.made("give it a tragic ending")
     assert events(tragic) == ["collision"]
     assert tragic.version["edits"][0]["edit"] == "relate"
-    # What the grammar knows needs no model; the script has no answer left for the rest.
-    assert events(talk.made("add two cars")) == ["collision"]
+    assert "there is no pedestrian-40 in the scene" in model.speaker.asked[-1][1].user
+    assert tragic.provenance["models"]["edits"]["answers"] == 3
+    assert same(first, tragic) >= set(agents(first)) - {"vehicle-1", "pedestrian-1"}
+    assert events(talk.made("a few cars more")) == ["collision"]
+    # The session's own words need no model; the script has no answer left for any others.
+    assert talk.say("undo")["kind"] == "moved_to"
     reply = talk.say("give it a happy ending")
     assert (reply["kind"], reply["code"]) == ("refused", "backend_failed")
     assert events(talk.now) == ["collision"]
     talk.threads.close()
 
 
+def test_a_model_asks_back_once() -> None:
+    two = "A car from the north follows a car, and the first car yields to a pedestrian at 5 am"
+    ask = {"edits": [], "ask": {"about": "car", "among": ["vehicle-1", "vehicle-2"]}}
+    slower = {"edits": [{"edit": "set_pace", "agent": "vehicle-2", "factor": 0.8}]}
+    model = scripted({"edits": [ask, ask, slower]})
+    builtin = load_backend("builtin")
+    talk = Conversation(backend=Staged({**dict.fromkeys(TASKS, builtin), "plan": _Reads(model)}))
+    talk.made(two)
+    reply = talk.say("it is too fast")
+    assert reply["kind"] == "asked"
+    assert reply["question"].startswith("Which car: the car from the north")
+    assert reply["choices"] == ["vehicle-1", "vehicle-2"]
+    slow = talk.made("vehicle-2")
+    assert slow.version["edits"] == [{"edit": "set_pace", "agent": "vehicle-2", "factor": 0.8}]
+    said = [words.user for _, words in model.speaker.asked]
+    assert 'Answered already: {"car":"vehicle-2"}' in said[1]
+    assert "it was answered already (car: vehicle-2); give the edits" in said[2]
+    talk.threads.close()
+
+
+class _Reads:
+    """A model that reads edits, and plans as the grammar does."""
+
+    name, deterministic = "reads", False
+
+    def __init__(self, model: Backend) -> None:
+        self._model, self._rule = model, load_backend("builtin")
+
+    def answer(self, question: Question) -> dict[str, Any]:
+        return (self._model if question.task == "edits" else self._rule).answer(question)
+
+
 def test_somebody_new_joins_and_leaves(talk: Conversation) -> None:
     first = talk.made("A car from the south turns left and yields to a pedestrian at 5 am")
     behind = talk.made("add a truck that follows the car")
     assert sorted(events(behind)) == ["follow", "yielding"]
-    (new,) = [name for name, each in agents(behind).items() if each.subtype == "truck"]
-    assert new not in agents(first)
+    named = {name: each for name, each in agents(behind).items() if each.role == "foreground"}
+    (new,) = named.keys() - agents(first).keys()
+    assert named[new].subtype == "truck"
     alone = talk.made("remove the truck")
     assert new not in agents(alone)
     assert events(alone) == ["yielding"]

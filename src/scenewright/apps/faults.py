@@ -7,7 +7,7 @@ from typing import Any
 
 from scenewright.apps.console import one_line
 from scenewright.apps.interrupts import was_stopped, was_terminated
-from scenewright.errors import BackendFault, InputError, Unsatisfiable
+from scenewright.errors import BackendFault, InputError, ScenewrightError, Unsatisfiable
 
 NOT_VERIFIED = 1
 UNUSABLE = 2
@@ -63,9 +63,10 @@ def fault_of(error: BaseException) -> Fault:
         case Unsatisfiable():
             return _unsatisfiable(error)
         case BackendFault():
-            return Fault("backend_failed", error.exit_code, one_line(str(error)))
+            reason = one_line(str(error))
+            return Fault("backend_failed", error.exit_code, reason, _paid(error))
         case InputError():
-            return Fault("unusable_input", UNUSABLE, one_line(str(error)))
+            return Fault("unusable_input", UNUSABLE, one_line(str(error)), _paid(error))
         case MemoryError():
             return Fault("out_of_memory", UNUSABLE, "there is not enough memory for this")
         case OSError():
@@ -79,12 +80,18 @@ def _unsatisfiable(error: Unsatisfiable) -> Fault:
     details: dict[str, Any] = {
         "advice": advice,
         "rejections": [each.model_dump(mode="json") for each in error.rejections],
+        **_paid(error),
     }
     reason = one_line(str(error))
     if advice is not None and not reason.endswith((".", "!", "?")):
         reason += "."
     line = reason if advice is None else f"{reason} {advice}"
     return Fault("unsatisfiable", error.exit_code, line, details)
+
+
+def _paid(error: ScenewrightError) -> dict[str, Any]:
+    """What models were asked until then, if any were."""
+    return {"models": dict(error.models)} if error.models else {}
 
 
 def _system(error: OSError) -> str:

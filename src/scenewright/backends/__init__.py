@@ -14,13 +14,16 @@ from typing import Any, Literal, Protocol
 
 from scenewright.scene.rejection import Stage
 
-Task = Literal["plan", "constraints", "summary", "behavior"]
+Task = Literal["plan", "constraints", "summary", "behavior", "edits"]
 TASKS: tuple[Task, ...] = ("plan", "constraints", "summary", "behavior")
+"""What a scene is asked for; what a turn of a conversation changes, whoever plans is asked."""
+
 STAGE_OF: dict[Task, Stage] = {
     "plan": "scene_planner",
     "constraints": "waypoint_filter",
     "summary": "event_reasoner",
     "behavior": "event_reasoner",
+    "edits": "scene_planner",
 }
 BACKENDS = ("builtin", "anthropic:MODEL", "openai:MODEL", "vllm:MODEL", "recorded:FILE")
 
@@ -41,12 +44,13 @@ class Wording:
 
 @dataclass(frozen=True)
 class Call:
-    """One answer of a model, for the provenance.
+    """One answer of a model, or a question that it left open, for the provenance.
 
     Attributes:
         asked: how often the request was sent until it was answered; 0: answered from memory.
         seconds: wall time of all of that; tokens are None where nobody counted them.
         prompt: fingerprint of what was asked.
+        answered: whether there was a reply, be it of use or not.
     """
 
     task: Task
@@ -56,14 +60,18 @@ class Call:
     input_tokens: int | None
     output_tokens: int | None
     prompt: str
+    answered: bool = True
 
 
 def _unworded() -> Wording:
     raise TypeError("this question has no words; only a grammar can answer it")
 
 
-def _unaccounted(_: Call) -> None:
-    return
+Account = Callable[[Call], None]
+
+
+def unaccounted(_: Call) -> None:
+    """Nobody counts."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +92,7 @@ class Question:
     rejections: tuple[str, ...] = field(default=())
     seed: int = 0
     wording: Callable[[], Wording] = field(default=_unworded, compare=False, repr=False)
-    account: Callable[[Call], None] = field(default=_unaccounted, compare=False, repr=False)
+    account: Account = field(default=unaccounted, compare=False, repr=False)
 
 
 class Backend(Protocol):
@@ -142,4 +150,9 @@ def load_backend(
 def speaker(backend: Backend, task: Task) -> Backend:
     """Who answers questions of a task: a backend may be several, one per stage."""
     speakers: Mapping[Task, Backend] | None = getattr(backend, "speakers", None)
-    return backend if speakers is None else speakers[task]
+    return backend if speakers is None else speakers[asked_as(task)]
+
+
+def asked_as(task: Task) -> Task:
+    """The task by which it is chosen who answers: edits are planning."""
+    return "plan" if task == "edits" else task

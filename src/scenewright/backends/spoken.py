@@ -6,13 +6,13 @@ import hashlib
 import json
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Protocol
 
 from scenewright.backends import STAGE_OF, Call, Question, Wording
 from scenewright.backends.reading import LONGEST, Unreadable, object_in
-from scenewright.errors import Rejected
+from scenewright.errors import BackendFault, Rejected
 from scenewright.scene.rejection import Rejection
 
 AT_ONCE = 8
@@ -82,10 +82,23 @@ class Spoken:
         said = self._recalled(key)
         asked = 0 if said is not None else 1
         if said is None:
-            said = self.speaker.say(question, wording)
-            self._remember(key, said)
+            said = self._said(question, wording, key)
         question.account(_call(self.name, question, said, asked, perf_counter() - before, key))
         return _read(said, question)
+
+    def _said(self, question: Question, wording: Wording, key: str) -> Said:
+        """A fresh reply; what a question has cost that was left open is told as well."""
+        before = perf_counter()
+        try:
+            said = self.speaker.say(question, wording)
+        except BackendFault as fault:
+            if fault.asked:
+                nothing = Said("", asked=fault.asked)
+                call = _call(self.name, question, nothing, 1, perf_counter() - before, key)
+                question.account(replace(call, answered=False))
+            raise
+        self._remember(key, said)
+        return said
 
     def _recalled(self, key: str) -> Said | None:
         with self._lock:

@@ -9,7 +9,7 @@ import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from pydantic_core import PydanticSerializationError
 
 from scenewright.backends import Backend, Call, Named, load_backend
-from scenewright.errors import InputError, Unsatisfiable
+from scenewright.errors import InputError, ScenewrightError, Unsatisfiable
 from scenewright.graph.atomic import write_atomically
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
@@ -162,10 +162,15 @@ def synthesize(
         "pinned": pinned,
         "rejections": [],
     }
-    state, seconds = _run(start, context)
-    if "scene" not in state or state.get("refused") is not None:
-        raise _refusal(state)
-    provenance = {**_provenance(context, state, seconds), **_paid(calls)}
+    try:
+        state, seconds = _run(start, context)
+        if "scene" not in state or state.get("refused") is not None:
+            raise _refusal(state)
+    except ScenewrightError as error:
+        error.models = paid_by_task(calls)
+        raise
+    models = paid_by_task(calls)
+    provenance = _provenance(context, state, seconds) | ({"models": models} if models else {})
     return Scene(state["scene"], state["proof"], provenance, state, tuple(messages))
 
 
@@ -281,10 +286,15 @@ def proof_bytes(proof: Proof) -> bytes:
     return json_bytes(proof.model_dump(mode="json", by_alias=True))
 
 
-@lru_cache(maxsize=8)
+_grounds: dict[str, Ground] = {}
+
+
 def ground_of(name: str) -> Ground:
-    """Map and prepared areas of a bundle; InputError if there is none of that name."""
-    return Ground(load_map(name))
+    """Map and prepared areas of a bundle as it is now; InputError if there is none so named."""
+    place, known = load_map(name), _grounds.get(name)
+    if known is None or known.on is not place:
+        known = _grounds[name] = Ground(place)
+    return known
 
 
 @cache
@@ -386,22 +396,22 @@ def _made(backend: Named | Backend, base_url: str | None) -> Backend:
     return backend
 
 
-def _paid(calls: Sequence[Call]) -> dict[str, Any]:
+def paid_by_task(calls: Sequence[Call]) -> dict[str, Any]:
     """What models were asked and what that took, by task; nothing where none was."""
-    tasks = dict.fromkeys(call.task for call in calls)
-    paid = {task: _sum([call for call in calls if call.task == task]) for task in tasks}
-    return {"models": paid} if paid else {}
+    tasks: dict[str, None] = dict.fromkeys(call.task for call in calls)
+    return {task: _sum([call for call in calls if call.task == task]) for task in tasks}
 
 
 def _sum(calls: Sequence[Call]) -> dict[str, Any]:
-    """Answers and requests, tokens (None where one was not counted), seconds, prompts."""
+    """Answers and requests, tokens of answers (None: not counted), seconds, prompts."""
+    answers = [call for call in calls if call.answered]
     counted = {
-        "input_tokens": [call.input_tokens for call in calls],
-        "output_tokens": [call.output_tokens for call in calls],
+        "input_tokens": [call.input_tokens for call in answers] or [None],
+        "output_tokens": [call.output_tokens for call in answers] or [None],
     }
     return {
         "model": calls[0].model,
-        "answers": len(calls),
+        "answers": len(answers),
         "requests": sum(call.asked for call in calls),
         **{
             name: None if None in each else sum(n for n in each if n is not None)

@@ -1,6 +1,8 @@
-"""Small pieces of JSON schema, as constrained decoders take them: no tuples, no `oneOf`, no `$ref`.
+"""Small pieces of JSON schema, as constrained decoders take them: no tuples, `oneOf`, `allOf`.
 
-Objects are closed, lists bounded, and whatever has a name in the scene is an enumeration.
+Objects are closed, lists bounded, and whatever has a name in the scene is an enumeration. An
+enumeration that is needed often stands once under `$defs`. Some providers count a schema as input,
+so it says nothing twice.
 """
 
 from __future__ import annotations
@@ -10,7 +12,9 @@ from typing import Any
 
 Schema = dict[str, Any]
 
-PLAIN_TEXT = r"^[A-Za-z0-9 ,.;:'()/-]{1,120}$"
+_DEFS = "#/$defs/"
+
+PLAIN_TEXT = r"^[\w ,.;:'()/-]{1,120}$"
 """Free text without quotes and control characters, which small models get wrong.
 
 xgrammar, the decoder of vLLM, breaks on patterns that repeat more than 128 times.
@@ -37,16 +41,42 @@ def text(pattern: str = PLAIN_TEXT) -> Schema:
     return {"type": "string", "pattern": pattern}
 
 
+def shared(name: str) -> Schema:
+    """What stands under that name in `$defs`."""
+    return {"$ref": f"{_DEFS}{name}"}
+
+
 def listed(items: Schema, *, most: int, least: int = 0) -> Schema:
     """A list of so many."""
-    return {"type": "array", "items": items, "minItems": least, "maxItems": most}
+    found: Schema = {"type": "array", "items": items, "maxItems": most}
+    return found | {"minItems": least} if least else found
 
 
-def closed(properties: Mapping[str, Schema], *, required: Iterable[str] = ()) -> Schema:
-    """An object with these keys and no others."""
-    return {
-        "type": "object",
-        "properties": dict(properties),
-        "required": list(required),
-        "additionalProperties": False,
-    }
+def closed(
+    properties: Mapping[str, Schema],
+    *,
+    required: Iterable[str] = (),
+    defs: Mapping[str, Schema] | None = None,
+) -> Schema:
+    """An object with these keys and no others; the outermost one may hold `defs` for all."""
+    found: Schema = {"type": "object", "properties": dict(properties)}
+    needed = list(required)
+    if needed:
+        found["required"] = needed
+    found["additionalProperties"] = False
+    return found | {"$defs": dict(defs)} if defs else found
+
+
+def inlined(schema: Schema) -> Schema:
+    """The schema with everything that is shared written out where it is used."""
+    defs: Mapping[str, Schema] = schema.get("$defs", {})
+
+    def written_out(value: Any) -> Any:
+        if isinstance(value, dict):
+            if "$ref" in value:
+                return written_out(defs[value["$ref"].removeprefix(_DEFS)])
+            return {key: written_out(each) for key, each in value.items() if key != "$defs"}
+        return [written_out(each) for each in value] if isinstance(value, list) else value
+
+    found: Schema = written_out(schema)
+    return found

@@ -7,6 +7,7 @@ it can neither end its place nor pose as a rule.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,12 +20,15 @@ from scenewright.backends import Wording
 LONGEST_REQUEST = 2000
 """Characters of an instruction that a model is shown; builtin reads no more either."""
 
+MOST_TOKENS = 2000
+"""Of a question and its schema, which some providers count as well; examples fill what is left."""
+
 MOST_EXAMPLES = 3
 MOST_FAULTS = 3
 _LONGEST_FAULT = 400
-_LONGEST_EXAMPLE = 1200
 _USER = "=== user ==="
 _LINE_ENDS = re.compile("[\u0085\u2028\u2029]")
+_PIECES = re.compile(r"[A-Za-z]+|\d|[^\sA-Za-z\d]+")
 _PLACE = re.compile(r"<<([a-z]+)>>")
 
 
@@ -45,10 +49,38 @@ def nothing_recalled(_task: str, _instruction: str) -> Sequence[Example]:
     return ()
 
 
-def worded(stage: str, name: str, values: Mapping[str, str], *, schema: dict[str, Any]) -> Wording:
-    """A prompt with its places filled, in one pass: what is put in is never read as a place."""
+def worded(
+    stage: str,
+    name: str,
+    values: Mapping[str, str],
+    *,
+    schema: dict[str, Any],
+    examples: Sequence[Example] = (),
+) -> Wording:
+    """A prompt with its places filled, in one pass: what is put in is never read as a place.
+
+    Args:
+        examples: as many as there is room for stand in the place of that name.
+    """
     system, user = _prompt(stage, name)
+    bare = "".join((_filled(system, values), _filled(user, {**values, "examples": ""})))
+    room = MOST_TOKENS - tokens(bare) - tokens(compact(schema))
+    values = {**values, "examples": examples_told(examples, room=room)}
     return Wording(system=_filled(system, values), user=_filled(user, values), schema=schema)
+
+
+def tokens(text: str) -> int:
+    """About how many tokens a text is, rather too many than too few.
+
+    Of prompts and schemas the encodings cl100k_base and o200k_base made 83 to 100 % of it.
+    """
+    return sum(_weight(piece) for piece in _PIECES.findall(text))
+
+
+def _weight(piece: str) -> int:
+    if not piece.isascii():
+        return 2 * len(piece)
+    return math.ceil(len(piece) / (7 if piece.isalpha() else 3))
 
 
 def quoted(text: str, *, most: int = LONGEST_REQUEST) -> str:
@@ -78,14 +110,15 @@ def faults_told(rejections: Sequence[str]) -> str:
     )
 
 
-def examples_told(examples: Sequence[Example]) -> str:
-    """Accepted answers to requests like this one."""
-    told = [
-        f"Request: {quoted(each.request, most=400)}\n{compact(each.answer)}\n"
-        for each in examples
-        if len(compact(each.answer)) <= _LONGEST_EXAMPLE
-    ]
-    return "".join(["Accepted before:\n", *told[:MOST_EXAMPLES]]) if told else ""
+def examples_told(examples: Sequence[Example], *, room: int = MOST_TOKENS) -> str:
+    """Accepted answers to requests like this one, the first ones that take no more tokens."""
+    told = "Accepted before:\n"
+    count = 0
+    for each in examples:
+        more = f"Request: {quoted(each.request, most=400)}\n{compact(each.answer)}\n"
+        if count < MOST_EXAMPLES and tokens(told + more) <= room:
+            told, count = told + more, count + 1
+    return told if count else ""
 
 
 @cache

@@ -41,14 +41,18 @@ def patiently(ask: Callable[[], ResultT], *, patience: Patience) -> tuple[Result
     """What `ask` returns, and how often it was called.
 
     Raises:
-        BackendFault: every attempt failed; says how the last one did.
+        BackendFault: every attempt failed, or one for good; says how, and how many there were.
     """
     for attempt in range(1, patience.attempts + 1):
         try:
             return ask(), attempt
+        except BackendFault as fault:
+            fault.asked = attempt
+            raise
         except Passing as fault:
             if attempt == patience.attempts:
-                raise BackendFault(f"{fault} ({attempt} attempts)", final=True) from None
+                words = f"{fault} ({attempt} attempts)"
+                raise BackendFault(words, final=True, asked=attempt) from None
             time.sleep(_pause(attempt, fault.after, patience))
     raise BackendFault("no attempt is allowed", final=True)
 

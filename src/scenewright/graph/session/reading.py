@@ -1,12 +1,12 @@
-"""Words -> what they amount to: by the grammar, else by the backend's planner."""
+"""Words -> what they amount to: by the grammar, or by the language model that plans."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from scenewright.backends import Backend, speaker
+from scenewright.backends import Account, Backend, speaker, unaccounted
 from scenewright.errors import BackendFault
-from scenewright.scene.edits import Decline, Present, Reading, Situation
+from scenewright.scene.edits import Decline, Present, Reading, Situation, Wish
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.pins import Earlier
 from scenewright.scene.record import SceneRecord
@@ -45,24 +45,30 @@ def read_words(
     chosen: Mapping[str, str],
     on: IntersectionMap,
     seed: int,
+    account: Account = unaccounted,
 ) -> Reading:
-    """What the words amount to.
+    """What the words amount to: as the planner reads them, by rule where it is the grammar.
+
+    What the session itself does, such as undoing, and words that say they begin a new scene are
+    read by rule whoever plans; so is what the planner said nothing of use about.
 
     Args:
         before: what was said so far.
         chosen: answers to questions about the words: phrase -> agent id.
+        account: called with what every answer of a model has cost.
     """
-    from scenewright.backends.builtin.revising import read
+    from scenewright.backends.builtin.revising import begins_anew, read
 
-    reading = read(words, situation, chosen=chosen)
-    lost = isinstance(reading, Decline) and reading.code in ("out_of_scope", "no_change")
-    grammar = speaker(backend, "plan").name == "builtin"
-    if not lost or situation is None or before is None or grammar:
-        return reading
-    from scenewright.nodes.revision import replan
+    by_rule = read(words, situation, chosen=chosen)
+    asked = not speaker(backend, "edits").deterministic
+    if situation is None or isinstance(by_rule, Wish) or begins_anew(words) or not asked:
+        return by_rule
+    from scenewright.nodes.revision import Turn, read_by_model
+    from scenewright.nodes.scene_planner import ways_of
 
+    turn = Turn(words, situation, before or "", ways_of(on), chosen)
     try:
-        made = replan(words, situation, before=before, backend=backend, on=on, seed=seed)
+        reading = read_by_model(turn, backend=backend, seed=seed, account=account)
     except BackendFault as fault:
         return Decline(code="backend_failed", reason=str(fault))
-    return made or reading
+    return by_rule if reading is None else reading

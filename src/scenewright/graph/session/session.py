@@ -21,7 +21,7 @@ from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 from pydantic import TypeAdapter
 
-from scenewright.backends import Backend
+from scenewright.backends import Account, Backend, Call
 from scenewright.backends.builtin.references import answered
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
@@ -29,6 +29,7 @@ from scenewright.graph.run import (
     Tell,
     check_arguments,
     json_bytes,
+    paid_by_task,
     proof_bytes,
     scene_bytes,
 )
@@ -154,7 +155,11 @@ class Session:
         out = self._graph.invoke(
             cast(
                 ThreadState,
-                {"argument": "", **said, "heading": self._heading, "reading": None, "reply": {}},
+                {
+                    **{"argument": "", "heading": self._heading, "reading": None},
+                    **{"models": {}, "reply": {}},
+                    **said,
+                },
             ),
             config=self._config,
             context=self._context,
@@ -246,7 +251,8 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     if state["act"] != "say":
         return {"reading": None}
     words, chosen = _answered(state)
-    reading = _read(words, chosen, state, runtime.context)
+    calls: list[Call] = []
+    reading = _read(words, chosen, state, runtime.context, account=calls.append)
     pending = state.get("pending")
     lost = isinstance(reading, Decline) and reading.code in ("no_change", "out_of_scope")
     if pending is not None and lost:
@@ -256,7 +262,7 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     plain = reading.model_dump(mode="json", by_alias=True)
     asked: Pending = {"words": words, "ask": plain, "chosen": chosen}
     open_ = asked if isinstance(reading, Ask) else None
-    return {"words": words, "reading": plain, "pending": open_}
+    return {"words": words, "reading": plain, "pending": open_, "models": paid_by_task(calls)}
 
 
 def _answered(state: ThreadState) -> tuple[str, dict[str, str]]:
@@ -272,7 +278,12 @@ def _answered(state: ThreadState) -> tuple[str, dict[str, str]]:
 
 
 def _read(
-    words: str, chosen: dict[str, str], state: ThreadState, context: SessionContext
+    words: str,
+    chosen: dict[str, str],
+    state: ThreadState,
+    context: SessionContext,
+    *,
+    account: Account,
 ) -> Reading:
     version, heading = _found(state, None), state["heading"]
     situation = None
@@ -290,6 +301,7 @@ def _read(
         chosen=chosen,
         on=load_map(heading["intersection"]),
         seed=heading["seed"],
+        account=account,
     )
 
 
@@ -319,7 +331,7 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             text = _OPENING.sub("", state["words"])
             made = _apart(begin, text, setting, tell=context.tell)
     except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
-        return _refusal(state["words"], error)
+        return _refusal(state, error)
     edits = reading.edits if isinstance(reading, Edits) else ()
     return _entered(state, text, edits, made, context)
 
@@ -372,7 +384,7 @@ def _entered(
         "pace": dict(made.pace),
         "scene": keep(scene_bytes(scene.record)),
         "proof": keep(proof_bytes(scene.proof)),
-        "provenance": keep(json_bytes(_provenance(scene, edits))),
+        "provenance": keep(json_bytes(_provenance(scene, edits, state.get("models", {})))),
         "earlier": keep(to_bytes(made.earlier)),
         "moved": list(made.moved),
         "gone": list(made.gone),
@@ -390,13 +402,14 @@ def _entered(
     }
 
 
-def _provenance(scene: Scene, edits: tuple[Edit, ...]) -> dict[str, Any]:
+def _provenance(scene: Scene, edits: tuple[Edit, ...], models: Mapping[str, Any]) -> dict[str, Any]:
     told = [each.model_dump(mode="json", by_alias=True) for each in edits]
-    return {**scene.provenance, "edits": told}
+    paid = {**models, **scene.provenance.get("models", {})}
+    return {**scene.provenance, "edits": told, **({"models": paid} if paid else {})}
 
 
 def _refusal(
-    words: str, error: InputError | Unsatisfiable | Rejected | BackendFault
+    state: ThreadState, error: InputError | Unsatisfiable | Rejected | BackendFault
 ) -> ThreadState:
     """The refusal, in reply and for `why`; the current version stays."""
     rejections = list(error.rejections) if isinstance(error, Unsatisfiable) else []
@@ -407,13 +420,19 @@ def _refusal(
         code = "backend_failed"
     reason = error.rejection.detail if isinstance(error, Rejected) else str(error)
     refused: Refused = {
-        "words": words,
+        "words": state["words"],
         "code": code,
         "reason": reason,
         "rejections": [each.model_dump(mode="json") for each in rejections],
     }
-    reply = {"kind": "refused", "code": code, "reason": reason}
+    paid = {**state.get("models", {}), **error.models}
+    reply = {"kind": "refused", "code": code, "reason": reason, **_paid(paid)}
     return {"refused": refused, "reply": reply}
+
+
+def _paid(models: Mapping[str, Any]) -> dict[str, Any]:
+    """What models were asked for a turn that made nothing; nothing where none was."""
+    return {"models": dict(models)} if models else {}
 
 
 def answer(state: ThreadState) -> ThreadState:
@@ -438,6 +457,7 @@ def answer(state: ThreadState) -> ThreadState:
                 "rejections": [],
             }
             reply = {"kind": "refused", "code": reading.code, "reason": reading.reason}
+            reply |= _paid(state.get("models", {}))
             return {"refused": refused, "reply": reply}
         case Wish(wish="undo"):
             return _undone(state)

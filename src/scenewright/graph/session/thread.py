@@ -68,7 +68,7 @@ class ThreadState(TypedDict, total=False):
 
     Attributes:
         act, words: of this turn; argument: of an act that has one.
-        reading: what the words amount to.
+        reading: what the words amount to; models: what reading them has cost, where one was asked.
         current: number of the version that is shown; ahead: those that were undone, last first.
         branches: name -> number of its version; branch: the one that is worked on.
         pending: a question that waits for its answer; refused: the last refusal.
@@ -80,6 +80,7 @@ class ThreadState(TypedDict, total=False):
     argument: str
     heading: Heading
     reading: dict[str, Any] | None
+    models: dict[str, Any]
     versions: list[Version]
     current: int | None
     ahead: list[int]

@@ -13,7 +13,7 @@ from typing import get_args
 from pydantic import BaseModel, ConfigDict, Field
 
 from scenewright.errors import Rejected
-from scenewright.nodes.schema import Schema, closed, listed, one_of
+from scenewright.nodes.schema import Schema, closed, listed, one_of, shared
 from scenewright.scene.behavior import AgentSummary, BehaviorProgram, EventSummary, Segment
 from scenewright.scene.record import SegmentStatus
 from scenewright.scene.rejection import Rejection, RejectionCode
@@ -93,7 +93,9 @@ def _places_of(agent: AgentSummary) -> Schema:
 def behavior_schema(agents: Sequence[AgentSummary], duration: float) -> Schema:
     """The reply's schema: each agent has its own places and times (paper Eq. 5)."""
     lists = {each.agent: _segments_of(each, duration) for each in agents}
-    return closed({"segments": closed(lists, required=lists)}, required=("segments",))
+    shown = closed(lists, required=lists)
+    defs = {"status": one_of(get_args(SegmentStatus))}
+    return closed({"segments": shown}, required=("segments",), defs=defs)
 
 
 def _segments_of(agent: AgentSummary, duration: float) -> Schema:
@@ -101,15 +103,15 @@ def _segments_of(agent: AgentSummary, duration: float) -> Schema:
     places += [] if agent.contact is None else ["contact"]
     segment = {
         "anchor": one_of(places),
-        "status": one_of(get_args(SegmentStatus)),
+        "status": shared("status"),
         "end": {"type": "number", "enum": _times_of(agent, duration)},
     }
     return listed(closed(segment, required=segment), least=1, most=_MOST_SEGMENTS)
 
 
 def _times_of(agent: AgentSummary, duration: float) -> list[float]:
-    """Every time at which something may change for the agent [s]."""
-    times = {agent.leaves, *(each.time for each in agent.anchors), agent.contact}
+    """Every time at which its segments may end [s]: places alone are passed within one."""
+    times = {agent.leaves, agent.contact}
     times |= {time for stay in agent.stays for time in (stay.start, min(stay.until, agent.leaves))}
     found = sorted(time for time in times if time is not None and 0.0 <= time <= duration)
     return found or [duration]
@@ -171,12 +173,17 @@ def check_segments(
             raise refused("times_not_increasing", name, f"overlaps at {after.start:g} s")
     statuses = [segment.status for segment in segments]
     for status in owed:
-        if status not in statuses and not _excused(status, statuses):
+        if status not in statuses and not _excused(status, statuses, agent):
             raise refused("malformed_reply", name, f"has no {status}, which its role demands")
 
 
-def _excused(status: str, statuses: Sequence[str]) -> bool:
-    """Who stands to the end never goes on; who stands from the start never went before."""
+def _excused(status: str, statuses: Sequence[str], agent: AgentSummary) -> bool:
+    """Who stands to the end never goes on, who stands from the start never went before.
+
+    Who gives way without standing has no stop.
+    """
+    if status == "stop":
+        return any(stay.until <= stay.start for stay in agent.stays)
     if status == "proceed":
         return statuses[-1] in ("stop", "terminate")
     return status == "keep" and statuses[0] == "stop"

@@ -10,7 +10,6 @@ from scenewright.nodes.event_reasoner.reply import behavior_schema, summary_sche
 from scenewright.nodes.wording import (
     Example,
     compact,
-    examples_told,
     faults_told,
     quoted,
     worded,
@@ -54,10 +53,9 @@ def worded_behavior(
     agents = bound(summary, owed)
     values = _shared(instruction, summary, relations, agents, rejections) | {
         "agents": compact({each.agent: _agent(each, owed[each.agent]) for each in agents}),
-        "examples": examples_told(examples),
     }
     schema = behavior_schema(agents, summary.duration)
-    return worded("event_reasoner", "prompt.md", values, schema=schema)
+    return worded("event_reasoner", "prompt.md", values, schema=schema, examples=examples)
 
 
 def bound(summary: EventSummary, owed: Mapping[str, Sequence[str]]) -> tuple[AgentSummary, ...]:

@@ -67,6 +67,7 @@ def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
             "instruction": instruction,
             "previous": state.get("previous"),
             "legs": [leg.name for leg in context.intersection.legs],
+            "left_hand": context.intersection.left_hand_traffic,
         },
         rejections=told,
         seed=context.seed,

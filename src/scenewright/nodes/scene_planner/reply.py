@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_args
 
 from pydantic import Discriminator, RootModel, Tag, model_validator
 
-from scenewright.nodes.schema import Schema, closed, listed, number, one_of, text, whole
+from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared, text, whole
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.relations import Pattern, patterns
@@ -29,9 +29,9 @@ from scenewright.scene.social import (
 )
 from scenewright.tools.map_grounding import lies
 
-TIME = r"^([01][0-9]|2[0-3]):[0-5][0-9](-([01][0-9]|2[0-3]):[0-5][0-9])?$"
-MOST_PATTERNS = 10
-_IDS = tuple(f"{kind}-{n}" for kind in get_args(AgentClass) for n in range(1, 7))
+TIME = r"^[0-2]\d:[0-5]\d(-[0-2]\d:[0-5]\d)?$"
+MOST_PATTERNS = 6
+ID = rf"^({'|'.join(get_args(AgentClass))})-[1-6]$"
 _FIELDS = ("entry", "exit", "movement", "crosswalk")
 _WORD = re.compile(r"[a-z]+")
 _COMMON = frozenset(
@@ -58,19 +58,24 @@ class PlanReply(
         ]
     ]
 ):
-    """A social graph, or the reason why there can be none, as such or under the key `refused`."""
+    """A social graph, or a refusal: as such, under the key `refused`, or with its code there."""
 
     @model_validator(mode="before")
     @classmethod
     def _one_of_the_two(cls, value: Any) -> Any:
-        if not isinstance(value, Mapping) or "refused" not in value:
+        if not isinstance(value, Mapping) or "code" in value:
             return value
-        rest = {key: each for key, each in value.items() if key != "refused"}
-        if value["refused"] is None:
+        rest = {key: each for key, each in value.items() if key not in ("refused", "reason")}
+        code = value.get("refused")
+        if code is None:  # of a plan the reason is not asked, and does no harm
             return rest
         if rest.get("agents") or rest.get("relations"):
             raise ValueError("either 'refused' or agents and relations, not both")
-        return value["refused"]
+        if not isinstance(code, str):
+            return code
+        if not value.get("reason"):
+            raise ValueError("a refusal needs its 'reason'")
+        return {"code": code, "reason": value["reason"]}
 
 
 @dataclass(frozen=True)
@@ -115,51 +120,59 @@ FOUR_LEGS = _four_legs()
 
 def plan_schema(ways: Sequence[Way], told: Sequence[Pattern]) -> Schema:
     """The reply's schema: sides, crosswalks and patterns are those there are."""
-    sides = one_of(side for way in ways for side in (way.entry, way.exit))
+    legs = one_of(side for way in ways for side in (way.entry, way.exit))
     crossed = [way.crosswalk for way in ways if way.crosswalk is not None]
-    ids = one_of(_IDS)
+    who, side, point = shared("id"), shared("side"), shared("point")
     agent = {
-        "id": ids,
+        "id": who,
         "type": one_of(get_args(AgentClass)),
         "subtype": one_of(get_args(Subtype)),
-        "entry": sides,
-        "exit": sides,
+        "entry": side,
+        "exit": side,
         "movement": one_of([*(way.movement for way in ways), "uturn"]),
-        **({"crosswalk": one_of(crossed)} if crossed else {}),
+        **({"crosswalk": _crosswalks(crossed, legs)} if crossed else {}),
         "runs_red": {"type": "boolean"},
     }
     relation = {
         "type": one_of(get_args(RelationType)),
-        "from": ids,
-        "to": ids,
+        "from": who,
+        "to": who,
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
         **({"pattern": one_of(each.id for each in told)} if told else {}),
         "target_pet": number(0, 8),
         "target_ttc": number(0, 8),
         "impact_speed": number(0.1, 20),
-        "point_from": one_of(get_args(ImpactPoint)),
-        "point_to": one_of(get_args(ImpactPoint)),
+        "point_from": point,
+        "point_to": point,
     }
-    drivers = one_of(each for each in _IDS if each.startswith("vehicle"))
-    tie = {"agent": drivers, "of": drivers, "side": one_of(get_args(EntrySide))}
-    others = {"vehicles": whole(0, 20), "pedestrians": whole(0, 20)}
+    tie = {"agent": who, "of": who, "side": one_of(get_args(EntrySide))}
+    count = whole(0, 20)
     context = {
         "density": one_of(get_args(Density)),
         "time_of_day": text(TIME),
-        "background": closed(others),
+        "background": closed({"vehicles": count, "pedestrians": count}),
     }
     codes = one_of(("out_of_scope", "contradictory", "impossible"))
     return closed(
         {
-            "refused": closed({"code": codes, "reason": text()}, required=("code", "reason")),
+            # What ends everything comes last: decoders keep to this order, and a weak model
+            # takes the first key that it is offered.
             "agents": listed(closed(agent, required=("id", "type")), most=6),
             "relations": listed(closed(relation, required=("type", "from", "to")), most=6),
             "ties": listed(closed(tie, required=tie), most=6),
             "context": closed(context),
+            "refused": codes,
+            "reason": text(),
         },
         required=("agents", "relations"),  # said even where there are none
+        defs={"id": text(ID), "side": legs, "point": one_of(get_args(ImpactPoint))},
     )
+
+
+def _crosswalks(crossed: Sequence[str], legs: Schema) -> Schema:
+    """The legs that have one; mostly all."""
+    return shared("side") if set(crossed) == set(legs["enum"]) else one_of(crossed)
 
 
 def patterns_told(instruction: str) -> tuple[Pattern, ...]:

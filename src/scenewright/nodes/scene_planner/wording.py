@@ -2,14 +2,39 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from scenewright.backends import Wording
 from scenewright.nodes.scene_planner.reply import Way, patterns_told, plan_schema
-from scenewright.nodes.wording import Example, examples_told, faults_told, quoted, worded
+from scenewright.nodes.wording import (
+    LONGEST_REQUEST,
+    Example,
+    faults_told,
+    quoted,
+    worded,
+)
 from scenewright.scene.relations import Pattern
 
 _PHRASES = 2
+_RUSH = r"\b(rush|peak|commut)"
+_TIMES = (
+    ("dawn", "04:30-07:30", r"\b(dawn|sunrise|daybreak|sun-?up|first light)"),
+    ("early morning", "04:00-08:30", r"\b(early|first thing)"),
+    ("morning", "06:00-12:00", r"\b(morning|forenoon)"),
+    ("morning rush", "06:30-10:00", rf"(?s)(?=.*morning).*{_RUSH}"),
+    ("rush hour", "07:00-09:30", _RUSH),
+    ("noon", "11:00-13:00", r"\b(noon|mid-?day)"),
+    ("lunch", "11:00-14:30", r"\blunch"),
+    ("afternoon", "12:00-18:00", r"\bafternoon"),
+    ("evening rush", "15:30-19:30", rf"(?s)(?=.*(evening|afternoon)).*{_RUSH}"),
+    ("evening", "17:00-22:00", r"\bevening"),
+    ("dusk", "16:30-21:30", r"\b(dusk|sunset|sundown|twilight|nightfall)"),
+    ("night", "19:00-05:30", r"\b(night|dark|nocturnal)|tonight"),
+    ("late night", "21:30-04:00", r"\blate\b.*night|\b(small hours|after dark)"),
+    ("midnight", "23:30-00:30", r"\bmidnight"),
+)
+"""A time of day in words, what it means (SEMANTICS 3), and words by which a request asks for it."""
 
 
 def worded_plan(
@@ -22,30 +47,37 @@ def worded_plan(
 ) -> Wording:
     """What a model is asked for a social graph, and the schema of its reply."""
     told = patterns_told(instruction)
-    legs = dict.fromkeys(side for way in ways for side in (way.entry, way.exit))
-    crosswalks = dict.fromkeys(way.crosswalk for way in ways if way.crosswalk is not None)
     values = {
-        "legs": ", ".join(legs),
-        "crosswalks": ", ".join(crosswalks) or "none",
-        "ways": _ways(ways),
+        "crosswalks": crosswalks_told(ways),
+        "ways": ways_told(ways),
         "patterns": _patterns(told),
-        "examples": examples_told(examples),
+        "times": times_told(f"{instruction} {previous or ''}"),
         "previous": _previous(previous),
         "instruction": quoted(instruction),
         "faults": faults_told(rejections),
     }
-    return worded("scene_planner", "prompt.md", values, schema=plan_schema(ways, told))
+    return worded(
+        "scene_planner", "prompt.md", values, schema=plan_schema(ways, told), examples=examples
+    )
 
 
-def _ways(ways: Sequence[Way]) -> str:
-    """Vehicles' ways by entry: "from north: left to east, straight to south"."""
-    by_entry: dict[str, list[str]] = {}
+def ways_told(ways: Sequence[Way]) -> str:
+    """Vehicles' ways by entry: "north (left east, straight south)"; every leg is there."""
+    legs = dict.fromkeys(side for way in ways for side in (way.entry, way.exit))
+    by_entry: dict[str, list[str]] = {leg: [] for leg in legs}
     for way in ways:
         if way.type == "vehicle" and way.movement != "uturn":
-            words = f"{way.movement} to {way.exit}"
-            found = by_entry.setdefault(way.entry, [])
+            words = f"{way.movement} {way.exit}"
+            found = by_entry[way.entry]
             found += [] if words in found else [words]
-    return "; ".join(f"from {entry} {', '.join(found)}" for entry, found in by_entry.items())
+    return ", ".join(f"{leg} ({', '.join(found) or 'none'})" for leg, found in by_entry.items())
+
+
+def crosswalks_told(ways: Sequence[Way]) -> str:
+    """The legs that have one."""
+    legs = {side for way in ways for side in (way.entry, way.exit)}
+    found = dict.fromkeys(way.crosswalk for way in ways if way.crosswalk is not None)
+    return "on all" if legs == found.keys() else ", ".join(found) or "none"
 
 
 def _patterns(told: Sequence[Pattern]) -> str:
@@ -57,7 +89,14 @@ def _patterns(told: Sequence[Pattern]) -> str:
             for each in pattern.phrases[:_PHRASES]
         ]
         lines.append(f"{pattern.id} ({pattern.relation}): {' / '.join(phrases)}\n")
-    return "".join(["Patterns:\n", *lines]) if lines else ""
+    return "".join(["Patterns, where the request uses their words:\n", *lines]) if lines else ""
+
+
+def times_told(request: str) -> str:
+    """The times of day that the request may speak of; a model need not hear of the others."""
+    words = request[:LONGEST_REQUEST].lower()
+    told = [f"{name} {means}" for name, means, said in _TIMES if re.search(said, words)]
+    return f"Times: {', '.join(told)}.\n" if told else ""
 
 
 def _previous(previous: str | None) -> str:
@@ -65,6 +104,6 @@ def _previous(previous: str | None) -> str:
     if previous is None or not previous.strip():
         return ""
     return (
-        f"Earlier request: {quoted(previous)}. Unless the request stands alone it changes this "
-        "one; then answer with the whole scene as changed.\n"
+        f"Earlier request: {quoted(previous)}. Unless the new one stands alone it changes this; "
+        "then answer with the whole scene.\n"
     )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from scenewright.errors import Rejected
-from scenewright.nodes.schema import Schema, closed, listed, number, one_of
+from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import (
     Clause,
@@ -63,50 +64,105 @@ class ProgramReply(BaseModel):
         return ConstraintProgram(clauses=self.clauses or ())
 
 
-def program_schema(agents: Sequence[Mapping[str, str]], legs: Sequence[str]) -> Schema:
-    """The reply's schema: agents and legs are those there are."""
-    names = [agent["id"] for agent in agents]
-    anybody = one_of(names)
-    drivers = one_of(name for name in names if name.startswith("vehicle"))
-    pair = {"first": anybody, "second": anybody}
-    metres, seconds = number(0.1, 200), {"low": number(0, 10), "high": number(0.1, 10)}
-    kinds: dict[str, Schema] = {
-        "min_length": {"agent": anybody, "metres": metres},
-        "speed": {"agent": anybody, "low": number(0, 20), "high": number(0.1, 20)},
-        "passes_through": {
-            "agent": anybody,
-            "region": one_of(("crosswalk", "leg")),
-            "leg": one_of(legs),
-        },
-        "runs_red": {"agent": anybody},
-        "same_lane": {**pair, "metres": metres},
-        "headway": {**pair, "low": number(0.1, 10), "high": number(0.1, 10)},
-        "before": pair,
-        "time_gap": {**pair, **seconds},
-        "contact": {
-            **pair,
-            "kind": one_of(get_args(CollisionKind)),
-            "speed": number(0.1, 20),
-            "point_first": one_of(get_args(ImpactPoint)),
-            "point_second": one_of(get_args(ImpactPoint)),
-            "cause": one_of(("late_brake",)),
-        },
-        "gives_way": pair,
-    }
-    if any(name.startswith("vehicle") for name in names):
-        limits = {"low": number(0, 8), "high": number(0.1, 8)}
-        kinds["brakes_for"] = {"first": drivers, "second": anybody, **limits}
-    if len(names) < 2:
-        kinds = {name: keys for name, keys in kinds.items() if "second" not in keys}
+_SPEED_TOLD = re.compile(r"\bkm|kmh|mph|kph|m/s|per (hour|second)", re.IGNORECASE)
+_AGENT: dict[str, Schema] = {"agent": shared("agent")}
+_PAIR: dict[str, Schema] = {"first": shared("agent"), "second": shared("agent")}
+_RANGE = {"low": number(0, 20), "high": number(0.1, 20)}
+_METRES = {"metres": number(0.1, 200)}
+_CONTACT: dict[str, Schema] = {
+    "kind": one_of(get_args(CollisionKind)),
+    "speed": number(0.1, 20),
+    "point_first": shared("point"),
+    "point_second": shared("point"),
+    "cause": one_of(("late_brake",)),
+}
+_KEYS: dict[str, dict[str, Schema]] = {
+    "min_length": _AGENT | _METRES,
+    "speed": _AGENT | _RANGE,
+    "passes_through": _AGENT | {"region": one_of(("crosswalk", "leg")), "leg": shared("leg")},
+    "runs_red": _AGENT,
+    "near": _PAIR | _METRES,
+    "same_lane": _PAIR | _METRES,
+    "headway": _PAIR | _RANGE,
+    "before": _PAIR,
+    "time_gap": _PAIR | _RANGE,
+    "contact": _PAIR | _CONTACT,
+    "gives_way": _PAIR,
+    "brakes_for": _PAIR | _RANGE,
+    "no_interaction": _PAIR,
+}
+"""By clause: its keys."""
+
+Offer = Mapping[str, tuple[str, ...]]
+"""Clauses that a program may hold, each with its keys."""
+
+
+def offered(
+    relations: Sequence[Mapping[str, Any]], *, violators: Sequence[str], instruction: str
+) -> Offer:
+    """What a program for these relations may need; a model need not hear of anything else.
+
+    Args:
+        relations: with the severity asked for, and under "wants" the clauses of their patterns.
+    """
+    wanted = [clause for each in relations for clause in each["wants"]]
+    found = {clause["clause"] for clause in wanted}
+    for each in relations:
+        found |= set(_SERVES[each["type"]][:1])
+        if "target_pet" in each:
+            found.add("time_gap")
+        if "target_ttc" in each or (each["type"] == "near_miss" and "cause" in each):
+            found.add("brakes_for")
+    found |= {"runs_red"} if violators else set()
+    found |= {"speed"} if _SPEED_TOLD.search(instruction) else set()
+    keys = {kind: tuple(_KEYS[kind]) for kind in _KEYS if kind in found}
+    if "contact" in keys:
+        keys["contact"] = (*_PAIR, *(key for key in _CONTACT if _told(key, wanted, relations)))
+    return keys
+
+
+def _told(
+    key: str, wanted: Sequence[Mapping[str, Any]], relations: Sequence[Mapping[str, Any]]
+) -> bool:
+    """Whether a contact is to be closer described by this key."""
+    if any(clause["clause"] == "contact" and key in clause for clause in wanted):
+        return True
+    match key:
+        case "speed":
+            return any("impact_speed" in each for each in relations)
+        case "cause":
+            return any(each.get("cause") == "late_brake" for each in relations)
+        case "point_first" | "point_second":
+            return any("point_from" in each or "point_to" in each for each in relations)
+    return False
+
+
+def program_schema(
+    agents: Sequence[Mapping[str, str]], legs: Sequence[str], offer: Offer
+) -> Schema:
+    """The reply's schema: agents and legs are those there are, clauses those that are offered.
+
+    Clauses with the same keys are one alternative.
+    """
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for kind, keys in (offer or {"min_length": tuple(_KEYS["min_length"])}).items():
+        alike.setdefault((kind,) if kind == "contact" else keys, []).append(kind)
+    forms = [_form(kinds, offer) for kinds in alike.values()]
+    named = {key for keys in offer.values() for key in keys}
+    defs = {"agent": one_of(agent["id"] for agent in agents)}
+    defs |= {"leg": one_of(legs)} if "leg" in named else {}
+    defs |= {"point": one_of(get_args(ImpactPoint))} if "point_first" in named else {}
+    clauses = listed(forms[0] if len(forms) == 1 else {"anyOf": forms}, most=40)
+    return closed({"clauses": clauses}, required=("clauses",), defs=defs)
+
+
+def _form(kinds: Sequence[str], offer: Offer) -> Schema:
+    known = _KEYS[kinds[0]]
+    keys = {key: known[key] for key in offer.get(kinds[0], known)}
     return closed(
-        {"clauses": listed({"anyOf": [_clause(name, kinds[name]) for name in kinds]}, most=40)},
-        required=("clauses",),
+        {"clause": one_of(kinds), **keys},
+        required=("clause", *(key for key in keys if key not in _CONTACT)),
     )
-
-
-def _clause(name: str, keys: Mapping[str, Schema]) -> Schema:
-    needed = ("first", "second") if name == "contact" else keys
-    return closed({"clause": one_of((name,)), **keys}, required=("clause", *needed))
 
 
 def wanted_by(

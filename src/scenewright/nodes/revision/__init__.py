@@ -1,0 +1,78 @@
+"""A turn of a conversation read by a language model: what the words change in the scene as it is.
+
+The model is shown who is there and answers with edits, a question back or a refusal. What it says
+becomes the same typed values that the grammar makes of words, and passes the same checks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from scenewright.backends import Account, Backend, Question, unaccounted
+from scenewright.errors import Rejected
+from scenewright.nodes.ask import ask
+from scenewright.nodes.revision.reply import EditsReply, read_as
+from scenewright.nodes.revision.wording import worded_edits
+from scenewright.nodes.scene_planner import Way
+from scenewright.scene.edits import Reading, Situation
+
+_ATTEMPTS = 3
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Words, and what they are read against.
+
+    Attributes:
+        before: what was said so far; chosen: answers to questions about the words.
+        ways: of the map.
+    """
+
+    words: str
+    situation: Situation
+    before: str
+    ways: Sequence[Way]
+    chosen: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_by_model(
+    turn: Turn, *, backend: Backend, seed: int, account: Account = unaccounted
+) -> Reading | None:
+    """What the backend takes the words for; None if nothing that it says can be used.
+
+    Raises:
+        BackendFault: the backend cannot answer at all.
+    """
+    faults: tuple[str, ...] = ()
+    for _ in range(_ATTEMPTS):
+        question = _question(turn, faults, seed, account)
+        try:
+            reply = ask(backend, question, EditsReply, stage="scene_planner")
+            return read_as(reply, turn.situation, ways=turn.ways, chosen=turn.chosen)
+        except Rejected as error:
+            faults = (*faults, error.rejection.detail)
+    return None
+
+
+def _question(turn: Turn, faults: tuple[str, ...], seed: int, account: Account) -> Question:
+    return Question(
+        task="edits",
+        facts={
+            "words": turn.words,
+            "before": turn.before,
+            "chosen": dict(turn.chosen),
+            **turn.situation.model_dump(mode="json", by_alias=True),
+        },
+        rejections=faults,
+        seed=seed,
+        wording=lambda: worded_edits(
+            turn.words,
+            turn.situation,
+            before=turn.before,
+            ways=turn.ways,
+            chosen=turn.chosen,
+            rejections=faults,
+        ),
+        account=account,
+    )

@@ -1,0 +1,442 @@
+"""What a model may say of a turn: the reply model, its schema for a scene, what it amounts to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import count, islice
+from typing import Annotated, Any, Literal, Self, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from scenewright.backends.builtin.references import which
+from scenewright.errors import Rejected
+from scenewright.nodes.scene_planner import Way
+from scenewright.nodes.scene_planner.reply import TIME, completed
+from scenewright.nodes.schema import (
+    Schema,
+    closed,
+    listed,
+    number,
+    one_of,
+    shared,
+    text,
+    whole,
+)
+from scenewright.scene.base import AgentClass, AgentId
+from scenewright.scene.edits import (
+    AddAgent,
+    ChangeAgent,
+    ChangeContext,
+    ComeLater,
+    Decline,
+    Edit,
+    Edits,
+    Fresh,
+    MoveStop,
+    Present,
+    Reading,
+    Redraw,
+    Relate,
+    RemoveAgent,
+    SetBackground,
+    SetPace,
+    Situation,
+    Unrelate,
+    WaitLonger,
+    edited,
+)
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.social import (
+    AgentNode,
+    Cause,
+    CollisionKind,
+    Density,
+    ImpactPoint,
+    RelationEdge,
+    RelationType,
+    SocialGraph,
+    Subtype,
+)
+
+_MOST_EDITS = 12
+_NEW = 2
+"""Ids that are free for somebody new, of each class."""
+
+_FIGURES = re.compile(
+    r"\d|pet\b|ttc\b|second|metre|meter|m/s|km|mph|speed|fast|slow|half|one|two|three|four|five",
+    re.IGNORECASE,
+)
+_PARTS = re.compile(
+    r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
+    re.IGNORECASE,
+)
+_IN_GRAPH = (AddAgent, ChangeAgent, Relate, Unrelate, ChangeContext)
+"""Edits that leave everything as it is where they leave the graph."""
+
+_WAY = ("exit", "movement", "entry", "crosswalk")
+"""What tells an agent's way; of what was so before, the first is let go first."""
+
+
+class _Line(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class AgentLine(_Line):
+    """Somebody who is to be otherwise, or is new."""
+
+    edit: Literal["change_agent", "add_agent"]
+    agent: AgentId
+    subtype: str | None = None
+    entry: str | None = None
+    exit: str | None = None
+    movement: str | None = None
+    crosswalk: str | None = None
+    runs_red: bool | None = None
+
+
+class RemoveLine(_Line):
+    """Somebody who is to go."""
+
+    edit: Literal["remove_agent"]
+    agent: AgentId
+
+
+class RedrawLine(_Line):
+    """Somebody, or everybody, who is to take another path."""
+
+    edit: Literal["redraw"]
+    agent: AgentId | None = None
+
+
+class RelateLine(_Line):
+    """What is to happen between two; `none` ends it."""
+
+    edit: Literal["relate"]
+    from_: AgentId = Field(alias="from")
+    to: AgentId
+    type: RelationType | Literal["none"]
+    kind: str | None = None
+    cause: str | None = None
+    target_pet: float | None = None
+    target_ttc: float | None = None
+    impact_speed: float | None = None
+    point_from: str | None = None
+    point_to: str | None = None
+
+
+class PaceLine(_Line):
+    """Somebody slower or faster: by a factor, or at a speed [m/s]."""
+
+    edit: Literal["set_pace"]
+    agent: AgentId
+    factor: float | None = Field(default=None, gt=0)
+    speed: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.factor is None) == (self.speed is None):
+            raise ValueError("set_pace needs either 'factor' or 'speed'")
+        return self
+
+
+class AmountLine(_Line):
+    """A stop that is to be further along [m], a wait that is longer, an entry that is later [s]."""
+
+    edit: Literal["move_stop", "wait_longer", "come_later"]
+    agent: AgentId
+    by: float
+
+
+class ContextLine(_Line):
+    """What shall be new of density and time of day, and how many others there shall be."""
+
+    edit: Literal["change_context"]
+    density: str | None = None
+    time_of_day: str | None = None
+    vehicles: int | None = None
+    pedestrians: int | None = None
+
+
+Line = (
+    AgentLine | RemoveLine | RedrawLine | RelateLine | PaceLine | AmountLine | ContextLine
+)  # fmt: skip
+
+
+class AskLine(_Line):
+    """Words that may mean any of several agents."""
+
+    about: str = Field(min_length=1, max_length=40)
+    among: tuple[AgentId, ...] = Field(min_length=2, max_length=24)
+
+
+class EditsReply(BaseModel):
+    """Edits; or in their place a question, a scene of its own or a refusal."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    edits: tuple[Annotated[Line, Field(discriminator="edit")], ...] = Field(
+        default=(), max_length=_MOST_EDITS
+    )
+    ask: AskLine | None = None
+    fresh: bool | None = None
+    refused: Literal["out_of_scope", "contradictory", "impossible", "no_change"] | None = None
+    reason: str | None = Field(default=None, max_length=400)
+
+    @model_validator(mode="after")
+    def _one_thing(self) -> Self:
+        told = [self.edits, self.ask, self.fresh, self.refused]
+        if sum(bool(each) for each in told) != 1:
+            raise ValueError("say one thing: edits, or with none of them ask, fresh or refused")
+        if self.refused and not self.reason:
+            raise ValueError("a refusal needs its 'reason'")
+        return self
+
+
+def new_ids(situation: Situation) -> list[str]:
+    """Ids that nobody has, the first of each class."""
+    taken = {each.id for each in situation.present} | {e.id for e in situation.graph.agents}
+    found: list[str] = []
+    for kind in get_args(AgentClass):
+        free = (name for n in count(1) if (name := f"{kind}-{n}") not in taken)
+        found += islice(free, _NEW)
+    return found
+
+
+def edits_schema(
+    situation: Situation, named: Sequence[str], ways: Sequence[Way], words: str
+) -> Schema:
+    """The reply's schema: agents, sides and new ids are those there are.
+
+    Args:
+        named: ids of those that the words may mean.
+        words: figures and places on a vehicle are asked for where they may speak of them.
+    """
+    who, side = shared("agent"), shared("side")
+    node = {
+        "subtype": one_of(get_args(Subtype)),
+        "entry": side,
+        "exit": side,
+        "movement": one_of(way.movement for way in ways),
+        "crosswalk": side,
+        "runs_red": {"type": "boolean"},
+    }
+    relation: dict[str, Schema] = {
+        "kind": one_of(get_args(CollisionKind)),
+        "cause": one_of(get_args(Cause)),
+    }
+    points = _PARTS.search(words) is not None
+    if _FIGURES.search(words):
+        relation |= {"target_pet": number(0, 8), "target_ttc": number(0, 8)}
+        relation["impact_speed"] = number(0.1, 20)
+    if points:
+        relation |= {"point_from": shared("point"), "point_to": shared("point")}
+    ends = {"from": who, "to": who, "type": one_of((*get_args(RelationType), "none"))}
+    context = {
+        "density": one_of(get_args(Density)),
+        "time_of_day": text(TIME),
+        "vehicles": whole(0, 20),
+        "pedestrians": whole(0, 20),
+    }
+    forms = [
+        _form(("change_agent", "add_agent"), {"agent": who}, node),
+        _form(("remove_agent", "redraw"), {}, {"agent": who}),
+        _form(("relate",), ends, relation),
+        _form(("set_pace",), {"agent": who}, {"factor": number(0.3, 2), "speed": number(0.1, 20)}),
+        _form(("move_stop", "wait_longer", "come_later"), {"agent": who, "by": number(-20, 20)}),
+        _form(("change_context",), {}, context),
+    ]
+    asked = {"about": text(), "among": listed(who, least=2, most=6)}
+    return closed(
+        {
+            "edits": listed({"anyOf": forms}, most=_MOST_EDITS),
+            "ask": closed(asked, required=asked),
+            "fresh": {"type": "boolean"},
+            "refused": one_of(("out_of_scope", "contradictory", "impossible", "no_change")),
+            "reason": text(),
+        },
+        required=("edits",),
+        defs={
+            "agent": one_of([*named, *new_ids(situation)]),
+            "side": one_of(side for way in ways for side in (way.entry, way.exit)),
+            **({"point": one_of(get_args(ImpactPoint))} if points else {}),
+        },
+    )
+
+
+def _form(
+    kinds: Sequence[str], needed: Mapping[str, Schema], at_will: Mapping[str, Schema] | None = None
+) -> Schema:
+    keys = {"edit": one_of(kinds), **needed}
+    return closed({**keys, **(at_will or {})}, required=keys)
+
+
+def read_as(
+    reply: EditsReply, situation: Situation, *, ways: Sequence[Way], chosen: Mapping[str, str]
+) -> Reading:
+    """What the reply amounts to, as a reading of the words.
+
+    Raises:
+        Rejected: it names whom or what there is not, or changes nothing; says what.
+    """
+    if reply.refused is not None:
+        return Decline(code=reply.refused, reason=str(reply.reason))
+    if reply.fresh:
+        return Fresh()
+    if reply.ask is not None:
+        return which(_among(reply.ask, situation, chosen), reply.ask.about)
+    reader = _Reader(situation, ways)
+    for line in reply.edits:
+        reader.take(line)
+    if not reader.found:
+        raise _refused("these edits leave everything as it is")
+    return Edits(edits=tuple(reader.found))
+
+
+def _among(asked: AskLine, situation: Situation, chosen: Mapping[str, str]) -> list[Present]:
+    here = {each.id: each for each in situation.present}
+    if chosen:
+        told = ", ".join(f"{noun}: {name}" for noun, name in chosen.items())
+        raise _refused(f"ask: it was answered already ({told}); give the edits")
+    for name in asked.among:
+        if name not in here:
+            raise _refused(f"ask: there is no {name} in the scene")
+    found = [here[name] for name in dict.fromkeys(asked.among)]
+    if len(found) < 2:
+        raise _refused("ask: there is nothing to ask where only one agent is meant")
+    return found
+
+
+class _Reader:
+    """The edits so far, and the graph that they leave."""
+
+    def __init__(self, situation: Situation, ways: Sequence[Way]) -> None:
+        self.found: list[Edit] = []
+        self._graph, self._ways = situation.graph, ways
+        self._present = {each.id: each for each in situation.present}
+        self._free = new_ids(situation)
+
+    def take(self, line: Line) -> None:
+        """One line more.
+
+        Raises:
+            Rejected: it cannot be; says why.
+        """
+        try:
+            made = self._context(line) if isinstance(line, ContextLine) else (self._edit(line),)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise _refused(f"{line.edit}: {where}: {first['msg']}") from error
+        for edit in made:
+            graph = edited(self._graph, (edit,))
+            if not (isinstance(edit, _IN_GRAPH) and graph == self._graph):
+                self.found.append(edit)
+            self._graph = graph
+
+    def _edit(self, line: Line) -> Edit:
+        match line:
+            case AgentLine(edit="add_agent"):
+                return AddAgent(node=self._new(line))
+            case AgentLine():
+                return ChangeAgent(node=self._other(line))
+            case RemoveLine():
+                return RemoveAgent(agent=self._here(line.agent))
+            case RedrawLine():
+                return Redraw(agent=None if line.agent is None else self._here(line.agent))
+            case RelateLine():
+                return self._related(line)
+            case PaceLine():
+                agent = self._present[self._here(line.agent)]
+                factor = line.factor or (line.speed or 0.0) / max(agent.speed, 0.1)
+                return SetPace(agent=line.agent, factor=round(factor, 3))
+            case AmountLine(edit="move_stop"):
+                return MoveStop(agent=self._standing(line.agent), metres=line.by)
+            case AmountLine(edit="wait_longer"):
+                return WaitLonger(agent=self._standing(line.agent), seconds=line.by)
+            case AmountLine():
+                return ComeLater(agent=self._here(line.agent), seconds=line.by)
+        raise TypeError(f"{line.edit} is read elsewhere")
+
+    def _related(self, line: RelateLine) -> Relate | Unrelate:
+        for name in (line.from_, line.to):
+            self._taking_part(name)
+        if line.type != "none":
+            told = line.model_dump(by_alias=True, exclude={"edit"})
+            return Relate(edge=RelationEdge.model_validate(told))
+        pair = {line.from_, line.to}
+        if not any({each.from_, each.to} == pair for each in self._graph.relations):
+            raise _refused(f"nothing happens between {line.from_} and {line.to} as it is")
+        return Unrelate(first=line.from_, second=line.to)
+
+    def _here(self, name: str) -> str:
+        if name not in self._present:
+            raise _refused(f"there is no {name} in the scene")
+        return name
+
+    def _standing(self, name: str) -> str:
+        if not self._present[self._here(name)].stops:
+            raise _refused(f"{name} does not stop anywhere in this scene")
+        return name
+
+    def _taking_part(self, name: str) -> None:
+        if name in {each.id for each in self._graph.agents}:
+            return
+        if name in self._present:
+            raise _refused(f"{name} is one of the others; add_agent somebody who takes part")
+        raise _refused(f"there is no {name} in the scene; add_agent comes first")
+
+    def _context(self, line: ContextLine) -> list[Edit]:
+        was, found = self._graph.context, list[Edit]()
+        told = {
+            "density": line.density or was.density,
+            "time_of_day": line.time_of_day or was.time_of_day,
+        }
+        if line.density or line.time_of_day:
+            found.append(ChangeContext.model_validate(told))
+        if line.vehicles is not None or line.pedestrians is not None:
+            found.append(SetBackground(vehicles=line.vehicles, pedestrians=line.pedestrians))
+        if not found:
+            raise _refused("change_context: nothing is said that shall be new")
+        return found
+
+    def _new(self, line: AgentLine) -> AgentNode:
+        if line.agent in self._present or line.agent in {e.id for e in self._graph.agents}:
+            raise _refused(f"add_agent: {line.agent} is there already; take {self._free[0]}")
+        node = {"id": line.agent, "type": line.agent.partition("-")[0]}
+        return self._fitting(AgentNode.model_validate(node), line)
+
+    def _other(self, line: AgentLine) -> AgentNode:
+        self._taking_part(line.agent)
+        if not _told(line):
+            raise _refused(f"change_agent: nothing is said that {line.agent} shall be")
+        return self._fitting(self._graph.agent(line.agent), line)
+
+    def _fitting(self, node: AgentNode, line: AgentLine) -> AgentNode:
+        """The agent with what is told of it, and of its way before as much as goes with that."""
+        told = _told(line)
+        was = {each: getattr(node, each) for each in _WAY}
+        changed = any(told.get(key, was[key]) != was[key] for key in _WAY)
+        kept = [each for each in _WAY if each not in told and was[each] is not None]
+        for gone in range(len(kept) + 1 if changed else 1):
+            values = {**dict.fromkeys(kept[:gone]), **told}
+            made = AgentNode.model_validate({**node.model_dump(), **values})
+            if not changed or any(_serves(way, made) for way in self._ways):
+                alone = SocialGraph(agents=(made,))
+                return completed(alone, self._ways).agents[0] if changed else made
+        words = ", ".join(f"{key} {value}" for key, value in told.items() if key in _WAY)
+        raise _refused(f"{node.id}: there is no way here with {words}")
+
+
+def _told(line: AgentLine) -> dict[str, Any]:
+    return line.model_dump(exclude={"edit", "agent"}, exclude_none=True)
+
+
+def _serves(way: Way, node: AgentNode) -> bool:
+    return way.type == node.type and all(
+        getattr(node, each) in (None, getattr(way, each)) for each in _WAY
+    )
+
+
+def _refused(detail: str) -> Rejected:
+    return Rejected(Rejection(stage="scene_planner", code="contradictory", detail=detail))
