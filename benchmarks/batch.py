@@ -2,8 +2,10 @@
 
 `python benchmarks/batch.py --rows 1000 --kills 20`: one run undisturbed, one killed (`kill -9` on
 the command, its workers left to find out) so many times at random moments and gone on with; every
-file but the journal must be the same. `--memory 100 1000` prints the peak memory of the command
-and of its largest worker, and the seconds a scene, for each number of rows.
+file but the journal must be the same. `--kills 0 --memory 100 1000 3000 10000` prints, for each
+number of rows, the peak memory of the command and of its largest worker, and what a row costs:
+processor time of all processes, seconds, disk, and how long the same command needs to find that
+nothing is left to do.
 """
 
 from __future__ import annotations
@@ -145,21 +147,38 @@ def kill_benchmark(count: int, kills: int, words: list[str]) -> None:
 
 
 def memory_benchmark(counts: list[int], words: list[str]) -> None:
+    titles = (
+        "rows", "command", "largest worker", "all processes", "processor time a row",
+        "seconds a row", "disk a row", "said again, nothing to do",
+    )  # fmt: skip
+    print(f"| {' | '.join(titles)} |\n" + "|---" * len(titles) + "|", flush=True)
     for count in counts:
         with tempfile.TemporaryDirectory() as folder:
-            rows = write_rows(Path(folder) / "rows.jsonl", count)
-            begin = time.perf_counter()
-            run = start(rows, Path(folder) / "out", words)
-            watch = Memory(run.pid)
-            watch.start()
-            _, error = run.communicate()
-            seconds = time.perf_counter() - begin
-            assert run.returncode == 0, error.decode()
+            rows, out = write_rows(Path(folder) / "rows.jsonl", count), Path(folder) / "out"
+            watch, seconds, cpu = measured(rows, out, words)
+            made = json.loads((out / "manifest.json").read_bytes())["rows"]["made"]
+            assert made == count, f"{made} of {count} made"
+            disk = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+            _, again, _ = measured(rows, out, words)
         print(
-            f"{count} rows: command {watch.parent:.0f} MB, largest worker {watch.child:.0f} MB, "
-            f"all {watch.total:.0f} MB; {seconds:.0f} s, {1000 * seconds / count:.0f} ms a row",
+            f"| {count} | {watch.parent:.0f} MB | {watch.child:.0f} MB | {watch.total:.0f} MB "
+            f"| {1000 * cpu / count:.0f} ms | {1000 * seconds / count:.0f} ms "
+            f"| {disk / count / 1000:.0f} kB | {again:.1f} s |",
             flush=True,
         )
+
+
+def measured(rows: Path, out: Path, words: list[str]) -> tuple[Memory, float, float]:
+    """A run watched to its end; wall seconds, and processor seconds of all its processes."""
+    begin = time.perf_counter()
+    run = start(rows, out, words)
+    watch = Memory(run.pid)
+    watch.start()
+    _, status, used = os.wait4(run.pid, 0)
+    assert os.waitstatus_to_exitcode(status) == 0, run.stderr and run.stderr.read().decode()
+    run.returncode = 0
+    # A worker counts for the command once it has been waited for, and all have been.
+    return watch, time.perf_counter() - begin, used.ru_utime + used.ru_stime
 
 
 def main() -> None:

@@ -6,27 +6,32 @@ import numpy as np
 import pytest
 
 from scenewright import synthesize
-from scenewright.evals.fidelity import Weighed, lines, main, markdown, weigh
+from scenewright.evals.fidelity import lines, main, markdown, weigh
+from scenewright.evals.tables.likelihood import AgentScore
 
 
-def agents(relation: str, nll: float, *, scene: int, role: str = "foreground") -> list[Weighed]:
-    return [Weighed(scene + k, relation, "vehicle", role, nll, nll - 1.0) for k in range(4)]
+def agents(relation: str, nll: float, *, scene: int, role: str = "foreground") -> list[AgentScore]:
+    return [
+        AgentScore(scene + k, relation, role, "vehicle", {"drawn": nll}, nll - 1.0)
+        for k in range(4)
+    ]
 
 
 def test_less_likely_than_normal_is_a_positive_difference_and_the_sign_of_s2r_follows_eq_8():
     normal = agents("normal", -10.0, scene=0, role="background")
     rows = {(r.relation, r.role): r for r in lines([*normal, *agents("yielding", -8.0, scene=9)])}
     event = rows["yielding", "foreground"]
-    assert event.delta == pytest.approx(0.2)  # 2 nats over ten waypoints
-    assert event.s2r == pytest.approx((-10.0 - -8.0) / -10.0)
-    assert (event.low, event.high) == pytest.approx((0.2, 0.2))
+    assert event.gap is not None
+    assert event.gap.delta == pytest.approx(0.2)  # 2 nats over ten waypoints
+    assert event.gap.s2r == pytest.approx((-10.0 - -8.0) / -10.0)
+    assert event.gap.delta_interval == pytest.approx((0.2, 0.2))
     assert event.of_route == pytest.approx(0.1)
-    assert rows["normal", "background"].s2r is None
+    assert rows["normal", "background"].gap is None
 
 
 def test_without_normal_scenes_only_the_own_route_is_compared():
     (row,) = lines(agents("follow", -5.0, scene=0))
-    assert (row.delta, row.s2r) == (None, None)
+    assert row.gap is None
     assert "–" in markdown([row])
 
 
@@ -34,10 +39,10 @@ def test_agents_of_a_scene_are_weighed_by_their_routes():
     scene = synthesize("A car follows a bus, two background cars", seed=1, refiner="none").record
     found = list(weigh([scene]))
     assert {each.role for each in found} == {"foreground", "background"}
-    assert {each.relation for each in found} == {"follow"}
-    assert np.isfinite([each.nll for each in found]).all()
+    assert {each.group for each in found} == {"follow"}
+    assert np.isfinite([each.nll["drawn"] for each in found]).all()
     # Drawn from the prior itself, nobody is far off what its route leads to expect.
-    assert all(abs(each.nll - each.expected) < 40 for each in found)
+    assert all(abs(each.nll["drawn"] - each.expected) < 40 for each in found)
 
 
 def test_a_folder_without_scenes_is_said_so(tmp_path, capsys):

@@ -157,7 +157,7 @@ def test_tracks_of_the_prior_spread_as_the_corpus_does_and_modes_do_not() -> Non
 
 
 def one_by_one(
-    jobs: Iterable[Any], task: Callable[[Any], Any], *, workers: int
+    jobs: Iterable[Any], task: Callable[[Any], Any], *, workers: int, limit: Any = None
 ) -> Iterator[tuple[Any, Any]]:
     for job in jobs:
         yield job, task(job)

@@ -43,6 +43,36 @@ def test_a_killed_worker_costs_nothing_and_doubles_nothing(tmp_path: Path) -> No
     assert "all there" in ran.stdout
 
 
+ALONE = """
+import os, signal, time
+from scenewright.graph.batch import cluster
+from scenewright.graph.batch.pool import Died, Overdue
+
+def work(job):
+    if job == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if job == 12:
+        time.sleep(600)
+    return job
+
+def calm(job):
+    cluster.WARM_UP = 0.0
+    return cluster.within(1.0, work, job)
+
+done = dict(cluster.spread_on_ray(range(16), calm, workers=2))
+assert done == {k: k for k in range(16)} | {3: Died(None), 12: Overdue(1.0)}, done
+print("all there")
+"""
+
+
+def test_a_job_that_kills_its_worker_or_never_ends_costs_no_other() -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", ALONE], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "all there" in ran.stdout
+
+
 def test_ray_makes_the_same_bytes_as_processes(tmp_path: Path) -> None:
     rows = tmp_path / "rows.jsonl"
     texts = ["A car follows a bus at 5 am", "Light traffic at dawn, no incidents.", "Sing a song."]

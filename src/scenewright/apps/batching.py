@@ -15,9 +15,11 @@ import typer
 from scenewright.apps.console import is_terminal, one_line, put, put_json, say
 from scenewright.apps.interrupts import stop_if_asked
 from scenewright.apps.kept import keep
+from scenewright.apps.speaking import BackendNames, BaseUrl, Record, Timeout
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
+    from scenewright.graph.batch.asking import Asking
     from scenewright.graph.batch.carrying import Progress, Tell
     from scenewright.graph.batch.run import Request, Summary
 
@@ -39,12 +41,17 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summ
 Refiner = Annotated[
     str | None, typer.Option(help="Learned refinement of the tracks: trajnet or none.")
 ]
-Url = Annotated[
-    str | None,
-    typer.Option(metavar="URL", help="OpenAI-compatible endpoint that serves the model."),
+RowTimeout = Annotated[
+    float | None,
+    typer.Option(metavar="S", help="Longest that one row may take [s]; half an hour if not said."),
+]
+AtOnce = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N", help="Questions to models at a time, over all workers; one each if not said."
+    ),
 ]
 Seed = Annotated[int, typer.Option(help="Rows without a seed get one from this and their id.")]
-BackendName = Annotated[str, typer.Option(help="Who plans and reasons.")]
 Place = Annotated[str, typer.Option(help="Where it happens.")]
 
 
@@ -53,8 +60,12 @@ def batch(
     out: Out,
     workers: Workers = None,
     engine: EngineName = "process",
-    backend: BackendName = "builtin",
-    base_url: Url = None,
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    at_once: AtOnce = None,
+    row_timeout: RowTimeout = None,
     refiner: Refiner = None,
     selection: Annotated[
         Literal["draw", "map"],
@@ -77,7 +88,8 @@ def batch(
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
     the reason and stop nothing.
     """
-    from scenewright.graph.batch.run import Request, run_batch, shard_of
+    from scenewright.graph.batch.asking import BUILTIN
+    from scenewright.graph.batch.run import ROW_TIMEOUT, Request, run_batch, shard_of
     from scenewright.graph.batch.work import Options
     from scenewright.graph.run import refiner_or_default
 
@@ -86,7 +98,7 @@ def batch(
         out=folder_of_option(out),
         options=Options(
             intersection=intersection,
-            backend=backend,
+            backend=tuple(backend or BUILTIN),
             refiner=refiner_or_default(refiner),
             selection=selection,
             seed=seed,
@@ -96,6 +108,8 @@ def batch(
         engine=engine,
         limit=limit,
         shard=shard_of(shard),
+        row_timeout=ROW_TIMEOUT if row_timeout is None else row_timeout,
+        asking=asking_of(record=record, timeout=timeout, at_once=at_once),
     )
     if workers is not None and workers < 1:
         raise InputError(f"--workers is a number from 1, got {workers}")
@@ -117,6 +131,13 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return max(len(os.sched_getaffinity(0)), 1)
     return os.cpu_count() or 1
+
+
+def asking_of(*, record: str | None, timeout: float | None, at_once: int | None) -> Asking:
+    """How the options say that questions are put."""
+    from scenewright.graph.batch.asking import Asking
+
+    return Asking(None if record is None else Path(record), timeout, at_once)
 
 
 def folder_of_option(out: str) -> Path:
@@ -150,6 +171,7 @@ def summary_object(summary: Summary) -> dict[str, Any]:
         "done_now": summary.now,
         "complete": summary.complete,
         "reasons": summary.codes,
+        "paid": summary.paid,
     }
 
 
@@ -160,6 +182,8 @@ def tell_summary(summary: Summary) -> None:
     if summary.codes:
         codes = ", ".join(f"{code} ({count})" for code, count in summary.codes.items())
         say(f"without a scene: {codes}; table scenes has each row's reason")
+    if summary.paid:
+        say(", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.paid.items()))
     if summary.counts.get("failed"):
         say("rows that failed are tried again by the same command")
 

@@ -7,22 +7,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenewright.apps.batching import (
-    BackendName,
+    AtOnce,
     EngineName,
     Json,
     Out,
     Place,
     Quiet,
     Refiner,
-    Url,
+    RowTimeout,
     Workers,
+    asking_of,
     batch_progress,
     cores,
     folder_of_option,
 )
 from scenewright.apps.console import one_line, put, put_json, say
 from scenewright.apps.datasets import dataset
-from scenewright.errors import Unsatisfiable
+from scenewright.apps.speaking import BackendNames, BaseUrl, Record, Timeout
+from scenewright.errors import BackendFault, Unsatisfiable
 
 if TYPE_CHECKING:
     from scenewright.graph.order.run import Order
@@ -38,8 +40,12 @@ def agent(
     order: Annotated[str, typer.Argument(help="How many scenes of which kinds.")],
     out: Out,
     writer: WriterName = "builtin",
-    backend: BackendName = "builtin",
-    base_url: Url = None,
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    at_once: AtOnce = None,
+    row_timeout: RowTimeout = None,
     refiner: Refiner = None,
     intersection: Place = "amsterdam_120",
     seed: OrderSeed = 0,
@@ -61,6 +67,8 @@ def agent(
     has the scenes made, and words anew or replaces what is refused, within the budget. Killed, the
     same command goes on. Exit code 3 if the order could not be filled; what there is stays.
     """
+    from scenewright.graph.batch.asking import BUILTIN
+    from scenewright.graph.batch.run import ROW_TIMEOUT
     from scenewright.graph.batch.work import Options
     from scenewright.graph.order.run import Order
     from scenewright.graph.order.wish import read_order
@@ -79,7 +87,7 @@ def agent(
         out=folder_of_option(out),
         options=Options(
             intersection=intersection,
-            backend=backend,
+            backend=tuple(backend or BUILTIN),
             refiner=refiner_or_default(refiner),
             seed=seed,
             base_url=base_url,
@@ -88,6 +96,8 @@ def agent(
         budget=budget,
         workers=cores() if workers is None else workers,
         engine=engine,
+        row_timeout=ROW_TIMEOUT if row_timeout is None else row_timeout,
+        asking=asking_of(record=record, timeout=timeout, at_once=at_once),
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
 
@@ -100,7 +110,11 @@ def paper(
         typer.Option(help="Who plans and reasons; may be given again. builtin if not said."),
     ] = None,
     writer: WriterName = "builtin",
-    base_url: Url = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    at_once: AtOnce = None,
+    row_timeout: RowTimeout = None,
     refiner: Refiner = None,
     intersection: Place = "amsterdam_120",
     seed: OrderSeed = 0,
@@ -118,6 +132,7 @@ def paper(
     foreground, medium density (5 to 10 more), from varied instructions. Killed, the same command
     goes on.
     """
+    from scenewright.graph.batch.run import ROW_TIMEOUT
     from scenewright.graph.batch.work import Options
     from scenewright.graph.order.run import Order, paper_wish
     from scenewright.graph.run import refiner_or_default
@@ -129,7 +144,7 @@ def paper(
         out=folder_of_option(out),
         options=Options(
             intersection=intersection,
-            backend=backends[0],
+            backend=(backends[0],),
             refiner=refiner_or_default(refiner),
             seed=seed,
             base_url=base_url,
@@ -138,6 +153,8 @@ def paper(
         workers=cores() if workers is None else workers,
         engine=engine,
         title="The paper's composition",
+        row_timeout=ROW_TIMEOUT if row_timeout is None else row_timeout,
+        asking=asking_of(record=record, timeout=timeout, at_once=at_once),
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
 
@@ -146,6 +163,7 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
     """Fills an order and says what came of it.
 
     Raises:
+        BackendFault: a backend could not be reached for some of it.
         Unsatisfiable: not all of it could be filled.
     """
     from scenewright.graph.order.run import fill
@@ -156,7 +174,13 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
     with batch_progress(quiet=quiet, out=out) as tell:
         report = fill(order, tell=tell)
     if not quiet:
-        _tell_report(report)
+        _tell_report(report, writer=order.writer)
+    if report["waiting"]:
+        raise BackendFault(
+            f"the backend failed for {report['waiting']} of {order.wish.count} scenes; table "
+            f"scenes in {out} says how, and the same command goes on",
+            final=True,
+        )
     if not report["filled"]:
         missing = order.wish.count - report["scenes"]
         raise Unsatisfiable(
@@ -169,7 +193,12 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
         put(f"{out}\n")
 
 
-def _tell_report(report: dict[str, Any]) -> None:
+def _tell_report(report: dict[str, Any], *, writer: str) -> None:
+    if writer != "builtin" and report["by the builtin writer"]:
+        say(
+            f"{report['by the builtin writer']} of {report['instructions']} instructions are the "
+            "builtin writer's: the model told other stories"
+        )
     for quota in report["quotas"]:
         who = f" by {quota['backend']}" if quota["backend"] else ""
         say(

@@ -5,6 +5,7 @@ an agent's ten waypoints, in metres [nats]. By relation, class and role it print
 the paper, which is signed, its magnitude, and dNLL: nats per waypoint, event minus normal scenes.
 Routes differ in how widely people spread on them, and events prefer some routes; so dNLL is also
 given against what each agent's own route leads to expect, an average over draws from its prior.
+Waypoints are those drawn and selected; `evals tables` reads the final tracks.
 """
 
 from __future__ import annotations
@@ -12,44 +13,26 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.evals.tables.likelihood import AgentScore, Gap, gap, score_drawn
 from scenewright.graph.run import load_scene
-from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.record import SceneRecord
-from scenewright.tools.gmm_sampler import (
-    WaypointPrior,
-    load_priors,
-    sample_waypoints,
-    waypoint_nll,
-)
+from scenewright.tools.gmm_sampler import load_priors
 
-_EXPECTED_OF, _DRAWS = 2000, 1000
-
-
-class Weighed(NamedTuple):
-    """One agent: what happens in its scene, what it is, its NLL and that of its route [nats]."""
-
-    scene: int
-    relation: str
-    type: str
-    role: str
-    nll: float
-    expected: float
+_DRAWS = 1000
 
 
 class Line(NamedTuple):
     """One row of the table.
 
     Attributes:
-        n: agents; nll: their mean [nats]; s2r: Eq. 8, None for normal scenes.
-        delta, low, high: nats per waypoint more than in normal scenes, and 95 % over scenes.
+        n: agents; nll: their mean [nats]; gap: to normal scenes, None for these themselves.
         of_route: nats per waypoint more than the agents' own routes lead to expect.
     """
 
@@ -58,67 +41,31 @@ class Line(NamedTuple):
     role: str
     n: int
     nll: float
-    s2r: float | None
-    delta: float | None
-    low: float | None
-    high: float | None
+    gap: Gap | None
     of_route: float
 
 
-def weigh(scenes: Iterable[SceneRecord]) -> Iterator[Weighed]:
-    """Every agent whose route has a fitted prior."""
+def weigh(scenes: Iterable[SceneRecord]) -> Iterator[AgentScore]:
+    """Every agent whose route has a fitted prior, grouped by all that its scene was made for."""
     for number, scene in enumerate(scenes):
         kinds = sorted({str(relation.type) for relation in scene.relations})
-        relation = " + ".join(kinds or ["normal"])
-        for agent in scene.agents:
-            prior = load_priors(scene.meta.intersection).waypoints.get(agent.route or "")
-            if prior is None or prior.tracks == 0 or len(agent.waypoints) != K:
-                continue
-            xy = np.array(agent.waypoints)[None]
-            yield Weighed(
-                number, relation, agent.type, agent.role or "background",
-                float(waypoint_nll(prior, xy)[0]), _expected(prior),
-            )  # fmt: skip
+        priors = load_priors(scene.meta.intersection)
+        yield from score_drawn(scene, priors, number=number, group=" + ".join(kinds or ["normal"]))
 
 
-@lru_cache(maxsize=256)
-def _expected(prior: WaypointPrior) -> float:
-    """The mean NLL of draws from a prior [nats]."""
-    drawn = sample_waypoints(prior, np.random.default_rng(0), size=_EXPECTED_OF)
-    return float(waypoint_nll(prior, drawn).mean())
-
-
-def lines(agents: Sequence[Weighed]) -> Iterator[Line]:
+def lines(agents: Sequence[AgentScore]) -> Iterator[Line]:
     """The table; normal scenes are the reference, foreground and background together."""
-    groups = sorted({(a.relation != "normal", a.relation, a.type, a.role) for a in agents})
+    groups = sorted({(a.group != "normal", a.group, a.type, a.role) for a in agents})
     for event, relation, kind, role in groups:
-        here = [a for a in agents if (a.relation, a.type, a.role) == (relation, kind, role)]
-        normal = [a for a in agents if a.relation == "normal" and a.type == kind]
-        nll = float(np.mean([a.nll for a in here]))
-        of_route = float(np.mean([a.nll - a.expected for a in here])) / K
-        if not event or not normal:
-            yield Line(relation, kind, role, len(here), nll, None, None, None, None, of_route)
-            continue
-        base = float(np.mean([a.nll for a in normal]))
-        low, high = np.quantile(_differences(here, normal), [0.025, 0.975]) / K
+        here = [a for a in agents if (a.group, a.type, a.role) == (relation, kind, role)]
+        normal = [a for a in agents if a.group == "normal" and a.type == kind]
+        rng = np.random.default_rng(0)
+        found = gap(here, normal, "drawn", draws=_DRAWS, rng=rng) if event else None
+        nll = [a.nll["drawn"] for a in here]
+        beyond = [a.nll["drawn"] - (a.expected or 0.0) for a in here]
         yield Line(
-            relation, kind, role, len(here), nll, (base - nll) / base, (nll - base) / K,
-            float(low), float(high), of_route,
-        )  # fmt: skip
-
-
-def _differences(here: Sequence[Weighed], normal: Sequence[Weighed]) -> FloatArray:
-    """[draws] differences of means, scenes resampled with replacement on both sides."""
-    rng = np.random.default_rng(0)
-    return _means(here, rng) - _means(normal, rng)
-
-
-def _means(agents: Sequence[Weighed], rng: np.random.Generator) -> FloatArray:
-    scene = np.unique([a.scene for a in agents], return_inverse=True)[1]
-    total = np.bincount(scene, weights=[a.nll for a in agents])
-    count = np.bincount(scene).astype(np.float64)
-    drawn = rng.integers(0, len(count), (_DRAWS, len(count)))
-    return np.asarray(total[drawn].sum(axis=1) / count[drawn].sum(axis=1))
+            relation, kind, role, len(here), float(np.mean(nll)), found, float(np.mean(beyond)) / K
+        )
 
 
 def markdown(rows: Iterable[Line]) -> str:
@@ -131,11 +78,11 @@ def markdown(rows: Iterable[Line]) -> str:
 
 
 def _row(line: Line) -> str:
-    s2r = "–" if line.s2r is None else f"{line.s2r:+.3f}"
-    size = "–" if line.s2r is None else f"{abs(line.s2r):.3f}"
-    delta = "–"
-    if line.delta is not None:
-        delta = f"{line.delta:+.3f} [{line.low:+.3f}, {line.high:+.3f}]"
+    s2r = size = delta = "–"
+    if line.gap is not None:
+        s2r, size = f"{line.gap.s2r:+.3f}", f"{abs(line.gap.s2r):.3f}"
+        low, high = line.gap.delta_interval
+        delta = f"{line.gap.delta:+.3f} [{low:+.3f}, {high:+.3f}]"
     return (
         f"| {line.relation} | {line.type} | {line.role} | {line.n} | {line.nll:.2f} | {s2r} "
         f"| {size} | {delta} | {line.of_route:+.3f} |"

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from scenewright.errors import InputError
-from scenewright.graph.batch.manifest import MANIFEST, hashed, read_manifest
-from scenewright.graph.batch.pool import Died, spread
+from scenewright.graph.batch.manifest import MANIFEST, hashed, is_as_written, read_manifest
+from scenewright.graph.batch.pool import Died, Overdue, spread
 from scenewright.graph.batch.work import FILES
 from scenewright.graph.run import verify
 from scenewright.tools.exporters.tables import TABLES, SceneFiles, TableWriter, parquet
@@ -22,9 +24,14 @@ ABOUT = (
     "refiner", "selection", "attempts",
 )  # fmt: skip
 """Columns of `scenes` that the scenes' files do not tell, or not always."""
-_ASIDE = ("journal", "evaluation")
-"""How the names of files begin that are no part of a dataset."""
+_ASIDE = re.compile(r"\..*|evaluation/.*|journal(-\d+-of-\d+)?\.jsonl")
+"""Names of files that are no part of a dataset."""
+_OWN = {"text": ("meta", "user_prompt"), "seed": ("meta", "seed")}
+"""Columns of `scenes` that a scene tells as well, and where."""
 _MOST = 1000
+
+
+_OUTSIDE = "lies outside the dataset"
 
 
 @dataclass(frozen=True)
@@ -64,8 +71,14 @@ def audit(
     """
     manifest = read_manifest(folder)
     files: dict[str, str] = manifest["files"]
-    faults = [*_hash_faults(folder, files), *_strangers(folder, files)]
-    scenes = [name.removesuffix("/scene.json") for name in files if name.endswith("/scene.json")]
+    faults = [] if is_as_written(folder) else [Fault(MANIFEST, "is not as it was written")]
+    faults += [*_hash_faults(folder, files), *_strangers(folder, files)]
+    outside = {fault.where for fault in faults if fault.what == _OUTSIDE}
+    scenes = [
+        name.removesuffix("/scene.json")
+        for name in files
+        if name.endswith("/scene.json") and name not in outside
+    ]
     if all((folder / f"tables/{name}.parquet").is_file() for name in TABLES):
         faults += _table_faults(folder, manifest)
     checked = list(_checked(folder, scenes, workers=workers, tell=tell))
@@ -82,13 +95,13 @@ def audit(
 def _hash_faults(folder: Path, files: Mapping[str, str]) -> Iterator[Fault]:
     root = folder.resolve()
     for name, wanted in files.items():
-        if not (root / name).resolve().is_relative_to(root):
-            yield Fault(name, "lies outside the dataset")
-            continue
         try:
+            if not (root / name).resolve().is_relative_to(root):
+                yield Fault(name, _OUTSIDE)
+                continue
             ((_, found),) = hashed(folder, [name])
-        except OSError as error:
-            yield Fault(name, f"cannot be read: {error.strerror or error}")
+        except (OSError, RuntimeError, ValueError) as error:
+            yield Fault(name, f"cannot be read: {getattr(error, 'strerror', None) or error}")
             continue
         if found != wanted:
             yield Fault(name, "is not what the manifest says: its hash differs")
@@ -98,8 +111,11 @@ def _strangers(folder: Path, files: Mapping[str, str]) -> Iterator[Fault]:
     """What lies there and is not in the manifest."""
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
-        aside = name.startswith((".", *_ASIDE)) or name == MANIFEST
-        if path.is_file() and name not in files and not aside:
+        if _ASIDE.fullmatch(name):
+            continue
+        if path.is_symlink():
+            yield Fault(name, "is a link, which a copy of the dataset may lose")
+        elif not path.is_dir() and name not in files and name != MANIFEST:
             yield Fault(name, "is not in the manifest")
 
 
@@ -107,23 +123,51 @@ def _table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Fault]:
     """Where the tables do not say what the scenes say."""
     again = Path(tempfile.mkdtemp(prefix="scenewright-"))
     try:
-        yield from _rebuilt(folder, again)
+        yield from _rebuilt(folder, again, manifest)
         for name in TABLES:
             yield from _compared(folder, again, name, manifest)
     finally:
         shutil.rmtree(again, ignore_errors=True)
 
 
-def _rebuilt(folder: Path, again: Path) -> Iterator[Fault]:
+def _rebuilt(folder: Path, again: Path, manifest: Mapping[str, Any]) -> Iterator[Fault]:
     """Writes the tables anew from the scenes."""
     try:
         table = parquet().ParquetFile(folder / "tables/scenes.parquet")
+        counts = Counter[str]()
         with TableWriter(again) as writer:
             for batch in table.iter_batches(batch_size=500, columns=list(ABOUT)):
                 for about in batch.to_pylist():
-                    writer.add(_files(folder, about))
+                    found = _files(folder, about)
+                    writer.add(found)
+                    counts[about["status"]] += 1
+                    yield from _strayed(found)
+        yield from _miscounted(counts, manifest)
     except (OSError, ValueError, KeyError, TypeError) as error:
         yield Fault("tables/scenes.parquet", f"cannot be compared with the scenes: {error}")
+
+
+def _strayed(files: SceneFiles) -> Iterator[Fault]:
+    """Where a row's folder holds the scene of another row."""
+    if files.scene is None or files.provenance is None:
+        return
+    told = {key: files.scene[part][name] for key, (part, name) in _OWN.items()}
+    told["row"] = files.provenance["row"]
+    for key, value in told.items():
+        if value != files.about[key]:
+            yield Fault(
+                str(files.about["folder"]), f"is the scene of another row: its {key} differs"
+            )
+            return
+
+
+def _miscounted(counts: Mapping[str, int], manifest: Mapping[str, Any]) -> Iterator[Fault]:
+    """Where the manifest counts other rows than the table has."""
+    for status in ("made", "refused", "failed"):
+        told = manifest["rows"].get(status)
+        if told != counts.get(status, 0):
+            what = f"counts {told} rows {status}, the table scenes has {counts.get(status, 0)}"
+            yield Fault(MANIFEST, what)
 
 
 def _files(folder: Path, about: dict[str, Any]) -> SceneFiles:
@@ -167,7 +211,7 @@ def _checked(
     )
     for count, (job, result) in enumerate(results, start=1):
         tell(count, len(jobs))
-        what = "the checker died of it" if isinstance(result, Died) else result
+        what = "the checker died of it" if isinstance(result, Died | Overdue) else result
         yield None if what is None else Fault(Path(job).name, what)
 
 

@@ -14,7 +14,7 @@ from typing import Any, Literal, Self
 from scenewright.errors import InputError
 from scenewright.graph.batch.journal import Entry, Journal, sole_writer
 from scenewright.graph.batch.manifest import MANIFEST
-from scenewright.graph.batch.pool import TRIES, Died, spread
+from scenewright.graph.batch.pool import TRIES, Died, Overdue, spread
 from scenewright.graph.batch.publish import discard_leftovers, is_whole, publish
 from scenewright.graph.batch.work import Job, Outcome, work
 from scenewright.graph.run import make_folder
@@ -92,12 +92,14 @@ class Batch:
         of: int,
         workers: int,
         engine: Engine = "process",
+        limit: float | None = None,
         tell: Tell = lambda _: None,
     ) -> int:
         """Does every job that is not done; how many those were.
 
         Args:
             of: how many jobs there are, for the progress.
+            limit: longest that one row may take [s].
             tell: called after every row.
 
         Raises:
@@ -105,11 +107,11 @@ class Batch:
         """
         clock = _Clock(of, tell)
         todo = self._open(jobs, clock)
-        for job, result in _engine(engine)(todo, work, workers=workers):
+        for job, result in _engine(engine)(todo, work, workers=workers, limit=limit):
             if not clock.now:
                 # From here on it would not tell what is there.
                 (self.out / MANIFEST).unlink(missing_ok=True)
-            outcome = _died(result) if isinstance(result, Died) else result
+            outcome = result if isinstance(result, Outcome) else _given_up(result)
             self.journal.append(self._entry(job, outcome))
             clock.ended(outcome.status, now=True)
         return clock.now
@@ -146,6 +148,7 @@ class Batch:
             sha256=hashes,
             attempts=outcome.attempts,
             seconds=outcome.seconds,
+            paid=outcome.paid,
         )
 
 
@@ -174,12 +177,19 @@ class _Clock:
         return (self.now - 1) / max(time.monotonic() - self._first, 1e-6)
 
 
-def _engine(name: Engine) -> Callable[..., Iterator[tuple[Job, Outcome | Died]]]:
+def _engine(name: Engine) -> Callable[..., Iterator[tuple[Job, Outcome | Died | Overdue]]]:
     if name == "process":
         return spread
     from scenewright.graph.batch.cluster import spread_on_ray
 
     return spread_on_ray
+
+
+def _given_up(result: Died | Overdue) -> Outcome:
+    if isinstance(result, Overdue):
+        reason = f"took longer than the {result.limit:g} s that a row may take (--row-timeout)"
+        return Outcome("failed", "overdue", reason, seconds=result.limit)
+    return _died(result)
 
 
 def _died(died: Died) -> Outcome:

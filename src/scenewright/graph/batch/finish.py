@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.graph.atomic import write_atomically
+from scenewright.graph.batch.asking import label
 from scenewright.graph.batch.journal import Entry, Journal
 from scenewright.graph.batch.manifest import hashed, write_manifest
 from scenewright.graph.batch.overview import draw_overview
@@ -138,7 +139,7 @@ def _files(out: Path, job: Job, entry: Entry) -> SceneFiles:
         "asked": job.asked,
         "seed": job.seed,
         "intersection": job.intersection,
-        "backend": job.backend,
+        "backend": label(job.backend),
         "refiner": job.refiner,
         "selection": job.selection,
         "attempts": entry.attempts,

@@ -10,7 +10,7 @@ import os
 from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Self
@@ -28,6 +28,7 @@ class Entry:
 
     Attributes:
         sha256: name -> hash of each file of its folder.
+        paid: requests to models and their tokens.
     """
 
     number: int
@@ -39,6 +40,7 @@ class Entry:
     sha256: Mapping[str, str]
     attempts: int
     seconds: float
+    paid: Mapping[str, int] = field(default_factory=dict)
 
 
 class Journal:

@@ -1,4 +1,7 @@
-"""manifest.json: what a dataset holds, with the hash of every file; written as a stream."""
+"""manifest.json: what a dataset holds, with the hash of every file; written as a stream.
+
+Its last line is the hash of all lines above, so that a change of the manifest itself shows too.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from typing import Any
 from scenewright.errors import InputError
 
 MANIFEST = "manifest.json"
+_ENDING = b'\n "manifest": "'
 
 
 def write_manifest(
@@ -23,15 +27,36 @@ def write_manifest(
         about: its other keys; files: (path below the folder, sha256).
     """
     part = folder / f".{MANIFEST}.part"
-    with part.open("w", encoding="utf-8", newline="\n") as stream:
-        head = json.dumps(dict(about), ensure_ascii=False, indent=1)
-        stream.write(head.removesuffix("\n}") + ',\n "files": {')
-        between = "\n"
-        for name, sha256 in files:
-            stream.write(f'{between}  {json.dumps(name)}: "{sha256}"')
-            between = ",\n"
-        stream.write("\n }\n}\n")
+    above = hashlib.sha256()
+    with part.open("wb") as stream:
+        for text in _lines(about, files):
+            data = text.encode("utf-8", "backslashreplace")
+            above.update(data)
+            stream.write(data)
+        stream.write(_ENDING + above.hexdigest().encode() + b'"\n}\n')
     os.replace(part, folder / MANIFEST)
+
+
+def _lines(about: Mapping[str, Any], files: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Everything but the last line."""
+    head = json.dumps(dict(about), ensure_ascii=False, indent=1)
+    yield head.removesuffix("\n}") + ',\n "files": {'
+    between = "\n"
+    for name, sha256 in files:
+        yield f'{between}  {json.dumps(name)}: "{sha256}"'
+        between = ",\n"
+    yield "\n },"
+
+
+def is_as_written(folder: Path) -> bool:
+    """Whether the manifest is the one that was written, to the byte.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    data = (folder / MANIFEST).read_bytes()
+    above, ending, rest = data.rpartition(_ENDING)
+    return bool(ending) and rest == hashlib.sha256(above).hexdigest().encode() + b'"\n}\n'
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -45,6 +70,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         found = json.loads(file.read_bytes())
         if not isinstance(found, dict) or not isinstance(found["files"], dict):
             raise TypeError("no table of files")
+        for key in ("rows", "tables"):
+            if not isinstance(found[key], dict):
+                raise TypeError(f"no table of {key}")
     except OSError as error:
         raise InputError(
             f"{folder} is no finished dataset: cannot read {MANIFEST}: {error.strerror or error}"
@@ -55,7 +83,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def hashed(folder: Path, names: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """(name, sha256) of files below a folder."""
+    """(name, sha256) of files below a folder.
+
+    Raises:
+        OSError: one cannot be read, or is a device or a pipe, which may never end.
+        ValueError: no file can have such a name.
+    """
     for name in names:
+        if not (folder / name).is_file() and (folder / name).exists():
+            raise OSError("no plain file")
         with (folder / name).open("rb") as stream:
             yield name, hashlib.file_digest(stream, "sha256").hexdigest()

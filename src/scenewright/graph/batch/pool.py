@@ -7,6 +7,7 @@ import os
 import pickle
 import signal
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -22,6 +23,8 @@ RECYCLED_AFTER = 1000
 """Jobs after which a worker is replaced, so that what libraries keep does not add up."""
 TRIES = 3
 """How many workers may die of one job before it is given up."""
+WARM_UP = 60.0
+"""More time for the first job of a worker, which has everything to load [s]."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -30,6 +33,13 @@ class Died:
     """A job of which every worker died, and with which exit code the last."""
 
     code: int | None
+
+
+@dataclass(frozen=True)
+class Overdue:
+    """A job that took longer than it may: its worker was ended, and it is not tried again."""
+
+    limit: float
 
 
 @dataclass(frozen=True)
@@ -53,12 +63,18 @@ class _Worker(Generic[JobT]):
         theirs.close()
         self.task: _Task[JobT] | None = None
         self.given = 0
+        self._since = 0.0
 
     def give(self, task: _Task[JobT]) -> None:
         """Hands over a job; a dead worker is noticed when its answer is awaited."""
-        self.task, self.given = task, self.given + 1
+        self.task, self.given, self._since = task, self.given + 1, time.monotonic()
         with suppress(OSError):
             self.pipe.send(task.job)
+
+    def left(self, limit: float) -> float:
+        """How long its job may still take [s]."""
+        allowed = limit + (WARM_UP if self.given == 1 else 0.0)
+        return self._since + allowed - time.monotonic()
 
     def stop(self) -> None:
         """Ends the process, whatever it does."""
@@ -96,11 +112,18 @@ def _die_with_parent() -> None:
 
 
 def spread(
-    jobs: Iterable[JobT], task: Callable[[JobT], ResultT], *, workers: int
-) -> Iterator[tuple[JobT, ResultT | Died]]:
+    jobs: Iterable[JobT],
+    task: Callable[[JobT], ResultT],
+    *,
+    workers: int,
+    limit: float | None = None,
+) -> Iterator[tuple[JobT, ResultT | Died | Overdue]]:
     """(job, result) in the order in which jobs come to an end; `jobs` is drawn from as needed.
 
     A job whose worker dies (killed, out of memory) is given to another one, at most TRIES times.
+
+    Args:
+        limit: longest that one job may take [s].
     """
     queue = _Queue(iter(jobs))
     crew: list[_Worker[JobT]] = []
@@ -109,12 +132,20 @@ def spread(
             crew.append(_Worker(task))
             crew[-1].give(first)
         while busy := [each for each in crew if each.task is not None]:
-            ready = wait([each.pipe for each in busy])
-            for worker in [each for each in busy if each.pipe in ready]:
-                yield from _answers(worker, crew, queue, task)
+            ready = wait([each.pipe for each in busy], timeout=_patience(busy, limit))
+            for worker in busy:
+                if worker.pipe in ready:
+                    yield from _answers(worker, crew, queue, task)
+                elif limit is not None and worker.left(limit) <= 0.0:
+                    yield from _answers(worker, crew, queue, task, overdue=Overdue(limit))
     finally:
         for worker in crew:
             worker.stop()
+
+
+def _patience(busy: list[_Worker[JobT]], limit: float | None) -> float | None:
+    """How long to wait for an answer [s]."""
+    return None if limit is None else max(min(each.left(limit) for each in busy), 0.0)
 
 
 class _Queue(Generic[JobT]):
@@ -135,17 +166,18 @@ def _answers(
     crew: list[_Worker[JobT]],
     queue: _Queue[JobT],
     task: Callable[[JobT], ResultT],
-) -> Iterator[tuple[JobT, ResultT | Died]]:
+    overdue: Overdue | None = None,
+) -> Iterator[tuple[JobT, ResultT | Died | Overdue]]:
     """A worker's result, if it lived to tell it, after the next job was handed out."""
     done, worker.task = worker.task, None
     if done is None:
         return
-    result = _received(worker)
+    result = overdue or _received(worker)
     again = isinstance(result, Died) and done.deaths + 1 < TRIES
     if again:
         queue.again.append(_Task(done.job, done.deaths + 1))
     following = queue.next()
-    if isinstance(result, Died) or worker.given >= RECYCLED_AFTER:
+    if isinstance(result, Died | Overdue) or worker.given >= RECYCLED_AFTER:
         worker.stop()
         crew.remove(worker)
         if following is not None:

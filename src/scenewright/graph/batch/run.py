@@ -6,18 +6,19 @@ import hashlib
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from scenewright.errors import InputError
+from scenewright.graph.batch.asking import PLAINLY, Asking, check_asking, speaking
 from scenewright.graph.batch.carrying import JOURNAL, Batch, Engine, Tell
 from scenewright.graph.batch.finish import finish
 from scenewright.graph.batch.journal import Journal
 from scenewright.graph.batch.manifest import MANIFEST
 from scenewright.graph.batch.rows import Source, read_source
-from scenewright.graph.batch.work import Job, Options, job_of, speaking
+from scenewright.graph.batch.work import Job, Options, job_of
 from scenewright.graph.run import MAX_SEED, REFINERS
 from scenewright.intersections import bundle_folder, load_map
 from scenewright.scene.relations import patterns
@@ -25,6 +26,8 @@ from scenewright.scene.relations import patterns
 TITLE = "Traffic scenes in plain language"
 _SHARD = re.compile(r"([1-9]\d{0,5})/([1-9]\d{0,5})")
 MOST_WORKERS = 1024
+ROW_TIMEOUT, MOST_ROW_TIMEOUT = 1800.0, 86400.0
+"""Longest that one row may take [s], unless told otherwise, and the largest that may be told."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,7 @@ class Request:
     Attributes:
         limit: only the first rows of the input; None: all.
         shard: (i, n): only every n-th row, from the i-th on, counted from 1.
+        row_timeout: longest that one row may take [s]; asking: how questions are put.
     """
 
     source: Path
@@ -43,6 +47,8 @@ class Request:
     engine: Engine = "process"
     limit: int | None = None
     shard: tuple[int, int] = (1, 1)
+    row_timeout: float = ROW_TIMEOUT
+    asking: Asking = PLAINLY
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,7 @@ class Summary:
     Attributes:
         rows: this run was about; counts: of these by status; now: how many it did itself.
         codes: why there is no scene -> how many rows; complete: whether the whole input is done.
+        paid: requests to models and their tokens, for all of these rows.
     """
 
     rows: int
@@ -59,6 +66,7 @@ class Summary:
     now: int
     codes: dict[str, int]
     complete: bool
+    paid: dict[str, int] = field(default_factory=dict)
 
     @property
     def made(self) -> int:
@@ -80,6 +88,7 @@ def run_batch(request: Request, *, tell: Tell = lambda _: None) -> Summary:
     Raises:
         InputError: the input, an option or the folder cannot be used.
     """
+    request = replace(request, asking=replace(request.asking, turns=request.out))
     check_request(request)
     source = read_source(request.source)
     header = header_of(source, request.options)
@@ -88,8 +97,9 @@ def run_batch(request: Request, *, tell: Tell = lambda _: None) -> Summary:
     ours, everybody = _Jobs(source, request), _Jobs(source, replace(request, **_WHOLE))
     with Batch(request.out, header=header, name=name) as batch:
         now = batch.carry_out(
-            ours, of=len(ours), workers=request.workers, engine=request.engine, tell=tell
-        )
+            ours, of=len(ours), workers=request.workers, engine=request.engine,
+            limit=request.row_timeout, tell=tell,
+        )  # fmt: skip
         with batch.settled() as journal:
             if now or not (request.out / MANIFEST).exists():
                 about = about_of(header)
@@ -109,12 +119,22 @@ def check_request(request: Request) -> None:
         raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {request.workers}")
     if request.limit is not None and request.limit < 1:
         raise InputError(f"--limit is a number from 1, got {request.limit}")
-    check_options(options)
+    check_row_timeout(request.row_timeout)
+    check_asking(request.asking, one_machine=request.engine == "process")
+    check_options(options, request.asking)
 
 
-def check_options(options: Options) -> None:
+def check_row_timeout(seconds: float) -> None:
+    """InputError for a limit that is none."""
+    if not 1.0 <= seconds <= MOST_ROW_TIMEOUT:
+        raise InputError(
+            f"--row-timeout is 1 to {MOST_ROW_TIMEOUT:g} seconds for one row, got {seconds:g}"
+        )
+
+
+def check_options(options: Options, asking: Asking = PLAINLY) -> None:
     """InputError where an option names what does not exist."""
-    speaking(options.backend, options.base_url)
+    speaking(options.backend, options.base_url, asking)
     load_map(options.intersection)
     if options.refiner not in REFINERS:
         known = ", ".join(REFINERS)
@@ -140,7 +160,7 @@ def settings_of(options: Options) -> dict[str, Any]:
     for pattern in patterns():
         digest.update(pattern.model_dump_json().encode())
     return {
-        **asdict(options),
+        **options.settings(),
         "bundle": _fingerprint(bundle_folder(options.intersection)),
         "relations": digest.hexdigest()[:16],
     }
@@ -161,16 +181,17 @@ def about_of(header: dict[str, Any]) -> dict[str, Any]:
 
 def summary_of(jobs: Iterable[Job], journal: Journal, *, now: int, every: Iterable[Job]) -> Summary:
     """Counts over rows, from the journal."""
-    counts, codes, rows = Counter[str](), Counter[str](), 0
+    counts, codes, paid, rows = Counter[str](), Counter[str](), Counter[str](), 0
     for job in jobs:
         entry = journal.entry(job.number)
         rows += 1
         counts[entry.status if entry else "left"] += 1
         if entry is not None and entry.code is not None:
             codes[entry.code] += 1
+        paid.update({} if entry is None else entry.paid)
     entries = (journal.entry(job.number) for job in every)
     complete = all(entry is not None and entry.status != "failed" for entry in entries)
-    return Summary(rows, dict(counts), now, dict(codes.most_common()), complete)
+    return Summary(rows, dict(counts), now, dict(codes.most_common()), complete, dict(paid))
 
 
 class _Jobs:
@@ -182,7 +203,7 @@ class _Jobs:
     def __iter__(self) -> Iterator[Job]:
         i, n = self._request.shard
         for named in islice(self._source, i - 1, self._request.limit, n):
-            yield job_of(named, self._request.options)
+            yield job_of(named, self._request.options, self._request.asking)
 
     def __len__(self) -> int:
         i, n = self._request.shard
@@ -196,7 +217,7 @@ def outlook(request: Request, *, shown: int) -> dict[str, Any]:
     Raises:
         InputError: as `run_batch`, as far as can be told without trying.
     """
-    check_request(request)
+    check_request(replace(request, asking=replace(request.asking, record=None)))
     source = read_source(request.source)
     jobs = _Jobs(source, request)
     done = _done(request, header_of(source, request.options), jobs)

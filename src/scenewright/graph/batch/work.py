@@ -6,17 +6,20 @@ import json
 import os
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from typing import Any, Literal
 
-from scenewright.backends import Backend, Question, load_backend
+from scenewright.backends import Backend, Question
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
+from scenewright.graph.batch.asking import BUILTIN, PLAINLY, Asking, Names, label, speaking
 from scenewright.graph.batch.rows import Named, seed_of
 
 Status = Literal["made", "refused", "failed"]
 FILES = ("provenance.json", "proof.json", "scene.json")
 """What a row's folder holds."""
+PAID = ("requests", "input_tokens", "output_tokens")
+"""What is counted of models, over the questions of a row."""
 _LONGEST_REASON = 600
 
 
@@ -25,15 +28,20 @@ class Options:
     """What all rows of a run share: with the input, it decides every byte of the scenes.
 
     Attributes:
+        backend: who answers, as the command line names it.
         base_url: of the endpoint that serves the backend's model, where it has one.
     """
 
     intersection: str
-    backend: str = "builtin"
+    backend: Names = BUILTIN
     refiner: str = "none"
     selection: Literal["draw", "map"] = "draw"
     seed: int = 0
     base_url: str | None = None
+
+    def settings(self) -> dict[str, Any]:
+        """As plain JSON."""
+        return {**asdict(self), "backend": label(self.backend)}
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,7 @@ class Job:
         number: of the row; key: a name for it that is its own: the row's id.
         context: the scene's context as far as the row sets it.
         asked: the event that an order wants; None where nobody said.
+        asking: how questions are put, which changes no scene.
     """
 
     number: int
@@ -52,12 +61,13 @@ class Job:
     text: str
     seed: int
     intersection: str
-    backend: str
+    backend: Names
     refiner: str
     selection: Literal["draw", "map"]
     context: Mapping[str, Any] = field(default_factory=dict)
     asked: str | None = None
     base_url: str | None = None
+    asking: Asking = PLAINLY
 
 
 @dataclass(frozen=True)
@@ -69,6 +79,7 @@ class Outcome:
         code, reason: why there is no scene.
         files: name -> bytes of a scene's folder.
         attempts: how many times the pipeline began anew; seconds: it took.
+        paid: requests to models and their tokens, as far as they were counted.
     """
 
     status: Status
@@ -77,9 +88,10 @@ class Outcome:
     files: Mapping[str, bytes] = field(default_factory=dict)
     attempts: int = 1
     seconds: float = 0.0
+    paid: Mapping[str, int] = field(default_factory=dict)
 
 
-def job_of(named: Named, options: Options) -> Job:
+def job_of(named: Named, options: Options, asking: Asking) -> Job:
     """The job that a row amounts to."""
     row, own = named.row, named.row.overrides
     return Job(
@@ -94,6 +106,7 @@ def job_of(named: Named, options: Options) -> Job:
         selection=own.selection or options.selection,
         context=own.context,
         base_url=options.base_url,
+        asking=asking,
     )
 
 
@@ -102,23 +115,21 @@ def work(job: Job) -> Outcome:
     start = time.perf_counter()
     outcome = _outcome(job)
     seconds = round(time.perf_counter() - start, 4)
-    return Outcome(
-        outcome.status, outcome.code, _short(outcome.reason), outcome.files, outcome.attempts,
-        seconds,
-    )  # fmt: skip
+    return replace(outcome, reason=_short(outcome.reason), seconds=seconds)
 
 
 def _outcome(job: Job) -> Outcome:
     try:
         return _made(job)
     except InputError as error:
-        return Outcome("refused", "unusable_input", str(error))
+        return Outcome("refused", "unusable_input", str(error), paid=_paid(error.models))
     except Unsatisfiable as error:
         codes = [each.code for each in error.rejections]
         code = codes[-1] if codes else "unsatisfiable"
-        return Outcome("refused", code, str(error), attempts=max(len(codes), 1))
+        attempts = max(len(codes), 1)
+        return Outcome("refused", code, str(error), attempts=attempts, paid=_paid(error.models))
     except BackendFault as error:
-        return Outcome("failed", "backend_failed", str(error))
+        return Outcome("failed", "backend_failed", str(error), paid=_paid(error.models))
     except MemoryError:
         return Outcome("failed", "out_of_memory", "there was not enough memory for this row")
     except Exception as error:
@@ -132,7 +143,7 @@ def _outcome(job: Job) -> Outcome:
 def _made(job: Job) -> Outcome:
     from scenewright.graph.run import scene_bytes, synthesize
 
-    backend = _backend(job.backend, job.base_url)
+    backend = _backend(job.backend, job.base_url, job.asking)
     scene = synthesize(
         job.text,
         intersection=job.intersection,
@@ -141,34 +152,41 @@ def _made(job: Job) -> Outcome:
         refiner=job.refiner,
         selection=job.selection,
     )
-    # Seconds differ from run to run and would make every file differ; the journal has them.
+    # What differs from run to run would make every file differ; the journal has it.
     about = timeless(scene.provenance)
     files = {
         "provenance.json": json_bytes({**about, "row": job.key, "overrides": dict(job.context)}),
         "proof.json": json_bytes(scene.proof.model_dump(mode="json", by_alias=True)),
         "scene.json": scene_bytes(scene.record),
     }
-    return Outcome("made", files=files, attempts=1 + len(scene.provenance["rejections"]))
+    attempts = 1 + len(scene.provenance["rejections"])
+    return Outcome(
+        "made", files=files, attempts=attempts, paid=_paid(scene.provenance.get("models", {}))
+    )
+
+
+_FLEETING = ("seconds", *PAID)
+"""What a second run of a row need not show: an answer may come from memory."""
 
 
 def timeless(value: Any) -> Any:
-    """Plain JSON without anything called seconds, however deep."""
+    """Plain JSON without seconds and without what models were paid, however deep."""
     if isinstance(value, Mapping):
-        return {key: timeless(each) for key, each in value.items() if key != "seconds"}
+        return {key: timeless(each) for key, each in value.items() if key not in _FLEETING}
     if isinstance(value, list | tuple):
         return [timeless(each) for each in value]
     return value
 
 
+def _paid(models: Mapping[str, Any]) -> dict[str, int]:
+    """Requests and tokens over all of a row's questions."""
+    return {name: sum(each[name] or 0 for each in models.values()) for name in PAID if models}
+
+
 @cache
-def _backend(name: str, base_url: str | None) -> Backend:
+def _backend(names: Names, base_url: str | None, asking: Asking) -> Backend:
     """The backend of a worker, made once."""
-    return speaking(name, base_url)
-
-
-def speaking(name: str, base_url: str | None) -> Backend:
-    """The backend of that name; InputError for one that does not exist."""
-    return load_backend(name) if base_url is None else load_backend(name, base_url=base_url)
+    return speaking(names, base_url, asking)
 
 
 class _Overriding:

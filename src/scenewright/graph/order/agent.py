@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -23,6 +24,7 @@ import numpy as np
 from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 
+from scenewright.graph.batch.asking import BUILTIN, Asking, Names, plain_name, url_for
 from scenewright.graph.batch.carrying import Batch, Engine, Tell
 from scenewright.graph.batch.journal import Entry as Done
 from scenewright.graph.batch.work import Job, Options
@@ -30,7 +32,7 @@ from scenewright.graph.order.book import Book, Entry
 from scenewright.graph.order.story import Party, Story, minute_in, particulars, passers
 from scenewright.graph.order.voices import tell, voices_for
 from scenewright.graph.order.wish import Quota, Wish
-from scenewright.graph.order.writers import Told, Writer
+from scenewright.graph.order.writers import Asked, Told, Writer
 from scenewright.intersections import load_map
 from scenewright.scene.relations import pattern_named
 from scenewright.scene.social import Density
@@ -50,16 +52,25 @@ class Slot:
     """One scene that the order wants.
 
     Attributes:
-        name: begins the ids of its rows; leaves: patterns to try, one after the other.
+        name: begins the ids of its rows; key: what chance goes by.
+        leaves: patterns to try, one after the other.
         attempts: made so far; filled: id of the row that serves it.
+        waiting: whether its backend could not be reached, so that no other words would help.
     """
 
     number: int
     name: str
+    key: str
     quota: Quota
     leaves: tuple[str, ...]
     attempts: int = 0
     filled: str | None = None
+    waiting: bool = False
+
+    @property
+    def open(self) -> bool:
+        """Whether another instruction may fill it."""
+        return self.filled is None and not self.waiting
 
 
 class OrderState(TypedDict, total=False):
@@ -75,7 +86,8 @@ class OrderContext:
     """What the agent works with.
 
     Attributes:
-        budget: instructions that may be written in all.
+        budget: instructions that may be written in all; limit: longest a row may take [s].
+        asking: backend -> how its questions are put.
     """
 
     wish: Wish
@@ -86,6 +98,8 @@ class OrderContext:
     budget: int
     workers: int
     engine: Engine
+    limit: float
+    asking: Mapping[Names, Asking]
     tell: Tell
 
 
@@ -106,7 +120,7 @@ def read(state: OrderState, *, runtime: Runtime[OrderContext]) -> OrderState:
 def write(state: WriteReads, *, runtime: Runtime[OrderContext]) -> OrderState:
     """An instruction for every open slot, as far as the budget goes."""
     context = runtime.context
-    open_slots = [slot for slot in state["slots"] if slot.filled is None]
+    open_slots = [slot for slot in state["slots"] if slot.open]
     due = open_slots[: context.budget - state["spent"]]
     slots = {slot.number: replace(slot, attempts=slot.attempts + 1) for slot in due}
     entries = tuple(_written(slots[slot.number], context) for slot in due)
@@ -118,10 +132,11 @@ def make(state: OrderState, *, runtime: Runtime[OrderContext]) -> OrderState:
     """The pipeline carries out all that was written; what is done is left alone."""
     del state
     context = runtime.context
-    jobs = jobs_of(context.book.entries, context.options)
+    jobs = jobs_of(context.book.entries, context.options, context.asking)
     context.batch.carry_out(
-        jobs, of=len(jobs), workers=context.workers, engine=context.engine, tell=context.tell
-    )
+        jobs, of=len(jobs), workers=context.workers, engine=context.engine, limit=context.limit,
+        tell=context.tell,
+    )  # fmt: skip
     return {}
 
 
@@ -138,7 +153,10 @@ def settle(state: SettleReads, *, runtime: Runtime[OrderContext]) -> OrderState:
     slots = {slot.number: slot for slot in state["slots"]}
     for entry in state["due"]:
         slot = slots[entry.slot]
-        if serves(entry, slot, context.book, context.batch):
+        done = context.batch.journal.entry(context.book.number[entry.id])
+        if done is not None and done.code == "backend_failed":
+            slots[slot.number] = replace(slot, waiting=True)
+        elif done is not None and serves(slot, done, context.batch.out):
             slots[slot.number] = replace(slot, filled=entry.id)
     return {"slots": tuple(slots.values())}
 
@@ -154,7 +172,7 @@ class RouteReads(TypedDict):
 def again(state: RouteReads, *, runtime: Runtime[OrderContext]) -> Literal["write", "end"]:
     """Another round, as long as slots are open and the budget is not spent."""
     left = runtime.context.budget - state["spent"]
-    return "write" if left > 0 and any(slot.filled is None for slot in state["slots"]) else "end"
+    return "write" if left > 0 and any(slot.open for slot in state["slots"]) else "end"
 
 
 @cache
@@ -175,21 +193,29 @@ def order_graph() -> Any:
 
 def slots_of(wish: Wish, *, seed: int) -> Iterator[Slot]:
     """A slot for each scene; each quota's patterns in turn, in an order that the seed decides."""
-    number = 0
+    number, names = 0, _names_of(wish)
     for quota in wish.quotas:
-        rng = _rng(seed, quota.name, quota.backend or "")
+        key = quota.name if quota.place is None else f"{quota.place}-{quota.name}"
+        rng = _rng(seed, key)
         leaves = [quota.leaves[int(k)] for k in rng.permutation(len(quota.leaves))]
-        name = quota.name if quota.backend is None else f"{_slug(quota.backend)}-{quota.name}"
+        name = quota.name if quota.backend is None else f"{names[quota.backend]}-{quota.name}"
         digits = max(len(str(quota.count)), 2)
         for k in range(quota.count):
             turned = leaves[k % len(leaves) :] + leaves[: k % len(leaves)] if leaves else []
-            yield Slot(number, f"{name}-{k + 1:0{digits}d}", quota, tuple(turned))
+            count = f"{k + 1:0{digits}d}"
+            yield Slot(number, f"{name}-{count}", f"{key}-{count}", quota, tuple(turned))
             number += 1
 
 
-def _slug(backend: str) -> str:
-    plain = "".join(char if char.isalnum() else "-" for char in backend.lower())
-    return plain.split("-", 1)[-1] if backend.startswith(("openai:", "anthropic:")) else plain
+def _names_of(wish: Wish) -> dict[str, str]:
+    """Backend -> how the ids of its rows begin; no two alike."""
+    backends = dict.fromkeys(quota.backend for quota in wish.quotas if quota.backend)
+    plain = {backend: plain_name((backend,)) for backend in backends}
+    often = Counter(plain.values())
+    return {
+        backend: name if often[name] == 1 else f"{name}-{k + 1}"
+        for k, (backend, name) in enumerate(plain.items())
+    }
 
 
 def _rng(*key: int | str) -> np.random.Generator:
@@ -202,7 +228,7 @@ def _written(slot: Slot, context: OrderContext) -> Entry:
     known = context.book.find(slot.number, slot.attempts)
     if known is not None:
         return known
-    rng = _rng(context.options.seed, slot.name, slot.attempts)
+    rng = _rng(context.options.seed, slot.key, slot.attempts)
     earlier = [context.book.find(slot.number, k) for k in range(1, slot.attempts)]
     story, told = _worded(slot, context, [each.text for each in earlier if each], rng)
     background = context.wish.context.background
@@ -215,11 +241,15 @@ def _written(slot: Slot, context: OrderContext) -> Entry:
         voice=told.voice,
         text=told.text,
         seed=int(rng.integers(2**31)),
-        backend=slot.quota.backend or context.options.backend,
+        backend=list(_planner(slot, context)),
         background=None if background is None else background.model_dump(exclude_none=True),
     )
     context.book.add(entry)
     return entry
+
+
+def _planner(slot: Slot, context: OrderContext) -> Names:
+    return context.options.backend if slot.quota.backend is None else (slot.quota.backend,)
 
 
 def _worded(
@@ -227,9 +257,10 @@ def _worded(
 ) -> tuple[Story, Told]:
     """A story with its text; one that the place has no room for is thought up anew."""
     turn = slot.number + 5 * (slot.attempts - 1)
+    asked = Asked(turn, tuple(avoid), context.book.texts, _planner(slot, context) == BUILTIN)
     for _ in range(STORIES):
         story = story_of(slot, context, rng)
-        told = context.writer.word(story, turn=turn, avoid=avoid, rng=rng)
+        told = context.writer.word(story, asked, rng=rng)
         if told is not None:
             return story, told
     # Told as it is: the pipeline will say what is wrong with it.
@@ -260,7 +291,9 @@ def _leaf(slot: Slot) -> str | None:
     return slot.leaves[(slot.attempts - 1) // REWORDED % len(slot.leaves)]
 
 
-def jobs_of(entries: Iterable[Entry], options: Options) -> list[Job]:
+def jobs_of(
+    entries: Iterable[Entry], options: Options, asking: Mapping[Names, Asking]
+) -> list[Job]:
     """The jobs of all that was written."""
     return [
         Job(
@@ -270,23 +303,23 @@ def jobs_of(entries: Iterable[Entry], options: Options) -> list[Job]:
             text=entry.text,
             seed=entry.seed,
             intersection=options.intersection,
-            backend=entry.backend,
+            backend=tuple(entry.backend),
             refiner=options.refiner,
             selection=options.selection,
             context={} if entry.background is None else {"background": entry.background},
             asked=entry.event,
-            base_url=options.base_url if ":" in entry.backend else None,
+            base_url=url_for(entry.backend, options.base_url),
+            asking=asking[tuple(entry.backend)],
         )
         for number, entry in enumerate(entries)
     ]
 
 
-def serves(entry: Entry, slot: Slot, book: Book, batch: Batch) -> bool:
+def serves(slot: Slot, done: Done, out: Path) -> bool:
     """Whether a row's scene shows what its slot is for."""
-    done = batch.journal.entry(book.number[entry.id])
-    if done is None or done.status != "made":
+    if done.status != "made":
         return False
-    shown = shown_by(batch.out, done)
+    shown = shown_by(out, done)
     if slot.quota.event == "normal":
         return shown == ([], [])
     events, leaves = shown

@@ -25,7 +25,7 @@ class Entry:
     Attributes:
         id: of its row; slot: which of the order's scenes it is for; attempt: from 1 on.
         event, leaf: what it is to show; voice: how it is worded.
-        backend: who is to plan it; background: numbers that the order fixes.
+        backend: who is to plan it, by name; background: numbers that the order fixes.
     """
 
     id: str
@@ -36,7 +36,7 @@ class Entry:
     voice: str
     text: str
     seed: int
-    backend: str
+    backend: list[str]
     background: dict[str, Any] | None = None
 
 
@@ -45,6 +45,7 @@ class Book:
 
     Attributes:
         entries: in the order in which they were written; number: id -> place among them.
+        texts: all of them.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -65,6 +66,7 @@ class Book:
             raise InputError(f"{self._file} is damaged; begin in another folder") from error
         self._known = {(each.slot, each.attempt): each for each in self.entries}
         self.number = {each.id: k for k, each in enumerate(self.entries)}
+        self.texts = {each.text for each in self.entries}
 
     def find(self, slot: int, attempt: int) -> Entry | None:
         """What was written for this attempt at a slot."""
@@ -76,4 +78,5 @@ class Book:
             stream.write(json_bytes(asdict(entry)))
         self.number[entry.id] = len(self.entries)
         self.entries.append(entry)
+        self.texts.add(entry.text)
         self._known[entry.slot, entry.attempt] = entry

@@ -10,12 +10,27 @@ from typing import Any
 
 from scenewright.errors import InputError
 from scenewright.graph.atomic import write_atomically
+from scenewright.graph.batch.asking import (
+    PLAINLY,
+    Asking,
+    Names,
+    beside,
+    check_asking,
+    plain_name,
+    url_for,
+)
 from scenewright.graph.batch.carrying import Batch, Engine, Tell
 from scenewright.graph.batch.finish import finish
 from scenewright.graph.batch.journal import Journal
 from scenewright.graph.batch.manifest import MANIFEST
-from scenewright.graph.batch.run import MOST_WORKERS, check_options, settings_of
-from scenewright.graph.batch.work import Options, json_bytes, speaking
+from scenewright.graph.batch.run import (
+    MOST_WORKERS,
+    ROW_TIMEOUT,
+    check_options,
+    check_row_timeout,
+    settings_of,
+)
+from scenewright.graph.batch.work import Options, json_bytes
 from scenewright.graph.order.agent import (
     OrderContext,
     OrderState,
@@ -25,6 +40,7 @@ from scenewright.graph.order.agent import (
     shown_by,
 )
 from scenewright.graph.order.book import BOOK, Book
+from scenewright.graph.order.voices import VOICES
 from scenewright.graph.order.wish import NORMAL, Quota, Wish
 from scenewright.graph.order.writers import load_writer
 from scenewright.intersections import load_map
@@ -43,6 +59,8 @@ class Order:
     Attributes:
         text: the order as given, for the record; wish: as it was understood.
         writer: who words the instructions; budget: how many at most, None: twice the scenes + 20.
+        row_timeout: longest that one row may take [s]; asking: how questions are put. Where several
+            are asked, each has a file of answers of its own beside the one that is named.
     """
 
     text: str
@@ -54,11 +72,25 @@ class Order:
     workers: int = 1
     engine: Engine = "process"
     title: str = "Traffic scenes to order"
+    row_timeout: float = ROW_TIMEOUT
+    asking: Asking = PLAINLY
 
     @property
     def most(self) -> int:
         """Instructions that may be written."""
         return self.budget or 2 * self.wish.count + SPARE
+
+    def speakers(self) -> dict[Names, Asking]:
+        """Backend -> how its questions are put."""
+        others = [(quota.backend,) for quota in self.wish.quotas if quota.backend]
+        everybody: list[Names] = list(dict.fromkeys([self.options.backend, *others]))
+        asking = replace(self.asking, turns=self.out)
+        if len(everybody) == 1:
+            return {everybody[0]: asking}
+        return {
+            each: replace(asking, record=beside(asking.record, plain_name(each)))
+            for each in everybody
+        }
 
 
 def fill(order: Order, *, tell: Tell = lambda _: None) -> dict[str, Any]:
@@ -68,21 +100,23 @@ def fill(order: Order, *, tell: Tell = lambda _: None) -> dict[str, Any]:
         InputError: an option or the folder cannot be used.
         BackendFault: the writer failed for good.
     """
-    check_options(_without_url(order.options))
-    for backend in {quota.backend for quota in order.wish.quotas if quota.backend}:
-        speaking(backend, order.options.base_url if ":" in backend else None)
-    if not 1 <= order.workers <= MOST_WORKERS:
-        raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {order.workers}")
-    if order.most < order.wish.count:
-        raise InputError(f"a budget of {order.most} is below the {order.wish.count} scenes ordered")
+    speakers = order.speakers()
+    check_order(order, speakers)
     on = load_map(order.options.intersection)
-    writer = load_writer(order.writer, on=on, base_url=order.options.base_url)
+    kept = beside(order.asking.record, "writer")
+    writer = load_writer(
+        order.writer,
+        on=on,
+        base_url=order.options.base_url,
+        asking=replace(order.asking, record=kept),
+    )
     header = header_of(order)
     with Batch(order.out, header=header) as batch:
         book = Book(order.out)
         context = OrderContext(
             wish=order.wish, batch=batch, book=book, writer=writer, options=order.options,
-            budget=order.most, workers=order.workers, engine=order.engine, tell=tell,
+            budget=order.most, workers=order.workers, engine=order.engine,
+            limit=order.row_timeout, asking=speakers, tell=tell,
         )  # fmt: skip
         before = _written(order.out)
         state = _run(context)
@@ -93,9 +127,21 @@ def fill(order: Order, *, tell: Tell = lambda _: None) -> dict[str, Any]:
     return report
 
 
-def _without_url(options: Options) -> Options:
-    """A grammar has no endpoint, though others of the order's backends may."""
-    return options if ":" in options.backend else replace(options, base_url=None)
+def check_order(order: Order, speakers: Mapping[Names, Asking]) -> None:
+    """InputError where an option cannot be used."""
+    if not 1 <= order.workers <= MOST_WORKERS:
+        raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {order.workers}")
+    if order.most < order.wish.count:
+        raise InputError(f"a budget of {order.most} is below the {order.wish.count} scenes ordered")
+    check_row_timeout(order.row_timeout)
+    check_asking(order.asking, one_machine=order.engine == "process")
+    url = order.options.base_url
+    everybody = [*(name for names in speakers for name in names), order.writer]
+    if url is not None and url_for(everybody, url) is None:
+        raise InputError("--base-url is where a model is reached; name one, as openai:MODEL")
+    for names, asking in speakers.items():
+        options = replace(order.options, backend=names, base_url=url_for(names, url))
+        check_options(options, asking)
 
 
 def _run(context: OrderContext) -> OrderState:
@@ -116,7 +162,7 @@ def _finish(
     write_atomically(order.out / REPORT, json_bytes(report))
     finish(
         order.out,
-        jobs_of(book.entries, order.options),
+        jobs_of(book.entries, order.options, order.speakers()),
         journal,
         about={key: value for key, value in header.items() if key != "journal"},
         given=len(book.entries),
@@ -130,7 +176,7 @@ def header_of(order: Order) -> dict[str, Any]:
     from scenewright import __version__
 
     return {
-        "journal": 1,
+        "journal": 2,
         "scenewright": __version__,
         "order": order.text,
         "writer": order.writer,
@@ -153,8 +199,10 @@ def report_of(order: Order, state: OrderState, book: Book, journal: Journal) -> 
         "understood": order.wish.lines(),
         "filled": all(slot.filled is not None for slot in slots),
         "scenes": sum(slot.filled is not None for slot in slots),
+        "waiting": sum(slot.waiting for slot in slots),
         "instructions": len(book.entries),
         "budget": order.most,
+        "by the builtin writer": sum(entry.voice in VOICES for entry in book.entries),
         "voices": dict(sorted(Counter(entry.voice for entry in book.entries).items())),
         "quotas": quotas,
     }
@@ -204,9 +252,9 @@ def paper_wish(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
         relation: tuple(each.id for each in patterns() if each.relation == relation)
         for relation in ("collide_at", "yield_to")
     }
-    for backend in backends:
+    for place, backend in enumerate(backends):
         quotas += [
-            Quota("collision", collision, "collision", leaves["collide_at"], backend),
-            Quota("yielding", yielding, "yielding", leaves["yield_to"], backend),
+            Quota("collision", collision, "collision", leaves["collide_at"], backend, place=place),
+            Quota("yielding", yielding, "yielding", leaves["yield_to"], backend, place=place),
         ]
     return Wish(tuple(quotas), context=SceneContext(density="medium"))

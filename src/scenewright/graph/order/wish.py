@@ -88,8 +88,10 @@ class Quota:
     Attributes:
         name: of the kind, for ids; event: as the checker calls it, or `normal`.
         leaves: ids of the patterns that serve it; none for normal scenes.
-        backend: who plans and reasons, if not the run's; foreground: whether the texts of normal
-            scenes name two who do nothing to one another.
+        backend: who plans and reasons, if not the run's; place: which of the order's backends that
+            is, from 0 on. Chance goes by the place, so that recorded answers of a model may stand
+            where the model stood.
+        foreground: whether the texts of normal scenes name two who do nothing to one another.
     """
 
     name: str
@@ -98,6 +100,7 @@ class Quota:
     leaves: tuple[str, ...] = ()
     backend: str | None = None
     foreground: bool = False
+    place: int | None = None
 
 
 @dataclass(frozen=True)

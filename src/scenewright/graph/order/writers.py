@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from scenewright.backends import Backend, Question, Wording, load_backend
+from scenewright.backends import STAGE_OF, Backend, Question, Wording, load_backend
 from scenewright.errors import BackendFault, Rejected
-from scenewright.graph.batch.work import speaking
+from scenewright.graph.batch.asking import PLAINLY, Asking, speaking, url_for
 from scenewright.graph.order.story import Story
 from scenewright.graph.order.voices import tell, voices_for
 from scenewright.scene.events import EVENT_OF_RELATION
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import pattern_named
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.map_grounding import ground
+from scenewright.tools.map_grounding import casts, ground
 
 TRIES = 6
 """Wordings of one story that are read back before another story is told."""
+_CASTS = 6
+"""Ways of playing a text that are looked at."""
+ASKED = 3
+"""Texts that a model may give for one story before a builtin voice tells it."""
+LENGTH = (8, 400)
+"""Characters of an instruction that a model words."""
 
 
 @dataclass(frozen=True)
@@ -33,20 +40,29 @@ class Told:
     misread: int = 0
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What a text must mind beside its story.
+
+    Attributes:
+        turn: counts the stories, so that voices can take turns.
+        avoid: texts of this slot that were refused; taken: texts of the whole order.
+        grammar: whether the builtin grammar will plan it, so that it had better understand it.
+    """
+
+    turn: int = 0
+    avoid: Sequence[str] = ()
+    taken: Collection[str] = ()
+    grammar: bool = True
+
+
 class Writer(Protocol):
     """Words stories."""
 
     name: str
 
-    def word(
-        self, story: Story, *, turn: int, avoid: Sequence[str], rng: np.random.Generator
-    ) -> Told | None:
-        """A text for a story; None for a story that cannot be at the place.
-
-        Args:
-            turn: counts the stories, so that voices can take turns.
-            avoid: texts of this story that were refused.
-        """
+    def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
+        """A text for a story; None for a story that cannot be at the place."""
 
 
 class Builtin:
@@ -57,15 +73,13 @@ class Builtin:
     def __init__(self, on: IntersectionMap) -> None:
         self._reader, self._on = load_backend("builtin"), on
 
-    def word(
-        self, story: Story, *, turn: int, avoid: Sequence[str], rng: np.random.Generator
-    ) -> Told | None:
+    def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
         """A text that the grammar reads as the story, and that the map has room for."""
         voices = voices_for(story)
         for k in range(TRIES):
-            voice = voices[(turn + k) % len(voices)]
+            voice = voices[(asked.turn + k) % len(voices)]
             text = tell(story, voice, rng)
-            if text not in avoid and reads_as(self._reader, text, story, on=self._on):
+            if text not in asked.avoid and reads_as(self._reader, text, story, on=self._on):
                 return Told(text, voice, k)
         return None
 
@@ -82,14 +96,14 @@ def reads_as(reader: Backend, text: str, story: Story, *, on: IntersectionMap) -
         kinds = sorted(agent.type for agent in graph.agents)
         wanted = sorted(party.type for party in story.parties)
         return not graph.relations and kinds == wanted and context.background is None
-    return context.background is None and _same_event(graph, story)
+    if context.background is not None or not _same_event(graph, story):
+        return False
+    return _always_plays(graph, story.leaf, on)
 
 
 def _read_back(reader: Backend, text: str, on: IntersectionMap) -> SocialGraph | None:
     """The social graph of a text; None if it is refused or the map has no room for it."""
-    legs = [leg.name for leg in on.legs]
-    facts = {"instruction": text, "previous": None, "legs": legs}
-    reply = reader.answer(Question(task="plan", facts=facts))
+    reply = reader.answer(Question(task="plan", facts=_asked_of(text, on)))
     if "agents" not in reply:
         return None
     graph = SocialGraph.model_validate(reply)
@@ -98,6 +112,16 @@ def _read_back(reader: Backend, text: str, on: IntersectionMap) -> SocialGraph |
     except Rejected:
         return None
     return graph
+
+
+def _always_plays(graph: SocialGraph, leaf: str, on: IntersectionMap) -> bool:
+    """Whether the text leaves no other pattern to be drawn, so that patterns come out even."""
+    grounding = ground(graph, on=on)
+    draws = (
+        next(casts(graph, grounding, on=on, rng=np.random.default_rng(k)), None)
+        for k in range(_CASTS)
+    )
+    return all(drawn is not None and drawn.patterns[0].pattern == leaf for drawn in draws)
 
 
 def _same_event(graph: SocialGraph, story: Story) -> bool:
@@ -121,13 +145,51 @@ def _same_event(graph: SocialGraph, story: Story) -> bool:
     )
 
 
+def misread(
+    reader: Backend, text: str, story: Story, *, on: IntersectionMap, strict: bool
+) -> str | None:
+    """What a text tells that its story does not, for whoever wrote it; None if nothing is wrong.
+
+    Args:
+        strict: whether the reader must understand it; else only a contradiction counts, as a text
+            may be clear to others that the reader cannot read.
+    """
+    if strict and reads_as(reader, text, story, on=on):
+        return None
+    reply = reader.answer(Question(task="plan", facts=_asked_of(text, on)))
+    if "agents" not in reply:
+        return f"it is refused: {reply.get('reason')}" if strict else None
+    graph = SocialGraph.model_validate(reply)
+    told: set[str] = {EVENT_OF_RELATION[each.type] for each in graph.relations} or {"normal"}
+    if told != {story.event}:
+        return f"it tells of {' and '.join(sorted(told))}, the story is of {story.event}"
+    for name, found, wanted in (
+        ("density of traffic", graph.context.density, story.density),
+        ("time", graph.context.time_of_day, story.clock),
+    ):
+        if found != wanted and (strict or found is not None):
+            return f"its {name} is {found or 'not told'}, the story's is {wanted or 'not told'}"
+    if graph.context.background is not None:
+        return "it tells of others beside the story's; leave them out"
+    return (
+        "who takes part, from where and turning which way is not as in the story, or not all told"
+        if strict
+        else None
+    )
+
+
+def _asked_of(text: str, on: IntersectionMap) -> dict[str, Any]:
+    return {"instruction": text, "previous": None, "legs": [leg.name for leg in on.legs]}
+
+
 _RULES = """You write instructions for a traffic simulator, as many different people would: short
 or long, formal or casual, reports, requests, headlines, questions. Word the story you are given in
 one or two sentences. Say everything in it and nothing that is not: no other agents, no other
-events, no other place or time. Use the manner you are told. Answer with JSON: {"text": "..."}."""
+events, no other place or time. Use the manner you are told. If your last text was refused, mend
+what was wrong with it. Answer with JSON: {"text": "..."}."""
 _SCHEMA = {
     "type": "object",
-    "properties": {"text": {"type": "string", "minLength": 8, "maxLength": 400}},
+    "properties": {"text": {"type": "string", "minLength": LENGTH[0], "maxLength": LENGTH[1]}},
     "required": ["text"],
     "additionalProperties": False,
 }
@@ -139,32 +201,62 @@ _MANNERS = (
 
 
 class Spoken:
-    """A language model, in a different manner each time; the builtin voices where it fails."""
+    """A language model, in a different manner each time.
+
+    Every text is read back. One that tells another story goes back with what is wrong with it, at
+    most ASKED times; then a builtin voice tells the story.
+    """
 
     def __init__(self, backend: Backend, on: IntersectionMap) -> None:
         self.name = backend.name
-        self._backend, self._else = backend, Builtin(on)
+        self._backend, self._else, self._on = backend, Builtin(on), on
+        self._reader = load_backend("builtin")
 
-    def word(
-        self, story: Story, *, turn: int, avoid: Sequence[str], rng: np.random.Generator
-    ) -> Told | None:
-        """What the model says, as it is: the scene will show whether it is the story."""
-        manner = _MANNERS[turn % len(_MANNERS)]
-        facts = {"story": facts_of(story), "manner": manner, "not again": list(avoid)}
-        try:
-            text = self._ask(facts, seed=int(rng.integers(2**31)))
-        except (Rejected, BackendFault):
-            return self._else.word(story, turn=turn, avoid=avoid, rng=rng)
-        return Told(text, manner)
+    def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
+        """What the model says, once nothing is found wrong with it.
 
-    def _ask(self, facts: dict[str, Any], *, seed: int) -> str:
-        words = json.dumps(facts, ensure_ascii=False)
+        Raises:
+            BackendFault: the model cannot be reached at all, as without its key.
+        """
+        manner, seed = _MANNERS[asked.turn % len(_MANNERS)], int(rng.integers(2**31))
+        facts = {"story": facts_of(story), "manner": manner, "not again": list(asked.avoid)}
+        faults: list[str] = []
+        while len(faults) < ASKED:
+            try:
+                text = self._ask(facts, faults, seed=seed)
+            except Rejected as refusal:
+                faults.append(refusal.rejection.detail)
+                continue
+            except BackendFault as fault:
+                if fault.final:
+                    raise
+                break
+            wrong = self._wrong_with(text, story, asked)
+            if wrong is None:
+                return Told(text, manner, len(faults))
+            faults.append(wrong)
+        return self._else.word(story, asked, rng=rng)
+
+    def _ask(self, facts: dict[str, Any], faults: Sequence[str], *, seed: int) -> str:
+        """A text, in one line."""
+        told = {**facts, "wrong with your last texts": list(faults)} if faults else facts
+        words = json.dumps(told, ensure_ascii=False)
         wording = Wording(system=_RULES, user=words, schema=_SCHEMA)
-        question = Question(task="plan", facts=facts, seed=seed, wording=lambda: wording)
+        question = Question(
+            task="plan", facts=told, rejections=tuple(faults), seed=seed, wording=lambda: wording
+        )
         text = self._backend.answer(question).get("text")
-        if not isinstance(text, str) or not 0 < len(text.strip()) <= 2000:
-            raise BackendFault("the writer gave no text")
+        if not isinstance(text, str):
+            detail = 'the reply has no text; answer with {"text": "..."}'
+            raise Rejected(Rejection(stage=STAGE_OF["plan"], code="malformed_reply", detail=detail))
         return " ".join(text.split())
+
+    def _wrong_with(self, text: str, story: Story, asked: Asked) -> str | None:
+        if not LENGTH[0] <= len(text) <= LENGTH[1] or not text.isprintable():
+            return f"a text has {LENGTH[0]} to {LENGTH[1]} printable characters"
+        if text in asked.avoid or text in asked.taken:
+            return "this very text was written before; word it differently"
+        return misread(self._reader, text, story, on=self._on, strict=asked.grammar)
 
 
 def facts_of(story: Story) -> dict[str, Any]:
@@ -178,8 +270,10 @@ def facts_of(story: Story) -> dict[str, Any]:
     return {key: value for key, value in found.items() if value is not None}
 
 
-def load_writer(name: str, *, on: IntersectionMap, base_url: str | None = None) -> Writer:
+def load_writer(
+    name: str, *, on: IntersectionMap, base_url: str | None = None, asking: Asking = PLAINLY
+) -> Writer:
     """The writer of that name for a place; InputError for a backend that does not exist."""
     if name == "builtin":
         return Builtin(on)
-    return Spoken(speaking(name, base_url), on)
+    return Spoken(speaking((name,), url_for((name,), base_url), asking), on)
