@@ -1,15 +1,21 @@
 """Other maps than four legs in right-hand traffic: what an instruction means there."""
 
 import importlib.util
+import types
 
 import map_files
+import numpy as np
 import pytest
 
+from scenewright import synthesize
 from scenewright.errors import Rejected
 from scenewright.scene.relations import pattern_named
 from scenewright.scene.social import AgentNode, SceneContext, SocialGraph
+from scenewright.tools.gmm_sampler.derived import derived_priors
+from scenewright.tools.gmm_sampler.own import write_own
 from scenewright.tools.map_grounding import ground, serves
 from scenewright.tools.map_import import import_map
+from scenewright.tools.relation_checker.entries import entry_of, exit_of
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +55,12 @@ def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
     assert not serves(pattern, turning, ahead, on=parted)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("sumo") is None, reason="SUMO is not installed")
+needs_sumo = pytest.mark.skipif(
+    importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
+)
+
+
+@needs_sumo
 def test_on_five_legs_a_turn_goes_where_the_map_leads(tmp_path):
     net = map_files.sumo_net(tmp_path / "five.net.xml", (0, 45, 90, 180, 270))
     five = import_map(net, name="five").assembled.place
@@ -69,3 +80,52 @@ def test_on_five_legs_a_turn_goes_where_the_map_leads(tmp_path):
     else:
         with pytest.raises(Rejected):
             ground(graph, on=gone)
+
+
+@needs_sumo
+def test_the_lane_that_a_track_is_on_tells_its_leg_on_five_legs(tmp_path):
+    net = map_files.sumo_net(tmp_path / "five.net.xml", (0, 45, 90, 180, 270))
+    made = import_map(net, name="five").assembled
+    for each in made.place.routes:
+        if each.type == "vehicle":
+            for line in made.lines[each.id]:
+                seen = driven(np.asarray(line), made.place.extent)
+                assert entry_of(seen, made.place) == each.entry
+                assert exit_of(seen, made.place) == each.exit
+
+
+def test_where_a_road_bends_the_lane_decides_and_not_the_direction(place):
+    bent = place.model_copy(
+        update={
+            "legs": tuple(x.model_copy(update={"bearing": x.bearing + 1.0}) for x in place.legs)
+        }
+    )
+    line = np.array(next(m for m in place.movements if m.id == "north>south:straight").centreline)
+    assert entry_of(driven(line, place.extent), bent) == "north"
+    assert exit_of(driven(line, place.extent), bent) == "south"
+
+
+@needs_sumo
+def test_in_left_hand_traffic_a_right_turn_across_the_path_is_made_and_proven(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
+    net = map_files.sumo_net(tmp_path / "left.net.xml", (0, 90, 180, 270), left_hand=True)
+    made = import_map(net, name="left").assembled
+    priors = derived_priors(made.place, made.lines)
+    write_own("left", made.place, made.lines, priors, provenance={}, frame={}, notes=[])
+    text = "A car turning right hits an oncoming car with nobody else around"
+    scene = synthesize(text, intersection="left", seed=1, refiner="none")
+    assert scene.proof.verified
+    [event] = scene.proof.events
+    assert (event.type, event.kind) == ("collision", "left_turn")
+    movements = {agent.movement for agent in scene.record.agents}
+    assert movements == {"right", "straight"}
+
+
+def driven(line, extent):
+    """A vehicle that drives along a line, as far as the map goes."""
+    inside = line[np.abs(line).max(axis=1) <= extent]
+    step = np.diff(inside, axis=0)
+    heading = np.arctan2(step[:, 1], step[:, 0])
+    return types.SimpleNamespace(xy=inside, heading=np.append(heading, heading[-1]))

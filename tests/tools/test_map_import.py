@@ -2,6 +2,9 @@
 
 import importlib.util
 import math
+import os
+import re
+from pathlib import Path
 
 import map_files
 import numpy as np
@@ -16,6 +19,8 @@ needs_sumo = pytest.mark.skipif(
     importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
 )
 FOUR = (0, 90, 180, 270)
+REAL = os.environ.get("SCENEWRIGHT_REAL_MAPS")
+"""A folder of maps of real places (docs/own-intersection.md); none comes with the project."""
 
 
 @pytest.fixture(scope="module")
@@ -218,3 +223,22 @@ def test_a_truncated_network_is_refused(folder, tmp_path, share):
     file.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(InputError, match="cut off"):
         import_map(file, name="x")
+
+
+@needs_sumo
+@pytest.mark.skipif(REAL is None, reason="SCENEWRIGHT_REAL_MAPS names no folder of maps")
+def test_junctions_of_real_places_are_whole():
+    files = sorted(f for f in Path(str(REAL)).iterdir() if f.suffix in (".osm", ".xodr", ".xml"))
+    assert files
+    for file in files:
+        for made in junctions(file):
+            check_is_whole(made)
+
+
+def junctions(file):
+    """The junction of a file, or the first three of those that it lists."""
+    try:
+        return [import_map(file, name="real")]
+    except InputError as listed:
+        ids = re.findall(r"(?:are|;) (\S+) \(\d legs", str(listed))[:3]
+    return [import_map(file, name="real", junction=each) for each in ids]

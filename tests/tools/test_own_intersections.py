@@ -278,7 +278,7 @@ def test_ind_style_trajnet_and_fcd_say_the_same(tmp_path, ways):
         ("a.ndjson", "{\n", "line 1"),
         ("fcd.xml", "<fcd-export><timestep time='0'>", "well-formed"),
         ("fcd.xml", "<!DOCTYPE x [<!ENTITY a 'b'>]><fcd-export/>", "document type"),
-        ("a.txt", "hello", "no kind that is known"),
+        ("a.dat", "hello", "no kind that is known"),
     ],
 )
 def test_unusable_tracks_end_in_one_line(tmp_path, name, text, reason):

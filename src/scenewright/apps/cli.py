@@ -161,6 +161,9 @@ def _tell_what_was_made(lines: list[str]) -> None:
 def plan(
     rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows; `-` is stdin.")],
     out: Annotated[str, typer.Option(help="File to write; `-` is stdout.")] = "-",
+    intersection: Annotated[
+        str | None, typer.Option(help="Where it happens; else four legs, in right-hand traffic.")
+    ] = None,
     backend: BackendNames = None,
     base_url: BaseUrl = None,
     record: Record = None,
@@ -168,15 +171,17 @@ def plan(
     as_json: Json = False,
 ) -> None:
     """Read instructions, one JSON row each, and write what was understood, one row each."""
-    from scenewright.apps.planning import check_out, plan_rows, read_rows, spent, write_rows
+    from scenewright.apps.planning import all_planned, check_out, read_rows, spent, write_rows
     from scenewright.backends import Call
+    from scenewright.intersections import load_map
 
     if as_json and out == "-":
         raise typer.BadParameter("--json needs --out FILE: stdout already carries the rows")
     check_out(out)
     speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
     calls: list[Call] = []
-    planned = list(plan_rows(read_rows(rows), speaker, account=calls.append))
+    on = None if intersection is None else load_map(intersection)
+    planned = all_planned(read_rows(rows), speaker, calls, on=on)
     write_rows(out, planned)
     refused = sum(row["refused"] for row in planned)
     paid = spent(calls)
@@ -249,6 +254,9 @@ def list_all(as_json: Json = False) -> None:
 def show_one(
     name: Annotated[str, typer.Argument(help="Its name.")],
     png: Annotated[str | None, typer.Option(metavar="F", help="Draw the map to this file.")] = None,
+    rrd: Annotated[
+        str | None, typer.Option(metavar="F", help="Write it as a recording for the rerun viewer.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Say what an intersection has: legs, movements, crosswalks, signals."""
@@ -260,6 +268,11 @@ def show_one(
 
         draw_own(png, name)
         facts = {**facts, "png": png}
+    if rrd is not None:
+        from scenewright.apps.own_places import record_own
+
+        record_own(rrd, name)
+        facts = {**facts, "rrd": rrd}
     if as_json:
         put_json({"ok": True, **facts})
     else:

@@ -68,14 +68,20 @@ def simulate(
     name: Annotated[str, typer.Argument(help="Its name.")],
     minutes: Annotated[int, typer.Option(min=10, max=240, help="How much traffic [min].")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
+    train: Annotated[
+        bool, typer.Option("--train/--no-train", help="Train a refiner on it, about half a minute.")
+    ] = True,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate traffic at an imported intersection and fit its priors (extra `simulate`)."""
+    """Simulate traffic at an imported intersection, fit its priors, train its refiner.
+
+    Needs the extra `simulate`.
+    """
     from scenewright.apps.own_places import simulate_own
 
     with progress(quiet=quiet) as tell:
-        facts = simulate_own(name, minutes=minutes, seed=seed, tell=tell)
+        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, tell=tell)
     _tell(facts, (), as_json=as_json)
 
 
@@ -108,6 +114,16 @@ def fit(
         typer.Option(metavar="CSV", help="Counts: columns hour, vehicles[, pedestrians]."),
     ] = None,
     licence: Annotated[str | None, typer.Option(help="Licence of the tracks.")] = None,
+    scale: Annotated[
+        float | None, typer.Option(metavar="M", help="Metres per pixel of tracks in pixels.")
+    ] = None,
+    pool: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TRACKS", help="Vehicles at a place without a map, for the pool."),
+    ] = None,
+    pool_scale: Annotated[
+        float | None, typer.Option(metavar="M", help="Metres per pixel of those.")
+    ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -125,6 +141,9 @@ def fit(
             counts=counts,
             licence=licence,
             tell=tell,
+            scale=scale,
+            pool=pool or (),
+            pool_scale=pool_scale,
         )
     _tell(facts, () if quiet else fit_text(facts), as_json=as_json)
 

@@ -9,13 +9,26 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.errors import InputError
-from scenewright.intersections import checked_name, own_root
+from scenewright.intersections import (
+    REFINER_WEIGHTS,
+    bundle_folder,
+    bundle_header,
+    check_bundle,
+    checked_name,
+    load_map,
+    own_root,
+)
+from scenewright.scene.base import FloatArray
+from scenewright.scene.map import IntersectionMap
 from scenewright.tools.gmm_sampler.derived import derived_priors
+from scenewright.tools.gmm_sampler.fitting import Lanes
 from scenewright.tools.gmm_sampler.own import OwnBundle, open_own, write_own
 from scenewright.tools.gmm_sampler.priors import Priors
 from scenewright.tools.map_import import Imported, import_map
+from scenewright.tools.recordings import Recording
 
 Tell = Callable[[str, str], None]
+REFINER_CARD = "refiner.md"
 _FORMATS = {
     "osm": "OpenStreetMap",
     "lanelet2": "Lanelet2",
@@ -83,28 +96,85 @@ def import_file(
     }
 
 
-def simulate_own(name: str, *, minutes: int, seed: int, tell: Tell) -> dict[str, Any]:
-    """Simulates traffic on an imported map and fits its priors anew.
+def simulate_own(name: str, *, minutes: int, seed: int, train: bool, tell: Tell) -> dict[str, Any]:
+    """Simulates traffic on an imported map, fits its priors anew and trains its refiner.
+
+    Args:
+        train: whether to train; else a refiner that the bundle has stays as it is.
 
     Raises:
         InputError: no such imported intersection, SUMO not installed, a number that cannot be.
     """
-    from scenewright.tools.gmm_sampler.simulated import fitted_priors, simulated_trips
+    from scenewright.tools.gmm_sampler.simulated import fitted_priors, simulate_place
 
     bundle = open_own(name)
-    trips, present = simulated_trips(
-        bundle.place, minutes=minutes, seed=seed, progress=lambda line: tell("simulating", line)
+    made = simulate_place(
+        bundle.place,
+        bundle.ways,
+        minutes=minutes,
+        seed=seed,
+        progress=lambda line: tell("simulating", line),
     )
-    tell("fitting", f"priors on {len(trips)} trips")
-    priors = fitted_priors(bundle.place, bundle.ways, trips, present)
+    tell("fitting", f"priors on {len(made.trips)} trips")
+    priors = fitted_priors(bundle.place, bundle.ways, made.trips, made.present)
+    extra: dict[str, bytes] = {}
+    facts: dict[str, Any] = {}
+    if train:
+        command = f"scenewright intersections simulate {name} --minutes {minutes} --seed {seed}"
+        extra, facts = _trained(name, made.recordings, command, seed, tell)
+    on_foot = sum(trip.subtype is None for trip in made.trips)
     folder = _rewritten(
         bundle,
         priors,
-        {"priors": "fitted on simulated traffic (Eclipse SUMO); demand assumed, people derived",
-         "simulated_minutes": minutes, "simulated_trips": len(trips), "seed": seed},
-        {},
+        {"priors": "fitted on simulated traffic (Eclipse SUMO); demand assumed, walked ways "
+         "derived from the map",
+         "simulated_minutes": minutes, "simulated_trips": len(made.trips),
+         "simulated_walks": on_foot, "seed": seed},
+        extra,
     )  # fmt: skip
-    return {"name": name, "folder": folder, "trips": len(trips), "minutes": minutes}
+    return {
+        "name": name,
+        "folder": folder,
+        "trips": len(made.trips),
+        "walks": on_foot,
+        "minutes": minutes,
+        "trained": train,
+        "figures": facts,
+    }
+
+
+def _trained(
+    name: str, recordings: Sequence[Recording], command: str, seed: int, tell: Tell
+) -> tuple[dict[str, bytes], dict[str, Any]]:
+    """A refiner for the simulated traffic, as files of the bundle, and what it is worth.
+
+    It goes on from the shipped intersection's, which knows how people drive but not how they do
+    here: from nothing, so little traffic would not teach it.
+    """
+    import tempfile
+
+    from scenewright.tools.gmm_sampler.moving import SHIPPED
+    from scenewright.tools.trajnet_refiner.bundle_training import CARD, train_bundle
+    from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+    from scenewright.tools.trajnet_refiner.supervised import RECIPE
+
+    shipped = bundled_refiner(SHIPPED)
+    recipe = RECIPE.model_copy(update={**_GOES_ON, "seed": seed})
+    tell("training", f"a refiner on {len(recordings)} recordings")
+    with tempfile.TemporaryDirectory() as scratch:
+        about = train_bundle(
+            name, recordings, out=Path(scratch), recipe=recipe, command=command,
+            start=None if shipped is None else shipped.net,
+            after_epoch=lambda epoch: tell(
+                "training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}"
+            ),
+        )  # fmt: skip
+        files = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
+    return files, dict(about["figures"])
+
+
+_GOES_ON = {"epochs": 6, "rate": 3e-4}
+"""How a network that has been trained elsewhere goes on here: briefly, in small steps."""
 
 
 def fit_own(
@@ -118,8 +188,16 @@ def fit_own(
     counts: str | None,
     licence: str | None,
     tell: Tell,
+    scale: float | None = None,
+    pool: Sequence[str] = (),
+    pool_scale: float | None = None,
 ) -> dict[str, Any]:
     """Fits an imported intersection's priors on recorded tracks.
+
+    Args:
+        scale: metres per pixel of tracks in pixels.
+        pool: files or folders of vehicles' tracks at a place without a map, for the pool; and
+            pool_scale theirs.
 
     Raises:
         InputError: no such imported intersection, or tracks or options that cannot be used.
@@ -129,7 +207,10 @@ def fit_own(
 
     bundle = open_own(name)
     tell("reading", f"{len(paths)} files or folders")
-    files = read_track_files(paths, columns=None if columns is None else parsed_columns(columns))
+    files = read_track_files(
+        paths, columns=None if columns is None else parsed_columns(columns), scale=scale
+    )
+    elsewhere, told = _elsewhere(pool, pool_scale)
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
     tell("fitting", f"{sum(len(file.tracks) for file in files)} tracks")
     fitted = fit_tracks(
@@ -141,13 +222,15 @@ def fit_own(
         shift=None if shift is None else parsed_center(shift),
         begin=None if start is None else _parsed_clock(start),
         hourly=None if counts is None else read_hourly(counts),
+        elsewhere=elsewhere,
     )
     folder = _rewritten(
         bundle,
         fitted.priors,
         {"priors": "fitted on recorded tracks; what they do not tell is derived from the map",
          "track_files": sorted(file.name for file in files)[:50],
-         "tracks": sum(fitted.matched.values()), "tracks_licence": licence},
+         "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
+         "pool": ", ".join(told) or None},
         {"seen.npz": seen_bytes(fitted.seen)},
     )  # fmt: skip
     return {
@@ -158,12 +241,39 @@ def fit_own(
         "matched": fitted.matched,
         "off": fitted.off,
         "open": fitted.open_,
-        "notes": list(fitted.lines),
+        "notes": [*told, *fitted.lines],
         "heldout": [
             {"share": share, "tracks": n, "pooled_nll": pooled, "unpooled_nll": alone}
             for share, n, pooled, alone in fitted.heldout
         ],
     }
+
+
+def _elsewhere(paths: Sequence[str], scale: float | None) -> tuple[Lanes, list[str]]:
+    """How drivers of other places keep to their lanes, and a line on each file."""
+    from scenewright.tools.gmm_sampler.lane_keeping import kept_lanes, measured_scale
+    from scenewright.tools.recordings.track_files import read_track_files
+
+    found: dict[str, list[FloatArray]] = {}
+    told = []
+    for file in read_track_files(paths, scale=scale) if paths else ():
+        tracks = [track.xy for subtype, track in file.tracks if subtype != "pedestrian"]
+        lanes = kept_lanes(tracks)
+        for turn, own in lanes.items():
+            found.setdefault(turn, []).extend(own)
+        count = sum(len(own) for lane in lanes.values() for own in lane)
+        wide = None if scale is None else measured_scale(tracks, scale)
+        words = (
+            f"{file.name}: {count} tracks on {sum(map(len, lanes.values()))} lanes, for the pool"
+        )
+        if scale is not None:
+            words += f", at {scale:g} m per pixel"
+        if wide is not None:
+            words += f" ({wide:.3f} would make its lanes 3.25 m wide)"
+        told.append(words)
+    if paths and not found:
+        raise InputError(f"{', '.join(paths)[:200]}: no lane that three vehicles share")
+    return found, told
 
 
 def seen_bytes(tracks: Sequence[Any]) -> bytes:
@@ -186,8 +296,13 @@ def seen_bytes(tracks: Sequence[Any]) -> bytes:
 def _rewritten(
     bundle: OwnBundle, priors: Priors, facts: Mapping[str, Any], extra: Mapping[str, bytes]
 ) -> str:
-    """The bundle with new priors; what its map came from stays as it is."""
+    """The bundle with new priors; its map's origin and its refiner stay, if not replaced."""
     header = bundle.header
+    kept = {
+        file: (bundle.folder / file).read_bytes()
+        for file in (REFINER_WEIGHTS, REFINER_CARD)
+        if (bundle.folder / file).is_file()
+    }
     old = {k: v for k, v in header.get("provenance", {}).items() if k.startswith("map")}
     folder = write_own(
         bundle.folder.name,
@@ -199,7 +314,7 @@ def _rewritten(
         notes=header.get("notes", ()),
         licence=header.get("licence"),
         force=True,
-        extra=extra,
+        extra={**kept, **extra},
     )
     return str(folder)
 
@@ -247,28 +362,64 @@ def fit_text(facts: dict[str, Any]) -> list[str]:
 
 def draw_own(png: str, name: str) -> None:
     """A bundle's picture: map, legs, movements, recorded tracks if it keeps some, its priors."""
+    from scenewright.graph.picture.intersection import draw_intersection
+
+    place = load_map(name)
+    samples = [path for drawn in _drawn(name, place).values() for path in drawn]
+    draw_intersection(png, intersection=place, tracks=_seen(name), samples=samples)
+
+
+def record_own(rrd: str, name: str) -> None:
+    """The same as a recording for the rerun viewer, with what was assumed beside it."""
+    from scenewright.graph.place_recorder import record_intersection
+
+    place, header = load_map(name), bundle_header(bundle_folder(name))
+    facts = [f"{key}: {value}" for key, value in header.get("provenance", {}).items()]
+    facts += [f"licence: {header.get('licence', 'unstated')}", *header.get("notes", ())]
+    record_intersection(
+        rrd,
+        intersection=place,
+        tracks=_seen(name),
+        priors=_drawn(name, place),
+        facts=[each for each in map(str, facts) if len(each) < _LONGEST_FACT],
+    )
+
+
+def _drawn(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
+    """By route id, paths drawn from its prior; jaywalkers', who go anywhere, are left out."""
     import numpy as np
 
-    from scenewright.graph.picture.intersection import draw_intersection
-    from scenewright.intersections import bundle_folder, check_bundle, load_map
     from scenewright.tools.gmm_sampler import load_priors, paths_of, sample_waypoints
 
-    place, folder = load_map(name), bundle_folder(name)
-    samples, tracks = [], []
-    if (folder / "priors.npz").is_file():
-        priors, rng = load_priors(name), np.random.default_rng(0)
-        for route in place.routes:
-            if route.movement != "jaywalking":
-                prior = priors.waypoints[route.id]
-                drawn = sample_waypoints(prior, rng, size=_SHOWN[route.type])
-                samples += [path.xy for path in paths_of(prior, drawn)]
-    if (folder / "seen.npz").is_file():
-        check_bundle(folder, "seen.npz")
-        with np.load(folder / "seen.npz", allow_pickle=False) as stored:
-            tracks = np.split(stored["points"].astype(float), np.cumsum(stored["lengths"])[:-1])
-    draw_intersection(png, intersection=place, tracks=tracks, samples=samples)
+    if not (bundle_folder(name) / "priors.npz").is_file():
+        return {}
+    priors, rng = load_priors(name), np.random.default_rng(0)
+    return {
+        route.id: [
+            path.xy
+            for path in paths_of(
+                priors.waypoints[route.id],
+                sample_waypoints(priors.waypoints[route.id], rng, size=_SHOWN[route.type]),
+            )
+        ]
+        for route in place.routes
+        if route.movement != "jaywalking"
+    }
 
 
+def _seen(name: str) -> list[FloatArray]:
+    """The recorded tracks that a bundle keeps, [T, 2] each [m]."""
+    import numpy as np
+
+    folder = bundle_folder(name)
+    if not (folder / "seen.npz").is_file():
+        return []
+    check_bundle(folder, "seen.npz")
+    with np.load(folder / "seen.npz", allow_pickle=False) as stored:
+        return np.split(stored["points"].astype(float), np.cumsum(stored["lengths"])[:-1])
+
+
+_LONGEST_FACT = 300
 _SHOWN = {"vehicle": 6, "pedestrian": 1}
 """Paths drawn of every route."""
 

@@ -6,23 +6,25 @@ import json
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenewright.apps.console import one_line, put, say
 from scenewright.apps.faults import fault_of
 from scenewright.apps.interrupts import stop_if_asked
 from scenewright.backends import Backend, Call, Question
 from scenewright.errors import BackendFault, InputError, Rejected
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
 
+if TYPE_CHECKING:
+    from scenewright.nodes.scene_planner import Way
+
 Account = Callable[[Call], None]
 ATTEMPTS = 3
-LEGS = ("north", "east", "south", "west")
-"""Rows are planned for no particular map."""
 
 
 def read_rows(path: str) -> list[Any]:
@@ -54,30 +56,54 @@ def _parse(line: str, where: str) -> Any:
 
 
 def plan_rows(
-    rows: list[Any], backend: Backend, *, account: Account = lambda _call: None
+    rows: list[Any],
+    backend: Backend,
+    *,
+    on: IntersectionMap | None = None,
+    account: Account = lambda _call: None,
 ) -> Iterator[dict[str, Any]]:
     """One row out per row in, in order; a row that cannot be planned is a refusal.
 
     Args:
+        on: the map that the rows are about; None: four legs, in right-hand traffic.
         account: called with what every answer of a model has cost.
 
     Raises:
         BackendFault: the backend failed for good.
     """
-    for row, plan in zip(rows, _understood_all(rows, backend, account), strict=True):
+    for row, plan in zip(rows, _understood_all(rows, backend, on, account), strict=True):
         stop_if_asked()
         given = row if isinstance(row, dict) else {}
         yield {**plan_to_row("", plan), "id": _echo(given.get("id"))}
 
 
-def _understood_all(rows: list[Any], backend: Backend, account: Account) -> Iterator[Plan]:
+def all_planned(
+    rows: list[Any], backend: Backend, calls: list[Call], *, on: IntersectionMap | None = None
+) -> list[dict[str, Any]]:
+    """Every row out; what answers have cost is added to `calls`, and to a fault of the backend.
+
+    Raises:
+        BackendFault: the backend failed for good.
+    """
+    try:
+        return list(plan_rows(rows, backend, on=on, account=calls.append))
+    except BackendFault as fault:
+        from scenewright.graph.run import paid_by_task
+
+        fault.models = paid_by_task(calls)
+        raise
+
+
+def _understood_all(
+    rows: list[Any], backend: Backend, on: IntersectionMap | None, account: Account
+) -> Iterator[Plan]:
     """The plans in order; several at a time by who has to be awaited.
 
     The threads do not outlive an interruption, as those of an executor would.
     """
     many = min(_at_once(backend), len(rows))
     if many <= 1:
-        yield from (_understood(row, backend, account) for row in rows)
+        yield from (_understood(row, backend, on, account) for row in rows)
         return
     replies: list[Future[Plan]] = [Future() for _ in rows]
     left = iter(list(zip(rows, replies, strict=True)))
@@ -90,7 +116,7 @@ def _understood_all(rows: list[Any], backend: Backend, account: Account) -> Iter
             if reply is None:
                 return
             try:
-                reply.set_result(_understood(row, backend, account))
+                reply.set_result(_understood(row, backend, on, account))
             except BaseException as error:
                 reply.set_exception(error)
 
@@ -106,9 +132,9 @@ def _at_once(backend: Backend) -> int:
     return int(getattr(speaker(backend, "plan"), "at_once", 1))
 
 
-def _understood(row: Any, backend: Backend, account: Account) -> Plan:
+def _understood(row: Any, backend: Backend, on: IntersectionMap | None, account: Account) -> Plan:
     fault = _fault_in(row)
-    return refusal(fault) if fault else _plan(row, backend, account)
+    return refusal(fault) if fault else _plan(row, backend, on, account)
 
 
 def spent(calls: list[Call]) -> dict[str, int]:
@@ -123,10 +149,12 @@ def spent(calls: list[Call]) -> dict[str, int]:
     }
 
 
-def _plan(row: dict[str, Any], backend: Backend, account: Account) -> Plan:
+def _plan(
+    row: dict[str, Any], backend: Backend, on: IntersectionMap | None, account: Account
+) -> Plan:
     """The row's plan. A bug that one text brings out must not cost all the other rows."""
     try:
-        return ask_for_plan(row, backend, account=account)
+        return ask_for_plan(row, backend, on=on, account=account)
     except BackendFault:
         raise
     except Exception as error:
@@ -160,7 +188,11 @@ def refusal(reason: str) -> Refusal:
 
 
 def ask_for_plan(
-    row: dict[str, Any], backend: Backend, *, account: Account = lambda _call: None
+    row: dict[str, Any],
+    backend: Backend,
+    *,
+    on: IntersectionMap | None = None,
+    account: Account = lambda _call: None,
 ) -> Plan:
     """The backend's plan; told what was wrong, it may mend a malformed one."""
     from scenewright.backends import speaker
@@ -168,24 +200,35 @@ def ask_for_plan(
 
     wrong: list[str] = []
     for _ in range(1 if speaker(backend, "plan").deterministic else ATTEMPTS):
-        question = _question(row, tuple(wrong), account)
+        ways = scene_planner.FOUR_LEGS if on is None else scene_planner.ways_of(on)
+        question = _question(row, ways, on, tuple(wrong), account)
         try:
-            return scene_planner.ask_for_plan(backend, question, scene_planner.FOUR_LEGS)
+            return scene_planner.ask_for_plan(backend, question, ways)
         except Rejected as error:
             wrong.append(error.rejection.detail)
     return refusal(f"The backend gave no usable plan: {wrong[-1]}")
 
 
-def _question(row: dict[str, Any], wrong: tuple[str, ...], account: Account) -> Question:
-    from scenewright.nodes.scene_planner import FOUR_LEGS
+def _question(
+    row: dict[str, Any],
+    ways: Sequence[Way],
+    on: IntersectionMap | None,
+    wrong: tuple[str, ...],
+    account: Account,
+) -> Question:
     from scenewright.nodes.scene_planner.wording import worded_plan
 
     text, previous = row["text"], row.get("previous")
     return Question(
         task="plan",
-        facts={"instruction": text, "previous": previous, "legs": list(LEGS)},
+        facts={
+            "instruction": text,
+            "previous": previous,
+            "legs": list(dict.fromkeys(way.entry for way in ways)),
+            "left_hand": on is not None and on.left_hand_traffic,
+        },
         rejections=wrong,
-        wording=lambda: worded_plan(text, previous, FOUR_LEGS, rejections=wrong),
+        wording=lambda: worded_plan(text, previous, ways, rejections=wrong),
         account=account,
     )
 

@@ -20,7 +20,7 @@ from langgraph.graph.message import add_messages
 
 from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.graph.run import DEFAULT_INTERSECTION, Tell, json_bytes, ground_of
+from scenewright.graph.run import DEFAULT_INTERSECTION, Tell, ground_of, json_bytes
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.toolbox import Recorder, Workbench, tools_of
 from scenewright.scene.events import Proof

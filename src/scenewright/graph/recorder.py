@@ -1,8 +1,8 @@
 """The whole run as one rerun recording: map, candidates, priors, motion, states, checks, messages.
 
-The only module that imports rerun. A recording is a view for people; scene.json is the data.
-The plan view is a 3D view seen from above, because rerun's 2D views have y pointing down and
-would show a mirrored map.
+With `place_recorder`, the only module that imports rerun. A recording is a view for people;
+scene.json is the data. The plan view is a 3D view seen from above, because rerun's 2D views have
+y pointing down and would show a mirrored map.
 """
 
 from __future__ import annotations

@@ -132,11 +132,6 @@ def build_corpus(
     return corpus
 
 
-def read_corpus(folder: Path) -> list[CorpusHour]:
-    """Every hour stored in a folder, in order."""
-    return [load_hour(file) for file in sorted(folder.glob("day*_hour*.npz"))]
-
-
 def _one_hour(
     day: int,
     hour: int,
@@ -218,6 +213,18 @@ def cleaned_trip(
     if 0.0 <= start < HOUR:
         along = moved[here] - first * SPACING
         yield Trip(track.route, track.subtype, path[first : last + 1], along, start)
+
+
+def walked_trip(track: RawTrack, footway: Any, rng: np.random.Generator) -> Iterator[Trip]:
+    """The whole of a simulated walk, on sidewalk and crosswalk; nothing if hardly any was seen."""
+    xy = smoothed(centres(track), TIME_BLUR["pedestrian"])
+    moved = _progress(xy, _STANDING["pedestrian"])
+    here = track.time >= 0.0
+    if moved[-1] < 8 * SPACING or not here[0]:
+        return
+    path = _on_foot(_path(xy, moved, _PATH_BLUR["pedestrian"]), footway, rng)
+    along = np.clip(moved, 0.0, (len(path) - 1) * SPACING)
+    yield Trip(track.route, None, path, along, float(track.time[0]))
 
 
 def centres(track: RawTrack) -> FloatArray:

@@ -74,13 +74,13 @@ class Matcher:
 
     def match(self, xy: FloatArray, kind: str) -> Match | Unmatched:
         """The route of a track [T, 2] of a class."""
-        even = _spread(xy)
+        even = evenly(xy)
         if len(even) < 4:
             return Unmatched("off", None)
         found = []
         for route, own_kind, number, line in self._lines:
             if own_kind == kind:
-                away = _distance(even, line)
+                away = distance_from(even, line)
                 if away <= NEAR[kind]:
                     found.append((away, route, number, line))
         if not found:
@@ -91,10 +91,10 @@ class Matcher:
         if kind == "vehicle" and any(_alike(even, best[3], f[3]) for f in rivals):
             entries = {self._routes[f[1]].entry for f in (best, *rivals)}
             return Unmatched("open", entries.pop() if len(entries) == 1 else None)
-        return Match(best[1], best[2], _beside(even, best[3]), best[0])
+        return Match(best[1], best[2], beside_of(even, best[3]), best[0])
 
 
-def _spread(xy: FloatArray) -> FloatArray:
+def evenly(xy: FloatArray) -> FloatArray:
     """The track every half metre of its way; standing adds nothing."""
     step = np.hypot(*np.diff(xy, axis=0).T)
     s = np.concatenate([[0.0], np.cumsum(step)])
@@ -105,7 +105,7 @@ def _spread(xy: FloatArray) -> FloatArray:
     return np.stack([np.interp(wanted, s[kept], xy[kept, a]) for a in (0, 1)], axis=1)
 
 
-def _distance(track: FloatArray, line: Centreline) -> float:
+def distance_from(track: FloatArray, line: Centreline) -> float:
     """Mean distance of a track from a line; infinite where it runs another way."""
     apart = np.hypot(*(track[::2, None] - line.dense[None]).transpose(2, 0, 1))
     nearest = apart.argmin(axis=1)
@@ -130,7 +130,7 @@ def _alike(track: FloatArray, a: Centreline, b: Centreline) -> bool:
     return float(np.hypot(*(places[0] - places[1]).T).max()) < _APART
 
 
-def _beside(track: FloatArray, line: Centreline) -> FloatArray:
+def beside_of(track: FloatArray, line: Centreline) -> FloatArray:
     """[K] offset to the left at each waypoint of the line that the track passes [m]."""
     ahead = np.gradient(line.dense, axis=0)[::PER_INTERVAL]
     ahead /= np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]

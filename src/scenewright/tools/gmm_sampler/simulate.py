@@ -219,6 +219,29 @@ def sidewalk_edge(route: Route, *, at_entry: bool) -> str:
 
 
 def _walker(agent: str, route: Route, time: float, rng: np.random.Generator) -> str:
+    start, end = sidewalk_edge(route, at_entry=True), sidewalk_edge(route, at_entry=False)
+    return walker_lines(
+        agent,
+        (start, _along(start, _WALK_START)),
+        (end, _along(end, _WALK_START + 2.0)),
+        time=time,
+        rng=rng,
+    )
+
+
+def walker_lines(
+    agent: str,
+    start: tuple[str, float],
+    end: tuple[str, float],
+    *,
+    time: float,
+    rng: np.random.Generator,
+) -> str:
+    """Somebody on foot with a pace of their own and the walk, as SUMO reads them.
+
+    Args:
+        start, end: a road and a position along its sidewalk [m].
+    """
     pace = round(float(np.clip(rng.normal(1.36, 0.20), 0.85, 1.95)), 2)
     kind = tag(
         "vType",
@@ -231,19 +254,18 @@ def _walker(agent: str, route: Route, time: float, rng: np.random.Generator) -> 
         desiredMaxSpeed=pace,
         speedFactor=1,
     )
-    start, end = sidewalk_edge(route, at_entry=True), sidewalk_edge(route, at_entry=False)
     walk = tag(
         "walk",
-        edges=f"{start} {end}",
+        edges=" ".join(dict.fromkeys((start[0], end[0]))),
         departPosLat=round(float(np.clip(rng.normal(0.0, 0.5), -1.2, 1.2)), 2),
-        arrivalPos=_along(end, _WALK_START + 2.0),
+        arrivalPos=end[1],
     )
     head = tag(
         "person",
         id=agent,
         type=f"t_{agent}",
         depart=round(time + WARM_UP, 1),
-        departPos=_along(start, _WALK_START),
+        departPos=start[1],
     )
     return kind + head.replace("/>", ">") + walk + "</person>"
 

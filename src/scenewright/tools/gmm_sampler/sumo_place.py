@@ -1,8 +1,9 @@
 """The SUMO network of any map: its lanelets as lanes, its ways through as connections.
 
-Only driving lanes are built. Lanes are numbered as SUMO wants them, from the kerb, and get our
-lanelets as their shapes, prolonged straight beyond the map so that traffic has settled when it
-comes into view.
+Lanes are numbered as SUMO wants them, from the kerb: 0 is the sidewalk, then come driving lanes,
+outer first. These get our lanelets as their shapes, prolonged straight beyond the map so that
+traffic has settled when it comes into view. Crosswalks are ours; what joins them to the sidewalks
+SUMO makes up, so that walked tracks are brought on to our walkable area afterwards.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from scenewright.scene.base import Compass, FloatArray
-from scenewright.scene.map import IntersectionMap, Lanelet
+from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
 from scenewright.tools.gmm_sampler.sumo_network import (
     converted,
     edge_id,
@@ -25,6 +26,8 @@ from scenewright.tools.gmm_sampler.sumo_network import (
 
 BEYOND = 180.0
 """How far lanes go on beyond the edge of the map [m]."""
+SIDEWALK = 3.0
+"""Width of a derived sidewalk [m]."""
 
 
 def write_place(folder: Path, place: IntersectionMap) -> Path:
@@ -38,8 +41,8 @@ def write_place(folder: Path, place: IntersectionMap) -> Path:
         folder,
         *(("--lefthand", "true") if place.left_hand_traffic else ()),
         nodes=_nodes(place),
-        edges=_edges(lanes),
-        connections=_connections(place, lanes),
+        edges=_edges(lanes, place),
+        connections=[*_connections(place, lanes), *_crossings(place, lanes)],
     )
     write_signals(folder, [] if place.signals is None else programme_lines(network, place))
     return network
@@ -84,15 +87,23 @@ def _nodes(place: IntersectionMap) -> list[str]:
     return [middle, *ends]
 
 
-def _edges(lanes: Mapping[Compass, _Numbered]) -> Iterator[str]:
+def _edges(lanes: Mapping[Compass, _Numbered], place: IntersectionMap) -> Iterator[str]:
+    walks = {each.leg: each for each in place.crosswalks}
     for leg, sides in lanes.items():
         for side, own in sides.items():
             if not own:
                 continue
             inwards = side == "in"
-            rows = [
-                tag("lane", index=i, width=x.width, shape=shape_of(_prolonged(x, inwards)))
-                for i, x in enumerate(own)
+            beside = _beside(own[0], inwards, place.left_hand_traffic)
+            rows = [_sidewalk(beside, inwards, walks.get(leg))] + [
+                tag(
+                    "lane",
+                    index=i,
+                    width=x.width,
+                    disallow="pedestrian",
+                    shape=shape_of(_prolonged(x, inwards)),
+                )
+                for i, x in enumerate(own, start=1)
             ]
             ends = (leg, "J") if inwards else ("J", leg)
             head = tag(
@@ -100,12 +111,69 @@ def _edges(lanes: Mapping[Compass, _Numbered]) -> Iterator[str]:
                 id=edge_id(leg, inwards=inwards),
                 from_=ends[0],
                 to=ends[1],
-                numLanes=len(own),
+                numLanes=len(own) + 1,
                 speed=own[0].speed_limit,
                 priority=1,
                 shape=shape_of(_prolonged(own[0], inwards)),
             )
             yield head.replace("/>", ">") + "".join(rows) + "</edge>"
+
+
+def _beside(lane: Lanelet, inwards: bool, left_hand: bool) -> FloatArray:
+    """[P, 2] the middle of the sidewalk along the outermost lane."""
+    line = np.array(_prolonged(lane, inwards))
+    ahead = np.gradient(line, axis=0)
+    ahead /= np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
+    kerbwards = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1) * (-1.0 if left_hand else 1.0)
+    return np.asarray(line + (lane.width + SIDEWALK) / 2 * kerbwards)
+
+
+def _sidewalk(beside: FloatArray, inwards: bool, crosswalk: Crosswalk | None) -> str:
+    """A sidewalk that ends where the leg's crosswalk begins: nobody walks on to come back."""
+    line = beside[::-1] if inwards else beside  # from the junction outwards
+    if crosswalk is not None:
+        line = _from_crosswalk(line, crosswalk)
+    line = line[::-1] if inwards else line
+    return tag(
+        "lane",
+        index=0,
+        width=SIDEWALK,
+        allow="pedestrian",
+        speed=2.8,
+        shape=shape_of((float(x), float(y)) for x, y in line),
+    )
+
+
+def _from_crosswalk(line: FloatArray, crosswalk: Crosswalk) -> FloatArray:
+    """What of a sidewalk [P, 2], from the junction outwards, lies beyond its leg's crosswalk."""
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    even = np.arange(0.0, s[-1], 0.5)
+    fine = np.stack([np.interp(even, s, line[:, axis]) for axis in (0, 1)], axis=1)
+    kerbs = np.array(crosswalk.centreline)
+    away = np.hypot(*(fine[:, None] - kerbs[None]).transpose(2, 0, 1)).min(axis=1)
+    begin = even[int(away.argmin())] + crosswalk.width / 2 + 0.5
+    kept = s > begin + 0.5
+    if not kept.any():
+        return line
+    first = np.array([[np.interp(begin, s, line[:, axis]) for axis in (0, 1)]])
+    return np.concatenate([first, line[kept]])
+
+
+def _crossings(place: IntersectionMap, lanes: Mapping[Compass, _Numbered]) -> Iterator[str]:
+    """Our crosswalks; SUMO wants their shapes clockwise round the junction."""
+    for walk in place.crosswalks:
+        roads = [edge_id(walk.leg, inwards=s == "in") for s in ("in", "out") if lanes[walk.leg][s]]
+        (ax, ay), (bx, by) = walk.centreline
+        clockwise = ax * by - ay * bx < 0.0
+        shape = walk.centreline if clockwise else walk.centreline[::-1]
+        yield tag(
+            "crossing",
+            node="J",
+            edges=" ".join(roads),
+            priority="true",
+            width=round(walk.width, 2),
+            shape=shape_of(shape),
+        )
 
 
 def _prolonged(lane: Lanelet, inwards: bool) -> list[tuple[float, float]]:
@@ -126,7 +194,7 @@ def _connections(place: IntersectionMap, lanes: Mapping[Compass, _Numbered]) -> 
                 "connection",
                 from_=edge_id(movement.entry, inwards=True),
                 to=edge_id(movement.exit, inwards=False),
-                fromLane=lanes[movement.entry]["in"].index(before),
-                toLane=lanes[movement.exit]["out"].index(after),
+                fromLane=lanes[movement.entry]["in"].index(before) + 1,
+                toLane=lanes[movement.exit]["out"].index(after) + 1,
                 shape=shape_of(inside.centreline),
             )

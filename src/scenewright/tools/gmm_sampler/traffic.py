@@ -122,14 +122,8 @@ def record_hour(
 ) -> Recording:
     """One hour of the corpus with everybody who was inside the map."""
     raw, unseen = raw_hour(hour, plan=plan, place=place, demand=demand, rng=rng)
-    routes, footways = {route.id: route for route in place.routes}, footways_of(place)
-    agents: list[RecordedAgent] = []
-    for track in raw:
-        route = routes[track.route]
-        half = plan.extent if route.type == "vehicle" else plan.pedestrian_extent
-        trips = list(cleaned_trip(track, half, footways, rng))
-        tracks = [track_of_trip(trip) for trip in trips] or list(_tracks_inside(track, half))
-        agents += [_agent(each, track.subtype, route, complete=bool(trips)) for each in tracks]
+    half = {"vehicle": plan.extent, "pedestrian": plan.pedestrian_extent}
+    agents = agents_of(place, raw, half=half, rng=rng)
     end = flows_until(agents)
     before = [agent for agent in agents if agent.track.start <= end]
     return Recording(
@@ -141,6 +135,30 @@ def record_hour(
         unseen=unseen,
         signal_time=None if place.signals is None else WARM_UP % place.signals.cycle,
     )
+
+
+def agents_of(
+    place: IntersectionMap,
+    raw: Sequence[RawTrack],
+    *,
+    half: Mapping[str, float],
+    rng: np.random.Generator,
+) -> list[RecordedAgent]:
+    """Everybody inside the map: cleaned trips, and what is there of tracks that are none.
+
+    Args:
+        half: by class, half the side of the square that counts [m].
+    """
+    routes, footways = {route.id: route for route in place.routes}, footways_of(place)
+    agents: list[RecordedAgent] = []
+    for track in raw:
+        route = routes[track.route]
+        trips = list(cleaned_trip(track, half[route.type], footways, rng))
+        tracks = [track_of_trip(trip) for trip in trips] or list(
+            _tracks_inside(track, half[route.type])
+        )
+        agents += [_agent(each, track.subtype, route, complete=bool(trips)) for each in tracks]
+    return agents
 
 
 def flows_until(agents: Sequence[RecordedAgent]) -> float:

@@ -248,14 +248,34 @@ def _bound(
     xy: Mapping[str, FloatArray],
 ) -> FloatArray:
     pieces = [[xy[n] for n in ways[ref]] for r, ref in members if r == role]
-    line = [point for piece in pieces for point in piece]
+    line = _chained([np.array(piece) for piece in pieces if len(piece)])
     if len(line) < 2:
         raise ValueError(role)
-    joined = np.array(line)
+    joined = line
     kept = np.concatenate([[True], np.hypot(*np.diff(joined, axis=0).T) > 1e-6])
     if kept.sum() < 2:
         raise ValueError(role)
     return np.asarray(joined[kept])
+
+
+def _chained(pieces: Sequence[FloatArray]) -> FloatArray:
+    """[P, 2] one line of the ways of a bound, which may be listed in any order and direction."""
+    if not pieces:
+        return np.zeros((0, 2))
+    line, rest = pieces[0], list(pieces[1:])
+    while rest:
+        # (distance, which, whether its last point meets, whether at the line's beginning)
+        joins = [
+            (float(np.hypot(*(end - piece[-1 if turned else 0]))), n, turned, early)
+            for n, piece in enumerate(rest)
+            for turned in (False, True)
+            for early, end in ((False, line[-1]), (True, line[0]))
+        ]
+        _, n, turned, early = min(joins)
+        piece = rest.pop(n)
+        piece = piece[::-1] if turned else piece
+        line = np.concatenate([piece[::-1], line] if early else [line, piece])
+    return line
 
 
 def _aligned(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""Tracks of one's own in common formats: TAF-BW, inD-style, SUMO FCD, TrajNet++, any CSV.
+"""Tracks of one's own in common formats: TAF-BW, inD-style, SUMO FCD, TrajNet++, VTP-TL, any CSV.
 
 Whatever the format, what comes out are rows of one agent each, at 10 Hz, cleaned like any real
 tracks. Columns, classes and units are stated by the format or by the user; nothing is guessed but
@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -73,13 +73,17 @@ class FileTracks:
 
 
 def read_track_files(
-    paths: Sequence[str | Path], *, columns: Mapping[str, str] | None = None
+    paths: Sequence[str | Path],
+    *,
+    columns: Mapping[str, str] | None = None,
+    scale: float | None = None,
 ) -> list[FileTracks]:
     """The tracks of files, or of every file of a known kind in folders.
 
     Args:
         columns: for a CSV of any kind: its columns by our names t, id, class, x, y; `class` may be
             missing or be a constant such as `=car`, `t` may be a frame as `frame/25`.
+        scale: metres per pixel, where positions are pixels of an image whose y points down.
 
     Raises:
         InputError: nothing there, or a file that cannot be read; the line is named.
@@ -87,7 +91,7 @@ def read_track_files(
     files = [file for path in paths for file in _files(Path(path))]
     if not files:
         raise InputError(f"no tracks in {', '.join(map(str, paths))[:200]}")
-    return [_read(file, columns) for file in files]
+    return [_read(file, columns, scale) for file in files]
 
 
 def _files(path: Path) -> list[Path]:
@@ -95,11 +99,11 @@ def _files(path: Path) -> list[Path]:
         raise InputError(f"cannot read {path}: there is no such file or folder")
     if path.is_file():
         return [path]
-    known = ("vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml")
+    known = ("vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt")
     return sorted({file for pattern in known for file in path.rglob(pattern)})
 
 
-def _read(file: Path, columns: Mapping[str, str] | None) -> FileTracks:
+def _read(file: Path, columns: Mapping[str, str] | None, scale: float | None) -> FileTracks:
     if file.stat().st_size > MOST_BYTES:
         raise InputError(f"{file} is larger than {MOST_BYTES / 1e6:.0f} MB; cut it into parts")
     settling: dict[AgentClass, float] = {"vehicle": 0.0, "pedestrian": 0.0}
@@ -114,10 +118,8 @@ def _read(file: Path, columns: Mapping[str, str] | None) -> FileTracks:
             settling = {"vehicle": 3.0 if "k729" in str(file) else 1.0, "pedestrian": 1.5}
         elif file.name.endswith("_tracks.csv"):
             agents, begin, origin = _ind(file)
-        elif file.suffix == ".ndjson":
-            agents = _trajnet(file)
-        elif file.suffix == ".xml":
-            agents = _fcd(file)
+        elif file.suffix in _READERS:
+            agents = _READERS[file.suffix](file)
         elif file.suffix == ".csv":
             agents = _mapped_csv(file, {name: name for name in ("t", "id", "class", "x", "y")})
         else:
@@ -128,7 +130,47 @@ def _read(file: Path, columns: Mapping[str, str] | None) -> FileTracks:
         raise InputError(f"{file} is no UTF-8 text") from None
     except OSError as fault:
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from None
+    if scale is not None:
+        _to_metres(agents, scale)
+    elif columns is None and file.suffix == ".txt":
+        raise InputError(
+            f"positions of {file} are pixels; say metres per pixel with --scale, or --pool-scale"
+        )
     return _cleaned(file, agents, settling, begin, origin)
+
+
+def _to_metres(agents: Mapping[str, _Agent], scale: float) -> None:
+    if not 1e-4 < scale < 10.0:
+        raise InputError(f"a scale is metres per pixel, such as 0.06, got {scale:g}")
+    for agent in agents.values():
+        agent.x = [scale * x for x in agent.x]
+        agent.y = [-scale * y for y in agent.y]
+
+
+_VTP_RATE = 30.0
+"""Frames a second of VTP-TL; assumed, as its authors do not state it."""
+
+
+def _vtp(file: Path) -> dict[str, _Agent]:
+    """VTP-TL: rows of frame, agent, x and y in pixels, and more that says nothing of motion."""
+    agents: dict[str, _Agent] = {}
+    with file.open(encoding="utf-8") as stream:
+        for number, line in enumerate(stream, start=1):
+            if not line.strip():
+                continue
+            try:
+                frame, name, x, y = (float(word) for word in line.split()[:4])
+                if not all(map(math.isfinite, (frame, name, x, y))):
+                    raise ValueError
+            except ValueError:
+                raise InputError(
+                    f"{file}, line {number}: expected frame, agent, x, y, got {line[:40].strip()!r}"
+                ) from None
+            agent = agents.setdefault(str(name), _Agent("car"))
+            agent.t.append(frame / _VTP_RATE)
+            agent.x.append(x)
+            agent.y.append(y)
+    return agents
 
 
 _TAF = {"t": "timestamp_ms/1000", "id": "track_id", "class": "agent_type", "x": "x", "y": "y"}
@@ -378,3 +420,10 @@ def _fcd_class(word: str) -> str:
     """The class that a vehicle type's name speaks of; a car where it speaks of none."""
     lowered = word.lower()
     return next((s for w, s in _SUBTYPE.items() if w in lowered and s != "pedestrian"), "car")
+
+
+_READERS: Mapping[str, Callable[[Path], dict[str, _Agent]]] = {
+    ".ndjson": _trajnet,
+    ".xml": _fcd,
+    ".txt": _vtp,
+}

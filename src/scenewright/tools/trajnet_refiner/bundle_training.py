@@ -48,6 +48,8 @@ def train_bundle(
     config: RefinerConfig = CONFIG,
     tell: Tell | None = None,
     after_epoch: Callable[[Epoch], None] | None = None,
+    start: Refiner | None = None,
+    command: str | None = None,
 ) -> Mapping[str, Any]:
     """Trains the refiner of an intersection and writes weights and model card to a folder.
 
@@ -57,6 +59,8 @@ def train_bundle(
 
     Args:
         recordings: of all splits; those to fit are trained on, those to test give the figures.
+        start: the network to start from, of the same configuration; None draws the weights.
+        command: that made the recordings, for the card.
 
     Returns:
         What is kept with the weights: data, recipe, losses, figures.
@@ -86,7 +90,7 @@ def train_bundle(
     net = _alone(
         lambda: train(
             windows, config=config, recipe=recipe, checkpoint=state, device="cpu", tell=tell,
-            after_epoch=keep, make=supervised_batches,
+            after_epoch=keep, make=supervised_batches, start=start,
         )
     )  # fmt: skip
     about = {
@@ -95,6 +99,8 @@ def train_bundle(
         "windows": len(windows),
         "recipe": recipe.model_dump(mode="json"),
         "losses": losses,
+        "command": command or "scenewright intersections corpus",
+        "started": start is not None,
         "figures": _alone(lambda: figures(net, by_split["test"] or by_split["fit"])),
     }
     save_refiner(net, out / REFINER_WEIGHTS, about=about)
@@ -177,17 +183,17 @@ def card(net: Refiner, about: Mapping[str, Any]) -> str:
 - **What it is.** An interaction-aware LSTM of the TrajNet++ family with
   {sum(p.numel() for p in net.parameters())} weights (`tools/trajnet_refiner/model.py`). It moves
   the agents of a scene from one waypoint of their edited priors to the next.
-- **Data.** Simulated hours of this intersection (`scenewright intersections corpus`), no recorded
-  person. Fitted on {len(hours["fit"])} hours: {_hours(hours["fit"])}. Figures from
-  {len(hours["test"])} hours that nothing was fitted to: {_hours(hours["test"])}.
-- **Training.** `scenewright intersections train {name}`: {about["windows"]} windows of
+- **Data.** Simulated traffic of this intersection (`{about["command"]}`), no recorded
+  person. Fitted on {len(hours["fit"])} recordings: {_hours(hours["fit"])}. Figures from
+  {_tested(hours)}.
+- **Training.** {_begun(about)}{about["windows"]} windows of
   {net.config.observed} + {net.config.predicted} steps of {net.config.step} s,
   {recipe["epochs"]} epochs, seed {recipe["seed"]}.
   Losses: {", ".join(map(str, about["losses"]))}.
 - **Licence.** {licence}, as the bundle.
 - **Use.** Inside the pipeline, behind the kinematic layer and before the verifier. It knows neither
   the map nor the lights: edited priors tell it where to be and when. What it learnt is how the
-  simulator's drivers and walkers speed up, slow down and waver, not New York's.
+  simulator's drivers and walkers speed up, slow down and waver, not a real street's.
 
 Errors in metres 4.8 s ahead (mean / at the end) where all positions before are known, and nats per
 position of the first 0.8 s. Waypoints are places on the true way, 0.8 to 4.8 s apart:
@@ -196,6 +202,16 @@ position of the first 0.8 s. Waypoints are places on the true way, 0.8 to 4.8 s 
 |---|---|---|---|---|---|
 {rows}
 """
+
+
+def _tested(hours: Mapping[str, Sequence[str]]) -> str:
+    if not hours["test"]:
+        return "those that it was fitted on, as there are no others"
+    return f"{len(hours['test'])} recordings that nothing was fitted to: {_hours(hours['test'])}"
+
+
+def _begun(about: Mapping[str, Any]) -> str:
+    return "From the weights of the shipped intersection on, " if about["started"] else ""
 
 
 def _hours(names: Sequence[str]) -> str:

@@ -1,0 +1,51 @@
+"""How well a pool foretells where vehicles drive at a place of which it has seen nothing.
+
+    python benchmarks/pool_transfer.py NAME TRACKS --pool TRACKS [--pool-scale 0.065] ...
+
+NAME is an imported intersection, TRACKS its recorded ones. The likelihood is p_wp's of the offsets
+to the side that were seen, in nats per waypoint, vehicles only, the line of each track known. The
+priors are fitted on none of them: only the pool differs. It is the shipped intersection's, then the
+same with the lanes of --pool.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from scenewright.apps.own_places import _elsewhere
+from scenewright.tools.gmm_sampler.fitting import fit_tracks, foretold, pools_of
+from scenewright.tools.gmm_sampler.own import open_own
+from scenewright.tools.recordings.track_files import read_track_files
+
+
+def interval(one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
+    """95 % of the difference of means, drawn again over tracks."""
+    picks = rng.integers(len(one), size=(2000, len(one)))
+    return tuple(np.quantile((other - one)[picks].mean(axis=1), [0.025, 0.975]))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("name")
+    parser.add_argument("tracks", nargs="+")
+    parser.add_argument("--pool", nargs="+", required=True)
+    parser.add_argument("--pool-scale", type=float, nargs="*", default=[None])
+    options = parser.parse_args()
+    own = open_own(options.name)
+    fitted = fit_tracks(own.place, own.ways, read_track_files(options.tracks), origin=own.origin)
+    matches = [m for m in fitted.matches if m.route.startswith("vehicle:")]
+    shipped = foretold(own.place, own.ways, matches, pool=pools_of(own.place, own.ways, {}))
+    print(f"{options.name}, {len(shipped)} tracks: shipped pool {np.mean(shipped):.3f}")
+    for scale in options.pool_scale:
+        lanes, told = _elsewhere(options.pool, scale)
+        pool = pools_of(own.place, own.ways, {}, lanes)
+        found = foretold(own.place, own.ways, matches, pool=pool)
+        low, high = interval(np.array(shipped), np.array(found), np.random.default_rng(0))
+        print(f"  {'; '.join(told)}")
+        print(f"  {np.mean(found):.3f}, against the shipped {low:+.3f} to {high:+.3f}")
+
+
+if __name__ == "__main__":
+    main()
