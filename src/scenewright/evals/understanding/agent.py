@@ -144,7 +144,8 @@ def judge(state: State, *, runtime: Runtime[Settings]) -> State:
         return {"relations": as_relations(state["events"], seen), "refused": False}
     if settings.judging == "futures":
         found = suspicions(state["outlook"], window=seen.now, calibration=settings.calibration)
-        return {"relations": relations_of(found, settings.calibration), "refused": False}
+        relations = relations_of(found, window=seen.now, calibration=settings.calibration)
+        return {"relations": relations, "refused": False}
     return _asked(state, settings)
 
 

@@ -6,6 +6,7 @@ method is a function of its observation and nothing else.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -33,7 +34,8 @@ class Calibration:
             index of its first node.
         feature: [N] feature looked at, -1 in leaves; limit: [N] at or below it goes left;
             left, right: [N] index of the next node; value: [N] of leaves.
-        threshold: [C] how likely a relation must be to be reported.
+        windows: [W] ascending; threshold: [W, C] how likely a relation must be to be reported
+            after each of them [s].
     """
 
     start: FloatArray
@@ -44,7 +46,13 @@ class Calibration:
     left: NDArray[np.intp]
     right: NDArray[np.intp]
     value: FloatArray
+    windows: FloatArray
     threshold: FloatArray
+
+    def limits(self, window: float) -> FloatArray:
+        """[C] thresholds after a window [s]: between those known, in proportion."""
+        columns = self.threshold.T
+        return np.array([np.interp(window, self.windows, column) for column in columns])
 
     def likely(self, values: FloatArray) -> FloatArray:
         """[N, C] how likely each class is for pairs [N, F]; the same whoever is called a."""
@@ -64,8 +72,9 @@ class Calibration:
             down = values[rows, np.maximum(feature, 0)] <= self.limit[node]
             node = np.where(inner, np.where(down, self.left[node], self.right[node]), node)
         raw = np.tile(self.start, (len(values), 1))
+        leaves = self.value[node]
         for c in range(len(CLASSES)):
-            raw[:, c] += self.value[node[:, self.owner == c]].sum(axis=1)
+            raw[:, c] += leaves[:, self.owner == c].sum(axis=1)
         raw -= raw.max(axis=1, keepdims=True)
         odds = np.exp(raw)
         return np.asarray(odds / odds.sum(axis=1, keepdims=True))
@@ -81,26 +90,48 @@ def load_calibration(file: Path = _SHIPPED) -> Calibration:
     try:
         with np.load(file, allow_pickle=False) as stored:
             names = tuple(str(name) for name in stored["names"])
-            found = Calibration(**{key: stored[key] for key in Calibration.__dataclass_fields__})
+            kept = {key: stored[key] for key in Calibration.__dataclass_fields__}
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"cannot read the calibration {file}: {error}") from None
     if names != NAMES:
         raise InputError(f"the calibration {file} is for other features; tune it anew")
-    return found
+    return Calibration(**{
+        key: array.astype(np.float64 if array.dtype.kind == "f" else np.intp)
+        for key, array in kept.items()
+    })  # fmt: skip
 
 
 def save_calibration(file: Path, found: Calibration) -> None:
-    """Writes plain arrays."""
-    arrays: dict[str, Any] = {key: getattr(found, key) for key in Calibration.__dataclass_fields__}
+    """Writes plain arrays, in half their width, which is exact enough for all of them."""
+    whole = {key: getattr(found, key) for key in Calibration.__dataclass_fields__}
+    arrays: dict[str, Any] = {
+        key: array.astype(np.float32 if array.dtype.kind == "f" else np.int32)
+        for key, array in whole.items()
+    }
     save: Any = np.savez_compressed
     save(file, names=np.array(NAMES), **arrays)
 
 
-def chosen(likely: FloatArray, threshold: FloatArray) -> list[tuple[int, int]]:
-    """(pair, class) of every pair that has a relation likely enough; the likeliest pair first."""
-    ratio = likely / threshold
+def chosen(
+    likely: FloatArray, limits: FloatArray, pairs: Sequence[tuple[str, str]]
+) -> list[tuple[int, int]]:
+    """(pair, class) of every pair that has a relation likely enough; the likeliest pair first.
+
+    Whoever is in one relation already is in no other.
+
+    Args:
+        likely: [N, C] of every pair; limits: [C] what is enough.
+        pairs: [N] the two agents.
+    """
+    ratio = likely / limits
     ratio[:, 0] = 0.0
-    best = ratio.argmax(axis=1)
-    most = ratio[np.arange(len(best)), best]
-    order = np.argsort(-most, kind="stable").tolist()
-    return [(n, int(best[n])) for n in order if most[n] >= 1.0]
+    best, most = ratio.argmax(axis=1), ratio.max(axis=1)
+    told: list[tuple[int, int]] = []
+    busy: set[str] = set()
+    for n in np.argsort(-most, kind="stable").tolist():
+        if most[n] < 1.0:
+            break
+        if not busy.intersection(pairs[n]):
+            told.append((n, int(best[n])))
+            busy.update(pairs[n])
+    return told

@@ -50,11 +50,11 @@ def meeting(one: tuple[Seen, Future], two: tuple[Seen, Future]) -> Meeting | Non
     """How the futures of two agents meet; None where none of them comes near the other."""
     (a, first), (b, second) = one, two
     reach = (a.length + b.length) / 2 + _NEAR
-    if _far(first.xy, second.xy, reach):
+    if _far(first, second, reach):
         return None
     size, ticks = first.there.shape
     gap, time, angle = np.full(size, NEVER), np.full(size, NEVER), np.zeros(size)
-    rows = _near_rows(first.xy, second.xy, reach)
+    rows = _near_rows(first, second, reach)
     for shift in SHIFTS.tolist():
         if not len(rows):
             break
@@ -76,17 +76,17 @@ def meeting(one: tuple[Seen, Future], two: tuple[Seen, Future]) -> Meeting | Non
     return Meeting(gap, time, angle)
 
 
-def _near_rows(one: FloatArray, two: FloatArray, reach: float) -> NDArray[np.intp]:
+def _near_rows(one: Future, two: Future, reach: float) -> NDArray[np.intp]:
     """Futures in which the boxes round the two ways overlap."""
-    low = np.maximum(one.min(axis=1), two.min(axis=1))
-    high = np.minimum(one.max(axis=1), two.max(axis=1))
-    return np.flatnonzero((low - high <= reach).all(axis=1))
+    low = np.maximum(one.box[0], two.box[0])
+    high = np.minimum(one.box[1], two.box[1])
+    return np.flatnonzero((low - high < reach).all(axis=1))
 
 
-def _far(one: FloatArray, two: FloatArray, reach: float) -> bool:
+def _far(one: Future, two: Future, reach: float) -> bool:
     """Whether the boxes round all futures of the two lie apart."""
-    low = np.maximum(one.min(axis=(0, 1)), two.min(axis=(0, 1)))
-    high = np.minimum(one.max(axis=(0, 1)), two.max(axis=(0, 1)))
+    low = np.maximum(one.box[0].min(axis=0), two.box[0].min(axis=0))
+    high = np.minimum(one.box[1].max(axis=0), two.box[1].max(axis=0))
     return bool((low - high > reach).any())
 
 

@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import ValidationError
 
 from scenewright.errors import InputError
-from scenewright.evals.understanding.labels import Labels, labels_of
+from scenewright.evals.understanding.labels import RELATIONS, Labels, labels_of
 from scenewright.evals.understanding.observing import code_of
 from scenewright.graph.run import load_scene
 from scenewright.scene.events import Proof
@@ -18,6 +18,8 @@ from scenewright.scene.record import SceneRecord
 
 Split = Literal["dev", "test"]
 SPLITS: tuple[Split, ...] = ("dev", "test")
+EVENTS_AT = (6.0, 20.0)
+"""When what is to be understood happens [s] (SEMANTICS section 6): not while it is observed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +28,13 @@ class Case:
 
     Attributes:
         id: name of its folder; code: what it is called outside.
+        named: the gravest event that it was made for; None if for none.
     """
 
     id: str
     record: SceneRecord
     labels: Labels
+    named: str | None = None
 
     @property
     def code(self) -> str:
@@ -79,7 +83,21 @@ def read_case(folder: Path) -> Case:
     """The scene in a folder."""
     record = load_scene(folder)
     proof = _proof(folder / "proof.json")
-    return Case(folder.name, record, labels_of(record, proof, scene=folder.name))
+    there = {event.type for event in proof.events}
+    named = next((kind for kind in RELATIONS if kind in there), None)
+    return Case(folder.name, record, labels_of(record, proof, scene=folder.name), named)
+
+
+def foreseeable(case: Case) -> bool:
+    """Whether every event that was asked for happens when it can be foreseen; following lasts."""
+    first, last = EVENTS_AT
+    asked = {frozenset((each.from_, each.to)) for each in case.record.relations}
+    times = [
+        each.time
+        for each in case.record.events
+        if each.type != "follow" and frozenset((each.from_, each.to)) in asked
+    ]
+    return all(time is None or first <= time <= last for time in times)
 
 
 def _proof(file: Path) -> Proof:

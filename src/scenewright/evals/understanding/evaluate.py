@@ -10,7 +10,14 @@ from typing import Any
 
 from scenewright.backends import Backend
 from scenewright.errors import InputError
-from scenewright.evals.understanding.dataset import Case, Split, read_case, scene_ids
+from scenewright.evals.understanding.dataset import (
+    EVENTS_AT,
+    Case,
+    Split,
+    foreseeable,
+    read_case,
+    scene_ids,
+)
 from scenewright.evals.understanding.methods import Method, method_named
 from scenewright.evals.understanding.observing import WINDOWS, ObservationRow, observe
 from scenewright.evals.understanding.predictions import (
@@ -52,6 +59,8 @@ class Evaluated:
 def load(folder: Path, *, split: Split | None, tell: Tell = lambda _: None) -> list[Case]:
     """The scenes to be understood, all at one intersection.
 
+    Scenes in which something that was asked for happens earlier or later are left out.
+
     Raises:
         InputError: no scenes, or scenes of two intersections.
     """
@@ -61,6 +70,13 @@ def load(folder: Path, *, split: Split | None, tell: Tell = lambda _: None) -> l
         cases.append(read_case(folder / name))
         if n % 25 == 0:
             tell(f"scene {n} of {len(names)} read")
+    read, cases = len(cases), [case for case in cases if foreseeable(case)]
+    if len(cases) < read:
+        first, last = EVENTS_AT
+        early = f"{read - len(cases)} of {read} scenes left out"
+        tell(f"{early}: something happens before {first:g} or after {last:g} s")
+    if not cases:
+        raise InputError(f"{folder} holds no scene in which all happens in time")
     places = sorted({case.record.meta.intersection for case in cases})
     if len(places) > 1:
         raise InputError(f"{folder} holds scenes of {' and '.join(places)}; score one at a time")

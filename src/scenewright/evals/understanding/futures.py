@@ -11,6 +11,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,13 @@ class Future:
     runs: BoolArray
     component: NDArray[np.intp]
     weight: FloatArray
+
+    @cached_property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """[K, 2] least and greatest x and y [m] of each future."""
+        x, y = self.xy[..., 0], self.xy[..., 1]
+        least = np.stack([x.min(axis=1), y.min(axis=1)], axis=1)
+        return least, np.stack([x.max(axis=1), y.max(axis=1)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ _PLACES = {"vehicle": 6, "pedestrian": 6}
 """At how many places of the way so far the fit is measured."""
 _NOISE, _TURN_NOISE = 0.06, 0.03
 """What the linear picture of a curve is off by, in place [m] and heading [rad]."""
-_SPEED_NOISE = 0.45
+_SPEED_NOISE = 0.3
 """By how much speeds are off the law's [m/s]."""
 _HELD = 0.25
 """How often somebody is held up by something else than its own way."""
@@ -139,11 +139,15 @@ def _pace(agent: Seen, ways: Ways, kept: IntArray, at: IntArray) -> FloatArray:
     """
     back = np.arange(len(agent.speed) - 1, -1, -3)[:8]
     place = ways.s[kept, at][:, None] - (agent.moved[-1] - agent.moved[back])
-    limit = rows_interp(place, ways.s[kept], ways.bend[kept])
-    free = np.minimum(max(float(agent.speed.max()), 2.0), limit)
+    bend = ways.bend[kept]
+    size, laws, points = bend.shape
+    rows = np.repeat(np.arange(size), laws)
+    limit = rows_interp(place[rows], ways.s[kept][rows], bend.reshape(-1, points))
+    free = np.minimum(max(float(agent.speed.max()), 2.0), limit).reshape(size, laws, -1)
     gap = (agent.speed[back] - free) / _SPEED_NOISE
-    fits = -0.5 * np.minimum(np.square(gap), 60.0).mean(axis=1) * min(len(back), 3)
-    held = np.where((gap < 1.0).all(axis=1), 0.0, -8.0) - 3.0
+    fits = -0.5 * np.minimum(np.square(gap), 60.0).mean(axis=-1) * min(len(back), 4)
+    fits = np.logaddexp.reduce(fits, axis=1) - np.log(laws)
+    held = np.where((gap < 1.0).all(axis=-1).any(axis=-1), 0.0, -8.0) - 5.0
     return np.asarray(np.logaddexp(np.log(1 - _HELD) + fits, np.log(_HELD) + held))
 
 

@@ -56,7 +56,8 @@ def oracle(row: ObservationRow, case: Case, calibration: Calibration | None = No
     seen = futures_with_routes(observation, case)
     found = suspicions(seen, window=observation.now, calibration=trees)
     exits = {agent.id: case.labels.exits[agent.id] for agent in observation.agents}
-    return Prediction(exits, relations_of(found, trees))
+    relations = relations_of(found, window=observation.now, calibration=trees)
+    return Prediction(exits, relations)
 
 
 def futures_with_routes(observation: Observation, case: Case) -> Outlook:

@@ -38,26 +38,22 @@ def suspicions(
 
 
 def relations_of(
-    found: list[Suspicion], calibration: Calibration | None = None
+    found: list[Suspicion], *, window: float, calibration: Calibration | None = None
 ) -> tuple[Relation, ...]:
     """What is likely enough to be reported, the likeliest first and one for each agent."""
     trees = calibration or load_calibration()
     if not found:
         return ()
     likely = np.stack([each.likely for each in found])
-    told: list[Relation] = []
-    busy: set[str] = set()
-    for n, c in chosen(likely, trees.threshold):
-        pair = found[n].pair
-        if not busy & {pair.a, pair.b}:
-            told.append(_relation(pair, CLASSES[c]))
-            busy |= {pair.a, pair.b}
-    return tuple(told)
+    pairs = [(each.pair.a, each.pair.b) for each in found]
+    told = chosen(likely, trees.limits(window), pairs)
+    return tuple(relation(*pairs[n], CLASSES[c]) for n, c in told)
 
 
-def _relation(pair: Pair, kind: str) -> Relation:
+def relation(a: str, b: str, kind: str) -> Relation:
+    """A relation by the class of its pair."""
     if kind == "gives_a":
-        return Relation("yielding", pair.a, pair.b)
+        return Relation("yielding", a, b)
     if kind == "gives_b":
-        return Relation("yielding", pair.b, pair.a)
-    return Relation(kind, pair.a, pair.b)
+        return Relation("yielding", b, a)
+    return Relation(kind, a, b)

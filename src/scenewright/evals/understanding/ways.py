@@ -17,11 +17,14 @@ from scenewright.scene.candidates import Candidate, K, TimeLaw
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
-from scenewright.tools.gmm_sampler.priors import HOURS
+from scenewright.tools.gmm_sampler.priors import HOURS, TimeLawPrior
 from scenewright.tools.gmm_sampler.spline import PER_INTERVAL, dense_curves, even_path
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import landmarks
 
+_SPREAD = (-1.2, 0.0, 1.2)
+"""Laws that are looked at lie so many standard deviations off the median."""
+_BOUNDS = ("low", "high")
 _THIN = 4
 """Every fourth point of a base curve is kept: they lie one or two metres apart."""
 POINTS = (K - 1) * PER_INTERVAL // _THIN + 1
@@ -43,7 +46,7 @@ class Ways:
         cholesky: [C, 20, 20] of the waypoints [m].
         line: [C] arc length of stop line or kerb [m], a vehicle's front on it; inf for none.
         group: [C] signal group that rules it, or None.
-        bend: [C, P] speed that the curves ahead allow by the median law [m/s].
+        bend: [C, D, P] speed that the curves ahead allow [m/s], by D laws as drivers have them.
         law: [C, 4] medians and spread: [C, 4] of the logarithm; low, high: [C, 4] bounds.
     """
 
@@ -105,7 +108,7 @@ def _ways(kind: AgentClass, routes: list[Route], priors: Priors, ground: Ground)
         kind, tuple(routes[r] for r in of), np.log((rates + 1e-3) * weights), curve, s, heading,
         curvature, normal, np.asarray(knots), across, turn, cholesky,
         np.array([line for line, _ in marks]), tuple(group for _, group in marks),
-        _bend(s, curvature, np.stack([law.median for law in laws])),
+        _bends(s, curvature, laws),
         *(np.stack([getattr(law, name) for law in laws])
           for name in ("median", "spread", "low", "high")),
     )  # fmt: skip
@@ -130,11 +133,17 @@ def _shape_of(curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return s, heading, curvature
 
 
-def _bend(s: FloatArray, curvature: FloatArray, law: FloatArray) -> FloatArray:
-    lateral, braking = law[:, 3:4], law[:, 2:3]
-    reach = lateral / np.maximum(np.abs(curvature), 1e-3) + 2.0 * braking * s
-    back = np.minimum.accumulate(reach[:, ::-1], axis=1)[:, ::-1] - 2.0 * braking * s
-    return np.asarray(np.sqrt(np.maximum(back, 0.0)))
+def _bends(s: FloatArray, curvature: FloatArray, laws: list[TimeLawPrior]) -> FloatArray:
+    """[C, D, P] from curvature [C, P]: laws cautious and bold, in braking and in curves."""
+    off = np.array([(0.0, 0.0, x, y) for x in _SPREAD for y in _SPREAD])[None]
+    law = np.stack([each.median for each in laws])[:, None]
+    law = law * np.exp(off * np.stack([each.spread for each in laws])[:, None])
+    low, high = (np.stack([getattr(each, name) for each in laws])[:, None] for name in _BOUNDS)
+    law = np.clip(law, low, high)
+    lateral, braking = law[..., 3:4], law[..., 2:3]
+    reach = lateral / np.maximum(np.abs(curvature), 1e-3)[:, None] + 2.0 * braking * s[:, None]
+    back = np.minimum.accumulate(reach[..., ::-1], axis=-1)[..., ::-1]
+    return np.asarray(np.sqrt(np.maximum(back - 2.0 * braking * s[:, None], 0.0)))
 
 
 def _mark(route: Route, curve: FloatArray, ground: Ground) -> tuple[float, str | None]:
