@@ -5,9 +5,10 @@ recordings and predicts the one left out; all folds share one recipe. Work that 
 is not done again, and a training that was killed goes on, so the command can simply be repeated.
 `--report` prints the tables of docs/evaluation.md from what RUNS holds.
 
-Models: `refiner`; its ablations `no_pooling`, `no_goals` and `raw` (the refiner without keeping
-apart; needs no training of its own); `lstm`, a plain one without pooling, goals and keeping apart;
-`trees`, gradient-boosted, a rival of another family; `cv`, constant velocity.
+Models: `polished`, the whole recipe of `evals trajnet-train`; `refiner`, its first part alone, and
+ablations of that: `no_pooling`, `no_goals` and `raw` (without keeping apart; needs no training of
+its own); `lstm`, a plain one without pooling, goals and keeping apart; `trees`, gradient-boosted, a
+rival of another family; `cv`, constant velocity.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -34,11 +36,11 @@ from scenewright.evals.trajnet.score import (
     predict_scenes,
     score_scenes,
 )
-from scenewright.evals.trajnet.training import train_on
-from scenewright.evals.trajnet.windows import training_windows
+from scenewright.evals.trajnet.training import polishing, train_on
+from scenewright.evals.trajnet.windows import BENDING, training_windows
 from scenewright.tools.trajnet_refiner.model import RefinerConfig
-from scenewright.tools.trajnet_refiner.store import load_refiner
-from scenewright.tools.trajnet_refiner.train import Epoch, Recipe
+from scenewright.tools.trajnet_refiner.store import load_refiner, save_refiner
+from scenewright.tools.trajnet_refiner.train import Epoch, Recipe, train
 
 FOLDS = (
     "biwi_hotel", "crowds_zara01", "crowds_zara03", "crowds_students003", "lcas", "wildtrack",
@@ -50,7 +52,7 @@ TRAINED = {
     "no_goals": {"goals": False},
     "no_pooling": {"pooling": False},
 }
-MODELS = ("cv", "refiner", "raw", "lstm", "trees", "no_goals", "no_pooling")
+MODELS = ("cv", "refiner", "polished", "raw", "lstm", "trees", "no_goals", "no_pooling")
 PUBLISHED = (
     ("LSTM", "0.60", "1.30", "13.6"),
     ("S-LSTM", "0.53", "1.14", "6.7"),
@@ -111,7 +113,7 @@ def run(model: str, fold: str, recordings: dict[str, Recording], out: Path, reci
 
 
 def kinds_of_goals(model: str) -> tuple[Goals, ...]:
-    told = model in ("refiner", "raw", "no_pooling")
+    told = model in ("refiner", "polished", "raw", "no_pooling")
     return ("none", "destination", "horizon") if told else ("none",)
 
 
@@ -124,9 +126,10 @@ def made(
     if model == "trees":
         return BoostedTrees().fit(training_windows(others))
     weights = out / f"{fold}.{'refiner' if model == 'raw' else model}.safetensors"
+    first = out / f"{fold}.refiner.safetensors"
     if not weights.exists():
-        if model == "raw":
-            print(f"{fold} raw: train the refiner first", flush=True)
+        if model == "raw" or (model == "polished" and not first.exists()):
+            print(f"{fold} {model}: train the refiner first", flush=True)
             return None
         log = out / f"{fold}.{model}.epochs.jsonl"
         begin = time.process_time()
@@ -136,14 +139,30 @@ def made(
             with log.open("a") as file:
                 file.write(json.dumps(row) + "\n")
 
-        train_on(
-            others, out=weights, config=RefinerConfig(**TRAINED[model]), recipe=recipe,
-            after_epoch=note,
-        )  # fmt: skip
+        if model == "polished":
+            polish(first, others, weights, recipe, note)
+        else:
+            train_on(
+                others, out=weights, config=RefinerConfig(**TRAINED[model]), recipe=recipe,
+                polish=False, after_epoch=note,
+            )  # fmt: skip
     net = load_refiner(weights)
     if model == "raw":
         net.config = net.config.model_copy(update={"apart": None})
     return Refining(net)
+
+
+def polish(
+    first: Path, others: list[Recording], out: Path, recipe: Recipe, note: Callable[[Epoch], None]
+) -> None:
+    """The second part of the recipe, from the weights of the first."""
+    start, state = load_refiner(first), out.with_name(out.name + ".polishing")
+    net = train(
+        training_windows(others, weights=BENDING), config=start.config, recipe=polishing(recipe),
+        checkpoint=state, after_epoch=note, start=start,
+    )  # fmt: skip
+    save_refiner(net, out, about={"trained_on": [each.name for each in others]})
+    state.unlink(missing_ok=True)
 
 
 # ---- report -------------------------------------------------------------------------------------

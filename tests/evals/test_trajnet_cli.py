@@ -13,7 +13,7 @@ from scenewright.errors import InputError
 from scenewright.evals.trajnet.recording import read_recording
 from scenewright.evals.trajnet.score import mean_with_interval
 from scenewright.evals.trajnet.training import check_split
-from scenewright.evals.trajnet.windows import training_windows
+from scenewright.evals.trajnet.windows import BENDING, Weights, training_windows
 
 
 @pytest.fixture
@@ -63,6 +63,7 @@ def test_what_is_trained_can_be_scored_and_writes_the_benchmarks_format(
     told = capsys.readouterr()
     assert told.out == f"{weights}\n"
     assert "epoch 1: loss" in told.err
+    assert "epoch 2: loss" in told.err, "the second part goes on counting"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["w.safetensors", "walks.ndjson"]
 
     words = ["evals", "trajnet", str(recording), "--weights", str(weights), "--out", str(out)]
@@ -118,12 +119,35 @@ def test_test_recordings_are_never_trained_on(recording: Path, tmp_path: Path) -
 
 def test_windows_hold_everybody_who_is_there_and_weigh_by_type(recording: Path) -> None:
     """40 steps: a window begins at each of the first 31, at whose ninth step all are there."""
-    windows = training_windows([read_recording(recording)], weights={3: 2.0, 4: 3.0})
+    windows = training_windows([read_recording(recording)], weights=Weights({3: 2.0, 4: 3.0}))
     assert len(windows) == 31
     assert all(w.xy.shape == (12, 21, 2) for w in windows)
     assert [w.weight[0] for w in windows[:16]] == [2.0] + 14 * [0.6] + [3.0]
     assert np.isnan(windows[-1].xy[:, 10:]).all()
     assert (windows[0].destination == windows[30].xy[:, 9]).all()
+
+
+def test_who_bends_can_count_more_than_who_keeps_going(tmp_path: Path) -> None:
+    """One stands, one goes straight on, one walks a bend, one leaves early; none is a primary."""
+    k = np.arange(22)
+    bend = 0.1 * k
+    paths = {
+        0: np.stack((0.01 * k, 0.0 * k), -1),
+        1: np.stack((0.5 * k, 5 + 0.0 * k), -1),
+        2: 20 + 0.5 * np.cumsum(np.stack((np.cos(bend), np.sin(bend)), -1), axis=0),
+        3: np.stack((0.5 * k[:15], -5 + 0.0 * k[:15]), -1),
+        4: np.stack((0.5 * k, 40 + 0.0 * k), -1),
+    }
+    rows: list[dict[str, object]] = [
+        {"track": {"f": int(f), "p": p, "x": float(x), "y": float(y)}}
+        for p, path in paths.items()
+        for f, (x, y) in enumerate(path)
+    ]
+    scene = {"id": 0, "p": 4, "s": 0, "e": 20, "fps": 2.5, "tag": [3, [1]]}
+    file = tmp_path / "four.ndjson"
+    file.write_text("".join(json.dumps(row) + "\n" for row in [{"scene": scene}, *rows]))
+    windows = training_windows([read_recording(file)], weights=BENDING)
+    assert windows[0].weight.tolist() == [0.1, 0.1, 1.0, 0.4, 1.0]
 
 
 def test_intervals_are_over_people_not_scenes() -> None:

@@ -407,6 +407,18 @@ def test_a_killed_training_ends_as_if_it_had_not_been(tmp_path: Path) -> None:
         train(windows, config=SMALL, recipe=PLAIN.model_copy(update={"seed": 9}), checkpoint=file)
 
 
+def test_training_can_begin_from_a_network() -> None:
+    windows, still = bending_windows(8), PLAIN.model_copy(update={"epochs": 1, "rate": 1e-12})
+    first = train(windows, config=SMALL, recipe=PLAIN, device="cpu")
+    before = weights(first)
+    same = train(windows, config=SMALL, recipe=still, start=first, device="cpu")
+    for one, other in zip(weights(same), before, strict=True):
+        torch.testing.assert_close(one, other, atol=1e-8, rtol=1e-6)
+    further = train(windows, config=SMALL, recipe=PLAIN, start=first, device="cpu")
+    assert not all(map(torch.equal, weights(further), before))
+    assert all(map(torch.equal, weights(first), before)), "what it began from stays as it was"
+
+
 def test_nothing_to_train_on_is_said() -> None:
     with pytest.raises(InputError, match="nothing to train on"):
         train([], config=SMALL, recipe=PLAIN)
@@ -516,3 +528,14 @@ def test_the_next_waypoint_is_the_goal() -> None:
     assert goal[0, 0, :, 0].tolist()[:4] == [1.0, 1.0, 2.0, 2.0]
     assert goal[0, 0, 4:].isnan().all()
     assert due[0, 0].tolist()[:4] == [2.0, 2.0, 4.0, 4.0]
+
+
+def test_each_agent_can_look_further_ahead_than_the_others() -> None:
+    """Whoever leads by two heads for the second waypoint from two steps before the first is due."""
+    from scenewright.tools.trajnet_refiner.rollout import _next
+
+    places = torch.tensor([[1.0, 0.0], [2.0, 0.0]]).expand(1, 2, 2, 2)
+    waypoints = Waypoints(places, torch.tensor([12.0, 16.0]).expand(1, 2, 2))
+    goal, due = _next(waypoints, 10, 4, torch.tensor([[0, 2]]))
+    assert goal[0, :, :, 0].tolist() == [[1.0, 1.0, 1.0, 2.0], [1.0, 2.0, 2.0, 2.0]]
+    assert due[0].tolist() == [[3.0, 3.0, 3.0, 7.0], [3.0, 7.0, 7.0, 7.0]]

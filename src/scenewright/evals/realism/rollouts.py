@@ -27,6 +27,8 @@ COLUMNS = 75
 GIVEN, SPACING = 9, 8
 FURTHER = 4
 """Steps that a track must at least go on for after what is given."""
+LEAD = 1
+"""Steps before a goal is due from which the next one counts; chosen on validation hours."""
 BEFORE_END = (2, 4, 8)
 """Steps of 0.4 s from the last goal to the end that are tried."""
 _DRAWS = 1000
@@ -80,11 +82,12 @@ def _told(present: BoolArray, before_end: int) -> tuple[BoolArray, BoolArray]:
     return given, goals
 
 
-def rolled(net: Any, task: Task, *, keep: int | None = None) -> FloatArray:
+def rolled(net: Any, task: Task, *, keep: int | None = None, lead: int = LEAD) -> FloatArray:
     """[N, T, 2] the mean motion that the network writes.
 
     Args:
         keep: steps after which what was written is observed; the network's horizon if None.
+        lead: see `roll_out`.
     """
     import torch
 
@@ -104,6 +107,7 @@ def rolled(net: Any, task: Task, *, keep: int | None = None) -> FloatArray:
     with torch.no_grad():
         found = roll_out(
             net, tell[0], waypoints=Waypoints(tell[1], tell[2]), keep=keep,
+            lead=lead,
             classes=torch.tensor([[CLASSES.index(kind) for kind in task.kinds]]),
             until=torch.from_numpy(until)[None],
         )  # fmt: skip
@@ -147,14 +151,20 @@ def errors(task: Task, found: FloatArray) -> Iterator[tuple[str, float, float]]:
 
 
 def table(
-    net: Any, recordings: Sequence[Recording], *, most: int, named: str, keep: int | None = None
+    net: Any,
+    recordings: Sequence[Recording],
+    *,
+    most: int,
+    named: str,
+    keep: int | None = None,
+    lead: int = LEAD,
 ) -> Iterator[str]:
     """Lines of the table, by how long before the end the last goal lies."""
     for before_end in BEFORE_END:
         rows: dict[tuple[str, str], list[tuple[float, float]]] = {}
         for task in tasks(recordings, before_end=before_end, most=most):
             for how, found in (
-                ("refiner", rolled(net, task, keep=keep)),
+                ("refiner", rolled(net, task, keep=keep, lead=lead)),
                 ("spline", splined(task)),
                 ("even", even(task)),
             ):
@@ -192,6 +202,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     words.add_argument("--taf-bw", type=Path, help="folder of real tracks")
     words.add_argument("--most", type=int, default=60, help="scenes of each source")
     words.add_argument("--keep", type=int, help="steps kept before everybody is observed anew")
+    words.add_argument("--lead", type=int, default=LEAD,
+                       help="steps before a goal is due at which the next one counts")  # fmt: skip
+    words.add_argument("--split", choices=("fit", "validation", "test"), default="test")
     told = words.parse_args(argv)
     try:
         _print(told)
@@ -202,6 +215,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _print(told: argparse.Namespace) -> None:
+    import torch
+
     from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
     from scenewright.tools.trajnet_refiner.store import load_refiner
 
@@ -211,15 +226,19 @@ def _print(told: argparse.Namespace) -> None:
     net = load_refiner(told.weights) if shipped is None else shipped.net
     sources = []
     if told.corpus:
-        sources.append(("corpus test hours", load_recordings(told.corpus, split="test")))
+        hours = load_recordings(told.corpus, split=told.split)
+        sources.append((f"corpus {told.split} hours", hours))
     if told.taf_bw:
         sources.append(("taf-bw", read_taf_bw(told.taf_bw).recordings))
     if not sources:
         raise InputError("name a --corpus or a folder of --taf-bw tracks")
+    torch.set_num_threads(1)  # scenes are small: threads only wait for each other
     print("| tracks | end after last goal | class | n | refiner ADE / FDE | spline | even motion |")
     print("|---|---|---|---|---|---|---|")
     for named, recordings in sources:
-        for line in table(net, recordings, most=told.most, named=named, keep=told.keep):
+        for line in table(
+            net, recordings, most=told.most, named=named, keep=told.keep, lead=told.lead
+        ):
             print(line, flush=True)
 
 

@@ -60,16 +60,16 @@ def categorise(primary: FloatArray, others: FloatArray) -> tuple[int, tuple[int,
 
 
 def filtered(observed: FloatArray, *, steps: int) -> FloatArray:
-    """[steps, 2] the mean path that a constant-velocity Kalman filter expects.
+    """[steps, D] the mean path that a constant-velocity Kalman filter expects.
 
     Noise as the benchmark starts from: 1e-5 on the state, 0.05 m on the observation; positions and
     velocities per step; the first state is the first position at rest, known to 1.
 
     Args:
-        observed: [T, 2] positions [m].
+        observed: [T, D] positions [m], one path or several side by side.
     """
     move = np.array([[1.0, 1.0], [0.0, 1.0]])
-    mean = np.array([observed[0], np.zeros(2)])
+    mean = np.array([observed[0], np.zeros_like(observed[0])])
     spread = np.eye(2)
     for k, seen in enumerate(observed):
         if k:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenewright.errors import InputError
 from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, Recording
-from scenewright.evals.trajnet.windows import training_windows
+from scenewright.evals.trajnet.windows import BENDING, training_windows
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.model import RefinerConfig
@@ -25,18 +26,22 @@ def train_on(
     held_out: Sequence[Recording] = (),
     config: RefinerConfig | None = None,
     recipe: Recipe | None = None,
+    polish: bool = True,
     device: str | None = None,
     tell: Tell | None = None,
     after_epoch: Callable[[Epoch], None] | None = None,
 ) -> dict[str, Any]:
     """Trains a refiner and writes it to `out`; what the training was is written with it.
 
-    While it runs, its state is kept beside `out` in a file ending in .training, from which it
-    goes on when it is started again; in the end that file is removed.
+    First every agent counts much alike; then, for a third as many epochs, those count most who do
+    not simply keep going (`polishing`). While it runs, its state is kept beside `out` in files
+    ending in .training and .polishing, from which it goes on when it is started again; in the end
+    they are removed.
 
     Args:
         held_out: recordings to validate on; the error is that of all their agents.
         config, recipe: the benchmark's own if None.
+        polish: whether there is the second part.
 
     Returns:
         What is kept beside the weights: recordings, recipe, losses.
@@ -53,30 +58,47 @@ def train_on(
     recipe = recipe or Recipe()
     losses: list[float] = []
 
-    def keep(epoch: Epoch) -> None:
+    def keep(epoch: Epoch, before: int = 0) -> None:
         losses.append(round(epoch.loss, 4))
         if after_epoch is not None:
-            after_epoch(epoch)
+            after_epoch(epoch._replace(number=before + epoch.number))
 
-    state = out.with_name(out.name + ".training")
+    states = [out.with_name(out.name + ending) for ending in (".training", ".polishing")]
+    how: dict[str, Any] = {
+        "config": config, "device": device, "tell": tell,
+        "held_out": training_windows(held_out),
+    }  # fmt: skip
     net = train(
-        training_windows(recordings),
-        config=config,
-        recipe=recipe,
-        held_out=training_windows(held_out),
-        checkpoint=state,
-        device=device,
-        tell=tell,
-        after_epoch=keep,
+        training_windows(recordings), recipe=recipe, checkpoint=states[0], after_epoch=keep, **how
     )
+    if polish:
+        windows = training_windows(recordings, weights=BENDING)
+        net = train(
+            windows, recipe=polishing(recipe), checkpoint=states[1], start=net,
+            after_epoch=lambda epoch: keep(epoch, recipe.epochs), **how,
+        )  # fmt: skip
     about = {
         "trained_on": [r.name for r in recordings],
         "recipe": recipe.model_dump(mode="json"),
         "losses": losses,
     }
+    if polish:
+        about["polished"] = polishing(recipe).model_dump(mode="json")
     save_refiner(net, out, about=about)
-    state.unlink(missing_ok=True)
+    for state in states:
+        state.unlink(missing_ok=True)
     return about
+
+
+def polishing(recipe: Recipe) -> Recipe:
+    """The second part of a training: a third of the epochs, at half the rate, half the goals."""
+    return recipe.model_copy(
+        update={
+            "epochs": math.ceil(recipe.epochs / 3),
+            "rate": recipe.rate / 2,
+            "goals": recipe.goals / 2,
+        }
+    )
 
 
 def check_split(trained_on: Sequence[str], held_out: Sequence[str]) -> None:

@@ -2,36 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scenewright.evals.trajnet.recording import OBSERVED, STEPS, Recording
+from scenewright.evals.trajnet.categories import (
+    INTERACTING,
+    LINEAR,
+    STANDING,
+    STATIC,
+    STRAIGHT,
+    filtered,
+)
+from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, STEPS, Recording
 from scenewright.evals.trajnet.timing import around_now, at_times
 from scenewright.scene.base import FloatArray
 from scenewright.tools.trajnet_refiner.windows import Window
 
-TYPE_WEIGHTS = {1: 0.6, 2: 0.6, 3: 1.0, 4: 1.0}
-"""Of an agent's errors in training, by the type of the scene of which it is the primary."""
 PACE = 0.4
 """The network's step [s]."""
-_UNTYPED = 0.6
-"""Of agents that are the primary of no scene that starts there."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """How much the errors of an agent count in training.
+
+    Attributes:
+        by_type: if it is the primary of a scene that starts there, by that scene's type.
+        untyped: if it is not.
+        by_motion: whether who is no primary, but seen all along, counts by how it moves: as in a
+            static or linear scene, else as in an interacting one.
+    """
+
+    by_type: Mapping[int, float] = field(default_factory=lambda: {1: 0.6, 2: 0.6, 3: 1.0, 4: 1.0})
+    untyped: float = 0.6
+    by_motion: bool = False
+
+
+EVERYBODY = Weights()
+BENDING = Weights({1: 0.1, 2: 0.1, 3: 1.0, 4: 0.8}, untyped=0.4, by_motion=True)
+"""Most for those who do not simply keep going, as in the scenes that the benchmark looks at."""
 
 
 def training_windows(
-    recordings: Iterable[Recording], *, weights: dict[int, float] | None = None
+    recordings: Iterable[Recording], *, weights: Weights = EVERYBODY
 ) -> list[Window]:
     """Every stretch of the recordings in which somebody's future is known, stride by stride.
 
     Unlike the benchmark's scenes, which have one primary each, a window is learned from for all
     its agents; the scenes only say which of them count how much.
     """
-    by_type = TYPE_WEIGHTS if weights is None else weights
-    return [w for each in recordings for w in _windows(each, by_type)]
+    return [w for each in recordings for w in _windows(each, weights)]
 
 
-def _windows(recording: Recording, by_type: dict[int, float]) -> Iterable[Window]:
+def _windows(recording: Recording, weights: Weights) -> Iterable[Window]:
     kinds = {(s.primary, s.start): s.type for s in recording.scenes}
     for start in sorted(recording.rows):
         xy = _at_network_pace(recording, recording.stretch(start))
@@ -40,9 +66,26 @@ def _windows(recording: Recording, by_type: dict[int, float]) -> Iterable[Window
         if not (now & seen[:, OBSERVED - 2] & seen[:, OBSERVED:].any(axis=1)).any():
             continue
         who = np.flatnonzero(now)
-        types = [kinds.get((int(p), start)) for p in recording.ids[who]]
-        weight = np.array([_UNTYPED if t is None else by_type[t] for t in types])
+        types = np.array([kinds.get((int(p), start)) or 0 for p in recording.ids[who]])
+        if weights.by_motion:
+            types = np.where(types == 0, _by_motion(xy[who]), types)
+        weight = np.array([weights.by_type[t] if t else weights.untyped for t in types.tolist()])
         yield Window(xy[who], np.zeros(len(who), np.int64), recording.last[who], weight)
+
+
+def _by_motion(xy: FloatArray) -> NDArray[np.int64]:
+    """[N] the type that each would have as a primary, were there others near; 0 if not all seen.
+
+    Args:
+        xy: [N, 21, 2] positions [m], NaN where unseen.
+    """
+    whole = ~np.isnan(xy).any(axis=(1, 2))
+    side_by_side = xy[:, :OBSERVED].swapaxes(0, 1).reshape(OBSERVED, -1)
+    last = filtered(side_by_side, steps=PREDICTED)[-1].reshape(-1, 2)
+    static = np.linalg.norm(xy[:, -1] - xy[:, 0], axis=-1) < STANDING
+    linear = np.linalg.norm(xy[:, -1] - last, axis=-1) < STRAIGHT
+    moving = np.where(linear, LINEAR, INTERACTING)
+    return np.asarray(np.where(whole, np.where(static, STATIC, moving), 0))
 
 
 def _at_network_pace(recording: Recording, xy: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from scenewright.errors import InputError
-from scenewright.intersections import REFINER_WEIGHTS, bundle_folder
+from scenewright.intersections import REFINER_WEIGHTS, bundle_folder, check_bundle
 from scenewright.tools.trajnet_refiner.model import Refiner
 from scenewright.tools.trajnet_refiner.store import load_refiner
 
@@ -22,19 +22,30 @@ class Learned:
 
 
 def bundled_refiner(name: str) -> Learned | None:
-    """The refiner of a bundle, read once per process; None if it ships none.
+    """The refiner of a bundle, read once per process and again when it changes; None without one.
 
     Raises:
-        InputError: no such bundle, or the file is damaged.
+        InputError: no such bundle, or the file is damaged or not the one that the bundle lists.
     """
-    file = bundle_folder(name) / REFINER_WEIGHTS
-    return _read(file) if file.is_file() else None
+    folder = bundle_folder(name)
+    file = folder / REFINER_WEIGHTS
+    if not file.is_file():
+        return None
+    try:
+        stamps = [(each.stat().st_mtime_ns, each.stat().st_size) for each in _of(folder)]
+        return _read(folder, tuple(stamps))
+    except OSError as fault:
+        raise InputError(f"cannot read {file}: {fault.strerror or fault}") from fault
+
+
+def _of(folder: Path) -> list[Path]:
+    """The files that say which weights are the bundle's, as far as there are."""
+    return [f for f in (folder / REFINER_WEIGHTS, folder / "bundle.toml") if f.is_file()]
 
 
 @lru_cache(maxsize=4)
-def _read(file: Path) -> Learned:
-    try:
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
-        return Learned(load_refiner(file), digest)
-    except OSError as fault:
-        raise InputError(f"cannot read {file}: {fault.strerror or fault}") from fault
+def _read(folder: Path, _changed: tuple[tuple[int, int], ...]) -> Learned:
+    """The weights as they are now: a bundle may be trained anew while a process lives."""
+    check_bundle(folder, REFINER_WEIGHTS)
+    file = folder / REFINER_WEIGHTS
+    return Learned(load_refiner(file), hashlib.sha256(file.read_bytes()).hexdigest()[:16])

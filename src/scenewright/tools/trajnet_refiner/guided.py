@@ -27,9 +27,9 @@ WARM_UP = 4.8
 """How long before the scene those are rolled out who are mid-route at its beginning [s]."""
 GIVEN = 3
 """Network steps at the beginning of a track that are the prior's: they say how it moves."""
-SPACING = {"vehicle": 8, "pedestrian": 12}
+SPACING = {"vehicle": 10, "pedestrian": 12}
 """Network steps from one waypoint to the next."""
-LEAD = 5
+LEAD = {"vehicle": 1, "pedestrian": 5}
 """Network steps before a waypoint is due from which the next one counts."""
 TEMPERATURE = 0.3
 """Scale of what is drawn: the predicted Gaussian is wide for the few who do something sudden."""
@@ -168,7 +168,7 @@ def _rolled(
             waypoints=Waypoints(_tensor(goals), _tensor(when)),
             until=torch.from_numpy(until)[None],
             keep=net.config.stride,
-            lead=LEAD,
+            lead=torch.tensor([[LEAD[guide.kind] for guide in rows]]),
             noise=None if noise is None else _tensor(noise),
         )
     return filled[0].numpy().astype(np.float64)

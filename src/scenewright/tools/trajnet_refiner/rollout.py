@@ -35,7 +35,7 @@ def roll_out(
     waypoints: Waypoints | None = None,
     until: Tensor | None = None,
     keep: int | None = None,
-    lead: int = 0,
+    lead: int | Tensor = 0,
     noise: Tensor | None = None,
 ) -> Tensor:
     """A scene of any length, filled in from what is known of it.
@@ -46,8 +46,8 @@ def roll_out(
         classes: [B, N] places in `model.CLASSES`.
         until: [B, N] first column at which an agent is no longer there; to the end if None.
         keep: predicted steps that are kept before everybody is observed anew; all if None.
-        lead: steps before a waypoint is due from which the next one counts: who must be in a
-            place to the moment gets there with a jerk. The last one counts to the end.
+        lead: steps before a waypoint is due from which the next one counts, for all or [B, N]: who
+            must be in a place to the moment gets there with a jerk. The last one counts to the end.
         noise: [B, N, T, 2] standard normal numbers; those of the first column of what is kept
             move all of it off the mean. The mean itself if None.
 
@@ -97,7 +97,9 @@ def _ends(known: Tensor) -> list[int]:
     return sorted(set(torch.where(there, columns, 0).amax(-1).flatten().tolist()))
 
 
-def _next(waypoints: Waypoints, now: int, steps: int, lead: int = 0) -> tuple[Tensor, Tensor]:
+def _next(
+    waypoints: Waypoints, now: int, steps: int, lead: int | Tensor = 0
+) -> tuple[Tensor, Tensor]:
     """Per predicted step the next waypoint, [B, N, P, 2], and [B, N, P] steps from `now` to it.
 
     A step's own waypoint counts: due at column `now` means due at the first predicted step. After
@@ -106,7 +108,8 @@ def _next(waypoints: Waypoints, now: int, steps: int, lead: int = 0) -> tuple[Te
     due = torch.nan_to_num(waypoints.due, nan=-1.0)
     column = now + torch.arange(steps, device=due.device)
     every = due[:, :, None, :]
-    in_time = every >= column[:, None] + lead
+    early = torch.as_tensor(lead, device=due.device)[..., None, None]
+    in_time = every >= column[:, None] + early
     last = (every == due.amax(-1)[..., None, None]) & (every >= column[:, None])
     later = torch.where(in_time | last, every, torch.inf)
     when, which = later.min(dim=-1)

@@ -90,6 +90,7 @@ def train(
     tell: Tell | None = None,
     after_epoch: Callable[[Epoch], None] | None = None,
     make: Batches = batches,
+    start: Refiner | None = None,
 ) -> Refiner:
     """A network trained on windows; the same windows, recipe and machine make the same one.
 
@@ -99,24 +100,25 @@ def train(
             it and ends as if it had never been interrupted.
         device: "cpu", "cuda"…; a GPU if there is one.
         make: how windows become batches; those of held_out, too.
+        start: a network of this configuration whose weights are the first; drawn if None.
 
     Raises:
         InputError: no windows, or the checkpoint is of another training.
     """
     if not windows:
         raise InputError("there is nothing to train on")
-    run = _Run(config, recipe, _total(windows, recipe), device)
+    run = _Run(config, recipe, _total(windows, recipe), device, start)
     if checkpoint is not None and checkpoint.exists():
         run.restore(checkpoint)
     while run.epochs < recipe.epochs:
-        start = time.perf_counter()
+        began = time.perf_counter()
         with torch.random.fork_rng():
             loss = run.epoch(windows, tell, make)
         if checkpoint is not None:
             run.store(checkpoint)
         if after_epoch is not None:
             ade = validate(run.averaged(), held_out, make=make) if held_out else None
-            after_epoch(Epoch(run.epochs, loss, time.perf_counter() - start, ade))
+            after_epoch(Epoch(run.epochs, loss, time.perf_counter() - began, ade))
     return run.averaged()
 
 
@@ -180,13 +182,20 @@ class _Run:
     """A training under way: weights, their running average, the optimiser, epochs done."""
 
     def __init__(
-        self, config: RefinerConfig, recipe: Recipe, total: int, device: str | None
+        self,
+        config: RefinerConfig,
+        recipe: Recipe,
+        total: int,
+        device: str | None,
+        start: Refiner | None = None,
     ) -> None:
         self.recipe, self.total = recipe, total
         self.device = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(recipe.seed)
             self.net = Refiner(config).to(self.device)
+        if start is not None:
+            self.net.load_state_dict(start.state_dict())
         self.mean = {name: p.detach().clone() for name, p in self.net.named_parameters()}
         self.optimiser = torch.optim.AdamW(
             self.net.parameters(), lr=recipe.rate, weight_decay=recipe.decay
