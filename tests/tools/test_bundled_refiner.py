@@ -83,3 +83,15 @@ def test_the_shipped_refiner_is_the_one_that_its_bundle_lists():
     learned = bundled_refiner("amsterdam_120")
     assert learned is not None
     assert len(learned.digest) == 16
+
+
+def test_a_card_says_where_nobody_could_be_tried() -> None:
+    from scenewright.tools.trajnet_refiner.bundle_training import card, figures
+
+    net = bundled_refiner("amsterdam_120").net
+    found = figures(net, [])
+    assert found == {"pedestrian_n": 0.0, "vehicle_n": 0.0}
+    hours: dict[str, list[str]] = {"fit": [], "validation": [], "test": []}
+    about = {"intersection": "amsterdam_120", "hours": hours, "command": "x", "started": False}
+    about |= {"windows": 0, "recipe": {"epochs": 1, "seed": 0}, "losses": [], "figures": found}
+    assert "| vehicle | 0 | – | – | – | – |" in card(net, about)
