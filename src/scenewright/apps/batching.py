@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scenewright.graph.batch.asking import Asking
     from scenewright.graph.batch.carrying import Progress, Tell
     from scenewright.graph.batch.run import Request, Summary
+    from scenewright.graph.batch.work import Options
 
 EVERY = 5.0
 """Seconds between lines of progress where there is no terminal."""
@@ -88,18 +89,15 @@ def batch(
     Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
     the reason and stop nothing.
     """
-    from scenewright.graph.batch.asking import BUILTIN
-    from scenewright.graph.batch.run import ROW_TIMEOUT, Request, run_batch, shard_of
-    from scenewright.graph.batch.work import Options
-    from scenewright.graph.run import refiner_or_default
+    from scenewright.graph.batch.run import Request, run_batch, shard_of
 
     request = Request(
         source=Path(rows),
         out=folder_of_option(out),
-        options=Options(
+        options=options_of(
             intersection=intersection,
-            backend=tuple(backend or BUILTIN),
-            refiner=refiner_or_default(refiner),
+            backend=backend,
+            refiner=refiner,
             selection=selection,
             seed=seed,
             base_url=base_url,
@@ -108,7 +106,7 @@ def batch(
         engine=engine,
         limit=limit,
         shard=shard_of(shard),
-        row_timeout=ROW_TIMEOUT if row_timeout is None else row_timeout,
+        row_timeout=seconds_of(row_timeout),
         asking=asking_of(record=record, timeout=timeout, at_once=at_once),
     )
     if workers is not None and workers < 1:
@@ -131,6 +129,37 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return max(len(os.sched_getaffinity(0)), 1)
     return os.cpu_count() or 1
+
+
+def options_of(
+    *,
+    intersection: str,
+    backend: Sequence[str] | None,
+    refiner: str | None,
+    seed: int,
+    base_url: str | None,
+    selection: Literal["draw", "map"] = "draw",
+) -> Options:
+    """What all rows share, as the command line says it."""
+    from scenewright.graph.batch.asking import BUILTIN
+    from scenewright.graph.batch.work import Options
+    from scenewright.graph.run import refiner_or_default
+
+    return Options(
+        intersection=intersection,
+        backend=tuple(backend or BUILTIN),
+        refiner=refiner_or_default(refiner),
+        selection=selection,
+        seed=seed,
+        base_url=base_url,
+    )
+
+
+def seconds_of(row_timeout: float | None) -> float:
+    """Longest that one row may take [s]."""
+    from scenewright.graph.batch.run import ROW_TIMEOUT
+
+    return ROW_TIMEOUT if row_timeout is None else row_timeout
 
 
 def asking_of(*, record: str | None, timeout: float | None, at_once: int | None) -> Asking:

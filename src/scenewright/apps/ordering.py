@@ -20,6 +20,8 @@ from scenewright.apps.batching import (
     batch_progress,
     cores,
     folder_of_option,
+    options_of,
+    seconds_of,
 )
 from scenewright.apps.console import one_line, put, put_json, say
 from scenewright.apps.datasets import dataset
@@ -67,12 +69,8 @@ def agent(
     has the scenes made, and words anew or replaces what is refused, within the budget. Killed, the
     same command goes on. Exit code 3 if the order could not be filled; what there is stays.
     """
-    from scenewright.graph.batch.asking import BUILTIN
-    from scenewright.graph.batch.run import ROW_TIMEOUT
-    from scenewright.graph.batch.work import Options
     from scenewright.graph.order.run import Order
     from scenewright.graph.order.wish import read_order
-    from scenewright.graph.run import refiner_or_default
 
     wish = read_order(order)
     if dry_run:
@@ -85,10 +83,10 @@ def agent(
         text=order,
         wish=wish,
         out=folder_of_option(out),
-        options=Options(
+        options=options_of(
             intersection=intersection,
-            backend=tuple(backend or BUILTIN),
-            refiner=refiner_or_default(refiner),
+            backend=backend,
+            refiner=refiner,
             seed=seed,
             base_url=base_url,
         ),
@@ -96,7 +94,7 @@ def agent(
         budget=budget,
         workers=cores() if workers is None else workers,
         engine=engine,
-        row_timeout=ROW_TIMEOUT if row_timeout is None else row_timeout,
+        row_timeout=seconds_of(row_timeout),
         asking=asking_of(record=record, timeout=timeout, at_once=at_once),
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
@@ -132,20 +130,17 @@ def paper(
     foreground, medium density (5 to 10 more), from varied instructions. Killed, the same command
     goes on.
     """
-    from scenewright.graph.batch.run import ROW_TIMEOUT
-    from scenewright.graph.batch.work import Options
     from scenewright.graph.order.run import Order, paper_wish
-    from scenewright.graph.run import refiner_or_default
 
     backends = list(dict.fromkeys(backend or ["builtin"]))
     wanted = Order(
         text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
         wish=paper_wish(backends, scale=scale),
         out=folder_of_option(out),
-        options=Options(
+        options=options_of(
             intersection=intersection,
-            backend=(backends[0],),
-            refiner=refiner_or_default(refiner),
+            backend=backends[:1],
+            refiner=refiner,
             seed=seed,
             base_url=base_url,
         ),
@@ -153,7 +148,7 @@ def paper(
         workers=cores() if workers is None else workers,
         engine=engine,
         title="The paper's composition",
-        row_timeout=ROW_TIMEOUT if row_timeout is None else row_timeout,
+        row_timeout=seconds_of(row_timeout),
         asking=asking_of(record=record, timeout=timeout, at_once=at_once),
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-_SIDE = r"(?:north|south|east|west)"
+SIDE = r"(?:north|south|east|west)"
 _SIDES = {"n": "north", "s": "south", "e": "east", "w": "west"}
 _VEHICLE = (
     r"(?:vehicles?|vehs?|cars?|trucks?|lorry|lorries|bus|buses|taxis?|cabs?|vans?|suvs?|sedans?|"
     r"motorcycles?|motorbikes?|coach|pickup)"
 )
 _LEG = r"(?:leg|exit|arm|branch|street|road|side)"
-_BOUND = r"(?:nb|sb|eb|wb|(?:north|south|east|west)bound)"
+BOUND = r"(?:nb|sb|eb|wb|(?:north|south|east|west)bound)"
 _EVENT = r"(?:crash|collision|accident|near miss|conflict|t[ -]?bone)"
 _PRIORITY = r"(?:priority|precedence|(?:the )?right of way)"
 _WHOSE = r"(?:an?|the|its|his|her|their|that|my|your|our)"
@@ -209,10 +209,10 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             "without any incident",
         ),
         # Traffic engineers' shorthand.
-        (rf"\b({_BOUND}) (?:lt|l/t)\b", r"\1 left"),
-        (rf"\b({_BOUND}) (?:rt|r/t)\b", r"\1 right"),
+        (rf"\b({BOUND}) (?:lt|l/t)\b", r"\1 left"),
+        (rf"\b({BOUND}) (?:rt|r/t)\b", r"\1 right"),
         (  # "th" has been taken for a slip of "the"
-            rf"\b({_BOUND}) (?:th|the)(?=\s*(?:/|vs\b|versus\b|x\b|near\b|crash|collision|"
+            rf"\b({BOUND}) (?:th|the)(?=\s*(?:/|vs\b|versus\b|x\b|near\b|crash|collision|"
             r"conflict|[,.;]|$))",
             r"\1 thru",
         ),
@@ -221,15 +221,15 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         (r"\blt\b", "left turn"),
         (r"\brt\b", "right turn"),
         (
-            rf"\b({_BOUND} (?:left|right|thru|through|straight))\s*/\s*(?={_BOUND}\b)",
+            rf"\b({BOUND} (?:left|right|thru|through|straight))\s*/\s*(?={BOUND}\b)",
             r"\1 vs ",
         ),
         (
-            rf"\b({_EVENT})\W+({_BOUND}) (?:and|vs|versus|x|with) ({_BOUND})\b(?=\s*(?:[,.;]|$))",
+            rf"\b({_EVENT})\W+({BOUND}) (?:and|vs|versus|x|with) ({BOUND})\b(?=\s*(?:[,.;]|$))",
             r"\1 between a \2 vehicle and a \3 vehicle",
         ),
         (
-            rf"(^\W*|[.;] )(left|right) turn(?:er)? from (?:the )?({_SIDE}),?"
+            rf"(^\W*|[.;] )(left|right) turn(?:er)? from (?:the )?({SIDE}),?"
             r" (?=hits|strikes|yields|gives|nearly|almost|waits|fails|misses|collides)",
             r"\1a vehicle turning \2 from the \3 ",
         ),
@@ -262,11 +262,11 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         ),
         (
             rf"\bfrom opposite (?:ends|sides|directions|approaches|legs),? \(?(?:namely )?"
-            rf"(?:the )?({_SIDE}) and (?:the )?({_SIDE})\b\)?",
+            rf"(?:the )?({SIDE}) and (?:the )?({SIDE})\b\)?",
             r"from the \1 and the \2",
         ),
         (
-            rf"\bon the ({_SIDE}) and (one|another|a second|the other)(?: one)? on the ({_SIDE}) "
+            rf"\bon the ({SIDE}) and (one|another|a second|the other)(?: one)? on the ({SIDE}) "
             r"(crosswalk|crossing|leg)\b",
             r"on the \1 \4 and \2 on the \3 \4",
         ),
@@ -280,21 +280,21 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         (r"\bfrom above\b(?! (?:the|a) )", "from the north"),
         (
             rf"\b(?:bound|destined|headed|heading|head|heads|making|makes|aiming|aims) for the "
-            rf"({_SIDE})(?:ern)? {_LEG}\b",
+            rf"({SIDE})(?:ern)? {_LEG}\b",
             r"leaving to the \1",
         ),
         (
-            rf"\b(?:bound|destined|on (?:its|his|her|their) way) (?:for|to) the ({_SIDE})\b",
+            rf"\b(?:bound|destined|on (?:its|his|her|their) way) (?:for|to) the ({SIDE})\b",
             r"leaving to the \1",
         ),
         (
-            rf"\b(?:head|travel|go|driv|mov|proceed)\w* (?:to|for|towards?) (?:the )?({_SIDE})"
+            rf"\b(?:head|travel|go|driv|mov|proceed)\w* (?:to|for|towards?) (?:the )?({SIDE})"
             rf"(?: {_LEG})?,? (?:coming |arriving |entering |starting |approaching )?"
-            rf"from (?:the )?({_SIDE})\b",
+            rf"from (?:the )?({SIDE})\b",
             r"from the \2 leaving to the \1",
         ),
         (
-            rf"\b({_VEHICLE}(?: \w)?) \((?:from )?({_SIDE}|[nsew])(?=\s*[,;)])",
+            rf"\b({_VEHICLE}(?: \w)?) \((?:from )?({SIDE}|[nsew])(?=\s*[,;)])",
             _entry,
         ),
         (

@@ -6,6 +6,7 @@ import re
 
 from scenewright.backends.builtin import idioms
 from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.idioms import BOUND, SIDE
 
 _NUMBER = (
     r"(?:\d{1,2}|no|zero|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|fifteen|"
@@ -14,8 +15,6 @@ _NUMBER = (
 _VEHICLES = r"(?:vehicles?|vehs?|cars?|trucks?|buses|taxis|vans)"
 _WALKERS = r"(?:pedestrians?|peds?|people|persons?|walkers?)"
 _COUNTED = rf"(?:{_VEHICLES}|{_WALKERS})"
-_BOUND = r"(?:nb|sb|eb|wb|(?:north|south|east|west)bound)"
-_SIDE = r"(?:north|south|east|west)"
 _ACTION = r"(?:yields?|gives? way|hits?|strikes?|collides?|crashes|rear|near|almost|follows?)"
 _PLACE = r"(?:crosswalk|crossing|leg|arm|road|street|avenue)"
 _GOES_IN = (
@@ -48,7 +47,7 @@ _THAT_LEG = re.compile(
     r" (?:leg|arm|side|road|exit)\b"
     r"|\bthat (?:leg|arm|road|side|exit) s? ?(?:crosswalk|crossing)\b"
 )
-_NAMED_SIDE = re.compile(rf"\b{_SIDE}\b")
+_NAMED_SIDE = re.compile(rf"\b{SIDE}\b")
 _BACKGROUND_LIST = re.compile(
     r"\b(?:in the )?(?:background|bg|others|extras)(?: only)?"
     r"(?: (?:traffic|agents|road users|actors))?"
@@ -68,14 +67,14 @@ _MOVES = {
 }  # fmt: skip
 _MOVE = rf"(?:{'|'.join(_MOVES)})"
 _VERSUS = re.compile(
-    rf"\b({_BOUND})[ -]({_MOVE})(?=\s*(?:vs|versus|x|against)\b|\s+{_ACTION}\b)"
-    rf"|(?<=vs )({_BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
-    rf"|(?<=versus )({_BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
-    rf"|(?:(?<=to )|(?<=by )|(?<=with )|(?<=hits )|(?<=and ))({_BOUND})[ -]({_MOVE})\b"
+    rf"\b({BOUND})[ -]({_MOVE})(?=\s*(?:vs|versus|x|against)\b|\s+{_ACTION}\b)"
+    rf"|(?<=vs )({BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
+    rf"|(?<=versus )({BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
+    rf"|(?:(?<=to )|(?<=by )|(?<=with )|(?<=hits )|(?<=and ))({BOUND})[ -]({_MOVE})\b"
     r"(?=\s*(?:[,.;)]|$))"
 )
 _BOTH_BOUND = re.compile(
-    rf"\b({_BOUND}) and ({_BOUND})[ -]({_MOVE})(?:[ -]turn(?:s|ers?)?|s)?(?=\s*(?:[,.;:)]|$))"
+    rf"\b({BOUND}) and ({BOUND})[ -]({_MOVE})(?:[ -]turn(?:s|ers?)?|s)?(?=\s*(?:[,.;:)]|$))"
 )
 _OF_MAP = re.compile(
     r"\b(?:the )?(left|right|top|bottom|upper|lower)(?:[ -]hand)?(?: side| edge| end| part)? of"
@@ -108,7 +107,7 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\bcomm(?=ing\b)", "com"),
         (r"\b(?:the )?same leg(?= it)", "leg"),
         (
-            rf",(?: and)? (an? [a-z]+ from the {_SIDE}),? (?:too|as well|likewise)(?=[;.,]|$)",
+            rf",(?: and)? (an? [a-z]+ from the {SIDE}),? (?:too|as well|likewise)(?=[;.,]|$)",
             r" and \1 does the same",
         ),
         (r"\bas well\b(?! as)", ""),
@@ -118,11 +117,11 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             r"\1 background vehicles and \2 background pedestrians",
         ),
         (
-            rf"\b(?:head|go|driv|mov|travel)\w* (?:out )?to(?:wards?)? the ({_SIDE}) exit\b",
+            rf"\b(?:head|go|driv|mov|travel)\w* (?:out )?to(?:wards?)? the ({SIDE}) exit\b",
             r"leaving to the \1",
         ),
         (
-            rf"\b(run|walk|jog)(s|ning|ing)? over (?=the (?:{_SIDE}(?:ern)? )?"
+            rf"\b(run|walk|jog)(s|ning|ing)? over (?=the (?:{SIDE}(?:ern)? )?"
             r"(?:crosswalk|crossing|leg|street|road)\b)",
             r"\1\2 across ",
         ),
@@ -165,7 +164,7 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             "between ",
         ),
         (r"\bno yield to\b", "does not yield to"),
-        (rf"\b(on|to|by|via|at|through) the ({_SIDE})(?:ern)? one\b", r"\1 the \2 leg"),
+        (rf"\b(on|to|by|via|at|through) the ({SIDE})(?:ern)? one\b", r"\1 the \2 leg"),
         (r"\billegally cross(?:es|ed)?\b", "jaywalks across"),
         (r"\billegally crossing\b", "jaywalking across"),
         (r"^\W*(follow(?:ing)?|yield(?:ing)?)\s*[,;]", r"\1:"),
@@ -178,7 +177,7 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\b(another|a second|a third|a further) one there\b", r"\1 pedestrian there"),
         (r"\b(?:the )?far(?:[- ]side)? (?:crosswalk|crossing)\b", "the exitwalk"),
         (
-            rf", each(?: of them)?(?= (?:{_BOUND}|going|driving|heading|travell?ing|turning)\b)",
+            rf", each(?: of them)?(?= (?:{BOUND}|going|driving|heading|travell?ing|turning)\b)",
             ", all of them",
         ),
         (
@@ -186,12 +185,12 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             r"\1 rightwards ",
         ),
         (
-            rf"\b(?:two|2) ({_BOUND} |oncoming )?(?:vehicles|cars|motorists),? (?:namely )?"
+            rf"\b(?:two|2) ({BOUND} |oncoming )?(?:vehicles|cars|motorists),? (?:namely )?"
             r"an? ([a-z]+) and an? ([a-z]+)(?=,| (?:are|is|collide|go|drive|turn|almost|nearly)\b)",
             r"a \1\2 and a \1\3",
         ),
         (
-            rf"\b(?:two|2) (?:vehicles|cars|motorists) (from the {_SIDE}|{_BOUND}), (?:namely )?"
+            rf"\b(?:two|2) (?:vehicles|cars|motorists) (from the {SIDE}|{BOUND}), (?:namely )?"
             r"(an? [a-z]+ and an? [a-z]+),",
             r"\2, both \1,",
         ),
@@ -244,13 +243,13 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (rf"(in a platoon\b.*?),?(?: in a platoon| {_EACH_BEHIND})", r"\1"),
         (r"\bin a (?:chain|row|column|string|queue)\b", "in a platoon"),
         (
-            rf", all(?: of them| three| four)?(?= (?:{_BOUND}|going|driving|heading|travell?ing|"
+            rf", all(?: of them| three| four)?(?= (?:{BOUND}|going|driving|heading|travell?ing|"
             r"coming|straight|turning|from)\b)",
             ", all of them",
         ),
-        (rf"(?<=, )((?:both|all)(?: of them)? {_BOUND}) and (?=straight\b)", r"\1 and going "),
+        (rf"(?<=, )((?:both|all)(?: of them)? {BOUND}) and (?=straight\b)", r"\1 and going "),
         (
-            rf"\b(?:and )?so (?:does|do|did|is|was) (the|a|an) ((?:{_BOUND} )?[a-z]+)\b",
+            rf"\b(?:and )?so (?:does|do|did|is|was) (the|a|an) ((?:{BOUND} )?[a-z]+)\b",
             r"and \1 \2 does the same",
         ),
         (r"\bfew(?:er)? (?:other )?road users\b", "few cars"),
