@@ -11,12 +11,17 @@ bar is 0.8.
 - place of events: distance from the mean place of its kind, in both directions;
 - time of events: within the scene; and of those alone that lie between 6 and 20 s, where all
   events that are asked for have to lie (SEMANTICS section 6).
+
+How fast people go and when events happen depends on how many are there and on how long the scene
+is. The corpus is therefore cut to the dataset: beside every scene a window as long, with as many
+vehicles. The ratio to its windows as they are, rush hours and all, stands beside it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -33,9 +38,29 @@ FEWEST = 5
 """Agents of a route, or events of a kind, below which a spread says nothing."""
 ASKED_AT = (6.0, 20.0)
 UNIMPEDED = {"vehicle": 3.0, "pedestrian": 0.5}
+_Values = tuple[FloatArray, FloatArray, FloatArray]
+"""Of the dataset, of windows beside its scenes, of whole windows."""
 _TOP = 0.9
 _LONG = 10
 """Samples that a quantile of a speed needs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What a corpus shows.
+
+    Attributes:
+        beside: windows as long and as busy as the scenes; whole: its windows as they are.
+    """
+
+    beside: Sequence[Watched]
+    whole: Sequence[Watched]
+
+    def with_ours(
+        self, ours: Sequence[Watched], values: Callable[[Sequence[Watched]], FloatArray]
+    ) -> _Values:
+        """Values of the dataset, of the windows beside it, and of the whole windows."""
+        return values(ours), values(self.beside), values(self.whole)
 
 
 @dataclass(frozen=True)
@@ -45,6 +70,8 @@ class Spread:
     Attributes:
         what, group: such as `lateral position` of `vehicle`.
         ours, corpus: standard deviations; n, n_corpus: values that they are of.
+        whole: standard deviation in the corpus' windows as they are, of whatever traffic and 30 s
+            long; None where the corpus is not cut.
     """
 
     what: str
@@ -56,11 +83,17 @@ class Spread:
     n_corpus: int
     low: float
     high: float
+    whole: float | None = None
 
     @property
     def ratio(self) -> float:
         """Ours over the corpus'."""
         return self.ours / self.corpus
+
+    @property
+    def ratio_to_whole(self) -> float | None:
+        """Ours over that of the corpus' windows as they are."""
+        return None if self.whole is None else self.ours / self.whole
 
     @property
     def enough(self) -> bool:
@@ -166,19 +199,17 @@ def _pooled(variances: Sequence[float], weights: Sequence[float]) -> float:
     return float(np.sqrt(np.dot(variances, weights)))
 
 
-def speeds(
-    ours: Sequence[Watched], corpus: Sequence[Watched], *, draws: int, seed: int
-) -> list[Spread]:
+def speeds(ours: Sequence[Watched], corpus: Reference, *, draws: int, seed: int) -> list[Spread]:
     """Spread of how fast agents go where nothing keeps them."""
     found = []
     for kind in CLASSES:
         for what, least in (("speed", 0.0), ("speed of who is never slow", UNIMPEDED[kind])):
-            a, b = (_column(scenes, kind, least) for scenes in (ours, corpus))
-            found += _spread(what, kind, "m/s", a, b, draws, seed)
+            parts = corpus.with_ours(ours, partial(_column, kind=kind, least=least))
+            found += _spread(what, kind, "m/s", parts, draws, seed)
     return found
 
 
-def _column(scenes: Sequence[Watched], kind: AgentClass, least: float) -> FloatArray:
+def _column(scenes: Sequence[Watched], *, kind: AgentClass, least: float) -> FloatArray:
     parts = [_top(each, kind, least) for each in scenes]
     return np.concatenate([np.zeros(0), *parts])[:, None]
 
@@ -190,23 +221,34 @@ def _top(watched: Watched, kind: AgentClass, least: float) -> FloatArray:
     return np.array([np.quantile(speed, _TOP) for speed in moving if len(speed) >= _LONG])
 
 
-def events(
-    ours: Sequence[Watched], corpus: Sequence[Watched], *, draws: int, seed: int
-) -> list[Spread]:
+def events(ours: Sequence[Watched], corpus: Reference, *, draws: int, seed: int) -> list[Spread]:
     """Spread of where and when events happen; kinds that the corpus does not know are left out."""
     found = []
+    within = f"time of events, {ASKED_AT[0]:g} to {ASKED_AT[1]:g} s"
     for kind in ("yielding", "near_miss", "follow"):
-        a, b = (_events(each, kind) for each in (ours, corpus))
-        found += _spread("place of events", kind, "m", a[:, :2], b[:, :2], draws, seed)
-        found += _spread("time of events", kind, "s", a[:, 2:], b[:, 2:], draws, seed)
-        within = f"time of events, {ASKED_AT[0]:g} to {ASKED_AT[1]:g} s"
-        found += _spread(within, kind, "s", _then(a), _then(b), draws, seed)
+        for what, unit, part in (
+            ("place of events", "m", _where),
+            ("time of events", "s", _when),
+            (within, "s", _then),
+        ):
+            parts = corpus.with_ours(ours, partial(part, kind=kind))
+            found += _spread(what, kind, unit, parts, draws, seed)
     return found
 
 
-def _then(found: FloatArray) -> FloatArray:
-    """[n, 1] times of the events that lie where events that are asked for do [s]."""
-    times = found[:, 2:]
+def _where(scenes: Sequence[Watched], *, kind: str) -> FloatArray:
+    """[n, 2] places of the events of a kind [m]."""
+    return _events(scenes, kind)[:, :2]
+
+
+def _when(scenes: Sequence[Watched], *, kind: str) -> FloatArray:
+    """[n, 1] their times [s]."""
+    return _events(scenes, kind)[:, 2:]
+
+
+def _then(scenes: Sequence[Watched], *, kind: str) -> FloatArray:
+    """[n, 1] times of those that lie where events that are asked for do [s]."""
+    times = _when(scenes, kind=kind)
     inside = (times[:, 0] >= ASKED_AT[0]) & (times[:, 0] <= ASKED_AT[1])
     return np.asarray(times[inside])
 
@@ -223,18 +265,19 @@ def _events(scenes: Sequence[Watched], kind: str) -> FloatArray:
 
 
 def _spread(
-    what: str, group: str, unit: str, ours: FloatArray, corpus: FloatArray, draws: int, seed: int
+    what: str, group: str, unit: str, values: _Values, draws: int, seed: int
 ) -> list[Spread]:
-    if min(len(ours), len(corpus)) < FEWEST:
+    ours, beside, whole = values
+    if min(len(ours), len(beside)) < FEWEST:
         return []
     rng = np.random.default_rng(seed)
-    base = _deviation(corpus)
+    base = _deviation(beside)
     again = [_deviation(_again(ours, rng)) / base for _ in range(draws)]
     low, high = np.quantile(again, [0.025, 0.975])
     return [
         Spread(
-            what, group, unit, _deviation(ours), base, len(ours), len(corpus),
-            float(low), float(high),
+            what, group, unit, _deviation(ours), base, len(ours), len(beside),
+            float(low), float(high), _deviation(whole) if len(whole) >= FEWEST else None,
         )
     ]  # fmt: skip
 

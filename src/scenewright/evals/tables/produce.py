@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.errors import InputError
-from scenewright.evals.realism.scenes import Played, cut_scenes, played
-from scenewright.evals.tables.diversity import Spread, events, lateral, speeds
+from scenewright.evals.realism.scenes import cut_scenes, played
+from scenewright.evals.tables.beside import windows_beside
+from scenewright.evals.tables.diversity import Reference, Spread, events, lateral, speeds
 from scenewright.evals.tables.fidelity_tables import Fidelity, fidelity
 from scenewright.evals.tables.nearness import Near, alone, compared, motion_of, values_of, watch
 from scenewright.evals.tables.reading import Dataset, commit, read_dataset
 from scenewright.evals.tables.robustness import Rate, out_of_scope, robustness
 from scenewright.intersections import load_map
-from scenewright.tools.recordings import Recording, load_recordings
+from scenewright.tools.recordings import load_recordings
 from scenewright.tools.recordings.taf_bw import read_taf_bw
 
 MOST_WINDOWS = 150
@@ -148,23 +149,22 @@ def _against(
     scenes = [played(scene) for _, scene in dataset.scenes(_thinned(dataset.rows, MOST_SCENES))]
     ours = list(watch(scenes, on=on))
     tell("encounters in the corpus")
-    known = list(watch(_windows(recordings, on), on=on))
+    windows = [scene for _, scene in cut_scenes(recordings, on=on) if scene.users]
+    known = list(watch(_thinned(windows, MOST_WINDOWS), on=on))
     near = list(compared(values_of(ours), values_of(known), named="corpus", draws=draws, seed=seed))
     if real is not None:
         tell("encounters in real tracks")
         recordings = read_taf_bw(real).recordings
-        theirs = list(watch(_windows(recordings, on), on=None))
+        cut = [scene for _, scene in cut_scenes(recordings, on=on) if scene.users]
+        theirs = list(watch(_thinned(cut, MOST_WINDOWS), on=None))
         smooth = values_of(ours, smoothing=ROUGH)
         # Real tracks are short: whole windows are few, so motion is that of every track.
         reference = {**values_of(theirs), **motion_of(alone(recordings), smoothing=ROUGH)}
         near += compared(smooth, reference, named="TAF-BW", draws=draws, seed=seed)
-    spreads = speeds(ours, known, draws=draws, seed=seed)
-    return [*spreads, *events(ours, known, draws=draws, seed=seed)], near
-
-
-def _windows(recordings: Sequence[Recording], on: Any) -> list[Played]:
-    cut = [scene for _, scene in cut_scenes(recordings, on=on) if scene.users]
-    return list(_thinned(cut, MOST_WINDOWS))
+    beside = windows_beside(scenes, windows, least=MOST_SCENES)
+    against = Reference(list(watch(beside, on=on)), known)
+    spreads = speeds(ours, against, draws=draws, seed=seed)
+    return [*spreads, *events(ours, against, draws=draws, seed=seed)], near
 
 
 def _thinned(items: Sequence[Any], most: int) -> Any:

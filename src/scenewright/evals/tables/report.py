@@ -35,7 +35,13 @@ def to_json(tables: Tables) -> dict[str, Any]:
         "understanding": dict(tables.understanding),
         "nearness": [{**asdict(each), "unit": UNITS[each.measure]} for each in tables.near],
         "diversity": [
-            {**asdict(each), "ratio": each.ratio, "enough": each.enough} for each in tables.spreads
+            {
+                **asdict(each),
+                "ratio": each.ratio,
+                "enough": each.enough,
+                "ratio to whole windows": each.ratio_to_whole,
+            }
+            for each in tables.spreads
         ],
         "paper": {
             "normal NLL": dict(paper.NORMAL_NLL),
@@ -239,14 +245,19 @@ def _diversity(spreads: Sequence[Spread]) -> Iterator[str]:
     yield "## Diversity"
     yield (
         f"Standard deviation in the dataset over that in the corpus; the bar is {BAR}. 95 % over "
-        "resampled agents or events."
+        "resampled agents or events. Speeds and events of the corpus are those of windows as long "
+        "as the scenes and with as many vehicles; *all windows* are 30 s long, of any traffic."
     )
     rows = [
         [
             each.what, each.group, f"{each.ours:.2f} {each.unit}", f"{each.corpus:.2f} {each.unit}",
             f"{each.ratio:.2f} {_between((each.low, each.high))}",
             f"{each.n} / {each.n_corpus}", "yes" if each.enough else "**no**",
+            "–" if each.ratio_to_whole is None else f"{each.ratio_to_whole:.2f}",
         ]
         for each in spreads
     ]  # fmt: skip
-    yield _table(["what", "whose", "dataset", "corpus", "ratio", "n / corpus", "enough"], rows)
+    yield _table(
+        ["what", "whose", "dataset", "corpus", "ratio", "n / corpus", "enough", "to all windows"],
+        rows,
+    )
