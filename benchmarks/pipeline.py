@@ -1,8 +1,10 @@
 """From text to scene.json and proof.json, warm: `python benchmarks/pipeline.py [none | trajnet]`.
 
-Ten agents: two in the foreground, five background vehicles, three background pedestrians. No
-recording, no picture; without a refiner unless one is named. Prints the median and where the time
-goes. Processor time is that of this process alone, whatever else runs.
+Seven requests with eight seeds each, ten agents: two in the foreground, five background vehicles,
+three background pedestrians; a text is read once for all its seeds. Then the forty examples, one
+seed each, so that every text is new. No recording, no picture; without a refiner unless one is
+named. Prints the median and where the time goes. Processor time is that of this process alone,
+whatever else runs.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from scenewright.errors import Unsatisfiable
@@ -30,6 +33,7 @@ REQUESTS = (
     "A car follows a bus through the intersection",
 )
 SEEDS = range(8)
+EXAMPLES = Path(__file__).parents[1] / "examples" / "instructions.txt"
 
 
 def commit() -> str:
@@ -40,25 +44,36 @@ def commit() -> str:
 
 
 def main() -> None:
-    wall: dict[str, list[float]] = {}
     refiner = sys.argv[1] if len(sys.argv) > 1 else "none"
-    stages: Counter[str] = Counter()
-    attempts = failed = 0
     with tempfile.TemporaryDirectory() as folder:
         synthesize(f"{REQUESTS[0]} {CROWD}", seed=99, refiner=refiner).save(Path(folder) / "warm")
-        began = time.process_time()
-        for number, request in enumerate(REQUESTS):
-            for seed in SEEDS:
-                start = time.perf_counter()
-                try:
-                    scene = synthesize(f"{request} {CROWD}", seed=seed, refiner=refiner)
-                except Unsatisfiable:
-                    failed += 1
-                    continue
-                scene.save(Path(folder) / f"{number}-{seed}")
-                wall.setdefault(request, []).append(time.perf_counter() - start)
-                stages.update(scene.provenance["seconds"])
-                attempts += 1 + len(scene.provenance["rejections"])
+        print(f"Seven requests, {len(SEEDS)} seeds each")
+        named = {request: f"{request} {CROWD}" for request in REQUESTS}
+        measure([(name, text, seed) for name, text in named.items() for seed in SEEDS],
+                refiner, Path(folder) / "seven")  # fmt: skip
+        print("\nThe forty examples, no text twice")
+        every = ("any example", *EXAMPLES.read_text("utf-8").splitlines())
+        measure([(every[0], text, 0) for text in every[1:] if text.strip()],
+                refiner, Path(folder) / "forty")  # fmt: skip
+
+
+def measure(asked: Sequence[tuple[str, str, int]], refiner: str, folder: Path) -> None:
+    """Makes and saves every scene asked for, as (name, text, seed), and prints how long it took."""
+    wall: dict[str, list[float]] = {}
+    stages: Counter[str] = Counter()
+    attempts = failed = 0
+    began = time.process_time()
+    for number, (name, text, seed) in enumerate(asked):
+        start = time.perf_counter()
+        try:
+            scene = synthesize(text, seed=seed, refiner=refiner)
+        except Unsatisfiable:
+            failed += 1
+            continue
+        scene.save(folder / str(number))
+        wall.setdefault(name, []).append(time.perf_counter() - start)
+        stages.update(scene.provenance["seconds"])
+        attempts += 1 + len(scene.provenance["rejections"])
     busy = (time.process_time() - began) / max(sum(map(len, wall.values())), 1)
     print(
         f"refiner {refiner}: {busy:.3f} s of processor time a scene, {1 / busy:.1f} scenes a second"

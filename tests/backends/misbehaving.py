@@ -53,7 +53,7 @@ class Handler(BaseHTTPRequestHandler):
         state.at_once += 1
         state.most_at_once = max(state.most_at_once, state.at_once)
         form = body.get("response_format")
-        task = form["json_schema"]["name"] if form else ""
+        task = form["json_schema"]["name"] if form and "json_schema" in form else ""
         fault = state.next_fault()
         try:
             if fault is None:
@@ -236,7 +236,7 @@ UNREADABLE: dict[str, tuple[Fault, str]] = {
     "extra keys": (said(lambda good: without(good, add={"note": 1})), "no such key"),
     "unknown ids": (
         said(lambda good: good.replace("-1", "-77", 1)),
-        "not in the scene",
+        "is not among the agents",
     ),
     "NaN": (said(lambda good: good[:-1] + ', "x": NaN}'), "NaN is no number"),
     "infinity": (said(lambda good: good[:-1] + ', "x": 1e999}'), "1e999 is no number"),

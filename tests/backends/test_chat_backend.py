@@ -182,14 +182,29 @@ def test_a_flaky_server_is_got_past(server: Server, pauses: list[float]) -> None
 
 
 def test_a_server_that_knows_no_schemas_is_asked_in_words(server: Server) -> None:
-    server.faults = [status(400, "response_format is not supported")]
+    server.faults = [status(400, "response_format is not supported")] * 2
     backend = Spoken(model(server))
     server.good[""] = '{"answer": 1}'
     assert backend.answer(question()) == {"answer": 1}
-    assert ["response_format" in each for each in server.requests] == [True, False]
-    assert "seed" in server.requests[1]
+    assert [each.get("response_format", {}).get("type") for each in server.requests] == [
+        "json_schema", "json_object", None,
+    ]  # fmt: skip
+    assert "seed" in server.requests[2]
     assert backend.answer(question(seed=2)) == {"answer": 1}
-    assert "response_format" not in server.requests[2]
+    assert "response_format" not in server.requests[3]
+
+
+@pytest.mark.parametrize("code", [422, 500])
+def test_a_server_that_knows_schemas_in_the_older_form_alone_is_asked_so(
+    server: Server, code: int
+) -> None:
+    server.faults = [status(code, "body.response_format.type: expected 'text' or 'json_object'")]
+    backend = Spoken(model(server))
+    server.good[""] = '{"answer": 1}'
+    for seed in (0, 2):
+        assert backend.answer(question(seed=seed)) == {"answer": 1}
+    older = {"type": "json_object", "schema": {"type": "object"}}
+    assert [each["response_format"] == older for each in server.requests] == [False, True, True]
 
 
 def test_options_that_a_server_refuses_are_left_out(server: Server) -> None:

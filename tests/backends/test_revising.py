@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenewright.backends.builtin.draft import Site
 from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.references import answered
 from scenewright.backends.builtin.revising import read
@@ -23,6 +24,7 @@ from scenewright.scene.edits import (
     edited,
 )
 from scenewright.scene.social import SocialGraph
+from scenewright.scene.ways import Way
 
 
 def there(name: str, **told: Any) -> Present:
@@ -129,6 +131,98 @@ def test_agents_change_where_the_words_say_so_and_nowhere_else() -> None:
     assert [each[""] for each in both] == ["ChangeContext", "SetBackground"]
 
 
+WAYS_ON = [
+    # told first, then; entry, exit and movement after that
+    ("A car from the north turning right hits a bus", "make the car turn left",
+     ("north", "east", "left")),
+    ("A car from the north turning right hits a bus", "the car should come from the east",
+     ("east", "north", "right")),
+    ("A car from the north turning right hits a bus", "make the car leave to the south",
+     ("north", "south", "straight")),
+    ("A car turning right hits a bus", "make the car come from the south",
+     ("south", "east", "right")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("first", "words", "way"), WAYS_ON)
+def test_of_a_way_before_stays_what_goes_with_the_new_words(
+    first: str, words: str, way: tuple[str, str, str]
+) -> None:
+    where = situation(first, there("vehicle-1"), there("vehicle-2", subtype="bus", entry="east"))
+    (edit,) = told(words, where)
+    assert tuple(edit["node"].get(each) for each in ("entry", "exit", "movement")) == way
+
+
+ARMS = ("south", "east", "northeast", "north", "west")
+"""Legs of a junction of five, anticlockwise."""
+
+FIVE = Site(
+    compass=False,
+    ways=(
+        *(
+            Way("vehicle", entry, ARMS[(at + turn) % 5], name)
+            for at, entry in enumerate(ARMS)
+            for turn, name in ((1, "right"), (2, "straight"), (3, "straight"), (4, "left"))
+        ),
+        Way("pedestrian", "northeast", "south", "crossing", "east"),
+        Way("pedestrian", "south", "northeast", "crossing", "east"),
+        Way("pedestrian", "north", "south", "crossing", "west"),
+        Way("pedestrian", "north", "east", "crossing", "northeast"),
+    ),
+)
+
+
+def on_five_legs(words: str) -> dict[str, Any]:
+    graph = plan(
+        "A car from the south turning left yields to a pedestrian on the west crosswalk", site=FIVE
+    )
+    assert isinstance(graph, SocialGraph)
+    present = (there("vehicle-1", stops=True), there("pedestrian-1", crosswalk="west"))
+    reading = read(words, Situation(graph=graph, present=present), site=FIVE)
+    assert isinstance(reading, Edits), reading
+    (edit,) = reading.edits
+    node: dict[str, Any] = edit.model_dump(exclude_none=True)["node"]
+    return {each: node[each] for each in ("entry", "exit", "movement", "crosswalk") if each in node}
+
+
+@pytest.mark.parametrize(
+    ("words", "way"),
+    [
+        ("the car should turn right", {"entry": "south", "movement": "right"}),
+        ("make the car come from the northeast", {"entry": "northeast", "movement": "left"}),
+        ("put the pedestrian on the northeast crosswalk",
+         {"movement": "crossing", "crosswalk": "northeast"}),
+        # The way over the west crosswalk begins in the north, the one over the east in the south.
+        ("make the pedestrian come from the north",
+         {"entry": "north", "movement": "crossing", "crosswalk": "west"}),
+        ("make the pedestrian come from the south instead",
+         {"entry": "south", "movement": "crossing"}),
+    ],
+)  # fmt: skip
+def test_on_five_legs_the_map_says_what_goes_with_what(words: str, way: dict[str, str]) -> None:
+    """A compass of four would have an exit for the turn, and refuse the crosswalk."""
+    assert on_five_legs(words) == way
+
+
+@pytest.mark.parametrize(
+    ("words", "site", "turn", "kind"),
+    [
+        ("make it a right turn across path collision", Site(left_hand=True), "right", "left_turn"),
+        ("make it a right turn across path collision", Site(), "right", None),
+        ("make it a left turn collision", Site(left_hand=True), "left", None),
+        ("make it a left turn collision", Site(), "left", "left_turn"),
+    ],
+)
+def test_in_left_hand_traffic_an_edit_means_the_mirrored_turn(
+    words: str, site: Site, turn: str, kind: str | None
+) -> None:
+    where = situation("A car nearly hits a bus", there("vehicle-1"), there("vehicle-2"))
+    reading = read(words, where, site=site)
+    assert isinstance(reading, Edits), reading
+    graph = edited(where.graph, reading.edits)
+    assert (graph.agents[0].movement, graph.relations[0].kind) == (turn, kind)
+
+
 def test_a_figure_of_before_stays_where_nobody_speaks_of_it() -> None:
     (edit,) = told("make it a near miss with a PET of 1 s")
     graph = edited(ONE.graph, read("make it a near miss with a PET of 1 s", ONE).edits)  # type: ignore[union-attr]
@@ -204,6 +298,45 @@ def test_what_cannot_be_says_why(words: str, code: str, says: str) -> None:
     reading = read(words, ONE)
     assert isinstance(reading, Decline), reading
     assert reading.code == code
+    assert says in reading.reason
+
+
+ROLLING = situation(
+    "A left-turning car yields to an oncoming car",
+    there("vehicle-1", movement="left", exit="east", slows_to=3.1),
+    there("vehicle-2", entry="south", exit="north"),
+)
+
+
+@pytest.mark.parametrize(
+    ("words", "edit"),
+    [
+        ("make it stop", {"": "WaitLonger", "agent": "vehicle-1", "seconds": 2.0}),
+        ("have it come to a full stop", {"": "WaitLonger", "agent": "vehicle-1", "seconds": 2.0}),
+        ("let vehicle-1 stop for 4 seconds",
+         {"": "WaitLonger", "agent": "vehicle-1", "seconds": 4.0}),
+        ("wait three seconds longer", {"": "WaitLonger", "agent": "vehicle-1", "seconds": 3.0}),
+        ("stop one metre later", {"": "MoveStop", "agent": "vehicle-1", "metres": 1.0}),
+    ],
+)  # fmt: skip
+def test_who_gives_way_without_standing_is_meant_where_somebody_is_to_stop(
+    words: str, edit: dict[str, Any]
+) -> None:
+    assert told(words, ROLLING) == [edit]
+
+
+@pytest.mark.parametrize(
+    ("words", "where", "says"),
+    [
+        ("make it stop", ONE, "vehicle-1 stands already"),
+        ("make vehicle-2 stop", ROLLING, "vehicle-2 gives way to nobody"),
+    ],
+)
+def test_who_stands_or_has_no_reason_to_cannot_be_made_to(
+    words: str, where: Situation, says: str
+) -> None:
+    reading = read(words, where)
+    assert isinstance(reading, Decline), reading
     assert says in reading.reason
 
 

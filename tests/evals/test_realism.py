@@ -1,6 +1,7 @@
 """Distances, stops and the table of realism, on motion whose answers are known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy import stats
 from scenewright.evals.realism import Sample, distance, judge, wasserstein
 from scenewright.evals.realism.__main__ import main
 from scenewright.evals.realism.distances import chance, gain, resampled
+from scenewright.evals.realism.manners import cases, paces
 from scenewright.evals.realism.samples import Sieve, motion, of_recordings, of_scenes, steady
 from scenewright.evals.realism.scenes import (
     YIELDS,
@@ -180,6 +182,34 @@ def test_the_stop_of_who_was_asked_to_yield_is_found(on, yielding):
     giver = next(user for user in scene.users if user.id == scene.asked[0][0])
     lengths = [(s.stop - s.start) * STEP for s in standstills(as_mover(giver))]
     assert any(asked.duration == pytest.approx(length) for length in lengths)
+
+
+def with_another(scene):
+    """The same scene with a second person who walks just as the one that is let pass."""
+    walker = next(user for user in scene.users if user.id == scene.asked[0][1])
+    track = replace(walker.track, xy=walker.track.xy + np.array([0.3, 0.3]))
+    return replace(scene, users=(*scene.users, RoadUser(99, track, walker.shape)))
+
+
+def test_who_lets_one_pass_is_told_from_who_lets_several(on, yielding):
+    scene = played(yielding.record)
+    [stop] = [stop for stop in yield_stops(scene, on=on)[0] if stop.asked]
+    assert (stop.to, stop.alone) == ("pedestrian", True)
+    [stop] = [stop for stop in yield_stops(with_another(scene), on=on)[0] if stop.asked]
+    assert (stop.to, stop.alone) == ("pedestrian", False)
+
+
+def test_who_stands_once_for_several_counts_once(on, yielding):
+    scene = played(yielding.record)
+    several = with_another(scene)
+    asked = [each for each in cases([scene], on=on) if each.pair == ("vehicle", "pedestrian")]
+    twice = [each for each in cases([several], on=on) if each.pair == ("vehicle", "pedestrian")]
+    assert len(asked) == len(twice)
+    assert all(each.stood_at is not None for each in twice)
+    found = paces(asked * 20)["vehicle"]
+    assert 1.0 < found.starts[0] < 2.6
+    assert 1.5 < found.brakes[0] < 3.1
+    assert "pedestrian" not in paces(asked * 20)
 
 
 def test_requests_are_the_same_for_any_refiner_and_mostly_yields():

@@ -14,13 +14,13 @@ from pydantic import ValidationError
 
 from scenewright import synthesize
 from scenewright.backends import TASKS, Question, Wording, load_backend
-from scenewright.backends.scripted import ScriptedSpeaker
+from scenewright.backends.scripted import ScriptedSpeaker, scripted
 from scenewright.backends.spoken import Spoken
 from scenewright.backends.staged import Staged
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
-from scenewright.nodes.event_reasoner.reply import BehaviorReply, SummaryReply, check_summary
-from scenewright.nodes.scene_planner import FOUR_LEGS, ways_of
+from scenewright.nodes.event_reasoner.reply import BehaviorReply, SummaryReply, places_of
+from scenewright.nodes.scene_planner import FOUR_LEGS, ask_for_plan, ways_of
 from scenewright.nodes.scene_planner.reply import ID, TIME, PlanReply, completed, patterns_told
 from scenewright.nodes.scene_planner.wording import times_told, worded_plan
 from scenewright.nodes.schema import inlined
@@ -127,6 +127,7 @@ def test_schemas_keep_to_what_constrained_decoders_take(heard: Listening, task: 
             assert "enum" in part or "pattern" in part
             repeated = re.findall(r"\{\d+,(\d+)\}", part.get("pattern", ""))
             assert all(int(most) <= 128 for most in repeated), "xgrammar cannot compile it"
+            assert "\\" not in part.get("pattern", ""), "llama.cpp cannot compile it"
 
 
 @pytest.mark.parametrize("name", ["plan", "constraints", "summary", "behavior", "edits"])
@@ -164,14 +165,68 @@ def fits(schema: dict[str, Any], value: Any) -> bool:
     return isinstance(value, int | float) and schema["minimum"] <= value <= schema["maximum"]
 
 
+def test_what_a_plan_is_not_asked_for_cannot_be_filled_in() -> None:
+    plain, told = (
+        inlined(worded_plan(text, None, FOUR_LEGS).schema)["properties"]["relations"]["items"]
+        for text in ("A car hits a bus", "A car hits a bus at 5 m/s in its left flank")
+    )
+    more = {"target_pet", "target_ttc", "impact_speed", "point_from", "point_to"}
+    assert told["properties"].keys() - plain["properties"].keys() == more
+
+
+def test_the_class_of_an_agent_is_that_of_its_id() -> None:
+    plan = PlanReply.model_validate({"agents": [{"id": "pedestrian-1"}], "relations": []}).root
+    assert isinstance(plan, SocialGraph)
+    assert plan.agents[0].type == "pedestrian"
+    with pytest.raises(ValidationError, match="type"):
+        PlanReply.model_validate({"agents": [{"id": "dog-1"}], "relations": []})
+
+
+def test_clauses_are_about_the_two_of_a_relation_one_way_round_where_it_has_but_one() -> None:
+    *_, text = _kept("constraints")
+    forms = json.loads(text)["properties"]["clauses"]["items"]["anyOf"]
+    ends = {
+        form["properties"]["clause"]["enum"][0]: [
+            form["properties"][key].get("enum") for key in ("first", "second")
+        ]
+        for form in forms
+        if "first" in form["properties"]
+    }
+    assert ends["gives_way"] == [["vehicle-1"], ["pedestrian-1"]]
+    assert json.loads(text)["properties"]["clauses"]["minItems"] == 1
+
+
+@pytest.mark.parametrize(
+    ("request_", "empty_is_a_plan"),
+    [("A car hits a bus", False), ("Quiet traffic at 8 am, nothing happens", True)],
+)
+def test_a_plan_of_nothing_is_none_where_the_request_tells_an_event(
+    request_: str, empty_is_a_plan: bool
+) -> None:
+    """Its scene would be verified: nothing would be left to prove."""
+    backend = scripted({"plan": ['{"agents": [], "relations": []}']})
+    question = Question(
+        "plan",
+        {"instruction": request_, "previous": None},
+        wording=lambda: worded_plan(request_, None, FOUR_LEGS),
+    )
+    if empty_is_a_plan:
+        assert ask_for_plan(backend, question, FOUR_LEGS) == SocialGraph(agents=())
+        return
+    with pytest.raises(Rejected, match="tells of collide_at"):
+        ask_for_plan(backend, question, FOUR_LEGS)
+
+
 def test_the_plans_that_the_prompt_shows_are_answers() -> None:
     schema = inlined(worded_plan("x", None, FOUR_LEGS).schema)
+    text = (NODES / "scene_planner" / "prompt.md").read_text("utf-8")
     shown = [
-        json.loads(line)
-        for line in (NODES / "scene_planner" / "prompt.md").read_text("utf-8").splitlines()
-        if line.startswith(('{"agents":[{"id"', '{"agents":[],"relations":[],"ref'))
+        json.loads(found)
+        for found in re.findall(
+            r'\{"agents":\[\],"relations":\[\],"ref.*?\}|^\{"agents".*', text, re.M
+        )
     ]
-    assert len(shown) == 3
+    assert len(shown) == 4
     assert all(fits(schema, each) for each in shown)
     no, *plans = [PlanReply.model_validate(each).root for each in shown]
     assert no == Refusal(code="out_of_scope", reason="This asks for a poem.")
@@ -283,7 +338,7 @@ def _read(task: str, answer: dict[str, Any]) -> None:
         case "constraints":
             ProgramReply.model_validate(answer).read()
         case "summary":
-            check_summary(SummaryReply.model_validate(answer).anchors, ())
+            places_of(SummaryReply.model_validate(answer).anchors, ())
         case _:
             BehaviorReply.model_validate(answer)
 
@@ -333,6 +388,13 @@ def test_the_planner_is_told_the_phrases_of_a_users_relation_files(
     relation = words.schema["properties"]["relations"]["items"]["properties"]
     assert "noses_out" in relation["pattern"]["enum"]
     assert [each.id for each in patterns_told("A car hits a bus")] == []
+
+
+def test_in_left_hand_traffic_no_pattern_is_told_that_names_the_other_turn() -> None:
+    text = "A car breaks off its left turn for a pedestrian"
+    assert any(each.names_a_turn for each in patterns_told(text))
+    assert not any(each.names_a_turn for each in patterns_told(text, left_hand=True))
+    assert "left_turn_yields" not in worded_plan(text, None, FOUR_LEGS, left_hand=True).user
 
 
 def test_what_is_recalled_stands_in_the_prompt() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +16,9 @@ from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.scripted import scripted
 from scenewright.backends.staged import Staged
 from scenewright.graph.session.session import Shown
+from scenewright.scene.manners import Habits
+from scenewright.tools.gmm_sampler import priors
+from scenewright.tools.gmm_sampler.manners import load_manners
 
 YIELD = "A car from the north yields to a pedestrian on the east crosswalk at 5 am"
 
@@ -29,6 +35,11 @@ def lowest(shown: Shown, name: str) -> tuple[float, float]:
     xy = np.array(agents(shown)[name].trajectory)
     at = int(np.argmin(np.convolve(np.hypot(*np.diff(xy, axis=0).T), np.ones(5), "same")[3:-3])) + 3
     return float(xy[at][0]), float(xy[at][1])
+
+
+def slowest(shown: Shown, name: str) -> float:
+    xy = np.array(agents(shown)[name].trajectory)
+    return float(np.hypot(*np.diff(xy, axis=0).T).min() / 0.1)
 
 
 def fastest(shown: Shown, name: str) -> float:
@@ -55,6 +66,36 @@ def test_a_stop_is_moved_and_lengthened(talk: Conversation) -> None:
     assert (slow.version["by_hand"], slow.version["let_go"]) == ([], ["vehicle-1"])
     assert fastest(slow, "vehicle-1") < fastest(longer, "vehicle-1")
     assert events(slow) == ["yielding"]
+
+
+@pytest.fixture
+def rolling(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Everybody who gives way here slows down without standing."""
+
+    def rolls(folder: Path) -> Habits:
+        return {pair: replace(each, rolls=1.0) for pair, each in load_manners(folder).items()}
+
+    monkeypatch.setattr(priors, "load_manners", rolls)
+    priors._load.cache_clear()
+    monkeypatch.setattr(priors, "_load", priors._load.__wrapped__)
+
+
+@pytest.mark.usefixtures("rolling")
+def test_who_only_slows_down_is_made_to_stop_and_then_a_metre_later(talk: Conversation) -> None:
+    first = talk.made(YIELD)
+    assert slowest(first, "vehicle-1") > 0.05
+    refused = talk.say("stop one metre later")
+    assert refused["kind"] == "refused"
+    why = "vehicle-1 gives way without standing: it slows to .* m/s, .* m before the other's way"
+    assert re.match(why, refused["reason"])
+    assert "'make it stop'" in refused["reason"]
+    stands = talk.made("make it stop")
+    assert slowest(stands, "vehicle-1") == 0.0
+    assert (events(stands), stands.version["by_hand"]) == (["yielding"], ["vehicle-1"])
+    later = talk.made("stop one metre later")
+    assert np.hypot(*np.subtract(lowest(stands, "vehicle-1"), lowest(later, "vehicle-1"))) == (
+        pytest.approx(1.0, abs=0.15)
+    )
 
 
 def test_a_yield_becomes_a_near_miss_and_a_collision(talk: Conversation) -> None:

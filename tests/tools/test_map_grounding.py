@@ -325,3 +325,9 @@ def test_a_pattern_that_the_edge_names_is_the_only_one_and_keeps_its_roles():
     casting = [cast for seed in range(5) for cast in drawn(graph, 20, seed)]
     played = {(each.patterns[0].pattern, each.patterns[0].from_) for each in casting}
     assert played == {("straight_crossing_collision", CAR)}
+
+
+def test_late_braking_needs_a_collision_or_a_near_miss() -> None:
+    late = edge("yield_to", CAR, WALKER, cause="late_brake")
+    with pytest.raises(Rejected, match="late_brake goes with collide_at or near_miss"):
+        ground(SocialGraph(agents=(vehicle(), pedestrian()), relations=(late,)), on=ON)

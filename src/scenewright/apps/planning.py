@@ -219,16 +219,17 @@ def _question(
     from scenewright.nodes.scene_planner.wording import worded_plan
 
     text, previous = row["text"], row.get("previous")
+    left_hand = on is not None and on.left_hand_traffic
     return Question(
         task="plan",
         facts={
             "instruction": text,
             "previous": previous,
             "legs": list(dict.fromkeys(way.entry for way in ways)),
-            "left_hand": on is not None and on.left_hand_traffic,
+            "left_hand": left_hand,
         },
         rejections=wrong,
-        wording=lambda: worded_plan(text, previous, ways, rejections=wrong),
+        wording=lambda: worded_plan(text, previous, ways, left_hand=left_hand, rejections=wrong),
         account=account,
     )
 

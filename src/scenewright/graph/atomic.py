@@ -19,10 +19,11 @@ def write_atomically(path: str | Path, data: bytes) -> None:
     try:
         part.write_bytes(data)
         os.replace(part, target)
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror or error}") from error
-    finally:
+    except BaseException as error:
         _discard(part)
+        if isinstance(error, OSError):
+            raise InputError(f"cannot write {target}: {error.strerror or error}") from error
+        raise
 
 
 def _discard(part: Path) -> None:

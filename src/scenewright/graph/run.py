@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
+import numpy as np
 from pydantic import ValidationError
 from pydantic_core import PydanticSerializationError
 
@@ -317,14 +318,16 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
         config={"recursion_limit": limit},
         stream_mode=["updates", "values"],
     )
-    for mode, chunk in stream:
-        if mode == "values":
-            state = chunk
-            continue
-        now = time.perf_counter()
-        for stage in chunk:
-            seconds[stage] = seconds.get(stage, 0.0) + now - before
-        before = now
+    # As it is; but numpy finds it sooner where it is set than where it is left to default.
+    with np.errstate():
+        for mode, chunk in stream:
+            if mode == "values":
+                state = chunk
+                continue
+            now = time.perf_counter()
+            for stage in chunk:
+                seconds[stage] = seconds.get(stage, 0.0) + now - before
+            before = now
     return cast(SceneState, state), seconds
 
 

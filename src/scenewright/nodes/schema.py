@@ -14,10 +14,11 @@ Schema = dict[str, Any]
 
 _DEFS = "#/$defs/"
 
-PLAIN_TEXT = r"^[\w ,.;:'()/-]{1,120}$"
+PLAIN_TEXT = "^[A-Za-z0-9 ,.;:'()/-]{1,120}$"
 """Free text without quotes and control characters, which small models get wrong.
 
-xgrammar, the decoder of vLLM, breaks on patterns that repeat more than 128 times.
+xgrammar, the decoder of vLLM, breaks on patterns that repeat more than 128 times; llama.cpp's on
+classes such as \\d and \\w, where it does not pass over the pattern.
 """
 
 

@@ -40,6 +40,11 @@ class Example:
     answer: Mapping[str, Any]
 
 
+_LEFT_HAND = (
+    "Traffic drives on the left: the turn across oncoming traffic is the right one, and kind "
+    "left_turn means that one.\n"
+)
+
 Recall = Callable[[str, str], Sequence[Example]]
 """(task, instruction) -> examples for the prompt, most alike first."""
 
@@ -98,6 +103,11 @@ def _on_one_line(text: str) -> str:
     """JSON as it can be sent; lone surrogates cannot, and some separators pass for line ends."""
     sendable = text.encode("utf-8", "replace").decode("utf-8")
     return _LINE_ENDS.sub(" ", sendable)
+
+
+def traffic_told(left_hand: bool) -> str:
+    """On which side people drive, where it is not the right; a line of its own."""
+    return _LEFT_HAND if left_hand else ""
 
 
 def faults_told(rejections: Sequence[str]) -> str:

@@ -26,6 +26,7 @@ class Present(Model):
     Attributes:
         number: its id in scene.json.
         speed: free speed [m/s]; stops: whether it stands anywhere.
+        slows_to: who gives way without standing passes that slowly [m/s].
     """
 
     id: AgentId
@@ -39,6 +40,7 @@ class Present(Model):
     role: Literal["foreground", "background"]
     speed: float
     stops: bool = False
+    slows_to: float | None = None
 
 
 class Situation(Model):
@@ -124,7 +126,7 @@ class MoveStop(Model):
 
 
 class WaitLonger(Model):
-    """An agent stands `seconds` longer, or less long."""
+    """An agent stands `seconds` longer, or less long; who only slowed down stands that long."""
 
     edit: Literal["wait_longer"] = "wait_longer"
     agent: AgentId

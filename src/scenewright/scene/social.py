@@ -126,8 +126,10 @@ class SocialGraph(Model):
         if len(set(ids)) != len(ids):
             raise ValueError("agent ids must be unique")
         for edge in self.relations:
-            if not {edge.from_, edge.to} <= set(ids):
-                raise ValueError(f"{edge.type} names an agent that is not in the scene")
+            for name in (edge.from_, edge.to):
+                if name not in ids:
+                    known = ", ".join(ids) or "nobody"
+                    raise ValueError(f"{edge.type}: {name} is not among the agents, {known}")
         for tie in self.ties:
             if not {tie.agent, tie.of} <= set(ids):
                 raise ValueError("a tie of entries names an agent that is not in the scene")

@@ -121,21 +121,18 @@ def close_nodes(
     """
     reach = np.full(b.shape[1], radius) if np.isscalar(radius) else np.asarray(radius)
     widest = reach.max(initial=0.0)
-    low, high = a[:2].min(axis=1), a[:2].max(axis=1)
-    middle = (low + high) / 2
-    low, high = low - widest, high + widest
+    low, high = a[:2].min(axis=1) - widest, a[:2].max(axis=1) + widest
     inside = (b[0] > low[0]) & (b[0] < high[0]) & (b[1] > low[1]) & (b[1] < high[1])
-    near = np.flatnonzero(inside)
-    # |a - b|^2 - r^2 as one product of matrices. Single precision is finer than the slack.
-    x, y = b[:2, near] - middle[:, None]
-    one = np.empty((a.shape[1], 4), dtype=np.float32)
-    other = np.empty((4, len(near)), dtype=np.float32)
-    one[:, :2], one[:, 2] = (a[:2] - middle[:, None]).T, 1.0
-    one[:, 3] = np.square(one[:, :2]).sum(axis=1)
-    other[0], other[1], other[3] = -2.0 * x, -2.0 * y, 1.0
-    other[2] = x * x + y * y - np.square(reach[near] + _SLACK)
-    i, j = np.divmod(np.flatnonzero(one @ other <= 0.0), max(len(near), 1))
-    return i, near[j]
+    near = inside.nonzero()[0]
+    # Single precision is finer than the slack; a product of matrices would wake further threads.
+    x, y, to_x, to_y = (each.astype(np.float32) for each in (a[0], a[1], b[0, near], b[1, near]))
+    away, more = x[:, None] - to_x, y[:, None] - to_y
+    away *= away
+    more *= more
+    away += more
+    found = (away <= np.square(reach[near] + _SLACK).astype(np.float32)).ravel().nonzero()[0]
+    i = found // max(len(near), 1)
+    return i, near[found - i * len(near)]
 
 
 def axis_gap(a: FloatArray, b: FloatArray, half_a: FloatArray, half_b: FloatArray) -> FloatArray:
@@ -290,16 +287,14 @@ def _corners_to_box(
 
 def occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, FloatArray]:
     """Local times [s] at which the centre comes to and leaves each node's stretch; inf = never."""
-    reach = half * (s[1] - s[0])
-    grid = STEP * np.arange(len(motion.s))
+    reach, steps = half * (s[1] - s[0]), np.arange(len(motion.s))
     # Ties in s are a standstill: the tiny slope makes its start and end distinct.
-    tilt = 1e-7 * np.arange(len(motion.s))
-    come = np.interp(s - reach, motion.s + tilt, grid, right=np.inf)
-    last = motion.s[-1] + tilt[-1]
-    leave = np.interp(s + reach, motion.s + tilt, grid, right=FOREVER if motion.ended else grid[-1])
-    leave = np.where(np.isinf(come), np.inf, leave)
+    way, times = motion.s + 1e-7 * steps, STEP * steps
+    come = np.interp(s - reach, way, times, right=np.inf)
+    leave = np.interp(s + reach, way, times, right=FOREVER if motion.ended else times[-1])
     if motion.ended:
-        leave = np.where(s + reach >= last - 1e-3, np.where(np.isinf(come), np.inf, FOREVER), leave)
+        leave[s + reach >= way[-1] - 1e-3] = FOREVER
+    leave[np.isinf(come)] = np.inf
     return (come, leave) if half else _with_rests(s, motion, come, leave)
 
 

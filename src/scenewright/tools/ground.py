@@ -30,7 +30,9 @@ class Ground:
     def __init__(self, on: IntersectionMap) -> None:
         self.on = on
         crosswalks = {each.id: geos.Polygon(each.polygon) for each in on.crosswalks}
-        self._crosswalks = [(name, area, *area.bounds) for name, area in crosswalks.items()]
+        self._crosswalks = list(crosswalks.items())
+        bounds = np.array([area.bounds for area in crosswalks.values()]).reshape(-1, 4)
+        self._west, self._south, self._east, self._north = bounds.T[..., None]
         self._road = _union(on.road)
         self._walkable = geos.union_all([_union(on.walkable), *crosswalks.values()])
         for area in (self._road, self._walkable, *crosswalks.values()):
@@ -38,7 +40,10 @@ class Ground:
 
     def trimmed(self, path: Path) -> Path:
         """The path without the ends that lie beyond the edge of the map."""
-        inside = np.nonzero(np.abs(path.xy).max(axis=1) <= self.on.extent)[0]
+        away = np.abs(path.xy)
+        if away.max() <= self.on.extent:
+            return path
+        inside = np.nonzero(away.max(axis=1) <= self.on.extent)[0]
         if len(inside) < _SHORTEST or len(inside) == len(path.s):
             return path
         keep = slice(inside[0], inside[-1] + 1)
@@ -55,12 +60,13 @@ class Ground:
 
     def on_crosswalks(self, xy: FloatArray) -> dict[str, NDArray[np.bool_]]:
         """[N] per crosswalk that any of the points [N, 2] lies on: which do."""
-        low, high = xy.min(axis=0), xy.max(axis=0)
+        x, y = xy[:, 0], xy[:, 1]
+        near = (x >= self._west) & (x <= self._east) & (y >= self._south) & (y <= self._north)
         found = {}
-        for name, area, x0, y0, x1, y1 in self._crosswalks:
-            if x0 > high[0] or y0 > high[1] or x1 < low[0] or y1 < low[1]:
-                continue
-            inside = geos.contains_xy(area, xy)
+        for k in near.any(axis=1).nonzero()[0].tolist():
+            name, area = self._crosswalks[k]
+            inside = near[k]
+            inside[inside] = geos.contains_xy(area, xy[inside])
             if inside.any():
                 found[name] = inside
         return found

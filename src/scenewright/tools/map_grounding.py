@@ -31,6 +31,20 @@ def ground(graph: SocialGraph, *, on: IntersectionMap) -> Grounding:
     Raises:
         Rejected: `ungroundable`, naming the agent or the relation that the map cannot serve.
     """
+    known = _grounded.get(graph)
+    if known is None or known[0] is not on or known[1] != checked_patterns():
+        known = _grounded[graph] = on, checked_patterns(), _open_routes(graph, on)
+        if len(_grounded) > _MOST_GROUNDED:
+            del _grounded[next(iter(_grounded))]
+    return known[2]
+
+
+_grounded: dict[SocialGraph, tuple[IntersectionMap, tuple[Pattern, ...], Grounding]] = {}
+"""The last graphs, where they were grounded and by which relation files: seeds share them."""
+_MOST_GROUNDED = 256
+
+
+def _open_routes(graph: SocialGraph, on: IntersectionMap) -> Grounding:
     try:
         return _ground(graph, on)
     except Rejected:
@@ -70,7 +84,7 @@ def _ground(graph: SocialGraph, on: IntersectionMap) -> Grounding:
     for agent in graph.agents:
         if not routes[agent.id]:
             raise Rejected(_no_route(agent, on))
-    for refuse in (_two_collisions, _waits_for_a_wreck):
+    for refuse in (_two_collisions, _late_without_a_clash, _waits_for_a_wreck):
         refuse(graph)
     grounding = Grounding(routes=routes)
     # One by one first: the search over all of them is exhaustive where one cannot be played.
@@ -79,7 +93,7 @@ def _ground(graph: SocialGraph, on: IntersectionMap) -> Grounding:
         if not _playable(alone, grounding, on):
             tied = graph.ties and _playable(alone.model_copy(update={"ties": ()}), grounding, on)
             raise Rejected(_tied_apart(edge, graph.ties) if tied else _never_meet(edge, on))
-    if not _playable(graph, grounding, on):
+    if len(graph.relations) != 1 and not _playable(graph, grounding, on):
         raise Rejected(_not_together(graph.relations[-1]))
     return grounding
 
@@ -196,7 +210,7 @@ def _shuffled(
     routes: Sequence[Route], rng: np.random.Generator, weight: RouteWeight
 ) -> list[Route]:
     """A random order in which likelier routes tend to come first (Gumbel top-k)."""
-    scores = [np.log(max(weight(route), 1e-9)) + rng.gumbel() for route in routes]
+    scores = np.log([max(weight(route), 1e-9) for route in routes]) + rng.gumbel(size=len(routes))
     return [routes[index] for index in np.argsort(scores)[::-1]]
 
 
@@ -278,10 +292,13 @@ def _play(
     # Who is to run red does so, if it can be, where the other one has green.
     for apart in (True, False) if asked else (None,):
         for pattern in found:
+            mirrored = _mirrored(pattern, on)
             for first, second in _role_orders(edge, pattern):
-                for a, b in product(_open(first, order, chosen), _open(second, order, chosen)):
+                firsts = _able(_open(first, order, chosen), pattern.from_, mirrored=mirrored)
+                seconds = _able(_open(second, order, chosen), pattern.to, mirrored=mirrored)
+                for a, b in product(firsts, seconds):
                     routes = {first: a, second: b}
-                    if not serves(pattern, a, b, on=on) or not _tied(graph, chosen | routes):
+                    if not _meet_so(pattern, a, b, on) or not _tied(graph, chosen | routes):
                         continue
                     if apart is not None and apart is green_together(a, b, on=on):
                         continue
@@ -349,7 +366,7 @@ def _can_strike(pattern: Pattern, edge: RelationEdge) -> bool:
 
 
 def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
-    scores = [np.log(pattern.weight) + rng.gumbel() for pattern in found]
+    scores = np.log([pattern.weight for pattern in found]) + rng.gumbel(size=len(found))
     return [found[index] for index in np.argsort(scores)[::-1]]
 
 
@@ -363,12 +380,22 @@ def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
 
 def serves(pattern: Pattern, a: Route, b: Route, *, on: IntersectionMap) -> bool:
     """Whether route `a` can play `from` and route `b` can play `to` of the pattern."""
+    mirrored = _mirrored(pattern, on)
     return (
-        _plays(a, pattern.from_, mirrored=_mirrored(pattern, on))
-        and _plays(b, pattern.to, mirrored=_mirrored(pattern, on))
-        and _entries_lie(pattern, a, b)
-        and _geometry_fits(pattern, a, b, on)
+        _plays(a, pattern.from_, mirrored=mirrored)
+        and _plays(b, pattern.to, mirrored=mirrored)
+        and _meet_so(pattern, a, b, on)
     )
+
+
+def _meet_so(pattern: Pattern, a: Route, b: Route, on: IntersectionMap) -> bool:
+    """Whether two routes lie to one another as the pattern has it, whoever may travel them."""
+    return _entries_lie(pattern, a, b) and _geometry_fits(pattern, a, b, on)
+
+
+def _able(routes: Sequence[Route], role: Role, *, mirrored: bool) -> list[Route]:
+    """The routes on which the role can be played."""
+    return [route for route in routes if _plays(route, role, mirrored=mirrored)]
 
 
 def _mirrored(pattern: Pattern, on: IntersectionMap) -> bool:
@@ -504,6 +531,17 @@ def _two_collisions(graph: SocialGraph) -> None:
                 "ask for one collision of each agent"
             )
             raise Rejected(_relation_fails(edges[1], detail))
+
+
+def _late_without_a_clash(graph: SocialGraph) -> None:
+    """Raises Rejected if somebody is to brake too late where nothing comes of it."""
+    for edge in graph.relations:
+        if edge.cause == "late_brake" and edge.type not in ("collide_at", "near_miss"):
+            detail = (
+                "late_brake goes with collide_at or near_miss alone, as who gives way or follows "
+                "brakes in time; ask for a near miss, or leave the braking out"
+            )
+            raise Rejected(_relation_fails(edge, detail))
 
 
 def _waits_for_a_wreck(graph: SocialGraph) -> None:

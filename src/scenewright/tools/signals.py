@@ -69,11 +69,32 @@ def shows(
     program: SignalProgram, group: str, times: FloatArray, colours: tuple[Colour, ...]
 ) -> NDArray[np.bool_]:
     """Whether `group` shows one of `colours` at times [s] of the programme (any shape)."""
-    edges = np.add.accumulate([phase.duration for phase in program.phases])
-    fits = np.array([phase.colours[group] in colours for phase in program.phases])
+    edges, fits = _phases(program, group, colours)
     index = edges.searchsorted(times % program.cycle, side="right")
     result: NDArray[np.bool_] = fits[np.minimum(index, len(fits) - 1)]
     return result
+
+
+def _phases(
+    program: SignalProgram, group: str, colours: tuple[Colour, ...]
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """When every phase ends [s], and whether the group shows one of the colours in it."""
+    key = (id(program), group, colours)
+    known = _known.get(key)
+    if known is None or known[0] is not program:
+        edges = np.add.accumulate([phase.duration for phase in program.phases])
+        fits = np.array([phase.colours[group] in colours for phase in program.phases])
+        known = _known[key] = program, edges, fits
+        if len(_known) > _MOST_KNOWN:
+            del _known[next(iter(_known))]
+    return known[1], known[2]
+
+
+_known: dict[
+    tuple[int, str, tuple[Colour, ...]], tuple[SignalProgram, FloatArray, NDArray[np.bool_]]
+] = {}
+"""By programme, known by identity, group and colours."""
+_MOST_KNOWN = 256
 
 
 def plan_records(

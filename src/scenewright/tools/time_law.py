@@ -27,6 +27,9 @@ _KERNEL = np.convolve(np.ones(5), np.ones(5)) / 25.0
 """Triangular smoothing over 0.8 s at the output step."""
 
 _HALF = len(_KERNEL) // 2
+_BEYOND = np.arange(1, _HALF + 1)
+"""Steps by which either end goes straight on to be smoothed."""
+
 _CREEP = 0.05
 """Least speed between nodes [m/s]; keeps travel times finite next to a hold."""
 
@@ -81,7 +84,7 @@ class Motion:
             return float("inf")
         if index == 0:
             return 0.0
-        low, high = self.s[index - 1], self.s[index]
+        low, high = self.s[index - 1 : index + 1].tolist()
         return STEP * (index - 1 + float((s - low) / max(high - low, 1e-9)))
 
     def position(self, times: FloatArray) -> FloatArray:
@@ -105,7 +108,9 @@ def move(
 ) -> Motion:
     """The candidate in motion; hold releases are in local time (0 = enters the map)."""
     return _moved(
-        candidate, tuple(replace(h, release=round(h.release, 6)) for h in holds), slowings
+        candidate,
+        tuple(Hold(h.s, round(h.release, 6), h.braking, h.speed) for h in holds),
+        slowings,
     )
 
 
@@ -113,23 +118,22 @@ def move(
 def _moved(candidate: Candidate, holds: tuple[Hold, ...], slowings: tuple[Slowing, ...]) -> Motion:
     """Solver, summary and editor ask for the same motions; candidates are known by identity."""
     ordered = sorted((hold for hold in holds if hold.s < candidate.path.length), key=_at)
-    s, w = _profile(candidate, ordered, slowings)
-    v, took = _travel(s, w)
-    times = _running(took)
+    drive = _drive(candidate, _unreleased(ordered), slowings)
+    times = drive.times
     for hold in ordered:
-        times = _dwell(s, times, hold)
-    return Motion(candidate, _smooth(_sample(s, v, took, times)))
+        times = _dwell(drive.s, times, hold)
+    return Motion(candidate, _smooth(_sample(drive, times)))
 
 
 def arrival(candidate: Candidate, hold: Hold, earlier: tuple[Hold, ...] = ()) -> float:
     """Local time [s] at which the candidate comes to a standstill at `hold`."""
     ordered = sorted((*earlier, hold), key=_at)
-    s, w = _profile(candidate, ordered, ())
-    times = _running(_travel(s, w)[1])
+    drive = _drive(candidate, _unreleased(ordered), ())
+    times = drive.times
     for each in ordered:
         if each.s < hold.s:
-            times = _dwell(s, times, each)
-    return float(times[np.searchsorted(s, hold.s - 1e-9)])
+            times = _dwell(drive.s, times, each)
+    return float(times[drive.s.searchsorted(hold.s - 1e-9)])
 
 
 def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
@@ -155,13 +159,47 @@ def _at(hold: Hold) -> float:
     return hold.s
 
 
+def _unreleased(holds: list[Hold]) -> tuple[Hold, ...]:
+    """The holds without the times of their release, which leave the driving between them alone."""
+    return tuple(Hold(hold.s, 0.0, hold.braking, hold.speed) for hold in holds)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """A motion but for how long it dwells.
+
+    Attributes:
+        s: [N] nodes [m]; v: [N] speed there [m/s]; times: [N] when it is there without dwelling.
+        way: [N - 1] from each node to the next [m]; took: the time that takes [s].
+        rise: [N - 1] half the acceleration on the way [m/s^2].
+    """
+
+    s: FloatArray
+    v: FloatArray
+    times: FloatArray
+    way: FloatArray
+    took: FloatArray
+    rise: FloatArray
+
+
+@lru_cache(maxsize=256)
+def _drive(candidate: Candidate, holds: tuple[Hold, ...], slowings: tuple[Slowing, ...]) -> _Drive:
+    """The drive between holds: where one comes to stand is asked before until when."""
+    s, w = _profile(candidate, holds, slowings)
+    v, way = np.sqrt(w), s[1:] - s[:-1]
+    took = 2.0 * way / np.maximum(v[:-1] + v[1:], 2 * _CREEP)
+    times = np.zeros(len(s))
+    np.add.accumulate(took, out=times[1:])
+    return _Drive(s, v, times, way, took, 0.5 * (v[1:] - v[:-1]) / took)
+
+
 @lru_cache(maxsize=1024)
 def _limit(candidate: Candidate) -> FloatArray:
     return frozen(speed_limit(candidate.path, candidate.time_law))
 
 
 def _profile(
-    candidate: Candidate, holds: list[Hold], slowings: tuple[Slowing, ...]
+    candidate: Candidate, holds: tuple[Hold, ...], slowings: tuple[Slowing, ...]
 ) -> tuple[FloatArray, FloatArray]:
     """Nodes [m] and squared speeds there, every hold and slowing on a node of its own."""
     path, law = candidate.path, candidate.time_law
@@ -179,15 +217,20 @@ def _profile(
 
 def _with_nodes(s: FloatArray, extra: list[float]) -> FloatArray:
     """Ascending nodes [m] with further ones among them, none twice."""
-    every = np.concatenate([s, np.minimum(np.maximum(extra, 0.0), s[-1])])
+    last = float(s[-1])
+    every = np.concatenate([s, [min(max(each, 0.0), last) for each in extra]])
     every.sort()
-    return np.asarray(every[np.concatenate([[True], every[1:] != every[:-1]])])
+    new = np.ones(len(every), dtype=np.bool_)
+    np.not_equal(every[1:], every[:-1], out=new[1:])
+    return np.asarray(every[new])
 
 
 def _approach(
     s: FloatArray, w: FloatArray, *, at: float, speed: float, braking: float
 ) -> FloatArray:
-    return np.where(s <= at + 1e-9, np.minimum(w, speed**2 + 2.0 * braking * (at - s)), w)
+    before, w = int(s.searchsorted(at + 1e-9, side="right")), w.copy()
+    np.minimum(w[:before], speed**2 + 2.0 * braking * (at - s[:before]), out=w[:before])
+    return w
 
 
 def _reach(s: FloatArray, ceiling: FloatArray, *, accelerate: float, brake: float) -> FloatArray:
@@ -200,41 +243,35 @@ def _forward(s: FloatArray, w: FloatArray, acceleration: float) -> FloatArray:
     return np.maximum(reached, 0.0)
 
 
-def _travel(s: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """[N] speed at the nodes [m/s], and [N - 1] time from each to the next [s]."""
-    v = np.sqrt(w)
-    return v, 2.0 * (s[1:] - s[:-1]) / np.maximum(v[:-1] + v[1:], 2 * _CREEP)
-
-
-def _running(took: FloatArray) -> FloatArray:
-    times = np.zeros(len(took) + 1)
-    np.add.accumulate(took, out=times[1:])
-    return times
-
-
 def _dwell(s: FloatArray, times: FloatArray, hold: Hold) -> FloatArray:
     if hold.speed > 0.0:
         return times
     node = int(s.searchsorted(hold.s - 1e-9))
-    wait = max(0.0, hold.release - float(times[node]))
-    return np.where(np.arange(len(s)) > node, times + wait, times)
+    later = times.copy()
+    later[node + 1 :] += max(0.0, hold.release - float(times[node]))
+    return later
 
 
-def _sample(s: FloatArray, v: FloatArray, took: FloatArray, times: FloatArray) -> FloatArray:
-    """Arc length every 0.1 s; constant acceleration between nodes, standstill while dwelling."""
+def _sample(drive: _Drive, times: FloatArray) -> FloatArray:
+    """Arc length every 0.1 s; constant acceleration between nodes, standstill while dwelling.
+
+    Args:
+        times: [N] when it leaves each node [s].
+    """
     grid = STEP * np.arange(int(times[-1] / STEP + 1e-9) + 1)
-    cell = np.minimum(times.searchsorted(grid, side="right") - 1, len(s) - 2)
+    cell = np.minimum(times.searchsorted(grid, side="right") - 1, len(drive.way) - 1)
     # A dwell sits at the start of its cell: the cell's own travel comes last.
-    tau = np.maximum(grid - (times[1:] - took)[cell], 0.0)
-    way = (v[:-1][cell] + (0.5 * (v[1:] - v[:-1]) / took)[cell] * tau) * tau
-    within = np.minimum(np.maximum(way, 0.0), (s[1:] - s[:-1])[cell])
-    return np.asarray(np.maximum.accumulate(s[cell] + within))
+    tau = np.maximum(grid - (times[1:] - drive.took)[cell], 0.0)
+    within = (drive.v[cell] + drive.rise[cell] * tau) * tau
+    within = np.minimum(np.maximum(within, 0.0), drive.way[cell])
+    return np.asarray(np.maximum.accumulate(drive.s[cell] + within))
 
 
 def _smooth(s: FloatArray) -> FloatArray:
     if len(s) < 2 * _HALF + 2:
         return s
-    steps = np.arange(1, _HALF + 1)
-    before = s[0] - (s[1] - s[0]) * steps[::-1]
-    after = s[-1] + (s[-1] - s[-2]) * steps
-    return np.convolve(np.concatenate([before, s, after]), _KERNEL, mode="valid")
+    padded = np.empty(len(s) + 2 * _HALF)
+    padded[:_HALF] = s[0] - (s[1] - s[0]) * _BEYOND[::-1]
+    padded[_HALF:-_HALF] = s
+    padded[-_HALF:] = s[-1] + (s[-1] - s[-2]) * _BEYOND
+    return np.convolve(padded, _KERNEL, mode="valid")

@@ -43,6 +43,7 @@ def future(fit: Fit, ways: list[tuple[str, np.ndarray, float]]) -> Future:
         np.ones((SIZE, TICKS), dtype=np.bool_), np.full(SIZE, 9.0),
         np.zeros(SIZE, dtype=np.bool_), np.zeros(SIZE, dtype=np.bool_),
         np.array([movements.index(name) for name, _, _ in turn]), np.full(SIZE, 1 / SIZE),
+        np.full(SIZE, np.inf),
     )  # fmt: skip
 
 
@@ -93,6 +94,8 @@ def test_a_pair_is_told_by_its_likeliest_meeting(outlook: Outlook) -> None:
     assert told["angle"] == pytest.approx(np.pi / 2)
     assert told["own_a"] == pytest.approx(0.5)
     assert told["own_b"] == pytest.approx(1.0)
+    assert told["zone_a"] == pytest.approx(30.0 - (4.6 + 1.85) / 2, abs=1.0)
+    assert told["offset"] < 0.2
     back = dict(zip(NAMES, mirrored(pair.values).tolist(), strict=True))
     assert back["own_b"] == told["own_a"]
     assert back["best"] == told["best"]

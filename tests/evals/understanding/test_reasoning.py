@@ -12,13 +12,14 @@ from scenewright.evals.understanding.calibration import load_calibration
 from scenewright.evals.understanding.conflicts import meeting
 from scenewright.evals.understanding.dataset import Case
 from scenewright.evals.understanding.features import NAMES, mirrored
-from scenewright.evals.understanding.futures import DT, TICKS, Future
+from scenewright.evals.understanding.futures import DT, TICKS, Future, outlook
 from scenewright.evals.understanding.intent import fits_of, nearest_mean
 from scenewright.evals.understanding.labels import Relation
 from scenewright.evals.understanding.observing import (
     Observation,
     ObservationRow,
     Seen,
+    SeenLight,
     as_arrays,
     observe,
 )
@@ -30,6 +31,7 @@ from scenewright.evals.understanding.rules import (
     rolled_out,
 )
 from scenewright.evals.understanding.ways import sides_of, ways_of
+from scenewright.evals.understanding.zones import IN_ZONE, NONE, OF_ZONE, zone_values
 from scenewright.intersections import load_map
 
 PLACE = "amsterdam_120"
@@ -91,6 +93,23 @@ def test_who_slows_down_for_no_light_is_likelier_to_turn() -> None:
     assert straight[1] < straight[0]
 
 
+def test_who_comes_up_to_red_too_fast_to_stop_is_taken_to_go_on() -> None:
+    """Slowing for a curve is no sign of stopping where it takes more than people brake."""
+    ways = ways_of(PLACE, "vehicle")
+    c = [each.id for each in ways.routes].index("vehicle:north>south:straight")
+    light = SeenLight(stop_line="north:stop", start=0.0, end=4.0, colour="red")
+    shares = []
+    for left in (25.0, 4.0):
+        agent = driven("vehicle:north>south:straight", way=float(ways.line[c]) - 2.3 - left)
+        slowed = replace(agent, speed=np.append(agent.speed[:-5], np.linspace(9.0, 8.2, 5)))
+        (future,) = outlook(replace(seen(slowed), lights=(light,))).futures
+        held = np.isfinite(future.stop)
+        assert held.any()
+        shares.append(future.weight[future.runs].sum() / future.weight[held].sum())
+    assert shares[0] < 0.1
+    assert shares[1] > 0.5
+
+
 def future(xy: np.ndarray, heading: float) -> Future:
     size = 3
     return Future(
@@ -98,6 +117,7 @@ def future(xy: np.ndarray, heading: float) -> Future:
         np.ones((size, TICKS), dtype=np.bool_), np.full(size, 5.0),
         np.zeros(size, dtype=np.bool_), np.zeros(size, dtype=np.bool_),
         np.zeros(size, dtype=np.intp), np.full(size, 1 / size),
+        np.full(size, np.inf),
     )  # fmt: skip
 
 
@@ -129,6 +149,39 @@ def test_ways_that_stay_apart_do_not_meet() -> None:
     assert meeting((a, one), (b, two)) is None
 
 
+@pytest.mark.parametrize("late", [0.0, 0.6, 4.0])
+def test_the_zone_of_crossing_cars_is_where_and_when_they_cross(late: float) -> None:
+    """Two cars cross at right angles at 5 m/s; each is in the zone for 1.29 s."""
+    t = DT * np.arange(TICKS)
+    a, b = (driven("vehicle:west>east:straight", way=5.0, id_=name, speed=5.0) for name in "ab")
+    east = future(np.stack([-20.0 + 5.0 * t, 0 * t], axis=-1), 0.0)
+    north = future(np.stack([0 * t, -20.0 + 5.0 * (t - late)], axis=-1), np.pi / 2)
+    both, one, two = zone_values((a, east), (b, north), np.ones(3, dtype=np.bool_))
+    of_both, of_a, of_b = (
+        dict(zip(names, values, strict=True))
+        for names, values in ((OF_ZONE, both), (IN_ZONE, one), (IN_ZONE, two))
+    )
+    reach, stay = 20.0 - (1.85 + 4.6) / 2, (1.85 + 4.6) / 5.0
+    assert of_a["zone"] == pytest.approx(reach, abs=0.8)
+    assert of_b["zone_in"] == pytest.approx(reach / 5.0 + late, abs=0.2)
+    assert of_a["zone_for"] == pytest.approx(stay, abs=0.3)
+    assert (of_a["lead"], of_b["lead"]) == pytest.approx((late, -late), abs=0.15)
+    assert of_both["offset"] == pytest.approx(late / stay, abs=0.15)
+    assert of_both["both_there"] == (late < stay)
+    assert of_both["wait"] == pytest.approx(max(late - stay, 0.0), abs=0.3)
+    assert of_a["zone_needs"] == pytest.approx(25.0 / (2 * (reach - 0.8)), abs=0.1)
+
+
+def test_ways_that_stay_apart_share_no_zone() -> None:
+    t = DT * np.arange(TICKS)
+    a, b = (driven("vehicle:west>east:straight", way=5.0, id_=name) for name in "ab")
+    one = future(np.stack([5.0 * t, 0 * t], axis=-1), 0.0)
+    two = future(np.stack([5.0 * t, 0 * t + 20.0], axis=-1), 0.0)
+    for mine in (np.ones(3, dtype=np.bool_), np.zeros(3, dtype=np.bool_)):
+        both, own, _ = zone_values((a, one), (b, two), mine)
+        assert (tuple(both), tuple(own)) == NONE
+
+
 def test_calibrated_odds_sum_to_one_and_know_no_order() -> None:
     values = np.random.default_rng(0).uniform(0, 1, (50, len(NAMES)))
     trees = load_calibration()
@@ -136,6 +189,20 @@ def test_calibrated_odds_sum_to_one_and_know_no_order() -> None:
     assert there.sum(axis=1) == pytest.approx(1.0)
     assert back[:, [0, 1, 2, 4, 3]] == pytest.approx(there)
     assert trees.likely(values[:0]).shape == (0, 5)
+
+
+def test_all_pairs_of_a_scene_together_know_no_order_either() -> None:
+    rng, trees = np.random.default_rng(0), load_calibration()
+    values, pairs = rng.uniform(0, 1, (6, len(NAMES))), ["ab", "ac", "bc", "cd", "de", "ae"]
+    named = [(pair[0], pair[1]) for pair in pairs]
+    found = trees.in_scene(values, named)
+    assert found.sum(axis=1) == pytest.approx(1.0)
+    order = rng.permutation(6)
+    again = trees.in_scene(values[order], [named[n] for n in order.tolist()])
+    assert again == pytest.approx(found[order])
+    back = trees.in_scene(mirrored(values), [(b, a) for a, b in named])
+    assert back[:, [0, 1, 2, 4, 3]] == pytest.approx(found)
+    assert trees.in_scene(values[:0], []).shape == (0, 5)
 
 
 def test_constant_velocity_and_the_checker_see_a_crash_coming() -> None:

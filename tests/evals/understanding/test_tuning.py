@@ -10,14 +10,10 @@ import pytest
 
 from scenewright.errors import InputError
 from scenewright.evals.understanding import tuning
-from scenewright.evals.understanding.calibration import (
-    CLASSES,
-    chosen,
-    load_calibration,
-    save_calibration,
-)
+from scenewright.evals.understanding.calibration import chosen, load_calibration, save_calibration
 from scenewright.evals.understanding.features import NAMES
 from scenewright.evals.understanding.labels import Labels, Relation
+from scenewright.evals.understanding.together import CLASSES, SIZE, weighed
 
 LIMITS = np.array([9.0, 0.3, 0.3, 0.3, 0.3])
 
@@ -66,16 +62,30 @@ def test_what_tells_a_collision_is_learnt(monkeypatch: pytest.MonkeyPatch) -> No
     threads = pytest.importorskip("threadpoolctl")
     monkeypatch.setitem(tuning._TREES, "max_iter", 8)
     monkeypatch.setitem(tuning._TREES, "learning_rate", 0.3)
+    monkeypatch.setitem(tuning._TREES, "max_features", 1.0)
     monkeypatch.setattr(tuning, "FOLDS", 2)
-    table = tuning.table_of(view(n, hit=n % 3 == 0) for n in range(240))
+    table = tuning.table_of(view(n, hit=n % 3 == 0) for n in range(180))
     with threads.threadpool_limits(
         1
     ):  # threads that wait for one another are slow on a busy machine
-        found = tuning.tuned(table)
+        unseen = tuning.unseen_by_trees(table)
+        found = tuning.tuned(table, unseen)
+        figures = tuning.checked(table, unseen, 4.0)
+    assert figures["collision"][0] > 95.0
+    assert figures["collision"][1] <= figures["collision"][0] <= figures["collision"][2]
     for n in (900, 901):
-        likely = found.likely(view(n, hit=n % 3 == 0).values)
+        likely = found.in_scene(view(n, hit=n % 3 == 0).values, [("a", "b")])
         told = chosen(likely, found.limits(4.0), [("a", "b")])
         assert [CLASSES[c] for _, c in told] == (["collision"] if n % 3 == 0 else [])
+
+
+def test_a_pair_counts_for_less_beside_a_likelier_one() -> None:
+    weights = np.zeros((SIZE + 1, 5))
+    weights[0, 1], weights[4, 1] = 1.0, -0.5  # its own log odds of a collision, and the others'
+    pairs = [("a", "b"), ("c", "d")]
+    quiet, busy = (np.array([[0.6, 0.4, 0, 0, 0], [1 - p, p, 0, 0, 0]]) for p in (0.01, 0.9))
+    told = [weighed(likely, pairs, weights)[0, 1] for likely in (quiet, busy)]
+    assert told[1] < told[0] / 2
 
 
 def test_scenes_stand_for_the_composition_of_the_paper() -> None:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from scenewright.backends import Question
-from scenewright.backends.builtin.draft import Site
+from scenewright.backends.builtin.draft import Site, is_compass
 from scenewright.backends.builtin.planner import plan
 from scenewright.scene.behavior import AgentSummary
 from scenewright.scene.relations import Pattern, RoleName, pattern_named
-
-_FOUR = frozenset({"north", "east", "south", "west"})
 
 _PET_BAND, _TTC_BAND = 0.05, 0.08
 """How far from the PET and the TTC asked for the clauses may be met [s]."""
@@ -56,9 +54,7 @@ class BuiltinBackend:
 
 
 def _plan(facts: dict[str, Any]) -> dict[str, Any]:
-    site = Site(
-        compass=_FOUR.issuperset(facts.get("legs", ())), left_hand=facts.get("left_hand", False)
-    )
+    site = Site(compass=is_compass(facts.get("legs", ())), left_hand=facts.get("left_hand", False))
     understood = plan(facts["instruction"], previous=facts.get("previous"), site=site)
     return understood.model_dump(mode="json", by_alias=True)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from scenewright.backends.builtin.cursor import (
+    PARTS,
     OpenRelation,
     is_pronoun,
 )
@@ -56,30 +57,12 @@ _VERBS = frozenset(
 
 
 _PROPERTIES = ("JAYWALK", "CROSS", "OPPOSITE", "OF_OTHER", "SAME", "REDRUN", "SIGNAL")
-_NO_DEEDS = frozenset(
-    [
-        "sees",
-        "notices",
-        "noticed",
-        "watches",
-        "watched",
-        "spots",
-        "observes",
-        "observed",
-        "greets",
-        "recognises",
-        "recognizes",
-        "this",
-        "does",
-        "needs",
-        "wants",
-        "wanted",
-        "admires",
-        "less",
-    ]
-)
-"""Words between two agents after which nothing has happened yet, and some that are no verbs."""
-
+_OWNERS = {
+    "its": Chunk(("it",), {"PRONOUN": "it"}),
+    "his": Chunk(("him",), {"PRONOUN": "he"}),
+    "her": Chunk(("her",), {"PRONOUN": "he"}),
+    "their": Chunk(("them",), {"PRONOUN": "they"}),
+}
 _CHASES = ("chas", "pursu", "stalk")
 _ALONG = (["on"], ["from"], ["along"])
 
@@ -133,8 +116,8 @@ class Reader(Naming):
             self._start(OpenRelation("collide_at", None, at, self.subject or None, tag="COLLIDE"))
         elif chunk.has("LATE"):
             self._brakes_late(at)
-        elif chunk.has("PRONOUN"):
-            self._pronoun(at, chunk)
+        elif (who := self._stands_for(at, chunk)) is not None:
+            self._pronoun(at, who)
         elif chunk.tags.get("ALMOST") == "avoid" and self._avoids(at):
             self._start(OpenRelation("near_miss", None, at, self.subject or None, tag="NEAR"))
         elif chunk.has("LET") and self._lets(at, chunk):
@@ -147,6 +130,22 @@ class Reader(Naming):
             return
         else:
             self._minor(at, chunk)
+
+    def _stands_for(self, at: int, chunk: Chunk) -> Chunk | None:
+        """The pronoun, or that of "hits its bumper"."""
+        if chunk.has("PRONOUN"):
+            return chunk
+        owns = chunk.text in _OWNERS and self._takes_object() and self._part_follows(at)
+        return _OWNERS[chunk.text] if owns else None
+
+    def _part_follows(self, at: int) -> bool:
+        """ "hits its bumper": a part stands for the whole."""
+        words: list[str] = []
+        for item in self.items[at + 1 : at + 4]:
+            if not isinstance(item, Chunk) or item.mark:
+                break
+            words += item.words
+        return not PARTS.isdisjoint(words)
 
     def _once_more_between(self, at: int) -> bool:
         """ "two near misses, one between ... and one between ...": a second one of the kind."""
@@ -183,17 +182,6 @@ class Reader(Naming):
         if finite and closed and inside:
             self._leave_relative()
             self.last = self.subject or self.last
-
-    def unknown_deed(self) -> str | None:
-        """What somebody does to somebody else in a word that nothing is known of."""
-        for first, verb, second in zip(self.items, self.items[1:], self.items[2:], strict=False):
-            named = isinstance(first, Mention) and isinstance(second, Mention)
-            if not (named and isinstance(verb, Chunk)) or verb.tags or verb.mark:
-                continue
-            word = verb.words[0]
-            if len(word) > 3 and word.endswith(("s", "ed")) and word not in _NO_DEEDS:
-                return verb.text
-        return None
 
     def _mere_place(self, at: int, chunk: Chunk) -> bool:
         """ "the car behind", "stops ahead of the pedestrian": nobody drives after anybody."""
@@ -268,7 +256,7 @@ class Reader(Naming):
             self._close(relation)
         if self.subject:
             self.previous_subject = self.subject
-        self.hints += [] if self.shared else self.fronted
+        self.hints += [] if self.shared and self.sentence else self.fronted
         self.open, self.sentence, self.fronted = [], [], []
         self.subject, self.awaiting, self.gap = [], None, None
         self.relative, self.verb_seen, self.boundary, self.linked = [], False, True, False

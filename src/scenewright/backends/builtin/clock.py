@@ -43,7 +43,8 @@ _SUFFIX = (
 _CLOCK = rf"({_NUMBER})(?:\s*[:.h]\s*(\d\d)| (thirty|fifteen|forty five|twenty|ten|forty|fifty))?"
 _LEAD = r"(?:\b(?:at|around|about|approximately|exactly|roughly|by|circa|near)\s+)*"
 _RANGE = re.compile(
-    rf"(?:between|from)?\s*\b{_CLOCK}{_SUFFIX}?\s*(?:-|–|to|and|until|till)\s*{_CLOCK}{_SUFFIX}?(?!\w)"
+    rf"(?:between|from)?\s*\b{_CLOCK}{_SUFFIX}?\s*(?:-|–|to|and|until|"
+    rf"till)\s*{_CLOCK}{_SUFFIX}?(?!\w)"
 )
 _PAST = re.compile(
     rf"{_LEAD}\b(a quarter|quarter|half|five|ten|twenty five|twenty|\d{{1,2}})(?: minutes?)?"
@@ -62,7 +63,7 @@ _HALF_PAST = re.compile(
 _OFF_CLOCK = re.compile(r"\b(?:[3-9]\d|2[4-9]):\d\d\b|\b\d{1,2}:[6-9]\d\b")
 _YEAR = re.compile(r"\b(?:a|an|the|in|of|his|her|their|my|model)\s+$")
 _MILITARY = re.compile(
-    r"(?:\bat\s+)?\b([01]\d|2[0-3])([0-5]\d)\s*(?:hours|hrs|hr|h)?\b(?!\s*(?:m|km)\b)"
+    r"(?:\bat\s+)?\b([01]\d|2[0-3])([0-5]\d)\s*(?:hours|hrs|hr|h)?\b(?!\s*(?:m|km|kg|lb|lbs|n|cc|rpm|t)\b)"
 )
 _HOUR = re.compile(
     r"(?:\bat\s+)?(?<![\d.])\b([01]?\d|2[0-3]) ?h(?:rs?)?\b(?! ?\d)"
@@ -86,7 +87,8 @@ _SECONDS = r"(?:s|sec|secs|seconds?)"
 _FIGURE = r"(\d+(?:[.,]\d+)?|one|two|three|half an?|three quarters of an?|one and a half)"
 _PET = re.compile(
     rf"\b{_MEASURE}(?: (?:of|is|was|equals|around|about|approximately|roughly|only|just|merely|"
-    rf"a|mere|drops?|dropped|falls?|fell|to|down|below|under|at|near))*\s*[:=<≈]?\s*"
+    rf"a|mere|min|minimum|value|at most|less than|drops?|dropped|falls?|fell|to|down|below|under|"
+    rf"at|near))*\s*[:=<>≤≥≈]*\s*"
     rf"{_FIGURE}(?:\s*|-){_SECONDS}?\b"
 )
 _PET_AFTER = re.compile(rf"\b{_FIGURE}(?:\s*|-){_SECONDS}\s*\(?(?:of )?{_MEASURE}\b")

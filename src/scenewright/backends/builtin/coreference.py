@@ -121,6 +121,12 @@ class Discourse:
         told = any(word in {"opposite", "mutual"} for word, _ in agent.relatives)
         return told or (agent.entry is not None and OPPOSITE[agent.entry] in entries)
 
+    def _untold(self, agent: AgentDraft) -> bool:
+        """ "the two vehicles ...: the van ... the oncoming car": one of the two, so far unnamed."""
+        told = agent.entry or agent.exit or agent.movement or agent.relatives
+        pairs = [group for group in self.groups if len(group) == 2 and agent in group]
+        return agent.head == "vehicles" and bool(pairs) and not told
+
     def _named_at_last(self, group: list[AgentDraft], mention: Mention) -> list[AgentDraft]:
         for agent in group:
             agent.announced = False
@@ -138,7 +144,7 @@ class Discourse:
     ) -> list[AgentDraft] | None:
         fitting = [agent for agent in same_class if _compatible(agent, mention)]
         if any(isinstance(premod, Chunk) and premod.has("OPPOSITE") for premod in mention.premods):
-            fitting = [agent for agent in fitting if self._met(agent)]
+            fitting = [agent for agent in fitting if self._met(agent) or self._untold(agent)]
         if mention.det in _ORDINALS:
             index = _ORDINALS[mention.det]
             alike = [agent for agent in same_class if _of_kind(agent, mention)]
@@ -254,7 +260,9 @@ class Discourse:
             agent.label = mention.label
             agent.words, agent.role = frozenset(mention.words), mention.role
             agent.generic = (
-                mention.plural and not mention.counted and mention.det in {"bare", "indefinite"}
+                mention.plural
+                and not mention.counted
+                and mention.det in {"bare", "indefinite", "definite"}
             )
             if mention.jaywalking:
                 agent.movement = "jaywalking"

@@ -49,6 +49,58 @@ NOUNS = frozenset(
 )
 
 
+PARTS = frozenset(
+    [
+        "front",
+        "back",
+        "rear",
+        "side",
+        "corner",
+        "flank",
+        "door",
+        "doors",
+        "bumper",
+        "tail",
+        "nose",
+        "trunk",
+        "boot",
+        "wheel",
+        "mirror",
+        "wing",
+        "fender",
+        "bonnet",
+        "hood",
+        "grille",
+        "plates",
+        "quarter",
+        "leg",
+        "legs",
+        "knee",
+        "knees",
+        "foot",
+        "feet",
+        "heel",
+        "heels",
+        "shin",
+        "shins",
+        "skirt",
+        "skirts",
+        "coat",
+        "toes",
+        "shoulder",
+        "hip",
+        "arm",
+        "end",
+        "taillights",
+        "lights",
+        "panel",
+    ]
+)
+"""Nouns for parts of a road user, which stand for the whole."""
+
+_NO_VERBS = frozenset({"across", "straight", "thru"})
+
+
 @dataclass(eq=False)
 class OpenRelation:
     """A relation whose arguments are still being read."""
@@ -93,6 +145,7 @@ class Cursor:
         self.fronted: list[Modifier | Chunk] = []
         self.awaiting: OpenRelation | None = None
         self.sentence: list[tuple[int, Group]] = []
+        self.named: dict[int, Group] = {}
         self.open: list[OpenRelation] = []
         self.deferred: list[OpenRelation] = []
         self.failed: list[RelationDraft] = []
@@ -211,6 +264,8 @@ class Cursor:
         comma, named = self._item(at + 1), self._item(at + 2)
         if isinstance(comma, Chunk) and comma.text == "behind" and isinstance(named, Mention):
             return at + 2
+        if isinstance(comma, Chunk) and comma.mark == "(":
+            return self._after_brackets(at)
         if not (isinstance(comma, Chunk) and comma.mark == ","):
             return at
         for step in range(2, 6):
@@ -223,14 +278,22 @@ class Cursor:
                 return at
         return at
 
+    def _after_brackets(self, at: int) -> int:
+        """Where "a van (from the south, right) ..." goes on."""
+        for step in range(2, 10):
+            item = self._item(at + step)
+            if isinstance(item, Chunk) and item.mark == ")":
+                return at + step
+            if item is None or isinstance(item, Mention):
+                return at
+        return at
+
     def _is_finite(self, modifier: Modifier) -> bool:
         head = modifier.chunks[0]
         verb = head.has("TURN", "HEAD", "CROSS", "EXIT", "UTURN", "STRAIGHT") and not head.has(
             "LEFT", "RIGHT"
         )
-        return (
-            verb and not head.words[0].endswith("ing") and head.text not in {"across", "straight"}
-        )
+        return verb and not head.words[0].endswith("ing") and head.words[0] not in _NO_VERBS
 
     def _mention_ahead(self, at: int) -> bool:
         for step in range(1, 4):

@@ -27,6 +27,9 @@ _ONWARD = r"(?:later|further|farther|ahead|closer|nearer|forward|beyond|past)"
 _BACK = r"(?:earlier|sooner|before|back|short|behind|shorter)"
 _STOPS = r"\b(?:stops?|stopping|stopped|halts?|stands?|standing|waits?|waiting|pulls? up|brakes?)\b"
 
+_STAND = 2.0
+"""How long who slowed down stands, where nobody says for how long [s]."""
+
 _FASTEST_SHARE, _SLOWEST_SHARE = 2.0, 0.3
 
 
@@ -125,8 +128,26 @@ def _bounded(amount: float, most: float, unit: str) -> float:
     return amount
 
 
+def _halt(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+    """Who slows down shall stand."""
+    del text
+    who = agent or _stopping(people)
+    seconds = _bounded(_amount(found, _STAND), 20.0, "s")
+    if who.stops:
+        raise Refused(
+            "no_change",
+            f"{who.id} stands already; say how much longer, or how far from there.",
+        )
+    if who.slows_to is None:
+        raise Refused(
+            "impossible", f"{who.id} gives way to nobody here; say to whom it shall yield."
+        )
+    return WaitLonger(agent=who.id, seconds=seconds)
+
+
 def _stopping(people: People) -> Present:
-    stopping = [each for each in people.foreground() if each.stops]
+    here = people.foreground()
+    stopping = [each for each in here if each.stops] or [e for e in here if e.slows_to is not None]
     if not stopping:
         raise Refused("impossible", "Nobody of those named stops in this scene; say who.")
     return people.pick(stopping, "agent")
@@ -141,6 +162,14 @@ def _driving(people: People) -> Present:
 
 
 _DIALS = (
+    _Dial(
+        re.compile(
+            r"\b(?:stop|halt|stand(?: still)?|standstill)"
+            r"(?: (?:completely|fully|there|properly|altogether|instead|first|dead))*"
+            rf"(?: for {_AMOUNT} {_SECONDS})?[.!]?$"
+        ),
+        _halt,
+    ),
     _Dial(re.compile(rf"{_STOPS}.*?\b{_AMOUNT} {_METRES}.*?\b(?:{_ONWARD}|{_BACK})\b"), _stop),
     _Dial(re.compile(rf"\b{_AMOUNT} {_METRES} (?:{_ONWARD}|{_BACK})\b"), _stop),
     _Dial(

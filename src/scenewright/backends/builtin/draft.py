@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from scenewright.scene.base import AgentClass
+from scenewright.scene.map import IntersectionMap
 from scenewright.scene.social import ImpactPoint
+from scenewright.scene.ways import FOUR_LEGS, Way, ways_of
+
+_FOUR = frozenset({"north", "east", "south", "west"})
 
 
 class Refused(Exception):
@@ -25,15 +30,31 @@ class Site:
         compass: the legs' names are true of turns: who comes from the north and turns left leaves
             to the east. So it is wherever all legs are called north, east, south or west.
         left_hand: people drive on the left.
+        ways: through the intersection.
     """
 
     compass: bool = True
     left_hand: bool = False
+    ways: tuple[Way, ...] = FOUR_LEGS
 
     @property
     def across(self) -> str:
         """The turn that crosses the way of those who come towards one."""
         return "right" if self.left_hand else "left"
+
+
+def is_compass(legs: Iterable[str]) -> bool:
+    """Whether legs of these names lie as they are called (see `Site`)."""
+    return _FOUR.issuperset(legs)
+
+
+def site_of(on: IntersectionMap) -> Site:
+    """What must be known of a map."""
+    return Site(
+        compass=is_compass(leg.name for leg in on.legs),
+        left_hand=on.left_hand_traffic,
+        ways=ways_of(on),
+    )
 
 
 @dataclass(eq=False)

@@ -162,8 +162,8 @@ def _turner(node: Node) -> bool:
 
 def _movement_noun(node: Node) -> bool:
     if isinstance(node, Modifier):
-        return node.means in {"turn", "straight"} and not node.first.endswith("ing")
-    return node.has("THROUGH")
+        return node.means in {"turn", "straight", "uturn"} and not node.first.endswith("ing")
+    return node.has("THROUGH", "LEFT", "RIGHT") and len(node.words) == 1
 
 
 def _bare_bound(nodes: Sequence[Node], at: int) -> bool:

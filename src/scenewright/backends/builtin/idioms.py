@@ -54,6 +54,10 @@ def _entry(match: re.Match[str]) -> str:
     return f"{match[1]} (from the {_SIDES.get(match[2], match[2])}"
 
 
+_OVER = (
+    r"(?:over |across |onto |into )*(?:the )?(?:cent(?:re|er)[- ]?line|middle line|"
+    r"double yellow(?: lines?)?|wrong side(?: of the road)?|oncoming lane|opposite lane)"
+)
 _DEEDS = {"fol": "follows", "yie": "yields to", "col": "collides with", "nea": "nearly hits"} | {
     "hit": "hits"
 }
@@ -67,7 +71,124 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             r"challeng|assess)\w* [^:,.;]{0,80}[:,]",
             "",
         ),
+        # Who tells it is no road user.
+        (
+            r"(^\W*|[.;] )(?:the |a |one )?(?:callers?|officers?|police|witness(?:es)?|bystanders?|"
+            r"onlookers?|"
+            r"reporters?|dash ?cam|camera|footage|cctv)(?: [a-z]+)? (?:observed?|observes|reports?|"
+            r"reported|states?|stated|saw|sees|notes?|noted|witnessed|shows?|captures?|captured)"
+            r"(?: that)?\b(?! (?:by|him|her|it)\b)",
+            r"\1",
+        ),
+        (
+            r",? (?:later |since |subsequently |then )?(?:identified|described|known|named) as "
+            r"[^,.;]{1,40}?(?=[,.;]| who | in | on | at )",
+            "",
+        ),
+        (r"\binsured (?=vehicle|car|truck|van|bus|lorry|motorcycle)", ""),
+        (
+            r"^\W*(?:please )?(?:show|teach|demonstrate to) (?:my |the |our |your )?(?:[a-z]+ )?"
+            r"(?:this|the following)\s*:",
+            "",
+        ),
+        (
+            r"\b(?:i|we) (?:was|were) (?:just )?(?:standing|waiting|sitting|walking|"
+            r"having)[^.,;]{0,40}? "
+            r"(?:when|and) (?:i|we) (?:saw|noticed|watched)\b",
+            "",
+        ),
+        (r"(^\W*|[.;] )what (?:i|we) (?:saw|remember|noticed) (?:was|is)(?: that)?\b", r"\1"),
+        (r"\b(?:zero|no|0|without(?: any)?) npcs?\b", "no other traffic"),
+        (r"\bnpc (?=[a-z])", ""),
+        # Parts of a vehicle stand for it.
+        (
+            r"(?<!on )(?<!from )(?<! to )\bmy (?:own )?(?:(?:rear|front|back|left|right|near "
+            r"?side|off ?side|"
+            r"driver|passenger) )*(?:bumper|trunk|boot|door|fender|side|tail|wing|mirror|rear|"
+            r"back|front|"
+            r"hood|bonnet|wheel|quarter panel)(?: end| bumper| door)?\b",
+            "my car",
+        ),
+        (
+            r"\bbetween (?:two |the |some |a row of )?parked (?:cars|vans|vehicles|trucks|lorries|"
+            r"buses)\b",
+            "between parked cars",
+        ),
+        (
+            r"\b(?:unable to|could not|can not|not able to|was too late to|had no time to) "
+            r"(?:stop|brake|react)\b(?=\s*(?:[.,;!]|$))",
+            "could not stop in time",
+        ),
+        (
+            r"\bone\b([^.;]*?)([,;]| and| n) other(?: one| 1)? (?=(?:is|was|from|coming|comes|"
+            r"going|goes|"
+            r"turn\w*|head\w*|driv\w*|walk\w*|cross\w*|(?:north|south|east|west)(?:bound)?|"
+            r"[nsew]b)\b)",
+            r"one\1\2 the other ",
+        ),
+        (r"\b(left|right) on red\b(?= (?:vs|versus|x|/))", r"\1"),
+        (
+            r"\bsame (?:approach|leg|entry|side) \((?:from )?(north|south|east|west|[nsew])\)",
+            lambda m: f"both from the {_SIDES.get(m[1], m[1])}",
+        ),
+        (
+            r"\bwith (?:just |only |barely |scarcely )?(?:a|an|half a|one|two|\d+) (?:yard|foot|"
+            r"feet|inch|"
+            r"inche|met(?:re|er)|hand|hair|step|pace)s?(?: or (?:two|so))? to spare\b",
+            "with inches to spare",
+        ),
+        # Nobody of that kind is there.
+        (
+            r"\b(?:cyclist|bicycle|bike|scooter|tram|train|animal|dog|car|vehicle|pedestrian|"
+            r"people|"
+            r"truck|bus)s?[- ]free\b",
+            "",
+        ),
+        # Off the crosswalks.
+        (
+            r"\b(?:nowhere near|not (?:even )?(?:at|on|in|using|over)|outside(?: of)?|away from|"
+            r"far from) (?:the |a |an |any )?(?:marked |proper |pedestrian |zebra |legal )*"
+            r"(?:crossing|crosswalk|zebra)s?\b",
+            "outside the crosswalk",
+        ),
+        (
+            r"\bwhere (?:no ?(?:one|body)|people|pedestrians|you|one) (?:should|ought to|may|must|"
+            r"can|"
+            r"is allowed to|is meant to|are meant to|are allowed to)(?: not| never)? (?:cross|"
+            r"walk)\b"
+            r"|\bwhere crossing is (?:not allowed|forbidden|prohibited)"
+            r"|\bwhere there (?:are|is|were|was) no (?:road )?(?:markings?|stripes|zebra|paint)",
+            "outside the crosswalk",
+        ),
+        (
+            r"\bbetween (?:the )?(?:two )?(?:intersections|junctions|crossings|crossroads|corners|"
+            r"crosswalks)\b"
+            r"|\b(?:half[- ]?way|mid ?way|part ?way|half) (?:down|along|up) (?:the|a) block\b",
+            "mid block",
+        ),
         # Who goes first.
+        (
+            r"\b(?:all (?:of )?(?:the )?others?|every(?:one|body) else|the rest(?: of the "
+            r"traffic)?|"
+            r"all (?:the )?other (?:cars|vehicles|traffic|drivers)|all traffic)"
+            r"(?= (?:yields?|gives?|waits?|stops?|makes? way|pulls?|lets?|brakes?)\b)",
+            "everyone",
+        ),
+        (
+            r"\b(let(?:s|ting)?|allow(?:s|ed|ing)?) ((?:the|an?|it|him|her|them|this|that)"
+            r"(?: [a-z]+){0,3}?) (?:to )?(?:roar|rumble|thunder|sweep|rattle|roll|glide|trundle|"
+            r"speed|"
+            r"rush|slip|sail|whizz|zoom|crawl|squeeze|hurry|trot|rattle|chug|coast) "
+            r"(?:by|past|through|along|on|ahead)\b",
+            r"\1 \2 pass",
+        ),
+        (
+            r"\b(let(?:s|ting)?|allow(?:s|ed|ing)?) ((?:the|an?|it|him|her|them|this|that)"
+            r"(?: [a-z]+){0,3}?) (?:to )?(?:hurry|shuffle|limp|stroll|trot|scurry|hobble|totter|"
+            r"amble|"
+            r"toddle|scamper) (?:by|past|across|over|on)\b",
+            r"\1 \2 cross",
+        ),
         (
             rf"\b{_PRIORITY} (is|was|gets|has been) (given|granted|accorded|ceded|yielded|left) to "
             r"((?:[a-z]+ ){1,6}?)by ",
@@ -141,6 +262,109 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             r"(?:much |far |way )?too close (?:to|by|past)\b(?! for)",
             "narrowly misses",
         ),
+        (
+            r"\bstop(s|ped|ping)? (?:just |only |mere |barely |a few |(?:\d+ ))*(?:inches|inch|cm|"
+            r"centimet(?:re|er)s|millimet(?:re|er)s|a hair|a whisker|a foot|half a met(?:re|er)) "
+            r"(?:away|short)\b(?! (?:from|of)\b)",
+            r"stop\1 just in time",
+        ),
+        (
+            r"\b(?:pass|rush|roar|thunder|whip|sho|fl[ey]|c[ao]m|went|go|sped|speed|tore|"
+            r"tear)[a-z]* "
+            r"(?:by |past )?so (?:close|near)(?: to (?:him|her|them|it))?\b[^.,;]*",
+            "narrowly misses them",
+        ),
+        (
+            r"\b(miss(?:es|ed|ing)?) (?:its|his|her|their) (?:rear |front |back |left |right )?"
+            r"(?:bumper|door|wing|fender|mirror|side|tail|bonnet|rear|front|back|skirts?|coat|"
+            r"heels?|"
+            r"toes?|legs?)\b",
+            r"\1 them",
+        ),
+        (
+            r"\bc[oa]m(?:e|es|ing) within (?:a |an |half a |one |two |three |the |\d+ "
+            r")?(?:[a-z]+\s+){0,2}?"
+            r"(?:breadth|width|inch|inches|foot|feet|yards?|met(?:re|er)s?|hair|whisker|cm|"
+            r"centimet(?:re|er)s?) of\b",
+            "narrowly misses",
+        ),
+        (
+            r"\bstop(s|ped|ping)? (?:only |just |barely )?(?:a|an|half a|one) (?:foot|inch|hair|"
+            r"metre|meter|"
+            r"yard|step|pace|whisker|hand) (?:short of|away from|from|before)\b",
+            r"stop\1 just short of",
+        ),
+        (
+            r"\b(slam|stand|stood|hit|jam)(s|med|ming|ting)? (?:on )?the anchors\b",
+            r"\1\2 the brakes",
+        ),
+        # Novelists' crashes.
+        (r"(?<!right into the )\bflank\b", "side"),
+        (
+            r"\b(?:bury|buries|buried|burying|plant|plants|planted|ram|rams|rammed) "
+            r"(?:its|his|her|their) (?:nose|bonnet|hood|bumper|front|grille|snout) (?:in|into) ",
+            "crashes into ",
+        ),
+        (
+            r"\b(?:fold|wrap|hurl|wedge|bur[iy]|slam|fling|flung)[a-z]* (?:itself|himself|herself) "
+            r"(?:in|into|round|around|against)\b",
+            "crashes into",
+        ),
+        (
+            r"\bm(?:eets?|et) ((?:the|an?) [^.,;]{2,60}?) with (?:a|an) (?:[a-z]+ )?(?:sound|bang|"
+            r"crunch|crash|thud|smack|thump)\b",
+            r"crashes into \1",
+        ),
+        (r"\b(?:the )?crush of (?=the|traffic|cars|people)", ""),
+        # Over the middle of the road.
+        (
+            rf"\b(?:cross|drift|veer|swerv|wander|mov|com)[a-z]* {_OVER} into (?=[a-z])",
+            "hits head on ",
+        ),
+        (
+            rf"\b(?:cross|drift|stray|veer|swerv|wander)[a-z]* {_OVER}\b(?! (?:of|into)\b)",
+            "drives on",
+        ),
+        (r"\bfront to front\b", "head on"),
+        # Following in figures.
+        (
+            r"\b(?:keep|maintain|hold)[a-z]* (?:an? |its |the )?(?:constant |safe |fixed |steady |"
+            r"time )*"
+            r"(?:\d[\d.]* ?(?:s|sec|seconds?|m|met(?:re|er)s?)[ -])?"
+            r"(?:gap|headway|thw|following distance|time gap|distance)(?: of)?"
+            r"(?: \d[\d.]* ?(?:s|sec|seconds?|m|met(?:re|er)s?))? (?:to|behind)\b",
+            "follows",
+        ),
+        (
+            r"\b(?:is|was|are|were|stay|sit|keep|hang|remain|stuck|stick)[a-z]* (?:right |hot |"
+            r"close |hard )?"
+            r"on (?:its|his|her|their) (?:heels|tail|bumper)\b",
+            "follows it",
+        ),
+        (
+            r"\b(?:is|was|are|stay|remain|stick)[a-z]* (?:glued|stuck|close|pinned) to (?=(?:the|"
+            r"its|a|an) "
+            rf"(?:rear |back |tail |bumper |[a-z]+ )?(?:of (?:the|a) )?{_VEHICLE})",
+            "follows ",
+        ),
+        (rf"\bfollower (?={_VEHICLE}\b)", "following "),
+        (r"\bbehind of\b", "behind"),
+        (r"\ball two\b", "both"),
+        (
+            r"\b(are|were) all (?=[a-z]+ing\b|(?:north|south|east|west)bound\b|[nsew]b\b|from\b|"
+            r"going\b|coming\b|straight\b)",
+            r"\1 ",
+        ),
+        (
+            r"\bfrom (?:the )?(left|right)(?: hand)?(?: side)? of (?:it|him|her|them)\b",
+            r"from its \1",
+        ),
+        (
+            r"\b(?:left turn across path|ltap)[ ,/]*(?:\(?(?:opposite|lateral) directions?\)?|"
+            r"[ol]d)?"
+            r"\s*[.:;] (?=[a-z].*\bleft\b)",
+            "",
+        ),
         # Straight on into somebody's back is no way through the junction.
         (
             r"\b(go(?:es|ing)?|went|r[ua]ns?|running|driv\w+|drove|slam\w*|crash\w*|plo\w+) "
@@ -209,6 +433,15 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             "without any incident",
         ),
         # Traffic engineers' shorthand.
+        (
+            rf"(^\W*|[:.;,] |\band |\bthen )({BOUND}) (?=(?:cross|hit|strike|yield|give|wait|stop|"
+            rf"brake|"
+            r"rear end|run|turn|make|fail|follow|drift|collide|sideswipe|clip|cut|let|slow|enter|"
+            r"goe)"
+            r"(?:es|s)\b|(?:ran|hit|struck|gave|made|let|must|nearly|almost|crossed|yielded|"
+            r"failed)\b)",
+            r"\1\2 vehicle ",
+        ),
         (rf"\b({BOUND}) (?:lt|l/t)\b", r"\1 left"),
         (rf"\b({BOUND}) (?:rt|r/t)\b", r"\1 right"),
         (  # "th" has been taken for a slip of "the"
@@ -221,7 +454,8 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         (r"\blt\b", "left turn"),
         (r"\brt\b", "right turn"),
         (
-            rf"\b({BOUND} (?:left|right|thru|through|straight))\s*/\s*(?={BOUND}\b)",
+            rf"\b({BOUND} (?:left|right|thru|through|straight))\s*/\s*"
+            rf"(?=(?:{BOUND}|an?|the|ped|peds|pedestrians?|{_VEHICLE})\b)",
             r"\1 vs ",
         ),
         (
@@ -246,7 +480,8 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         (r"\b([nsew])[- ]bound\b", lambda m: f"{_SIDES[m[1]]}bound"),
         (r"\b(\d{1,2}|noon|midday|midnight)[- ]?ish\b", r"\1"),
         (
-            r"(^\W*|[.;]\s*)(?:first(?:ly)?|second(?:ly)?|third(?:ly)?|next|then|finally|lastly),\s",
+            r"(^\W*|[.;]\s*)(?:first(?:ly)?|second(?:ly)?|third(?:ly)?|next|then|finally|"
+            r"lastly),\s",
             r"\1",
         ),
         (
@@ -305,8 +540,21 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
 )
 
 
+_YOU = re.compile(
+    r"^\W*pov\b|(?<!can )(?<!could )(?<!would )(?<!do )(?<!if )(?<!are )(?<!will )\byou (?:are |"
+    r"were )?"
+    r"(?:come|came|com(?:ing)|driv\w+|drove|want to|turn\w*|wait\w*|approach\w*|head\w*|cross\w*|"
+    r"stop\w*|"
+    r"yield\w*|brak\w+|follow\w*|hit\b|go straight)"
+)
+
+
 def plain(text: str) -> str:
     """Clean text with idioms in words that the lexicon knows."""
+    if _YOU.search(text):
+        text = re.sub(r"\byou(?: (?:are|were)\b)?(?=\s+[a-z]+ing\b)", "i was", text)
+        text = re.sub(r"(?<=let )you\b|(?<=lets )you\b|(?<=hits )you\b|(?<=by )you\b", "me", text)
+        text = re.sub(r"\byour\b", "my", re.sub(r"\byou\b", "i", text))
     for pattern, new in _PLAIN:
         text = pattern.sub(new, text)
     return text

@@ -61,7 +61,7 @@ class Chunk:
 
     def has(self, *tags: str) -> bool:
         """True if the chunk can be read as one of the tags."""
-        return any(tag in self.tags for tag in tags)
+        return not self.tags.keys().isdisjoint(tags)
 
 
 @dataclass(slots=True)
@@ -200,10 +200,15 @@ def _agent_in(chunks: Sequence[Chunk]) -> bool:
 
 def lexicon() -> Lexicon:
     """The lexicon shipped with the package, and the phrases of the relation files."""
-    return _compiled(all_phrases())
+    spoken = all_phrases()
+    if not _last or _last[0][0] is not spoken:
+        _last[:] = [(spoken, _compiled(spoken))]
+    return _last[0][1]
 
 
-@lru_cache(maxsize=2)
+_last: list[tuple[tuple[Phrase, ...], Lexicon]] = []
+
+
 def _compiled(spoken: tuple[Phrase, ...]) -> Lexicon:
     folder = files("scenewright.backends.builtin")
     table: dict[str, dict[str, Any]] = tomllib.loads(

@@ -44,6 +44,7 @@ _ROLES = {
     "follower": "follower", "following": "follower", "trailing": "follower",
 }  # fmt: skip
 _DRIVERS = frozenset({"driver", "drivers", "motorist", "rider", "operator"})
+_RIDERS = frozenset({"biker", "motorcyclist"})
 _IN_VEHICLE = frozenset(
     {"in", "of", "on", "driving", "drives", "drove", "riding", "steering", "piloting", "operating"}
 )
@@ -223,12 +224,17 @@ class _NounPhrases:
         }:
             return True
         if node.text in _PARTICIPLES and isinstance(after, Chunk) and after.has("AGENT"):
-            return True
+            return opened or not self._after_be(at)
         if node.has("WAIT", "FOLLOW", "HEAD", "EXIT", "NEAR", "FROM", "SAME"):
             return opened and last.endswith(("ing", "ed")) and len(last) > 4
         if node.has("JAYWALK", "CROSS", "TURN"):
             return last.endswith("ing") and (opened or node.has("JAYWALK", "CROSS"))
         return opened
+
+    def _after_be(self, at: int) -> bool:
+        """ "was following vehicle 1" tells what somebody does."""
+        before = self.nodes[at - 1] if at else None
+        return isinstance(before, Chunk) and before.has("BE")
 
     def _more_premodifiers(self, at: int) -> bool:
         if at >= len(self.nodes):
@@ -450,6 +456,6 @@ def _person_before(items: list[Item]) -> tuple[Mention, int] | None:
         return None
     if not (isinstance(link, Chunk) and link.has("DRIVING") and isinstance(owner, Mention)):
         return None
-    driver = owner.head in _DRIVERS or owner.type == "pedestrian"
+    driver = owner.head in _DRIVERS | _RIDERS or owner.type == "pedestrian"
     loose = link.text in {"in", "of", "on"} and owner.type == "pedestrian" and link.text == "of"
     return (owner, length) if driver and not loose and owner.det != "no" else None

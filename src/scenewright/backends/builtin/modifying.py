@@ -61,6 +61,21 @@ _ANYBODY = frozenset(
         "elderly man",
         "elderly woman",
         "elderly lady",
+        "husband",
+        "wife",
+        "brother",
+        "sister",
+        "uncle",
+        "aunt",
+        "nephew",
+        "niece",
+        "girlfriend",
+        "boyfriend",
+        "pupil",
+        "respondent",
+        "appellant",
+        "neighbour",
+        "neighbor",
     ]
 )
 _ACROSS = {"cross_street": "lateral", "other_approach": "other"}
@@ -93,11 +108,12 @@ class Modifying(Settling):
             self._sided(modifier)
             return
         finite = self._is_finite(modifier) or self._all_do(at)
+        finite = finite and not self._told_of_last(at, modifier)
         if modifier.means in {"crosswalk", "on_crosswalk"} and self._kept_off(at):
             return
         if finite:
             self._main_clause(modifier)
-        if modifier.means in VEHICLE_ONLY:
+        if modifier.means in VEHICLE_ONLY or modifier.first.startswith(("driv", "drov")):
             self._at_the_wheel(finite=finite)
         targets = self._targets(at, modifier, finite=finite)
         if isinstance(self._item(at - 1), Modifier) and modifier.means in {
@@ -124,6 +140,11 @@ class Modifying(Settling):
         attach(modifier, targets, crossing=self.crossing)
         self._reconcile(targets)
 
+    def _told_of_last(self, at: int, modifier: Modifier) -> bool:
+        """ "hits a bus bound north": the bus is."""
+        noun = isinstance(self._item(at - 1), Mention)
+        return modifier.first == "bound" and noun and self.verb_seen
+
     def _main_clause(self, modifier: Modifier) -> None:
         """ "the car that should have waited for a bus turns left": the car turns."""
         relation = self.awaiting
@@ -136,7 +157,10 @@ class Modifying(Settling):
     def _all_do(self, at: int) -> bool:
         """ "a truck and a sedan are going straight": the verb belongs to both."""
         before = self._item(at - 1)
+        told = self._item(at)
+        first = told.first if isinstance(told, Modifier) else ""
         plural = isinstance(before, Chunk) and before.text in {"are", "were"}
+        plural |= first in {"are", "were"}
         return plural and len(self.subject) > 1 and not self.relative
 
     def _at_the_wheel(self, *, finite: bool) -> None:
@@ -391,6 +415,11 @@ class Modifying(Settling):
     def _hit_from_behind(self) -> bool:
         """ "the second hits the first from behind"."""
         relation = self.open[-1] if self.open else None
+        if relation is not None and relation.type == "near_miss":
+            bound = [*(relation.subject or []), *(relation.object or [])]
+            if bound and all(agent.type == "vehicle" for agent in bound):
+                relation.kind = "rear_end"
+            return relation.kind == "rear_end"
         if relation is None or relation.type != "collide_at" or relation.kind is not None:
             return False
         bound = [*(relation.subject or []), *(relation.object or [])]
@@ -449,16 +478,16 @@ class Modifying(Settling):
         others = [a for a in self.draft.agents if a not in told and a.type == "vehicle"]
         model = next((a for a in reversed(others) if a.movement or a.exit or a.entry), None)
         self.verb_seen = True
-        self._gives_way_too(told)
+        yields = self._gives_way_too(told)
         for agent in told:
             if model is None or agent.type != "vehicle":
                 continue
             agent.movement = model.movement
-            if model.movement is None:
+            if model.movement is None and not yields:
                 agent.exit = agent.exit or model.exit
                 agent.entry = agent.entry or model.entry
 
-    def _gives_way_too(self, told: Group) -> None:
+    def _gives_way_too(self, told: Group) -> bool:
         """ "yields to a pedestrian, and so does the bus"."""
         for relation in reversed(self.open):
             bound = [*(relation.subject or []), *(relation.object or [])]
@@ -466,7 +495,8 @@ class Modifying(Settling):
             if same and not (relation.negated or relation.passive) and told:
                 if not any(agent in bound for agent in told):
                     relation.subject = [*(relation.subject or []), *told]
-                return
+                return True
+        return False
 
     def _cross_there(self, agents: Group) -> None:
         leg = next(

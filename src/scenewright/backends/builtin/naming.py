@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from scenewright.backends.builtin.attach import (
+    VEHICLE_ONLY,
     attach,
     cross,
     put,
@@ -13,7 +14,7 @@ from scenewright.backends.builtin.cursor import (
     can_hold,
     words_of,
 )
-from scenewright.backends.builtin.draft import AgentDraft, Refused
+from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraft
 from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.backends.builtin.mentions import Item, Mention
@@ -25,6 +26,10 @@ def _is_verb(item: Item | None) -> bool:
     return isinstance(item, Modifier) or (isinstance(item, Chunk) and item.has("BE", "WAIT"))
 
 
+_SIDES_OF_TURNS = frozenset({"from", "bound", "from_to"})
+_GENERAL = frozenset({"vehicle", "motorist", "deceased", "respondent", "appellant"})
+_STAND_INS = frozenset({"vehicle", "pedestrian", "one", "ego", "ego vehicle", "ego car"})
+_ON_FOOT = ("walk", "step", "stroll", "jog", "strode", "stride", "limp", "shuffl", "hobbl")
 _BESIDES = ("besides", "in addition", "apart from", "elsewhere", "in the background")
 
 
@@ -53,11 +58,24 @@ class Naming(Relating):
         self._premodify(group, mention)
         self.last = group
         self.sentence.append((at, group))
+        self.named[at] = group
         self._front(group)
         self._place(at, group[:1] if mention.of_group else group)
+        self._crossed_before(at, mention, group)
         if mention.counted and self._before_is(at, "WITH"):
             self.counted.append(group)
         self.boundary = self.linked = False
+
+    def _crossed_before(self, at: int, mention: Mention, group: Group) -> None:
+        """ "two people cross in front of a waiting bus": it waits for them."""
+        waits = mention.type == "vehicle" and any(p.text == "waiting" for p in mention.premods)
+        of, front = self._item(at - 1), self._item(at - 2)
+        before = words_of(of) == "of" and words_of(front) == "in front"
+        walkers = [agent for agent in self.subject if agent.type == "pedestrian"]
+        if not (waits and before) or len(walkers) != len(self.subject):
+            return
+        for walker in walkers:
+            self._edge(RelationDraft("yield_to", group[0], walker, soft=True))
 
     def _heads_list(self, at: int, mention: Mention) -> bool:
         """ "Vehicles: a bus and a taxi": a heading, no agent of its own."""
@@ -113,7 +131,9 @@ class Naming(Relating):
         """A bare noun can name an agent of the same clause again."""
         if mention.det != "bare" or mention.counted:
             return False
-        renewed = self._follows_comma(at) and self._verb_follows(at)
+        renewed = self._follows_comma(at) and (
+            self._verb_follows(at) or self._next_text(at) in {"has", "had"}
+        )
         return renewed or self._takes_object() or self._echoes(at, mention)
 
     def _in_lane(self, at: int, mention: Mention, group: Group) -> None:
@@ -125,7 +145,9 @@ class Naming(Relating):
                 self._relate(agent, "same")
 
     def _mine(self, mention: Mention) -> Group:
-        """ "my car" is the speaker's, before or after the speaker turns up."""
+        """ "my car" is the speaker's, before or after the speaker turns up; "ego" is one car."""
+        if mention.head.startswith("ego"):
+            return [agent for agent in self.draft.agents if "ego" in agent.words]
         if mention.owner != "my" or mention.type != "vehicle":
             return []
         known = [agent for agent in self.draft.agents if agent.label == "me"]
@@ -175,8 +197,10 @@ class Naming(Relating):
             return False
         after, verb = self._item(at + 1), self._item(at + 2)
         inserted = isinstance(after, Chunk) and after.mark == "," and _is_verb(verb)
-        generic = inserted and named.head in {"vehicle", "motorist"}
-        if not (named.label or generic) or mention.det != "indefinite":
+        generic = inserted and named.head in _GENERAL
+        bracketed = comma.mark == "(" and isinstance(after, Chunk) and after.mark in {")", ","}
+        plain = mention.det == "indefinite" or (mention.det == "bare" and bracketed)
+        if not (named.label or generic) or not plain or mention.label:
             return False
         self._rename(self.last[0], mention)
         return True
@@ -184,8 +208,9 @@ class Naming(Relating):
     def _rename(self, agent: AgentDraft, mention: Mention) -> None:
         if mention.type is not None:
             agent.type = mention.type
+        stands_in = {"ego"} if agent.head.startswith("ego") else set()
         agent.subtype, agent.head = mention.subtype, mention.head
-        agent.words = agent.words | frozenset(mention.words)
+        agent.words = agent.words | frozenset(mention.words) | stands_in
         agent.generic = agent.announced = False
         self._premodify([agent], mention)
 
@@ -201,7 +226,7 @@ class Naming(Relating):
         if named.counted and named.count > 1:
             return False
         if link.mark == ":":
-            told = named.label or named.role or named.head in {"vehicle", "pedestrian", "one"}
+            told = named.label or named.role or named.head in _STAND_INS
             return bool(told) and mention.det in {"indefinite", "bare"} and not mention.label
         before = self._item(at - 3)
         place = isinstance(before, Chunk) and (
@@ -276,8 +301,11 @@ class Naming(Relating):
 
     def _front(self, group: Group) -> None:
         kept: list[Modifier | Chunk] = []
+        turns = any(isinstance(w, Modifier) and w.means in VEHICLE_ONLY for w in self.fronted)
         for waiting in self.fronted:
             fits = [agent for agent in group if can_hold(agent, waiting)]
+            if turns and isinstance(waiting, Modifier) and waiting.means in _SIDES_OF_TURNS:
+                fits = [agent for agent in fits if agent.type == "vehicle"]
             if not fits:
                 kept.append(waiting)
             elif isinstance(waiting, Modifier):
@@ -402,6 +430,7 @@ class Naming(Relating):
         self.discourse.groups.append(group)
         self.last = group
         self.sentence.append((at, group))
+        self.named[at] = group
         self._place_pronoun(at, group)
         self.boundary = self.linked = False
 
@@ -458,7 +487,9 @@ class Naming(Relating):
         if self._takes_object() or walks:
             return None
         drivers = [agent for agent in self.draft.agents if agent.type == "vehicle"]
-        if self._strikes_walker(at) and len(drivers) == 1:
+        ahead = f"{words_of(self._item(at + 1))} {words_of(self._item(at + 2))}"
+        at_wheel = " driv" in f" {ahead}" or " drov" in f" {ahead}"
+        if (self._strikes_walker(at) or at_wheel) and len(drivers) == 1:
             return drivers[0]
         driven = {"driver", "motorist", "cabbie", "operator", "rider", "trucker", "motorcyclist"}
         single = len(group) == 1 and group[0].type == "vehicle"
@@ -482,6 +513,8 @@ class Naming(Relating):
                 if len(group) == 1 and group[0].type == "vehicle" and group[0] not in avoid:
                     return group
         found = self.discourse.recent("vehicle", avoid=avoid)
+        if found is None and self._takes_object():
+            found = self.discourse.recent("pedestrian", avoid=avoid)  # "a child ...; a car hits it"
         return [found] if found else []
 
     def _speaker(self, at: int) -> Group:
@@ -494,12 +527,23 @@ class Naming(Relating):
         ):
             return []
         objective = bool({"me", "us"} & set(words_of(self.items[at]).split()))
-        kind = self._own_way(at) if not objective else "vehicle" if self._takes_object() else None
+        kind = self._own_way(at) if not objective else self._own_class(at)
         if kind is None:
             return []
         agent = self.discourse.create(kind, head="car" if kind == "vehicle" else "pedestrian")
         agent.label = "me"
         return [agent]
+
+    def _own_class(self, at: int) -> AgentClass | None:
+        """ "hits me" names a vehicle, "lets me cross" a pedestrian."""
+        after = self._item(at + 1)
+        if isinstance(after, Chunk) and after.has("CROSS"):
+            return "pedestrian"
+        for then, item in enumerate(self.items[at + 1 :], start=at + 1):
+            told = self._own_way(then) if words_of(item) == "i" else None
+            if told is not None:
+                return told
+        return "vehicle" if self._takes_object() else None
 
     def _own_way(self, at: int) -> AgentClass | None:
         """The class of the speaker, from what he says he did."""
@@ -508,13 +552,14 @@ class Naming(Relating):
                 return None
             if isinstance(item, Modifier):
                 on_foot = item.means.startswith("cross") or item.means == "on_crosswalk"
-                return "pedestrian" if on_foot or item.first.startswith("walk") else "vehicle"
-            if item.has("CROSS", "JAYWALK") or item.text.startswith("walk"):
+                return "pedestrian" if on_foot or item.first.startswith(_ON_FOOT) else "vehicle"
+            if item.has("CROSS", "JAYWALK") or item.text.startswith(_ON_FOOT):
                 return "pedestrian"
             if item.has("COLLIDE", "YIELD", "WAIT", "FOLLOW", "LET", "HEAD", "TURN", "DRIVING"):
                 return "vehicle" if item.words[0] not in {"make", "let", "give"} else None
             if item.mark or not (
-                item.has("BE", "ALMOST", "NEGATION") or item.text in {"just", "had"}
+                item.has("BE", "ALMOST", "NEGATION")
+                or item.text in {"just", "had", "the right of way", "right of way", "priority"}
             ):
                 return None
         return None

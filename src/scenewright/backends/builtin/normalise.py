@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import snowballstemmer
 
+_OWNED = "car|van|truck|lorry|bus|coach|taxi|cab|motorcycle|motorbike|suv|sedan|pickup|vehicle"
 _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     (re.compile(pattern), new)
     for pattern, new in (
@@ -21,6 +22,12 @@ _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\n\s*(?:[-*•]|\d+[.)])?\s*(?=[a-z])", " . "),
         (r"^\s*[-*•]\s*", ""),
         (r"\s[-–—]+\s|—", " , "),
+        (r"\btheres\b", "there is"),
+        (r"(?<![\w.])'?em\b(?!\.)", "them"),
+        (
+            rf"\b[a-z]+'s (?=(?:[a-z]+ )?(?:{_OWNED})\b)",
+            "",
+        ),
         (r"\bw/o\b", "without"),
         (r"\bw/", "with "),
         (r"\b(ca|wo|sha)n't\b", r"can not"),
@@ -84,6 +91,7 @@ _NOUNS = (
     "[Aa]gent", "[Cc]ab", "[Tt]axi", "[Pp]ed", "[Pp]arty", "VEHICLE", "[Vv]eh",
 )  # fmt: skip
 _NAMED = "".join(rf"(?<!{noun} )" for noun in _NOUNS)
+_SLASHED = re.compile(r"\b([NSEWnsew])/([Bb])\b")
 _SECOND = re.compile(rf"{_NAMED}(?<![\w.'])B(?= ?[(:,.;=]| [a-z]|$)")
 _LETTERED = re.compile(
     rf"{_NAMED}(?<![\w.'])(A(?= ?[(:,.;=]| (?:is|yields|gives|hits|strikes|fails|turns|goes|comes|"
@@ -137,6 +145,7 @@ def clean(text: str) -> str:
 
 def _lettered(text: str) -> str:
     """ "A (northbound) hits B": capital letters that stand for road users."""
+    text = _SLASHED.sub(r"\1\2", text)
     if text.isupper() or not _SECOND.search(text):
         return text
     return _LETTERED.sub(r"unit \1", text)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -35,12 +37,19 @@ class Phrase:
 
 
 def all_phrases() -> tuple[Phrase, ...]:
-    """Every phrase of every relation file."""
-    return tuple(
-        _phrase(pattern.relation, pattern.kind or "any", pattern.id, words, turned)
-        for pattern in patterns()
-        for words, turned in pattern.spoken()
-    )
+    """Every phrase of every relation file; the same tuple as long as the files are the same."""
+    found = patterns()
+    if not _last or _last[0][0] != found:
+        _last[:] = [(found, tuple(itertools.chain.from_iterable(map(_phrases, found))))]
+    return _last[0][1]
+
+
+_last: list[tuple[tuple[Pattern, ...], tuple[Phrase, ...]]] = []
+
+
+def _phrases(pattern: Pattern) -> Iterator[Phrase]:
+    for words, turned in pattern.spoken():
+        yield _phrase(pattern.relation, pattern.kind or "any", pattern.id, words, turned)
 
 
 @lru_cache(maxsize=4096)
@@ -79,7 +88,7 @@ def cast(relation: RelationDraft, site: Site) -> None:
     pattern = next((each for each in patterns() if each.id == relation.pattern), None)
     if pattern is None:
         return
-    if site.left_hand and _names_a_turn(pattern):
+    if site.left_hand and pattern.names_a_turn:
         relation.pattern = None
         relation.kind = None if relation.kind == "left_turn" else relation.kind
     for agent, role in _roles(relation, pattern):
@@ -91,10 +100,6 @@ def cast(relation: RelationDraft, site: Site) -> None:
                 f"'{_said(pattern)}' is for {' or '.join(role.movements)}, not {agent.movement}; "
                 "change the one or the other.",
             )
-
-
-def _names_a_turn(pattern: Pattern) -> bool:
-    return any(role.movements in (("left",), ("right",)) for role in (pattern.from_, pattern.to))
 
 
 def _roles(relation: RelationDraft, pattern: Pattern) -> list[tuple[AgentDraft, Role]]:

@@ -30,6 +30,8 @@ from scenewright.backends.builtin.scope import (
 )
 from scenewright.backends.builtin.shorthand import denied, expand
 from scenewright.backends.builtin.ties import name_turns_across, ties
+from scenewright.backends.builtin.unread import check_read
+from scenewright.scene.relations import Pattern, patterns
 from scenewright.scene.social import (
     AgentNode,
     Background,
@@ -54,6 +56,10 @@ _NOTHING = (
 )
 _SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
 
+_known: dict[tuple[str, str | None, Site], tuple[tuple[Pattern, ...], Plan]] = {}
+"""The last plans, and the relations that there were: one text is asked for with many seeds."""
+_MOST_KNOWN = 256
+
 
 def plan(text: str, *, previous: str | None = None, site: Site | None = None) -> Plan:
     """The social graph that the text asks for, or why there is none (paper 3.1, SEMANTICS 2-4).
@@ -63,8 +69,18 @@ def plan(text: str, *, previous: str | None = None, site: Site | None = None) ->
         previous: an earlier instruction that `text` edits; a full instruction replaces it.
         site: where it is to happen; None: four legs in right-hand traffic.
     """
+    asked, spoken = (text, previous, site or Site()), patterns()
+    known = _known.get(asked)
+    if known is None or known[0] != spoken:
+        known = _known[asked] = spoken, _planned(*asked)
+        if len(_known) > _MOST_KNOWN:
+            del _known[next(iter(_known))]
+    return known[1]
+
+
+def _planned(text: str, previous: str | None, site: Site) -> Plan:
     try:
-        return _graph(_understand(text, previous, site or Site()))
+        return _graph(_understand(text, previous, site))
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 
@@ -73,19 +89,25 @@ def _understand(text: str, previous: str | None, site: Site) -> Draft:
     base = None
     if previous is not None and previous.strip() and edits.is_edit(text):
         base = _base(previous)
-    draft = _draft(text) if base is None else _edited(text, base)
+    if base is not None:
+        draft = _edited(text, base)
+        draft.site = site
+        return _finish(draft)
+    draft, reader = _draft(text)
     draft.site = site
-    return _finish(draft)
+    _finish(draft)
+    check_read(draft, reader)
+    return draft
 
 
 def _base(previous: str) -> Draft | None:
     try:
-        return _draft(previous)
+        return _draft(previous)[0]
     except Refused:
         return None
 
 
-def _draft(text: str) -> Draft:
+def _draft(text: str) -> tuple[Draft, Reader]:
     """What a full instruction says, before entailments."""
     check_text(text)
     plain, impacts = read_impacts(expand(clean(text)))
@@ -108,7 +130,7 @@ def _draft(text: str) -> Draft:
         raise Refused(
             "contradictory", "The scene cannot be empty and hold agents; drop one of the two."
         )
-    return draft
+    return draft, reader
 
 
 def _edited(text: str, base: Draft) -> Draft:
@@ -178,13 +200,8 @@ def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> Non
             "contradictory", "The text both asks for an event and denies it; keep one of the two."
         )
     if draft.relations:
+        _drop_generic(draft)
         return
-    if not draft.normal and not draft.denied and (deed := reader.unknown_deed()):
-        raise Refused(
-            "out_of_scope",
-            f"What '{deed}' asks for is not known here; say that they collide, nearly collide, "
-            "give way or follow.",
-        )
     _drop_generic(draft)
     for group in list(reader.counted):
         if not any(a.entry or a.exit or a.movement for a in group):
@@ -210,10 +227,16 @@ def _check_denied(draft: Draft, none: frozenset[str]) -> None:
 
 def _drop_generic(draft: Draft) -> None:
     """ "cars and people move on as usual" names nobody in particular."""
+    bound = [agent for edge in draft.relations for agent in (edge.from_, edge.to)]
     draft.agents[:] = [
         agent
         for agent in draft.agents
-        if not agent.generic or agent.entry or agent.exit or agent.movement or agent.crosswalk
+        if agent in bound
+        or not agent.generic
+        or agent.entry
+        or agent.exit
+        or agent.movement
+        or agent.crosswalk
     ]
 
 

@@ -13,13 +13,13 @@ from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.clauses import Reader
 from scenewright.backends.builtin.clock import Clock, read_clock
 from scenewright.backends.builtin.context import read_context
-from scenewright.backends.builtin.coreference import OPPOSITE
 from scenewright.backends.builtin.draft import (
     AgentDraft,
     ContextDraft,
     Draft,
     Refused,
     RelationDraft,
+    Site,
 )
 from scenewright.backends.builtin.grammar import modifiers
 from scenewright.backends.builtin.lexicon import Chunk, lexicon
@@ -31,6 +31,7 @@ from scenewright.backends.builtin.shorthand import expand
 from scenewright.backends.builtin.ties import ties
 from scenewright.scene.edits import Edit, Situation, difference
 from scenewright.scene.social import EntryTie, RelationEdge, SceneContext, SocialGraph
+from scenewright.scene.ways import WAY_FIELDS, with_what_goes
 
 
 def next_item(items: Sequence[Item], at: int) -> Item | None:
@@ -38,7 +39,7 @@ def next_item(items: Sequence[Item], at: int) -> Item | None:
     return items[at + 1] if at + 1 < len(items) else None
 
 
-def by_grammar(text: str, situation: Situation, people: People) -> tuple[Edit, ...]:
+def by_grammar(text: str, situation: Situation, people: People, *, site: Site) -> tuple[Edit, ...]:
     """What the planner's grammar makes of it, as the difference of two graphs."""
     check_text(text)
     whole = expand(clean(text))
@@ -48,7 +49,7 @@ def by_grammar(text: str, situation: Situation, people: People) -> tuple[Edit, .
     figures = (clock.time, clock.pet, clock.ttc, clock.speed)
     if not any(each is not None for each in figures) and not _tells_time(chunks):
         check_scope(whole, chunks, editing=True)
-    base = _Base(situation)
+    base = _Base(situation, site)
     base.change(plain, chunks, clock, people)
     return difference(situation.graph, base.graph(clock))
 
@@ -60,7 +61,7 @@ def _tells_time(chunks: Sequence[Chunk]) -> bool:
 class _Base:
     """The scene as a draft that the planner's grammar can change."""
 
-    def __init__(self, situation: Situation) -> None:
+    def __init__(self, situation: Situation, site: Site) -> None:
         self._before = situation.graph
         self._taken = {each.id for each in situation.present}
         drawn = {each.id: each for each in situation.present}
@@ -101,6 +102,7 @@ class _Base:
             agents=list(self._agents.values()),
             relations=[draft for draft, _ in self._edges],
             context=ContextDraft(density=context.density, time_of_day=context.time_of_day),
+            site=site,
         )
 
     def change(self, plain: str, chunks: Sequence[Chunk], clock: Clock, people: People) -> None:
@@ -113,7 +115,7 @@ class _Base:
             self._read(plain, chunks, people)
         read_context(draft, chunks, clock)
         grammar_of_edits._forget(draft)
-        self._turned_round()
+        self._refit()
         if not draft.agents and (draft.context.vehicles, draft.context.pedestrians) == (0, 0):
             raise Refused("impossible", "Then nobody would be left; add somebody first.")
         planner._finish(draft)
@@ -154,19 +156,19 @@ class _Base:
                     "removed, slowed down or moved in time, or an agent of its own can be added.",
                 )
 
-    def _turned_round(self) -> None:
-        """Who now comes from a side that its crosswalk does not allow crosses another leg."""
+    def _refit(self) -> None:
+        """Who now goes another way keeps of the one before what goes with that."""
         for name, agent in self._agents.items():
-            before = self._before.agent(name)
-            if agent.type != "pedestrian":
-                continue
-            turned = agent.entry is not None and agent.entry != before.entry
-            along = {agent.entry, OPPOSITE.get(agent.entry or "")}
-            if turned and agent.exit == before.exit:
-                agent.exit = None
-            told = agent.crosswalk is not None or agent.movement == "jaywalking"
-            if not told and not (turned and before.crosswalk in along):
-                agent.crosswalk = before.crosswalk
+            now = {each: getattr(agent, each) for each in WAY_FIELDS}
+            was = {each: getattr(self._before.agent(name), each) for each in WAY_FIELDS}
+            told = {key: each for key, each in now.items() if each not in (None, was[key])}
+            if told.get("movement") == "jaywalking":
+                was["crosswalk"] = None
+            found = with_what_goes(agent.type, was, told, self._draft.site.ways)
+            # Where no way goes with what is told, it is said of the words as they are.
+            found = found or {**now, "crosswalk": now["crosswalk"] or was["crosswalk"]}
+            for key, each in found.items():
+                setattr(agent, key, each)
 
     def graph(self, clock: Clock) -> SocialGraph:
         """The draft as a social graph in which agents keep their ids."""

@@ -46,6 +46,20 @@ _PLAIN_NOUNS = frozenset(
         "accidents",
     ]
 )
+_EVASIONS = (
+    "swerv",
+    "brak",
+    "evad",
+    "evas",
+    "dodg",
+    "slam",
+    "screech",
+    "emergency",
+    "hard",
+    "panic",
+)
+"""What somebody who does not do so may well collide for."""
+
 _PRIORITY = frozenset(["way", "priority", "precedence", "room", "space", "ahead"])
 
 
@@ -57,6 +71,10 @@ class Relating(Modifying):
         kind = value if tag == "COLLIDE" and value != "any" else None
         negated, almost = self._polarity(at)
         negated = negated and self._governs(at, chunk)
+        if negated and tag == "NEAR" and chunk.words[0].startswith(_EVASIONS):
+            return
+        if tag == "NEAR" and "brake" in chunk.text:
+            self._at_the_wheel(finite=True)
         type_ = _RELATION_TAGS[tag]
         if tag == "COLLIDE" and almost and not (negated and almost == "avoid"):
             type_, negated = "near_miss", False
@@ -64,6 +82,8 @@ class Relating(Modifying):
                 almost = "avoided"
         elif tag == "COLLIDE" and negated and almost == "avoid":
             negated = False
+        if tag == "COLLIDE" and self._averted(at):
+            type_, negated, kind = "near_miss", False, None
         if tag == "FOLLOW" and value == "chain":
             self._chain()
             return
@@ -86,6 +106,11 @@ class Relating(Modifying):
         if tag == "FOLLOW" and chunk.text == "behind":
             relation.subject = self.last if self.sentence else None
         self._start(relation)
+
+    def _averted(self, at: int) -> bool:
+        """ "collision averted": it came close to one."""
+        after = self._item(at + 1)
+        return isinstance(after, Chunk) and after.text in {"averted", "avoided", "prevented"}
 
     def _listed_actor(self, relation: OpenRelation, at: int) -> None:
         """ "pedestrian on the west crosswalk, truck turning right, yields": the truck does."""
@@ -254,7 +279,11 @@ class Relating(Modifying):
     def _chain(self) -> None:
         if self._chain_behind() or {agent.type for agent in self.last} == {"pedestrian"}:
             return
-        group = next((g for g in (self.last, self.subject) if len(g) > 1), None)
+        wider = len(self.subject) > len(self.last) and set(map(id, self.last)) <= set(
+            map(id, self.subject)
+        )
+        groups = (self.subject, self.last) if wider else (self.last, self.subject)
+        group = next((g for g in groups if len(g) > 1), None)
         group = group or [a for _, g in self.sentence for a in g] or list(self.draft.agents)
         vehicles = [agent for agent in group if agent.type == "vehicle"]
         if len(vehicles) < 2:
@@ -402,24 +431,31 @@ class Relating(Modifying):
                 if words & _PRIORITY:
                     return True
             elif (
-                isinstance(item, Chunk)
-                and item.has("GO_FIRST", "CROSS", "TURN", "STRAIGHT", "HEAD")
-            ) or (
-                isinstance(item, Modifier)
-                and not isinstance(item, Mention)
-                and (
-                    words
-                    & {
-                        "cross",
-                        "across",
-                        "crossing",
-                        "turn",
-                        "go",
-                        "pass",
-                        "through",
-                        "make",
-                        "walk",
-                    }
+                (
+                    isinstance(item, Chunk)
+                    and item.has("GO_FIRST", "CROSS", "TURN", "STRAIGHT", "HEAD")
+                )
+                or (
+                    isinstance(item, Modifier)
+                    and item.first in {"clear", "leave", "finish", "reach"}
+                )
+                or (
+                    isinstance(item, Modifier)
+                    and not isinstance(item, Mention)
+                    and (
+                        words
+                        & {
+                            "cross",
+                            "across",
+                            "crossing",
+                            "turn",
+                            "go",
+                            "pass",
+                            "through",
+                            "make",
+                            "walk",
+                        }
+                    )
                 )
             ):
                 return True

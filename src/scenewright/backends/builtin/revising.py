@@ -12,9 +12,7 @@ from collections.abc import Mapping, Sequence
 from scenewright.backends.builtin import edits as grammar_of_edits
 from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.dials import number, turned
-from scenewright.backends.builtin.draft import (
-    Refused,
-)
+from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.grammar import Modifier, modifiers
 from scenewright.backends.builtin.lexicon import Chunk, lexicon
 from scenewright.backends.builtin.mentions import Item, Mention, noun_phrases
@@ -70,6 +68,7 @@ _PRONOUN = re.compile(
     r"\b(?:make|have|let|get)\s+(?P<it>it|him|her)\s+(?=(?:turn|come|go|run|drive|walk|stop|cross|"
     r"yield|give|wait|hit|follow|leave|enter|head|jaywalk|brake|start)\b)"
 )
+_HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
 _EVENTS = ("COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "LET")
 _SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
 _EVENT_WORDS = {
@@ -86,13 +85,18 @@ _MOST = 20
 
 
 def read(
-    words: str, situation: Situation | None, *, chosen: Mapping[str, str] | None = None
+    words: str,
+    situation: Situation | None,
+    *,
+    chosen: Mapping[str, str] | None = None,
+    site: Site | None = None,
 ) -> Reading:
     """What the words mean where the scene is as it is.
 
     Args:
         situation: None where there is no scene yet.
         chosen: answers given to questions about these words: phrase -> agent id.
+        site: where it happens; None: four legs in right-hand traffic.
     """
     plain = " ".join(words.lower().split())
     for wish, pattern in _WISHES:
@@ -101,7 +105,7 @@ def read(
     if situation is None or _FRESH.search(plain):
         return Fresh()
     try:
-        return _edits(words, situation, chosen or {})
+        return _edits(words, situation, chosen or {}, site or Site())
     except Unclear as unclear:
         return unclear.ask
     except Refused as refused:
@@ -115,7 +119,7 @@ def begins_anew(words: str) -> bool:
     return _FRESH.search(" ".join(words.lower().split())) is not None
 
 
-def _edits(words: str, situation: Situation, chosen: Mapping[str, str]) -> Reading:
+def _edits(words: str, situation: Situation, chosen: Mapping[str, str], site: Site) -> Reading:
     again = _ANOTHER.match(" ".join(words.lower().split()))
     if again is not None:
         return Edits(edits=(_redraw(again, situation, chosen),))
@@ -124,7 +128,7 @@ def _edits(words: str, situation: Situation, chosen: Mapping[str, str]) -> Readi
     found: list[Edit] = []
     for part in _PARTS.split(words.strip()):
         if part.strip():
-            made = _part(part, situation, chosen)
+            made = _part(part, situation, chosen, site)
             found += made
             graph = edited(situation.graph, made)
             situation = situation.model_copy(update={"graph": graph})
@@ -163,7 +167,9 @@ def _redraw(found: re.Match[str], situation: Situation, chosen: Mapping[str, str
     return Redraw(agent=agent.id)
 
 
-def _part(text: str, situation: Situation, chosen: Mapping[str, str]) -> tuple[Edit, ...]:
+def _part(
+    text: str, situation: Situation, chosen: Mapping[str, str], site: Site
+) -> tuple[Edit, ...]:
     """The edits that one clause asks for."""
     people = People(situation, chosen)
     text = _spelt_out(text, people)
@@ -177,7 +183,7 @@ def _part(text: str, situation: Situation, chosen: Mapping[str, str]) -> tuple[E
     made = made or (None if event else _more_or_fewer(plain, items, situation))
     made = made or _dial(text, items, people)
     made = made or (None if event else _kind(plain, items, situation, people))
-    return made or by_grammar(text, situation, people)
+    return made or by_grammar(text, situation, people, site=site)
 
 
 def _figures(plain: str) -> bool:
@@ -228,6 +234,10 @@ def _spelt_out(text: str, people: People) -> str:
     if found is None:
         return text
     kind = "vehicle" if found["it"] == "it" else "pedestrian"
+    if _HOLDS.match(text[found.end() :].lower()):
+        held = [e for e in people.foreground() if e.stops or e.slows_to is not None]
+        if len(held) == 1 and held[0].type == kind:
+            return f"{text[: found.start('it')]}{held[0].id}{text[found.end('it') :]}"
     if not any(each.type == kind for each in people.foreground()):
         return text
     return f"{text[: found.start('it')]}the {kind}{text[found.end('it') :]}"

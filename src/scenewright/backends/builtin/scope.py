@@ -14,10 +14,12 @@ from scenewright.backends.builtin.normalise import Token
 MOST_CHARACTERS = 2_000
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 _QUESTION = re.compile(
-    r"^\s*(?:(?:how (?!about)|what(?!\s+(?:if|about|happens (?:if|when)))|why|who|where|"
+    r"^\s*(?:(?:how (?!about)|what(?!\s+(?:if|about|happens (?:if|when)|an? (?!.*\?)))|why|who|"
+    r"where|"
     r"when (?:is|was|did|do|will)|which|tell me|explain|define|translate|summari[sz]e|"
     r"is it|are there any laws|do i|should i)\b)"
 )
+_HITS = re.compile(r"\b(?:hit|strik|struck|miss|touch|collid|crash)")
 _EVIDENCE = (
     "COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "BOUND", "NORMAL", "XWALK", "CROSS", "JAYWALK",
     "TURN", "STRAIGHT", "UTURN", "COMPASS", "REDRUN", "OPPOSITE", "DENSITY",
@@ -155,7 +157,7 @@ def _has_agent(chunks: Sequence[Chunk]) -> bool:
 
 def _struck(chunks: Sequence[Chunk], at: int) -> bool:
     for chunk in reversed(chunks[max(0, at - 4) : at]):
-        if chunk.has("COLLIDE"):
+        if chunk.has("COLLIDE") or (chunk.has("NEAR") and _HITS.search(chunk.text)):
             return True
         if chunk.has("AGENT") or chunk.mark:
             return False

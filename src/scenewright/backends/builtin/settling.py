@@ -18,6 +18,7 @@ from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraf
 from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.lexicon import Chunk
 
+_BETWEEN_VEHICLES = frozenset({"rear_end", "sideswipe", "head_on", "angle"})
 _HALTS = frozenset({"wai", "sto", "bra", "slo", "pau", "hal", "dec"})
 
 
@@ -163,6 +164,8 @@ class Settling(Cursor):
     def _missing_object(self, relation: OpenRelation, subject: Group) -> Group | None:
         if relation.causer:
             return relation.causer
+        if relation.kind in _BETWEEN_VEHICLES and subject[0].type == "vehicle":
+            return self._other_vehicle(relation, subject)
         agents = [(at, a) for at, group in self.sentence for a in group if a not in subject]
         after = _unique(a for at, a in agents if at > relation.at)
         before = _unique(a for at, a in agents if at < relation.at)
@@ -181,6 +184,18 @@ class Settling(Cursor):
         if relation.negated:
             return [a for a in self.draft.agents if a not in subject][-1:] or None
         return None
+
+    def _other_vehicle(self, relation: OpenRelation, subject: Group) -> Group | None:
+        """ "brakes for a jaywalker and nearly gets hit from behind": not by the jaywalker."""
+        told = [(at, a) for at, group in self.sentence for a in group if a not in subject]
+        vehicles = [(at, a) for at, a in told if a.type == "vehicle"]
+        after = _unique(a for at, a in vehicles if at > relation.at)
+        before = _unique(a for at, a in vehicles if at < relation.at)
+        found = (before[-1:] or after[:1]) if relation.passive else (after[:1] or before[-1:])
+        known = [a for a in self.draft.agents if a.type == "vehicle" and a not in subject]
+        if found or known or not told:
+            return found or None
+        return [self.discourse.create("vehicle")]
 
     def _settle_group(self, relation: OpenRelation, group: Group) -> None:
         for first, second in pairwise(group):
@@ -258,12 +273,17 @@ class Settling(Cursor):
         if self.draft.relations or self.draft.normal:
             return
         self._settle_trailing()
-        for relation in self.deferred:
-            others = [a for a in self.draft.agents if a not in (relation.subject or [])]
-            together = len(others) == 1 or {a.type for a in others} == {"pedestrian"}
-            if relation.weak and relation.subject and others and together:
-                self._settle(relation, relation.subject, others)
-                return
+        self._settle_weak([r for r in self.deferred if r.weak and r.subject])
+
+    def _settle_weak(self, weak: list[OpenRelation]) -> None:
+        """ "a car waits; a pedestrian crosses": whoever stops does it for the others."""
+        stopping = [agent for relation in weak for agent in relation.subject or []]
+        others = [agent for agent in self.draft.agents if agent not in stopping]
+        together = len(others) == 1 or {a.type for a in others} == {"pedestrian"}
+        if not others or not together or any(agent.role == "leader" for agent in stopping):
+            return
+        for relation in weak:
+            self._settle(relation, relation.subject or [], others)
 
     def _settle_trailing(self) -> None:
         """ "a taxi with a truck behind it", "the bus goes first": nothing else happens."""
@@ -272,7 +292,7 @@ class Settling(Cursor):
         if len(first) == len(others) == 1 and not self.deferred:
             self._add("yield_to", others[0], first[0])
             return
-        for agent in self.trailing:
+        for agent in self.trailing if "late_brake" not in self.said else []:
             ahead = [a for a in self.draft.agents if a.type == "vehicle" and a is not agent]
             if len(ahead) == 1 and not self.deferred:
                 self._add("follow", agent, ahead[0])

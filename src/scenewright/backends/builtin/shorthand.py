@@ -51,7 +51,7 @@ _NAMED_SIDE = re.compile(rf"\b{SIDE}\b")
 _BACKGROUND_LIST = re.compile(
     r"\b(?:in the )?(?:background|bg|others|extras)(?: only)?"
     r"(?: (?:traffic|agents|road users|actors))?"
-    rf"\s*[:=]\s*({_NUMBER} [^.;|:]*)"
+    rf"(?:\s*[:=]\s*|\s+(?=\d))({_NUMBER} [^.;|:]*)"
 )
 _COUNT = re.compile(rf"\b({_NUMBER}) ((?:[a-z]+ )?{_COUNTED})\b")
 _LABELLED_COUNT = re.compile(
@@ -67,12 +67,14 @@ _MOVES = {
 }  # fmt: skip
 _MOVE = rf"(?:{'|'.join(_MOVES)})"
 _VERSUS = re.compile(
+    r"(?<!follower )(?<!leader )(?<!vehicle )(?<!car )(?<!bus )(?<!truck )(?<!van )"
     rf"\b({BOUND})[ -]({_MOVE})(?=\s*(?:vs|versus|x|against)\b|\s+{_ACTION}\b)"
     rf"|(?<=vs )({BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
     rf"|(?<=versus )({BOUND})[ -]({_MOVE})\b(?! ?-?turn)"
     rf"|(?:(?<=to )|(?<=by )|(?<=with )|(?<=hits )|(?<=and ))({BOUND})[ -]({_MOVE})\b"
     r"(?=\s*(?:[,.;)]|$))"
 )
+_OPENS = re.compile(rf"(^\W*|[.;:] )({BOUND})[ -]({_MOVE})(?=\s*[,;])")
 _BOTH_BOUND = re.compile(
     rf"\b({BOUND}) and ({BOUND})[ -]({_MOVE})(?:[ -]turn(?:s|ers?)?|s)?(?=\s*(?:[,.;:)]|$))"
 )
@@ -259,7 +261,9 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
 _BOTH_WAYS = re.compile(
     r"\b(left|right|straight)(?: turn)? and (?:also )?(?:turn\w* |goes |go )?"
     r"(left|right|straight)\b"
-    r".{0,12}?\b(?:at the same time|simultaneously|at once|together)\b"
+    r".{0,12}?\b(?:(?:at|in) (?:the )?(?:very )?same (?:time|moment|instant)|simultaneously|at "
+    r"once|"
+    r"together)\b"
 )
 _NOTHING_IN_WHICH = re.compile(
     r"\b(?:without(?: any)?|no|zero) (?:other )?(?:interactions?|events?|incidents?|conflicts?|"
@@ -292,6 +296,7 @@ def expand(text: str) -> str:
     text = _OF_MAP.sub(lambda match: f"the {_MAP_SIDES[match[1]]}", text)
     text = _BOTH_BOUND.sub(_both_vehicles, text)
     text = _VERSUS.sub(_vehicle, text)
+    text = _OPENS.sub(lambda m: f"{m[1]}a {m[2]} vehicle {_MOVES[m[3]]}", text)
     text = _THAT_LEG.sub(_that_leg, text)
     text = _ENTRY_CROSSWALK.sub("the entrywalk", text)
     return _backgrounds(_EXIT_CROSSWALK.sub("the exitwalk", text))

@@ -53,8 +53,10 @@ def _told(draft: Draft) -> Iterator[Tie]:
 
 
 def _implied(draft: Draft) -> Iterator[Tie]:
-    """ "nearly collide head-on": they come towards one another."""
+    """ "nearly collide head-on": towards one another; "nearly rear-ends": in one lane."""
     for relation in draft.relations:
+        if relation.type == "near_miss" and relation.kind == "rear_end":
+            yield relation.to, relation.from_, "same"
         if relation.type == "near_miss" and relation.kind == "head_on":
             yield relation.to, relation.from_, "opposite"
 

@@ -43,9 +43,11 @@ def is_filtered(error: Exception) -> bool:
 
 def refused_option(error: Exception) -> str | None:
     """The option of a request that the endpoint does not take, if that is what is wrong."""
-    if _status(error) not in (400, 404, 422, 501):
+    status, words = _status(error), _message(error).lower()
+    if status == 500 and "response_format" in words:
+        return "response_format"  # llama-cpp-python's server calls every bad request its own fault
+    if status not in (400, 404, 422, 501):
         return None
-    words = _message(error).lower()
     for option, names in _OPTIONS.items():
         if any(name in words for name in names):
             return option

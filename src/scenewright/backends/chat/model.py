@@ -22,6 +22,9 @@ from scenewright.backends.spoken import Said
 _CUT_OFF = ("length", "max_tokens", "model_length")
 _REFUSED = ("refusal", "content_filter")
 _OPTIONAL = ("response_format", "temperature", "seed")
+_FORMS = ("json_schema", "json_object")
+"""How a reply's schema is asked for; the second is older, and all that llama-cpp-python takes."""
+
 _AGAIN = 0.7
 """Temperature of an attempt after a refused one."""
 
@@ -43,8 +46,9 @@ class Limits:
 class ChatModel:
     """Puts questions to a LangChain chat model (see `Speaker`).
 
-    The reply's schema is asked for as `response_format`; an endpoint that does not know this or
-    another option is asked without it, and the words say the same.
+    The reply's schema is asked for as `response_format`: of the type `json_schema`, else, of an
+    OpenAI-compatible server, of the older `json_object` with the schema in it. An endpoint that
+    knows neither, or not another option, is asked without it, and the words say the same.
     """
 
     def __init__(self, endpoint: Endpoint, *, limits: Limits | None = None) -> None:
@@ -52,6 +56,7 @@ class ChatModel:
         self._model, self._key = endpoint.model, endpoint.key
         self._limits = limits or Limits()
         self._turn = threading.BoundedSemaphore(self._limits.at_once)
+        self._forms: tuple[str, ...] = _FORMS if self.name.startswith("openai:") else _FORMS[:1]
         self._unknown: set[str] = set()
 
     def say(self, question: Question, wording: Wording) -> Said:
@@ -83,7 +88,7 @@ class ChatModel:
 
     def _invoke(self, question: Question, wording: Wording) -> Said:
         messages = [("system", wording.system), ("human", wording.user)]
-        for _ in range(len(_OPTIONAL)):
+        for _ in range(len(_OPTIONAL) + len(self._forms) - 1):
             options = self._options(question, wording)
             try:
                 return _said(self._model.invoke(messages, **options))
@@ -91,20 +96,28 @@ class ChatModel:
                 refused = refused_option(error)
                 if refused not in options:
                     raise
-                self._unknown.add(str(refused))
+                self._leave_out(str(refused), options)
         return _said(self._model.invoke(messages))
 
     def _options(self, question: Question, wording: Wording) -> dict[str, Any]:
         """The reply's schema and, where models take them, a temperature and a seed."""
-        schema = {"name": question.task, "schema": wording.schema}
-        options: dict[str, Any] = {
-            "response_format": {"type": "json_schema", "json_schema": schema}
-        }
+        options: dict[str, Any] = {}
+        forms = self._forms
+        if forms:
+            options["response_format"] = _form(forms[0], question.task, wording.schema)
         if self.name.startswith("openai:"):
             # At no temperature a model that is told of a fault often makes the same one again.
             options["temperature"] = _AGAIN if question.rejections else 0.0
             options["seed"] = question.seed % 2**31
         return {key: each for key, each in options.items() if key not in self._unknown}
+
+    def _leave_out(self, option: str, told: Mapping[str, Any]) -> None:
+        """What this endpoint does not take is not sent again; of a schema, in that form."""
+        if option != "response_format":
+            self._unknown.add(option)
+            return
+        sent = told[option]["type"]
+        self._forms = tuple(each for each in self._forms if each != sent)
 
     def _cut_off(self, error: Exception) -> Said:
         usage = getattr(getattr(error, "completion", None), "usage", None)
@@ -114,6 +127,12 @@ class ChatModel:
             input_tokens=_count(getattr(usage, "prompt_tokens", None)),
             output_tokens=_count(getattr(usage, "completion_tokens", None)),
         )
+
+
+def _form(kind: str, task: str, schema: dict[str, Any]) -> dict[str, Any]:
+    """A reply's schema as an option of the request."""
+    told = {"name": task, "schema": schema}
+    return {"type": kind, **({kind: told} if kind == "json_schema" else {"schema": schema})}
 
 
 def _said(message: Any) -> Said:

@@ -78,6 +78,7 @@ def judge(
     made = {name: seen(scenes, on=on) for name, scenes in sets.items()}
     options: dict[str, Any] = {"draws": draws, "seed": seed}
     rows = [*_motion_rows(made, known, options), *_stop_rows(made, known, options)]
+    rows += _alike_rows(made, known, options)
     if real is not None:
         rows += _real_rows(made, known, real, options)
     return Report(tuple(rows), _facts(made, known, hours, real))
@@ -135,6 +136,31 @@ def _stop_rows(made: Mapping[str, Seen], known: Seen, options: Mapping[str, Any]
             yield from compare(
                 topic, kind, sets, reference, named="corpus", measures=measures, **options
             )
+
+
+PAIRS: tuple[tuple[AgentClass, AgentClass], ...] = (
+    ("vehicle", "pedestrian"),
+    ("vehicle", "vehicle"),
+    ("pedestrian", "vehicle"),
+)
+
+
+def _alike_rows(made: Mapping[str, Seen], known: Seen, options: Mapping[str, Any]) -> Iterator[Row]:
+    """Stops for one other alone, by whom it was for.
+
+    In a corpus people often let several pass in one standstill. A scene asks for one yield, between
+    classes that the request names and not the corpus' streets.
+    """
+    for kind, other in PAIRS:
+        sides: dict[str, Measured] = {}
+        for name, each in {**made, "": known}.items():
+            chosen = [[s for s in stops if s.alone and s.to == other] for stops in each.stops]
+            sides[name] = stopping(chosen, kind, side=each.side)
+        reference = sides.pop("")
+        topic = f"Stops of who lets one {other} pass"
+        yield from compare(
+            topic, kind, sides, reference, named="corpus", measures=MEASURES, **options
+        )
 
 
 def _real_rows(

@@ -1,4 +1,4 @@
-"""How people give way in a corpus: quantiles for the solver, from hours that judge nothing.
+"""How people give way, set off and brake in a corpus, from hours that judge nothing.
 
 `python -m scenewright.evals.realism.manners --corpus F.npz --out manners.json` looks at the fit and
 validation hours alone; what scenes are compared with are the test hours.
@@ -23,7 +23,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.events import Event
 from scenewright.scene.manners import LEVELS, Habits, Manners, Quantiles
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.gmm_sampler.manners import to_json
+from scenewright.tools.gmm_sampler.manners import Pace, Paces, to_json
 from scenewright.tools.recordings import load_recordings
 from scenewright.tools.relation_checker import Mover, observe
 
@@ -31,32 +31,59 @@ FEWEST = 20
 """Yields of two classes below which their habits are not told."""
 FEWEST_ROLLING = 5
 """Of those who do not stand: fewer say nothing about how it is done."""
+LEAST_SPREAD = 0.05
 LATEST = 3.5
 """Who enters longer after the other has left [s] did not roll for its sake."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One yield that was seen whole; measures as in `Manners`, None where there is none."""
+    """One yield that was seen whole; measures as in `Manners`, None where there is none.
+
+    Attributes:
+        stood_at: when its standstill began [s]; None if it never stood.
+        starts, brakes: how it set off and braked [m/s^2], as `Pace` has it.
+    """
 
     pair: tuple[AgentClass, AgentClass]
-    stood: bool
+    stood_at: float | None
     pace: float | None = None
     place: float | None = None
     margin: float | None = None
     gap: float | None = None
     stands: float | None = None
     reacts: float | None = None
+    starts: float | None = None
+    brakes: float | None = None
 
 
 def cases(scenes: Iterable[Played], *, on: IntersectionMap) -> Iterator[Case]:
-    """Every yield in which the giver enters the zone before its track ends."""
+    """Every yield in which the giver enters the zone before its track ends.
+
+    Who stands once for several counts once, with the nearest of them: the others are waited for
+    from further off than anybody would for their sake.
+    """
     for scene in scenes:
         found = observe(scene.users, ground=on, signals=scene.signals, asked=(), detailed=())
         movers = {mover.id: mover for mover in found.movers}
+        standing: dict[tuple[int, float], Case] = {}
+        rolling: dict[int, Case] = {}
         for event in found.events:
-            if event.type == "yielding" and event.evidence.get("entered") is not None:
-                yield _case(event, movers, scene, on)
+            if event.type != "yielding" or event.evidence.get("entered") is None:
+                continue
+            case = _case(event, movers, scene, on)
+            if case.stood_at is None:
+                rolling.setdefault(event.from_, case)
+            else:
+                key = (event.from_, case.stood_at)
+                standing[key] = min(case, standing.get(key, case), key=_distance)
+        stood = {giver for giver, _ in standing}
+        yield from standing.values()
+        yield from (case for giver, case in rolling.items() if giver not in stood)
+
+
+def _distance(case: Case) -> float:
+    return np.inf if case.gap is None else case.gap
 
 
 def _case(event: Event, movers: dict[int, Mover], scene: Played, on: IntersectionMap) -> Case:
@@ -70,13 +97,30 @@ def _case(event: Event, movers: dict[int, Mover], scene: Played, on: Intersectio
         low = part.start + int(np.argmin(giver.speed[part]))
         at = float(np.interp(entered, giver.times, giver.s)) - float(giver.s[low])
         pace = float(giver.speed[low]) / float(seen["approach_speed"])
-        return Case(pair, False, pace=pace, place=at, margin=entered - cleared)
+        return Case(pair, None, pace=pace, place=at, margin=entered - cleared)
     stands = [s for s in standstills(giver) if begin <= giver.times[s.start] <= entered]
     started = float(giver.times[stands[-1].stop - 1])
     whole = stop.duration is not None
     return Case(
-        pair, True, gap=stop.gap, stands=stop.duration, reacts=started - cleared if whole else None
+        pair,
+        float(giver.times[stands[-1].start]),
+        gap=stop.gap,
+        stands=stop.duration,
+        reacts=started - cleared if whole else None,
+        starts=_rate(giver.type, stop.starting, stop.mean_starting),
+        brakes=_rate(giver.type, stop.braking, stop.mean_braking),
     )
+
+
+def _rate(kind: AgentClass, most: float | None, mean: float | None) -> float | None:
+    """The even rate that stands for a start or a braking [m/s^2].
+
+    Halfway between the strongest and the mean for vehicles. People on foot have their pace after
+    less than a second, so that a mean over two says how fast they walk; the strongest counts.
+    """
+    if most is None or mean is None or kind == "pedestrian":
+        return most
+    return (most + mean) / 2.0
 
 
 def habits(seen: Sequence[Case]) -> Habits:
@@ -86,10 +130,31 @@ def habits(seen: Sequence[Case]) -> Habits:
     return {pair: _manners(found) for pair, found in of.items() if len(found) >= FEWEST}
 
 
+def paces(seen: Sequence[Case]) -> Paces:
+    """How briskly those of each class set off and brake who gave way often enough."""
+    kinds: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
+    found: dict[AgentClass, Pace] = {}
+    for kind in kinds:
+        own = [each for each in seen if each.pair[0] == kind]
+        starts = [each.starts for each in own if each.starts is not None]
+        brakes = [each.brakes for each in own if each.brakes is not None]
+        if min(len(starts), len(brakes)) >= FEWEST:
+            found[kind] = Pace(_lognormal(starts), _lognormal(brakes))
+    return found
+
+
+def _lognormal(values: Sequence[float]) -> tuple[float, float]:
+    """Median, and standard deviation of the logarithm from the median deviation."""
+    logs = np.log(np.maximum(values, 0.05))
+    centre = float(np.median(logs))
+    spread = 1.4826 * float(np.median(np.abs(logs - centre)))
+    return round(float(np.exp(centre)), 3), round(max(spread, LEAST_SPREAD), 3)
+
+
 def _manners(found: Sequence[Case]) -> Manners:
     rolling = [c for c in found if c.margin is not None and c.margin <= LATEST]
     rolling = rolling if len(rolling) >= FEWEST_ROLLING else []
-    standing = [each for each in found if each.stood]
+    standing = [each for each in found if each.stood_at is not None]
     return Manners(
         rolls=round(len(rolling) / (len(rolling) + len(standing)), 3),
         **{name: _quantiles(rolling, name) for name in ("pace", "place", "margin")},
@@ -120,7 +185,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         found = habits(seen)
         if not found:
             raise InputError(f"{told.corpus} shows too few yields in its fit hours: {len(seen)}")
-        write_atomically(told.out, to_json(found).encode("utf-8"))
+        write_atomically(told.out, to_json(found, paces(seen)).encode("utf-8"))
     except InputError as fault:
         print(fault, file=sys.stderr)
         return fault.exit_code

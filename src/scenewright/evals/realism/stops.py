@@ -27,6 +27,8 @@ RAMP = 6.0
 """How long before and after a standstill braking and starting are looked at [s]."""
 BEGUN = 0.95
 """Braking began when this share of the largest speed was last driven."""
+WAY_AHEAD, OVER_IT, MOVES_ON = 18.0, 1.0, 1.0
+"""Who moves by more than 1 m and comes within 1 m of the next 18 m of a way passes there."""
 LINE_REACH = 12.0
 """A stop further than this before a stop line is no stop at it [m]."""
 INWARDS = 0.7
@@ -39,6 +41,8 @@ class Stop:
 
     Attributes:
         type: of who stopped; yields: whether it gave way; asked: whether a relation asked for it.
+        to: class of who was let pass; alone: nobody else passed ahead of it while it stood, and it
+            gave way to nobody else.
         duration: of the standstill [s]; None where the scene began or ended in it.
         gap: of who gives way: from its front to what it stops for [m]: the stop line ahead or,
             along its own path, the conflict zone, whichever is nearer. None where it gave way to
@@ -53,6 +57,8 @@ class Stop:
     type: AgentClass
     yields: bool
     asked: bool = False
+    to: AgentClass | None = None
+    alone: bool = False
     duration: float | None = None
     gap: float | None = None
     line_gap: float | None = None
@@ -62,7 +68,7 @@ class Stop:
     mean_starting: float | None = None
 
 
-MEASURES = tuple(each.name for each in fields(Stop))[3:]
+MEASURES = tuple(each.name for each in fields(Stop))[5:]
 """The measured fields of a stop, in order."""
 
 
@@ -96,7 +102,8 @@ def _nearer(known: Stop | None, other: Stop) -> Stop:
         return other
     gaps = [stop.gap for stop in (known, other) if stop.gap is not None]
     kept = known if known.asked or known.gap == min(gaps, default=None) else other
-    return replace(kept, asked=known.asked or other.asked, gap=min(gaps, default=None))
+    asked = known.asked or other.asked
+    return replace(kept, asked=asked, gap=min(gaps, default=None), alone=False)
 
 
 def given_way(
@@ -119,7 +126,28 @@ def given_way(
     gap = min(ahead, default=None)
     if gap is not None and _queues(giver, stand.stop - 1, gap, everybody):
         gap = None
-    return replace(stop, asked=asked, gap=gap)
+    to = next(each.type for each in everybody if each.id == event.to)
+    alone = not _others_pass(giver, stand, event.to, everybody)
+    return replace(stop, asked=asked, gap=gap, to=to, alone=alone)
+
+
+def _others_pass(giver: Mover, stand: slice, to: int, everybody: Iterable[Mover]) -> bool:
+    """Whether anybody but `to` goes over the way ahead of a standing agent."""
+    last = stand.stop - 1
+    driven = giver.s - giver.s[last]
+    way = giver.xy[(np.arange(len(driven)) > last) & (driven > 0.0) & (driven < WAY_AHEAD)][::3]
+    for other in everybody:
+        first = max(float(giver.times[stand.start]), other.start)
+        until = min(float(giver.times[last]), other.end)
+        if other.id in (giver.id, to) or until <= first or not len(way):
+            continue
+        seen = slice(other.index(first), other.index(until) + 1)
+        if float(other.s[seen][-1] - other.s[seen][0]) < MOVES_ON:
+            continue
+        away = other.xy[seen][:, None] - way[None]
+        if float(np.hypot(away[..., 0], away[..., 1]).min()) < OVER_IT:
+            return True
+    return False
 
 
 def _queues(giver: Mover, k: int, gap: float, everybody: Iterable[Mover]) -> bool:

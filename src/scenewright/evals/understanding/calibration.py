@@ -17,11 +17,9 @@ from numpy.typing import NDArray
 
 from scenewright.errors import InputError
 from scenewright.evals.understanding.features import NAMES, mirrored
+from scenewright.evals.understanding.together import CLASSES, SWAPPED, weighed
 from scenewright.scene.base import FloatArray
 
-CLASSES = ("none", "collision", "near_miss", "gives_a", "gives_b")
-"""What a pair may have: nothing, a collision, a near miss, or that a, or b, gives way."""
-_SWAPPED = (0, 1, 2, 4, 3)
 _SHIPPED = Path(__file__).with_name("calibration.npz")
 
 
@@ -34,6 +32,7 @@ class Calibration:
             index of its first node.
         feature: [N] feature looked at, -1 in leaves; limit: [N] at or below it goes left;
             left, right: [N] index of the next node; value: [N] of leaves.
+        together: [M + 1, C] weights of the model that looks at all pairs of a scene.
         windows: [W] ascending; threshold: [W, C] how likely a relation must be to be reported
             after each of them [s].
     """
@@ -46,6 +45,7 @@ class Calibration:
     left: NDArray[np.intp]
     right: NDArray[np.intp]
     value: FloatArray
+    together: FloatArray
     windows: FloatArray
     threshold: FloatArray
 
@@ -55,11 +55,15 @@ class Calibration:
         return np.array([np.interp(window, self.windows, column) for column in columns])
 
     def likely(self, values: FloatArray) -> FloatArray:
-        """[N, C] how likely each class is for pairs [N, F]; the same whoever is called a."""
+        """[N, C] how likely each class is for pairs [N, F], each by itself, whoever is called a."""
         if not len(values):
             return np.zeros((0, len(CLASSES)))
         there, back = self._softmax(values), self._softmax(mirrored(values))
-        return np.asarray((there + back[:, _SWAPPED]) / 2)
+        return np.asarray((there + back[:, SWAPPED]) / 2)
+
+    def in_scene(self, values: FloatArray, pairs: Sequence[tuple[str, str]]) -> FloatArray:
+        """[N, C] the same for all pairs of one scene, each in the light of the others."""
+        return weighed(self.likely(values), pairs, self.together)
 
     def _softmax(self, values: FloatArray) -> FloatArray:
         node = np.broadcast_to(self.root, (len(values), len(self.root))).copy()

@@ -101,14 +101,21 @@ def _touch(
 ) -> NDArray[np.bool_]:
     """[N] whether footprints overlap, in future `rows`, at ticks i and j."""
     (places_a, radius_a), (places_b, radius_b) = discs_of(a), discs_of(b)
-    discs = (
-        agent.xy[rows, t][:, None] + places[:, None] * _unit(agent.heading[rows, t])[:, None]
+    (x_a, y_a), (x_b, y_b) = (
+        _discs(agent, rows, t, places)
         for agent, t, places in ((first, i, places_a), (second, j, places_b))
     )
-    one, two = discs
-    apart = np.square(one[:, :, None] - two[:, None]).sum(axis=-1)
-    return np.asarray((apart < (radius_a + radius_b) ** 2).any(axis=(1, 2)))
+    dx, dy = x_a[:, :, None] - x_b[:, None], y_a[:, :, None] - y_b[:, None]
+    near = dx * dx + dy * dy < (radius_a + radius_b) ** 2
+    return np.asarray(near.reshape(len(rows), -1).any(axis=1))
 
 
-def _unit(heading: FloatArray) -> FloatArray:
-    return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+def _discs(
+    agent: Future, rows: NDArray[np.intp], t: NDArray[np.intp], places: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """[N, D] x and y of the discs; by axis, as summing over the last one of two is slow."""
+    xy, heading = agent.xy[rows, t], agent.heading[rows, t]
+    return (
+        xy[:, :1] + places * np.cos(heading)[:, None],
+        xy[:, 1:] + places * np.sin(heading)[:, None],
+    )

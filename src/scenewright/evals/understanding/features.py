@@ -12,19 +12,21 @@ from scenewright.evals.understanding.company import CLOSE, Company, Two, company
 from scenewright.evals.understanding.conflicts import NEVER, Meeting
 from scenewright.evals.understanding.futures import DT, TICKS, Future, Outlook
 from scenewright.evals.understanding.observing import Seen
+from scenewright.evals.understanding.zones import IN_ZONE, OF_ZONE, zone_values
 from scenewright.scene.base import FloatArray
 
 OF_BOTH = ("at_once", "close", "within_1", "within_2", "within_3", "alone_1", "best", "best_share",
-           "touch", "wide", "wide_share", "soon", "angle", "rank", "window")  # fmt: skip
+           "touch", "wide", "wide_share", "soon", "angle", "rank", "window", *OF_ZONE)  # fmt: skip
 """Shares of futures in which the two touch if one of them came 0.3, 0.6, 1.1, 2.1 or 3.1 s earlier
 or later, others taken into account; 1.1 s without regard to others; the pair of exits that brings
 them together most: how surely, how likely that pair is, in how many they touch as it is, when [s]
 and at which angle [rad]; by how much more this pair is brought together than any other of the
-scene; how long was observed [s]."""
+scene; how long was observed [s]; and of the zone that those exits share, as in `zones`."""
 OF_EACH = ("first", "undelayed_0", "undelayed_1", "undelayed_2", "delay", "delay_least", "speed",
            "lost", "gain", "gain_2", "stood", "walks", "held", "runs", "own", "own_alone",
            "straight", "jaywalks", "slowed", "known", "reach", "needs", "busy",
-           "cause")  # fmt: skip
+           "cause", "left", "right", "length", "line_needs", "line_late",
+           *IN_ZONE)  # fmt: skip
 """Whether it passes first within 3 s; whether it would have come within 0.3, 1 or 2 s of the other
 had it not slowed down; by how much it is slower than its way demands, in the middle and at least
 [m/s]; how fast, how much slower than it was [m/s], what it gains over 0.7 and 2 s [m/s^2]; how
@@ -32,12 +34,16 @@ long it has stood [s]; on foot; held at red; goes on where it should stop; how l
 the pair of exits is, with and without regard to others; straight on; off a crosswalk; has slowed
 down; for how long it has been seen [s]; how far it is from where they meet [m] and the braking
 that stops it before [m/s^2]; how surely it meets somebody else; how surely it would have, had it
-not slowed down."""
+not slowed down; how likely its part is a left or right turn; its length [m]; the braking that stops
+it where it should [m/s^2], and how likely that is more than people brake; its stay in the zone, as
+in `zones`."""
 NAMES = (*OF_BOTH, *(f"{name}_a" for name in OF_EACH), *(f"{name}_b" for name in OF_EACH))
 _TRUST = 0.3
 """A pair of exits counts by how surely it brings the two together, times its own likelihood to this
 power: accidents happen to those who do what is rare."""
 _FAR = 60.0
+_SLACK, _BRAKES = 0.3, 2.5
+"""How exactly it is known where to stop [m]; harder than this people brake for no light [m/s^2]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +125,19 @@ class _Scene:
             best.surely, best.share, best.touch, wide.surely, wide.share, min(wide.soon, 20.0),
             wide.angle, best.score - others, self.window,
         ]  # fmt: skip
+        shared, zone_a, zone_b = self._zone((i, j), wide if wide.score else best)
         ours = (self._own((i, j), 0, gap, weight, best, wide),
                 self._own((i, j), 1, -gap, weight, best, wide))  # fmt: skip
-        values = np.array([*both, *ours[0], *ours[1]])
+        values = np.array([*both, *shared, *ours[0], *zone_a, *ours[1], *zone_b])
         agents = self.outlook.agents
         return Pair(agents[i].id, agents[j].id, values, wide.soon)
+
+    def _zone(self, pair: Two, best: _Best) -> tuple[list[float], list[float], list[float]]:
+        """The zone that the two share if they leave as `best` has it."""
+        (i, j), kinds = pair, self.company.kinds
+        mine = (kinds[i] == best.kinds[0]) & (kinds[j] == best.kinds[1])
+        agents, futures = self.outlook.agents, self.outlook.futures
+        return zone_values((agents[i], futures[i]), (agents[j], futures[j]), mine)
 
     def _own(
         self, pair: Two, which: int, gap: FloatArray, weight: FloatArray, best: _Best, wide: _Best
@@ -155,6 +169,8 @@ class _Scene:
             min(v * v / (2.0 * max(reach - agent.length / 2 - 0.5, 0.5)), 12.0),
             max((x for p, x in self.busy.items() if n in p and p != pair), default=0.0),
             max((x for (p, q), x in self.cause.items() if p == n and q != m), default=0.0),
+            *(_part(future.weight * part, movement == turn) for turn in ("left", "right")),
+            agent.length, *_at_line(future, v),
         ]  # fmt: skip
 
 
@@ -177,6 +193,16 @@ def _share(late: Meeting | None, weight: FloatArray, limit: float) -> float:
 def _movements(outlook: Outlook, n: int) -> NDArray[np.str_]:
     routes = outlook.fits[n].ways.routes
     return np.array([routes[c].movement for c in outlook.futures[n].component.tolist()])
+
+
+def _part(weight: FloatArray, of: NDArray[np.bool_]) -> float:
+    return float(weight[of].sum() / max(float(weight.sum()), 1e-9))
+
+
+def _at_line(future: Future, speed: float) -> tuple[float, float]:
+    """The braking that stops it where it should, and how likely that is more than people brake."""
+    needs = np.where(np.isfinite(future.stop), speed**2 / (2.0 * (future.stop + _SLACK)), 0.0)
+    return float(np.minimum(needs, 12.0) @ future.weight), float((needs > _BRAKES) @ future.weight)
 
 
 def _gain(agent: Seen, count: int) -> float:

@@ -27,7 +27,7 @@ from scenewright.tools.signals import shows
 
 BoolArray = NDArray[np.bool_]
 
-SIZE = 72
+SIZE = 120
 """Futures of a scene."""
 DT = 0.25
 """Between the moments of a future [s]."""
@@ -45,6 +45,8 @@ _HARDEST = 6.0
 _RUNS, _HEEDLESS, _LATE = 0.25, 0.03, 1.25
 """Share of futures in which somebody does not stop who should; how likely that is; and how much
 harder than its law has it somebody would have to brake to be thought to mean it."""
+_CRAWLS, _SLACK = 1.5, 0.3
+"""Slower than this [m/s] nobody runs a light; how exactly it is known where to stop [m]."""
 _RULED_OUT = 0.015
 """Exits less likely than this are not looked at."""
 
@@ -60,6 +62,7 @@ class Future:
         held: [K] it stops, or stands, at red or in a queue.
         runs: [K] it goes on where it should stop.
         component: [K] which it follows; weight: [K] how likely, 1 in sum.
+        stop: [K] how far it is from where it should stop [m], inf where it need not.
     """
 
     xy: FloatArray
@@ -70,6 +73,7 @@ class Future:
     runs: BoolArray
     component: NDArray[np.intp]
     weight: FloatArray
+    stop: FloatArray
 
     @cached_property
     def box(self) -> tuple[FloatArray, FloatArray]:
@@ -111,6 +115,7 @@ class _Drive:
     law: FloatArray
     begins: FloatArray
     line: FloatArray
+    stop: FloatArray
 
 
 def outlook(
@@ -170,7 +175,8 @@ def _drive(agent: Seen, seen: Fit, rng: np.random.Generator, size: int) -> _Driv
     begins = _project(curve, s, agent.xy[-1])
     line = ways.line[component] - (agent.length / 2 if agent.vehicle else 0.0)
     return _Drive(agent, ways, component, weight, np.zeros(size, dtype=np.bool_), curve, s,
-                  _backwards(s, ceiling, law[:, 2:3]), law, begins, line)  # fmt: skip
+                  _backwards(s, ceiling, law[:, 2:3]), law, begins, line,
+                  np.full(size, np.inf))  # fmt: skip
 
 
 def _components(
@@ -350,14 +356,13 @@ def _heedless(
     agent = drive.agent
     held, runs = np.isfinite(place), rng.random(len(place)) < _RUNS
     v = float(agent.speed[-1])
-    left = np.maximum(place - drive.begins, 0.05)
-    late = v**2 / (2.0 * left) > _LATE * drive.law[:, 2]
-    share = np.where(late, 0.9, _HEEDLESS)
-    if v < _STANDS or _slowing(agent):
-        share = np.full(len(place), 0.004)
+    left = np.maximum(place - drive.begins, 0.0)
+    late = (v > _CRAWLS) & (v**2 / (2.0 * (left + _SLACK)) > _LATE * drive.law[:, 2])
+    share = np.where(late, 0.9, 0.004 if v < _STANDS or _slowing(agent) else _HEEDLESS)
     factor = np.where(runs, share / _RUNS, (1.0 - share) / (1.0 - _RUNS))
     weight = np.where(held, drive.weight * factor, drive.weight)
-    moved = replace(drive, weight=weight / weight.sum(), runs=held & runs)
+    stop = np.where(held, left, np.inf)
+    moved = replace(drive, weight=weight / weight.sum(), runs=held & runs, stop=stop)
     return moved, (np.where(runs, np.inf, place), release)
 
 
@@ -457,7 +462,9 @@ def _located(
 ) -> Future:
     xy = np.stack([rows_interp(s, drive.s, drive.curve[..., d]) for d in (0, 1)], axis=-1)
     heading = rows_interp(s, drive.s, _headings(drive.curve))
-    return Future(xy, heading, there, free, held, drive.runs, drive.component, drive.weight)
+    return Future(
+        xy, heading, there, free, held, drive.runs, drive.component, drive.weight, drive.stop
+    )  # fmt: skip
 
 
 def _headings(curve: FloatArray) -> FloatArray:

@@ -6,15 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.evals.understanding.calibration import (
-    CLASSES,
-    Calibration,
-    chosen,
-    load_calibration,
-)
+from scenewright.evals.understanding.calibration import Calibration, chosen, load_calibration
 from scenewright.evals.understanding.features import NAMES, Pair, pairs_of
 from scenewright.evals.understanding.futures import Outlook
 from scenewright.evals.understanding.labels import Relation
+from scenewright.evals.understanding.together import CLASSES
 from scenewright.scene.base import FloatArray
 
 
@@ -33,7 +29,7 @@ def suspicions(
     trees = calibration or load_calibration()
     pairs = pairs_of(seen, window=window)
     values = np.array([pair.values for pair in pairs]).reshape(len(pairs), len(NAMES))
-    likely = trees.likely(values)
+    likely = trees.in_scene(values, [(pair.a, pair.b) for pair in pairs])
     return [Suspicion(pair, likely[n]) for n, pair in enumerate(pairs)]
 
 

@@ -35,7 +35,13 @@ def moved_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
 
 
 def waiting(agent: SelectedAgent, seconds: float) -> SelectedAgent:
-    """The agent standing that much longer; Rejected if it stands nowhere or would not stand."""
+    """The agent standing that much longer; Rejected if it stands nowhere or would not stand.
+
+    Who slows down without standing stands so long where it was slowest.
+    """
+    rolling = _only_slows(agent)
+    if rolling is not None and seconds > 0.0:
+        return _halted(agent, rolling, seconds)
     stop = _its_stop(agent)
     until = stop.until + seconds
     if until < stop.start + _LEAST_STAND:
@@ -55,13 +61,40 @@ def moved_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
     return replace(agent, enters=round(agent.enters + seconds, 1), stops=stops, contact=contact)
 
 
+def _halted(agent: SelectedAgent, rolling: Stop, seconds: float) -> SelectedAgent:
+    """Who slows down standing that long instead, at the same place."""
+    others = tuple(each for each in agent.stops if each is not rolling)
+    holds = tuple(Hold(each.s, each.until - agent.enters, each.braking) for each in others)
+    stands = arrival(agent.candidate, Hold(rolling.s, 0.0), holds) + agent.enters
+    until = stands + max(seconds, _LEAST_STAND)
+    stop = replace(rolling, start=stands, until=until, speed=0.0)
+    return replace(agent, stops=_in_order(*others, stop))
+
+
 def _its_stop(agent: SelectedAgent) -> Stop:
     """Where it gives way; else where it stands at all."""
     stands = [each for each in agent.stops if not each.rolls]
     stops = [each for each in stands if each.reason == "gives_way"] or stands
+    rolling = _only_slows(agent)
+    if rolling is not None:
+        raise _refused(agent, _slows(rolling))
     if not stops:
-        raise _refused(agent, "does not stop anywhere in this scene")
+        raise _refused(agent, "gives way to nobody and stands nowhere in this scene")
     return stops[0]
+
+
+def _only_slows(agent: SelectedAgent) -> Stop | None:
+    """Where who gives way without standing anywhere is slowest; None for everybody else."""
+    return agent.stops[0] if agent.stops and all(each.rolls for each in agent.stops) else None
+
+
+def _slows(rolling: Stop) -> str:
+    """What who gives way without standing does, and what may be said instead."""
+    where = "" if rolling.ahead is None else f", {rolling.ahead:.1f} m before the other's way"
+    return (
+        f"gives way without standing: it slows to {rolling.speed:.1f} m/s{where}; say 'make it "
+        "stop' first, and then where or how long"
+    )
 
 
 def _in_order(*stops: Stop) -> tuple[Stop, ...]:

@@ -30,7 +30,8 @@ def situation_of(graph: SocialGraph, record: SceneRecord, earlier: Earlier) -> S
                 crosswalk=each.crosswalk,
                 role=each.role,
                 speed=agent.candidate.time_law.speed,
-                stops=bool(agent.stops),
+                stops=any(not stop.rolls for stop in agent.stops),
+                slows_to=min((stop.speed for stop in agent.stops if stop.rolls), default=None),
             )
         )
     return Situation(graph=graph, present=tuple(present))
@@ -57,16 +58,17 @@ def read_words(
         chosen: answers to questions about the words: phrase -> agent id.
         account: called with what every answer of a model has cost.
     """
+    from scenewright.backends.builtin.draft import site_of
     from scenewright.backends.builtin.revising import begins_anew, read
 
-    by_rule = read(words, situation, chosen=chosen)
+    by_rule = read(words, situation, chosen=chosen, site=site_of(on))
     asked = not speaker(backend, "edits").deterministic
     if situation is None or isinstance(by_rule, Wish) or begins_anew(words) or not asked:
         return by_rule
     from scenewright.nodes.revision import Turn, read_by_model
     from scenewright.nodes.scene_planner import ways_of
 
-    turn = Turn(words, situation, before or "", ways_of(on), chosen)
+    turn = Turn(words, situation, before or "", ways_of(on), chosen, left_hand=on.left_hand_traffic)
     try:
         reading = read_by_model(turn, backend=backend, seed=seed, account=account)
     except BackendFault as fault:

@@ -14,7 +14,7 @@ from scenewright.nodes.event_reasoner.reply import (
     BehaviorReply,
     SummaryReply,
     check_segments,
-    check_summary,
+    places_of,
 )
 from scenewright.nodes.event_reasoner.wording import bound, worded_behavior, worded_summary
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
@@ -79,8 +79,7 @@ def _summarised(
         account=context.account,
     )
     reply = ask(context.backend, question, SummaryReply, stage="event_reasoner", of=SUMMARY)
-    check_summary(reply.anchors, agents)
-    return summary.narrowed(reply.anchors)
+    return summary.narrowed(places_of(reply.anchors, agents))
 
 
 def _reasoned(

@@ -1,6 +1,6 @@
 """What the reasoner may be told: reply models and their schemas for a scene, and what they must be.
 
-A summary names places that the map has, in the order of the way. Segments end at such places, in
+A summary names places that the map has. Segments end at such places, in
 order of time, and hold what the relation files want of each role.
 """
 
@@ -117,34 +117,34 @@ def _times_of(agent: AgentSummary, duration: float) -> list[float]:
     return found or [duration]
 
 
-def check_summary(told: Mapping[str, Sequence[str]], agents: Sequence[AgentSummary]) -> None:
-    """Every agent asked about has its places, in order, with those at which it stands.
+def places_of(
+    told: Mapping[str, Sequence[str]], agents: Sequence[AgentSummary]
+) -> dict[str, tuple[str, ...]]:
+    """By agent the places told, each once and in the order of its way, which is known.
 
     Raises:
-        Rejected: with code, agent and reason.
+        Rejected: with code, agent and reason: of every agent asked about there are places, among
+            them those at which it stands.
     """
     known = {each.agent: each for each in agents}
     for name in told:
         if name not in known:
             raise refused("malformed_reply", name, "is not asked about", of=SUMMARY)
-    for agent in agents:
-        _check_places(agent, told.get(agent.agent, ()))
+    return {each.agent: _its_places(each, told.get(each.agent, ())) for each in agents}
 
 
-def _check_places(agent: AgentSummary, places: Sequence[str]) -> None:
+def _its_places(agent: AgentSummary, places: Sequence[str]) -> tuple[str, ...]:
     order = [anchor.id for anchor in agent.anchors]
     if not places:
         raise refused("malformed_reply", agent.agent, "has no anchors", of=SUMMARY)
     for place in places:
         if place not in order:
             raise refused("unknown_anchor", agent.agent, f"has no anchor {place!r}", of=SUMMARY)
-    if any(order.index(a) >= order.index(b) for a, b in pairwise(places)):
-        what = f"passes its anchors in the order {', '.join(each for each in order)}"
-        raise refused("times_not_increasing", agent.agent, what, of=SUMMARY)
     for stay in agent.stays:
         if stay.anchor not in places:
             what = f"stands at {stay.anchor}, which is left out"
             raise refused("malformed_reply", agent.agent, what, of=SUMMARY)
+    return tuple(sorted(set(places), key=order.index))
 
 
 def check_segments(

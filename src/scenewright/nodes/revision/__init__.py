@@ -14,8 +14,8 @@ from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask
 from scenewright.nodes.revision.reply import EditsReply, read_as
 from scenewright.nodes.revision.wording import worded_edits
-from scenewright.nodes.scene_planner import Way
 from scenewright.scene.edits import Reading, Situation
+from scenewright.scene.ways import Way
 
 _ATTEMPTS = 3
 
@@ -26,7 +26,7 @@ class Turn:
 
     Attributes:
         before: what was said so far; chosen: answers to questions about the words.
-        ways: of the map.
+        ways: of the map; left_hand: people drive on the left there.
     """
 
     words: str
@@ -34,6 +34,7 @@ class Turn:
     before: str
     ways: Sequence[Way]
     chosen: Mapping[str, str] = field(default_factory=dict)
+    left_hand: bool = False
 
 
 def read_by_model(
@@ -71,6 +72,7 @@ def _question(turn: Turn, faults: tuple[str, ...], seed: int, account: Account) 
             turn.situation,
             before=turn.before,
             ways=turn.ways,
+            left_hand=turn.left_hand,
             chosen=turn.chosen,
             rejections=faults,
         ),

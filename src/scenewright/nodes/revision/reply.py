@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from itertools import count, islice
 from typing import Annotated, Any, Literal, Self, get_args
@@ -11,8 +10,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from scenewright.backends.builtin.references import which
 from scenewright.errors import Rejected
-from scenewright.nodes.scene_planner import Way
-from scenewright.nodes.scene_planner.reply import TIME, completed
+from scenewright.nodes.scene_planner.reply import (
+    TIME,
+    completed,
+    points_asked,
+    severity_asked,
+)
 from scenewright.nodes.schema import (
     Schema,
     closed,
@@ -52,30 +55,19 @@ from scenewright.scene.social import (
     Cause,
     CollisionKind,
     Density,
-    ImpactPoint,
     RelationEdge,
     RelationType,
     SocialGraph,
     Subtype,
 )
+from scenewright.scene.ways import WAY_FIELDS, Way, with_what_goes
 
 _MOST_EDITS = 12
 _NEW = 2
 """Ids that are free for somebody new, of each class."""
 
-_FIGURES = re.compile(
-    r"\d|pet\b|ttc\b|second|metre|meter|m/s|km|mph|speed|fast|slow|half|one|two|three|four|five",
-    re.IGNORECASE,
-)
-_PARTS = re.compile(
-    r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
-    re.IGNORECASE,
-)
 _IN_GRAPH = (AddAgent, ChangeAgent, Relate, Unrelate, ChangeContext)
 """Edits that leave everything as it is where they leave the graph."""
-
-_WAY = ("exit", "movement", "entry", "crosswalk")
-"""What tells an agent's way; of what was so before, the first is let go first."""
 
 
 class _Line(BaseModel):
@@ -225,12 +217,7 @@ def edits_schema(
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
     }
-    points = _PARTS.search(words) is not None
-    if _FIGURES.search(words):
-        relation |= {"target_pet": number(0, 8), "target_ttc": number(0, 8)}
-        relation["impact_speed"] = number(0.1, 20)
-    if points:
-        relation |= {"point_from": shared("point"), "point_to": shared("point")}
+    relation |= severity_asked(words)
     ends = {"from": who, "to": who, "type": one_of((*get_args(RelationType), "none"))}
     context = {
         "density": one_of(get_args(Density)),
@@ -246,20 +233,21 @@ def edits_schema(
         _form(("move_stop", "wait_longer", "come_later"), {"agent": who, "by": number(-20, 20)}),
         _form(("change_context",), {}, context),
     ]
-    asked = {"about": text(), "among": listed(who, least=2, most=6)}
+    asked = {"about": shared("text"), "among": listed(who, least=2, most=6)}
     return closed(
         {
             "edits": listed({"anyOf": forms}, most=_MOST_EDITS),
             "ask": closed(asked, required=asked),
             "fresh": {"type": "boolean"},
             "refused": one_of(("out_of_scope", "contradictory", "impossible", "no_change")),
-            "reason": text(),
+            "reason": shared("text"),
         },
         required=("edits",),
         defs={
+            "text": text(),
             "agent": one_of([*named, *new_ids(situation)]),
             "side": one_of(side for way in ways for side in (way.entry, way.exit)),
-            **({"point": one_of(get_args(ImpactPoint))} if points else {}),
+            **points_asked(words),
         },
     )
 
@@ -375,7 +363,8 @@ class _Reader:
         return name
 
     def _standing(self, name: str) -> str:
-        if not self._present[self._here(name)].stops:
+        agent = self._present[self._here(name)]
+        if not agent.stops and agent.slows_to is None:
             raise _refused(f"{name} does not stop anywhere in this scene")
         return name
 
@@ -415,27 +404,21 @@ class _Reader:
     def _fitting(self, node: AgentNode, line: AgentLine) -> AgentNode:
         """The agent with what is told of it, and of its way before as much as goes with that."""
         told = _told(line)
-        was = {each: getattr(node, each) for each in _WAY}
-        changed = any(told.get(key, was[key]) != was[key] for key in _WAY)
-        kept = [each for each in _WAY if each not in told and was[each] is not None]
-        for gone in range(len(kept) + 1 if changed else 1):
-            values = {**dict.fromkeys(kept[:gone]), **told}
-            made = AgentNode.model_validate({**node.model_dump(), **values})
-            if not changed or any(_serves(way, made) for way in self._ways):
-                alone = SocialGraph(agents=(made,))
-                return completed(alone, self._ways).agents[0] if changed else made
-        words = ", ".join(f"{key} {value}" for key, value in told.items() if key in _WAY)
-        raise _refused(f"{node.id}: there is no way here with {words}")
+        AgentNode.model_validate({"id": node.id, "type": node.type, **told})
+        was = {each: getattr(node, each) for each in WAY_FIELDS}
+        way = {each: told[each] for each in WAY_FIELDS if each in told}
+        if way.items() <= was.items():
+            return AgentNode.model_validate({**node.model_dump(), **told})
+        found = with_what_goes(node.type, was, way, self._ways)
+        if found is None:
+            words = ", ".join(f"{key} {value}" for key, value in way.items())
+            raise _refused(f"{node.id}: there is no way here with {words}")
+        made = AgentNode.model_validate({**node.model_dump(), **told, **found})
+        return completed(SocialGraph(agents=(made,)), self._ways).agents[0]
 
 
 def _told(line: AgentLine) -> dict[str, Any]:
     return line.model_dump(exclude={"edit", "agent"}, exclude_none=True)
-
-
-def _serves(way: Way, node: AgentNode) -> bool:
-    return way.type == node.type and all(
-        getattr(node, each) in (None, getattr(way, each)) for each in _WAY
-    )
 
 
 def _refused(detail: str) -> Rejected:

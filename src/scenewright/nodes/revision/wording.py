@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from scenewright.backends import Wording
 from scenewright.nodes.revision.reply import edits_schema, new_ids
-from scenewright.nodes.scene_planner import Way
 from scenewright.nodes.scene_planner.wording import crosswalks_told, times_told, ways_told
-from scenewright.nodes.wording import compact, faults_told, quoted, worded
+from scenewright.nodes.wording import compact, faults_told, quoted, traffic_told, worded
 from scenewright.scene.edits import Present, Situation
+from scenewright.scene.ways import Way
 
 _SAID = 400
 _LISTED = {"vehicle": 6, "pedestrian": 2}
@@ -22,6 +22,7 @@ def worded_edits(
     *,
     before: str,
     ways: Sequence[Way],
+    left_hand: bool = False,
     chosen: Mapping[str, str] | None = None,
     rejections: Sequence[str] = (),
 ) -> Wording:
@@ -34,6 +35,7 @@ def worded_edits(
     context = graph.context.model_dump(mode="json", exclude_none=True, exclude={"background"})
     values = {
         "ways": ways_told(ways),
+        "traffic": traffic_told(left_hand),
         "crosswalks": crosswalks_told(ways),
         "times": times_told(words),
         "agents": compact({each.id: _agent(each) for each in front}),
@@ -54,12 +56,18 @@ def worded_edits(
 
 def _agent(agent: Present) -> str:
     """What tells it apart, in a few words."""
-    pace = f"{agent.speed:.1f} m/s" + (", stops" if agent.stops else "")
+    pace = f"{agent.speed:.1f} m/s" + _held(agent)
     if agent.type == "pedestrian":
         at = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"
         return f"{at}, from {agent.entry} to {agent.exit}, {pace}"
     kind = agent.subtype or "vehicle"
     return f"{kind}, from {agent.entry}, {agent.movement} to {agent.exit}, {pace}"
+
+
+def _held(agent: Present) -> str:
+    if agent.stops:
+        return ", stops"
+    return "" if agent.slows_to is None else f", slows to {agent.slows_to:.1f} m/s"
 
 
 def _others(situation: Situation) -> dict[str, str]:

@@ -7,16 +7,17 @@ from typing import TypedDict
 
 from langgraph.runtime import Runtime
 
-from scenewright.backends import Backend, Question, speaker
+from scenewright.backends import Backend, Question, load_backend, speaker
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, earlier
 from scenewright.nodes.context import RunContext
-from scenewright.nodes.scene_planner.reply import FOUR_LEGS, PlanReply, Way, completed, ways_of
+from scenewright.nodes.scene_planner.reply import PlanReply, completed
 from scenewright.nodes.scene_planner.wording import worded_plan
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.social import Plan, Refusal, SocialGraph
+from scenewright.scene.ways import FOUR_LEGS, Way, ways_of
 from scenewright.tools.gmm_sampler.pinned import narrowed
 from scenewright.tools.map_grounding import ground
 
@@ -75,6 +76,7 @@ def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
             instruction,
             state.get("previous"),
             ways,
+            left_hand=context.intersection.left_hand_traffic,
             rejections=told,
             examples=context.recall("plan", instruction),
         ),
@@ -97,8 +99,29 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[Way]) -> P
     # A grammar has filled in what follows, by rules of its own.
     if isinstance(plan, Refusal) or speaker(backend, "plan").deterministic:
         return plan
+    _refuse_emptied(plan, question)
     _refuse_unknown_sides(plan, ways)
     return completed(plan, ways)
+
+
+def _refuse_emptied(plan: SocialGraph, question: Question) -> None:
+    """A plan of nothing where the grammar reads an event: a weak model's way out.
+
+    Such a scene would be verified, as nothing was planned that could fail.
+    """
+    if plan.agents or plan.relations:
+        return
+    read = load_backend("builtin").answer(question)
+    told = [each["type"] for each in read.get("relations", ())]
+    if told:
+        raise Rejected(
+            Rejection(
+                stage="scene_planner",
+                code="malformed_reply",
+                detail=f"agents and relations are empty, but the request tells of {told[0]}: name "
+                "who takes part and what they do, or refuse",
+            )
+        )
 
 
 def _refuse_unknown_sides(plan: SocialGraph, ways: Sequence[Way]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Annotated, Any, get_args
 
@@ -12,7 +11,6 @@ from pydantic import Discriminator, RootModel, Tag, model_validator
 
 from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared, text, whole
 from scenewright.scene.base import AgentClass
-from scenewright.scene.map import IntersectionMap
 from scenewright.scene.relations import Pattern, patterns
 from scenewright.scene.social import (
     AgentNode,
@@ -27,13 +25,23 @@ from scenewright.scene.social import (
     SocialGraph,
     Subtype,
 )
+from scenewright.scene.ways import Way
 from scenewright.tools.map_grounding import lies
 
-TIME = r"^[0-2]\d:[0-5]\d(-[0-2]\d:[0-5]\d)?$"
+_CLOCK = "[0-2][0-9]:[0-5][0-9]"
+TIME = f"^{_CLOCK}(-{_CLOCK})?$"
 MOST_PATTERNS = 6
 ID = rf"^({'|'.join(get_args(AgentClass))})-[1-6]$"
 _FIELDS = ("entry", "exit", "movement", "crosswalk")
 _WORD = re.compile(r"[a-z]+")
+_FIGURES = re.compile(
+    r"\d|pet\b|ttc\b|second|metre|meter|m/s|km|mph|speed|fast|slow|half|one|two|three|four|five",
+    re.IGNORECASE,
+)
+_PARTS = re.compile(
+    r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
+    re.IGNORECASE,
+)
 _COMMON = frozenset(
     (
         *("a", "an", "the", "of", "its", "his", "her", "for", "to", "into", "on", "in", "at"),
@@ -67,8 +75,10 @@ class PlanReply(
             return value
         rest = {key: each for key, each in value.items() if key not in ("refused", "reason")}
         code = value.get("refused")
+        if code is None and not rest:
+            raise ValueError("say who takes part and what happens, or refuse")
         if code is None:  # of a plan the reason is not asked, and does no harm
-            return rest
+            return _with_classes(rest)
         if rest.get("agents") or rest.get("relations"):
             raise ValueError("either 'refused' or agents and relations, not both")
         if not isinstance(code, str):
@@ -78,54 +88,33 @@ class PlanReply(
         return {"code": code, "reason": value["reason"]}
 
 
-@dataclass(frozen=True)
-class Way:
-    """A way through the intersection."""
-
-    type: AgentClass
-    entry: str
-    exit: str
-    movement: str
-    crosswalk: str | None = None
+def _with_classes(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """The plan, every agent of the class that its id names, where it is told none."""
+    agents = plan.get("agents")
+    if not isinstance(agents, list | tuple):
+        return dict(plan)
+    return {**plan, "agents": [_of_its_class(each) for each in agents]}
 
 
-def ways_of(on: IntersectionMap) -> tuple[Way, ...]:
-    """Every way of a map."""
-    return tuple(
-        Way(each.type, each.entry, each.exit, each.movement, each.crosswalk) for each in on.routes
-    )
+def _of_its_class(agent: Any) -> Any:
+    if not isinstance(agent, Mapping) or "type" in agent:
+        return agent
+    kind = str(agent.get("id", "")).partition("-")[0]
+    return {**agent, "type": kind} if kind in get_args(AgentClass) else agent
 
 
-def _four_legs() -> tuple[Way, ...]:
-    ring = ("north", "east", "south", "west")
-    turns = {"left": 1, "straight": 2, "right": 3}
-    driven = [
-        Way("vehicle", entry, ring[(at + turn) % 4], name)
-        for at, entry in enumerate(ring)
-        for name, turn in turns.items()
-    ]
-    walked = [
-        Way("pedestrian", ring[(at + side) % 4], ring[(at - side) % 4], movement, leg)
-        for at, leg in enumerate(ring)
-        for side in (1, -1)
-        for movement in ("crossing", "jaywalking")
-    ]
-    turned = [Way("vehicle", entry, entry, "uturn") for entry in ring]
-    return (*driven, *turned, *walked)
+def plan_schema(ways: Sequence[Way], told: Sequence[Pattern], words: str) -> Schema:
+    """The reply's schema: sides, crosswalks and patterns are those there are.
 
-
-FOUR_LEGS = _four_legs()
-"""Where no map is named: a crossing of two roads that run to the four compass points."""
-
-
-def plan_schema(ways: Sequence[Way], told: Sequence[Pattern]) -> Schema:
-    """The reply's schema: sides, crosswalks and patterns are those there are."""
+    Args:
+        words: figures and places on a vehicle are asked for where they may speak of them; a weak
+            model fills in whatever it is offered.
+    """
     legs = one_of(side for way in ways for side in (way.entry, way.exit))
     crossed = [way.crosswalk for way in ways if way.crosswalk is not None]
-    who, side, point = shared("id"), shared("side"), shared("point")
+    who, side = shared("id"), shared("side")
     agent = {
         "id": who,
-        "type": one_of(get_args(AgentClass)),
         "subtype": one_of(get_args(Subtype)),
         "entry": side,
         "exit": side,
@@ -140,11 +129,7 @@ def plan_schema(ways: Sequence[Way], told: Sequence[Pattern]) -> Schema:
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
         **({"pattern": one_of(each.id for each in told)} if told else {}),
-        "target_pet": number(0, 8),
-        "target_ttc": number(0, 8),
-        "impact_speed": number(0.1, 20),
-        "point_from": point,
-        "point_to": point,
+        **severity_asked(words),
     }
     tie = {"agent": who, "of": who, "side": one_of(get_args(EntrySide))}
     count = whole(0, 20)
@@ -158,7 +143,7 @@ def plan_schema(ways: Sequence[Way], told: Sequence[Pattern]) -> Schema:
         {
             # What ends everything comes last: decoders keep to this order, and a weak model
             # takes the first key that it is offered.
-            "agents": listed(closed(agent, required=("id", "type")), most=6),
+            "agents": listed(closed(agent, required=("id",)), most=6),
             "relations": listed(closed(relation, required=("type", "from", "to")), most=6),
             "ties": listed(closed(tie, required=tie), most=6),
             "context": closed(context),
@@ -166,8 +151,24 @@ def plan_schema(ways: Sequence[Way], told: Sequence[Pattern]) -> Schema:
             "reason": text(),
         },
         required=("agents", "relations"),  # said even where there are none
-        defs={"id": text(ID), "side": legs, "point": one_of(get_args(ImpactPoint))},
+        defs={"id": text(ID), "side": legs, **points_asked(words)},
     )
+
+
+def severity_asked(words: str) -> Schema:
+    """The keys of a relation that say how bad it gets, as far as the words may speak of them."""
+    found: Schema = {}
+    if _FIGURES.search(words):
+        found |= {"target_pet": number(0, 8), "target_ttc": number(0, 8)}
+        found["impact_speed"] = number(0.1, 20)
+    if points_asked(words):
+        found |= dict.fromkeys(("point_from", "point_to"), shared("point"))
+    return found
+
+
+def points_asked(words: str) -> Schema:
+    """The places on a vehicle, for `$defs`, where the words may speak of one."""
+    return {"point": one_of(get_args(ImpactPoint))} if _PARTS.search(words) else {}
 
 
 def _crosswalks(crossed: Sequence[str], legs: Schema) -> Schema:
@@ -175,14 +176,17 @@ def _crosswalks(crossed: Sequence[str], legs: Schema) -> Schema:
     return shared("side") if set(crossed) == set(legs["enum"]) else one_of(crossed)
 
 
-def patterns_told(instruction: str) -> tuple[Pattern, ...]:
+def patterns_told(instruction: str, *, left_hand: bool = False) -> tuple[Pattern, ...]:
     """The relation files whose phrases share words with the text, most alike first.
 
-    Of a user's files and the shipped ones alike; a model need not hear of the others.
+    Of a user's files and the shipped ones alike; a model need not hear of the others, nor of
+    those that name a turn where that is the other one.
     """
     said = _stems(instruction)
     found = []
     for pattern in patterns():
+        if left_hand and pattern.names_a_turn:
+            continue
         alike = max((_alike(words, said) for words, _ in pattern.spoken()), default=0.0)
         if alike > 0.5:
             found.append((-alike, pattern.id, pattern))

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from scenewright.backends import Wording
-from scenewright.nodes.scene_planner.reply import Way, patterns_told, plan_schema
+from scenewright.nodes.scene_planner.reply import patterns_told, plan_schema
 from scenewright.nodes.wording import (
     LONGEST_REQUEST,
     Example,
     faults_told,
     quoted,
+    traffic_told,
     worded,
 )
 from scenewright.scene.relations import Pattern
+from scenewright.scene.ways import Way
 
 _PHRASES = 2
+_OR_REFUSE = "\nIf the request itself fixes what was refused, answer refused: impossible."
 _RUSH = r"\b(rush|peak|commut)"
 _TIMES = (
     ("dawn", "04:30-07:30", r"\b(dawn|sunrise|daybreak|sun-?up|first light)"),
@@ -42,23 +46,36 @@ def worded_plan(
     previous: str | None,
     ways: Sequence[Way],
     *,
+    left_hand: bool = False,
     rejections: Sequence[str] = (),
     examples: Sequence[Example] = (),
 ) -> Wording:
-    """What a model is asked for a social graph, and the schema of its reply."""
-    told = patterns_told(instruction)
+    """What a model is asked for a social graph, and the schema of its reply.
+
+    Args:
+        left_hand: people drive on the left.
+    """
+    told = patterns_told(instruction, left_hand=left_hand)
     values = {
         "crosswalks": crosswalks_told(ways),
         "ways": ways_told(ways),
+        "traffic": traffic_told(left_hand),
         "patterns": _patterns(told),
         "times": times_told(f"{instruction} {previous or ''}"),
         "previous": _previous(previous),
         "instruction": quoted(instruction),
-        "faults": faults_told(rejections),
+        "faults": faults_told(rejections) + (_OR_REFUSE if rejections else ""),
     }
-    return worded(
-        "scene_planner", "prompt.md", values, schema=plan_schema(ways, told), examples=examples
-    )
+    schema = plan_schema(ways, told, f"{instruction} {previous or ''}")
+    shown = [Example(each.request, _as_asked(each.answer)) for each in examples]
+    return worded("scene_planner", "prompt.md", values, schema=schema, examples=shown)
+
+
+def _as_asked(answer: Mapping[str, Any]) -> dict[str, Any]:
+    """An accepted answer without the classes of agents, which their ids tell."""
+    agents = answer.get("agents", ())
+    told = [{key: value for key, value in each.items() if key != "type"} for each in agents]
+    return {**answer, **({"agents": told} if told else {})}
 
 
 def ways_told(ways: Sequence[Way]) -> str:
@@ -89,7 +106,8 @@ def _patterns(told: Sequence[Pattern]) -> str:
             for each in pattern.phrases[:_PHRASES]
         ]
         lines.append(f"{pattern.id} ({pattern.relation}): {' / '.join(phrases)}\n")
-    return "".join(["Patterns, where the request uses their words:\n", *lines]) if lines else ""
+    head = "Patterns, to be set only if the request says just this:\n"
+    return "".join([head, *lines]) if lines else ""
 
 
 def times_told(request: str) -> str:

@@ -126,7 +126,8 @@ def _agent(
 
 
 def _points(xy: FloatArray) -> tuple[Point, ...]:
-    return tuple(map(tuple, xy.round(3).tolist()))
+    x, y = xy.round(3).T.tolist()
+    return tuple(zip(x, y, strict=True))
 
 
 def _point(xy: FloatArray) -> Point:

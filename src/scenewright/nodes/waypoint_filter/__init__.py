@@ -78,6 +78,7 @@ def _asked(state: FilterReads, context: RunContext) -> ConstraintProgram:
         wording=lambda: worded_program(
             facts,
             [leg.name for leg in context.intersection.legs],
+            left_hand=context.intersection.left_hand_traffic,
             rejections=told,
             examples=context.recall("constraints", instruction),
         ),

@@ -138,22 +138,49 @@ def _told(
 
 
 def program_schema(
-    agents: Sequence[Mapping[str, str]], legs: Sequence[str], offer: Offer
+    agents: Sequence[Mapping[str, str]],
+    legs: Sequence[str],
+    offer: Offer,
+    relations: Sequence[Mapping[str, Any]] = (),
 ) -> Schema:
     """The reply's schema: agents and legs are those there are, clauses those that are offered.
 
-    Clauses with the same keys are one alternative.
+    Clauses with the same keys are one alternative; of two agents, with each relation's own.
+
+    Args:
+        relations: as for `offered`.
     """
     alike: dict[tuple[str, ...], list[str]] = {}
     for kind, keys in (offer or {"min_length": tuple(_KEYS["min_length"])}).items():
         alike.setdefault((kind,) if kind == "contact" else keys, []).append(kind)
-    forms = [_form(kinds, offer) for kinds in alike.values()]
+    forms = [
+        form | {"properties": {**form["properties"], **pair}}
+        for kinds in alike.values()
+        for form in (_form(kinds, offer),)
+        for pair in (_pairs(kinds, relations) if "first" in form["properties"] else ({},))
+    ]
     named = {key for keys in offer.values() for key in keys}
     defs = {"agent": one_of(agent["id"] for agent in agents)}
     defs |= {"leg": one_of(legs)} if "leg" in named else {}
     defs |= {"point": one_of(get_args(ImpactPoint))} if "point_first" in named else {}
-    clauses = listed(forms[0] if len(forms) == 1 else {"anyOf": forms}, most=40)
+    # A weak model leaves a list empty where it may.
+    least = 1 if relations else 0
+    clauses = listed(forms[0] if len(forms) == 1 else {"anyOf": forms}, least=least, most=40)
     return closed({"clauses": clauses}, required=("clauses",), defs=defs)
+
+
+def _pairs(kinds: Sequence[str], relations: Sequence[Mapping[str, Any]]) -> list[Schema]:
+    """Who may be first and second: the two of a relation, one way round where it has but one."""
+    found: list[Schema] = []
+    for each in relations:
+        ways = [(each["from"], each["to"])]
+        wants = [c for c in each["wants"] if c["clause"] in kinds and "first" in c]
+        ways += [(c["first"], c["second"]) for c in wants]
+        if not _DIRECTED.issuperset(kinds):
+            ways.append((each["to"], each["from"]))
+        ends = {key: one_of(way[at] for way in ways) for at, key in enumerate(_PAIR)}
+        found += [] if ends in found else [ends]
+    return found or [dict(_PAIR)]
 
 
 def _form(kinds: Sequence[str], offer: Offer) -> Schema:

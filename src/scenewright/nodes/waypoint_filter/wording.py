@@ -12,6 +12,7 @@ from scenewright.nodes.wording import (
     compact,
     faults_told,
     quoted,
+    traffic_told,
     worded,
 )
 from scenewright.scene.relations import pattern_named
@@ -40,6 +41,7 @@ def worded_program(
     facts: Mapping[str, Any],
     legs: Sequence[str],
     *,
+    left_hand: bool = False,
     rejections: Sequence[str] = (),
     examples: Sequence[Example] = (),
 ) -> Wording:
@@ -53,13 +55,14 @@ def worded_program(
     values = {
         "clauses": "\n".join(_clause(kind, keys) for kind, keys in offer.items()) or "none",
         "changes": "".join(f"- {told}\n" for told in _changes(offer, relations)),
+        "traffic": traffic_told(left_hand and "contact" in offer),
         "agents": ", ".join(f"{each['id']} ({each['movement']})" for each in agents) or "none",
         "relations": compact(relations),
         "violators": ", ".join(facts["violators"]) or "nobody",
         "instruction": quoted(facts["instruction"]),
         "faults": faults_told(rejections),
     }
-    schema = program_schema(agents, legs, offer)
+    schema = program_schema(agents, legs, offer, relations)
     return worded("waypoint_filter", "prompt.md", values, schema=schema, examples=examples)
 
 
@@ -94,6 +97,8 @@ def _changes(offer: Offer, relations: Sequence[Mapping[str, Any]]) -> list[str]:
             "and before, low T-0.08, high T+0.08, else 0.7 to 1.35."
         )
     contact = offer.get("contact", ())
+    if contact:
+        rules.append("Told that the other one strikes: swap first and second of contact.")
     if "speed" in contact:
         rules.append("impact_speed V: speed V in contact.")
     if "point_first" in contact:

@@ -146,6 +146,12 @@ class Pattern(Model):
         return self.proof.kind
 
     @property
+    def names_a_turn(self) -> bool:
+        """Whether its phrases speak of a left or a right turn; in left-hand traffic the pattern is
+        played in a mirror, and they mean something else."""
+        return any(role.movements in (("left",), ("right",)) for role in (self.from_, self.to))
+
+    @property
     def clauses(self) -> tuple[str, ...]:
         """The constraints, and the order of passing as one more."""
         if self.order is None or self.relation != "near_miss":

@@ -64,7 +64,10 @@ class Actor:
         """The same actor with other standstills."""
         holds = tuple(hold_of(stop, self.enters) for stop in stops)
         motion = move(self.candidate, holds=holds, slowings=slowings)
-        return replace(self, motion=motion, stops=stops, slowings=slowings)
+        return Actor(
+            self.candidate, self.marks, self.enters, motion, self.free, stops, slowings,
+            self.contact,
+        )  # fmt: skip
 
     def shifted(self, seconds: float) -> Actor:
         """The same actor, everything later by a multiple of the step."""
@@ -79,7 +82,13 @@ class Actor:
     def until(self, time: float) -> Actor:
         """What of it falls before scene time `time`; nothing later can meet anybody."""
         steps = max(int((time - self.enters) / STEP + 1e-6), 1)
-        return replace(self, motion=replace(self.motion, s=self.motion.s[: steps + 1]))
+        if steps >= len(self.motion.s) - 1:
+            return self
+        motion = Motion(self.motion.candidate, self.motion.s[: steps + 1], self.motion.ended)
+        return Actor(
+            self.candidate, self.marks, self.enters, motion, self.free, self.stops, self.slowings,
+            self.contact,
+        )  # fmt: skip
 
     def ended(self, time: float) -> Actor:
         """Cut at the first sample not before scene time `time`, where it stays as a wreck."""

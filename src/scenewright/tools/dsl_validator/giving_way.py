@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import TimeLaw
 from scenewright.scene.constraints import GivesWay, PairClause, TimeGap
 from scenewright.scene.manners import drawn
@@ -22,7 +22,7 @@ from scenewright.tools.dsl_validator.setting import Setting
 from scenewright.tools.dsl_validator.shortfall import Reached
 from scenewright.tools.dsl_validator.staging import Happening, Staging, point_of
 from scenewright.tools.encounter import Encounter, gap_to, meeting_offsets
-from scenewright.tools.landmarks import STOP_GAP
+from scenewright.tools.landmarks import STOP_GAP, Landmarks
 from scenewright.tools.segment_editor import hold_of
 from scenewright.tools.time_law import Hold, Motion, arrival, move
 
@@ -32,12 +32,16 @@ MERGE_METRES = 5.0
 _STANDS = 1.6
 """Least standstill of who gives way [s], start and end smoothed away included."""
 
-_PAUSES, _LONGEST, _USUAL = {"vehicle": 0.5, "pedestrian": 1.6}, 11.0, 5.0
+_PAUSES, _LONGEST, _USUAL = {"vehicle": 0.2, "pedestrian": 1.0}, 11.0, 5.0
 """The same where it was seen that people hardly stand; longest standstills, and where nobody was
 seen [s]."""
 
-_REACTS, _SEEN_TO = (0.3, 0.8), (-1.5, 2.7)
-"""From the other's leaving to the start [s]: where nobody was seen; and what can be proved."""
+_REACTS, _SOONEST = (0.3, 0.8), -1.5
+"""From the other's leaving to the start [s]: where nobody was seen; and the soonest of all."""
+
+_MOVES_BY, _MOVING = 3.6, {"vehicle": 1.0, "pedestrian": 0.5}
+"""How long after the other has left [s] who gave way must be moving (SEMANTICS: 4 s), that is, at
+more than this [m/s]."""
 
 _USUAL_GAP = {"vehicle": (0.9, 2.0), "pedestrian": (0.6, 1.1)}
 """From the centre's place to the zone [m] where nobody was seen."""
@@ -52,6 +56,10 @@ _KERB_GAP, _LINE_GAPS = 0.3, (0.8, 1.9)
 _PAST_LINE = 2.5
 """So little beyond its stop line [m] nobody waits."""
 
+_EDGE, _PAST_EDGE = 0.9, 0.35
+"""How much of the crosswalk it came by who waits to turn may have before its front, and how far
+from there it stands if it would stand further back [m]."""
+
 _ROLLS, _SLOWEST, _SMOOTHED = 4, 0.15, 0.25
 """Draws for one who rolls; least speed that it slows to, and what smoothing adds to it [m/s]."""
 
@@ -64,8 +72,9 @@ _ON = 0.4
 _BEFORE = 0.5
 """How long before it slows a vehicle must be seen [s]."""
 
-_CAUSE = 1.2
-"""How far [s] from the other's time in the zone it would have been there unheld (2 s)."""
+_CAUSE, _CAUSE_SEEN = 1.2, 1.7
+"""How far [s] from the other's time in the zone it would have been there unheld (2 s): where nobody
+was seen, and where it was seen how long people stand."""
 
 _FREE = {"acceleration": 2.0, "braking": 2.0, "lateral": 3.0}
 """Free speed as SEMANTICS section 4 defines it."""
@@ -119,8 +128,13 @@ def _held(
     stands = arrival(a.candidate, hold, _holds(others, a.enters))
     unheld = _unheld(a, hold, stands, zone.s_a[zone.i])
     _, b_out = passage(b.motion, zone.s_b[zone.j])
-    for react, lasts in _tempers(clause, a, hold, stands, zone, setting):
+    for seen, lasts in _tempers(clause, a, hold, stands, zone, setting):
         low, high = _reasons(clause, b, unheld, zone, setting)
+        react = seen
+        if lasts is not None:
+            # Who could not have come so early stands as long by starting later.
+            missing = max(stands + lasts - seen - b_out - high, 0.0)
+            react = max(min(seen + missing, _latest_start(a, hold, stands, zone)), seen)
         least = _PAUSES[a.candidate.route.type] if lasts is not None else _STANDS
         longest = _USUAL if lasts is None else _LONGEST
         low = max(stands + least - react - b_out, low)
@@ -154,11 +168,19 @@ def _tempers(
         yield from [(react, None)] * 3
         return
     if manners is not None:
+        lasts = drawn(manners.stands, setting.rng)
+        latest = _latest_start(a, hold, stands, zone)
         for _ in range(2):
-            react = float(np.clip(drawn(manners.reacts, setting.rng), *_SEEN_TO))
-            yield react, drawn(manners.stands, setting.rng)
+            seen = drawn(manners.reacts, setting.rng)
+            yield float(np.clip(seen, _SOONEST, max(latest, _SOONEST))), lasts
     react = float(setting.rng.uniform(*_REACTS))
     yield from [(react, None)] * (3 if manners is None else 2)
+
+
+def _latest_start(a: Actor, hold: Hold, stands: float, zone: Encounter) -> float:
+    """How long after the other has left it may start [s] and still be seen to give way for it."""
+    picks_up = _MOVING[a.candidate.route.type] / a.candidate.time_law.acceleration
+    return min(_MOVES_BY - picks_up, _PETS[1] - _rolls(a, hold, stands, zone) - 0.3)
 
 
 def _reasons(
@@ -166,7 +188,8 @@ def _reasons(
 ) -> tuple[float, float]:
     """Between which differences of entry times [s] the other is the reason (SEMANTICS 4, cause)."""
     b_in, b_out = passage(b.motion, zone.s_b[zone.j])
-    high = unheld.leaves + _CAUSE - b_in
+    slack = _CAUSE if setting.manners(clause) is None else _CAUSE_SEEN
+    high = unheld.leaves + slack - b_in
     crosses = b.candidate.route.type == "pedestrian" and b.marks.own_crosswalk is not None
     if crosses and setting.manners(clause) is not None and b.marks.line is not None:
         # It is on the crosswalk when who gives way begins to slow.
@@ -302,7 +325,8 @@ def _stopping_places(
         short_of_line = float(setting.rng.uniform(*_LINE_GAPS))
     places = _places(clause, a, first, setting, short_of_line)
     if kind == "vehicle":
-        places = _off_crosswalks(places, a, b, first, short_of_line)
+        seen = setting.manners(clause) is not None
+        places = _off_crosswalks(places, a, b, first, short_of_line, seen=seen)
     for anchor, s in places:
         for braking in (None, 3.2):
             if s > 2.0:
@@ -318,7 +342,7 @@ def _places(
         first: where the zone begins [m]; line_gap: how far from its line one stops [m].
     """
     kind, line = a.candidate.route.type, a.marks.line
-    gaps = _distances(clause, kind, setting)
+    gaps = _distances(clause, a, setting)
     ahead = [("yield_point", first - gap) for gap in gaps if gap <= _GAPS[kind][1]]
     nearest = first - min(gaps)
     places: list[tuple[str, float]] = []
@@ -334,27 +358,40 @@ def _places(
     return [*ahead[:1], *places, *ahead[1:]] if near else [*places, *ahead]
 
 
-def _distances(clause: GivesWay, kind: AgentClass, setting: Setting) -> list[float]:
+def _distances(clause: GivesWay, a: Actor, setting: Setting) -> list[float]:
     """Distances from the zone to stand at [m]: as was seen of people, then as is usual."""
+    kind = a.candidate.route.type
     usual = float(setting.rng.uniform(*_USUAL_GAP[kind]))
     manners = setting.manners(clause)
     if manners is None or setting.pet_of(clause) is not None:
         return [usual]
-    return [max(drawn(manners.gap, setting.rng), _GAPS[kind][0]), usual]
+    gaps = [max(drawn(manners.gap, setting.rng), _GAPS[kind][0]) for _ in range(2)]
+    # Who turns on green drives on into the intersection before it waits.
+    turning = a.candidate.route.movement != "straight" and a.marks.group is not None
+    return [*((min(gap, _GAPS[kind][1]) if turning else gap) for gap in gaps), usual]
 
 
 def _off_crosswalks(
-    places: list[tuple[str, float]], a: Actor, b: Actor, first: float, line_gap: float
+    places: list[tuple[str, float]],
+    a: Actor,
+    b: Actor,
+    first: float,
+    line_gap: float,
+    *,
+    seen: bool,
 ) -> list[tuple[str, float]]:
     """The same, but before any crosswalk that the other does not walk on.
 
     Args:
         first: where the zone begins [m]; line_gap: how far from its line one stops [m].
+        seen: whether it was seen how people give way here.
     """
     found: list[tuple[str, float]] = []
-    line = a.marks.line
+    line, (marks, creeps) = a.marks.line, _creeping(a, b, seen=seen)
     for named, wished in places:
-        anchor, s = named, a.marks.off_crosswalks(wished, own=b.marks.own_crosswalk)
+        anchor, s = named, marks.off_crosswalks(wished, own=b.marks.own_crosswalk)
+        if s < wished and s < creeps <= first - _GAPS["vehicle"][0]:
+            s = creeps
         if line is not None and s < wished and s < line + _PAST_LINE:
             # Who would stand between its line and a crosswalk stands at its line.
             anchor, s = "stop_line", line - line_gap
@@ -362,6 +399,24 @@ def _off_crosswalks(
         if first - s < _UPSTREAM["vehicle"] and not near:
             found.append((anchor, s))
     return found
+
+
+def _creeping(a: Actor, b: Actor, *, seen: bool) -> tuple[Landmarks, float]:
+    """The landmarks that count for who turns on green, and the first place past its crosswalk [m].
+
+    Nobody walks over the crosswalk it came by while its light is green; so it may wait with its
+    rear on it, and its front at the far edge. For anybody else there is no such place (infinite).
+    """
+    marks, line, length = a.marks, a.marks.line, a.candidate.shape.length
+    turn, walks = a.candidate.route.movement, b.candidate.route.type == "pedestrian"
+    # Who turns right and lets a vehicle pass waits at its line.
+    waits = turn in ("left", "uturn") or (turn == "right" and walks)
+    by = next((each for each in marks.crosswalks if line is not None and each[1] >= line), None)
+    if not (seen and waits and marks.group is not None and by is not None):
+        return marks, np.inf
+    rest = tuple(each for each in marks.crosswalks if each is not by)
+    shorter = (by[0], by[1], max(by[2] - length - _EDGE, by[1]))
+    return replace(marks, crosswalks=(shorter, *rest)), shorter[2] + _PAST_EDGE
 
 
 def _passes_well(

@@ -218,8 +218,10 @@ class Search:
     def _candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
         """The m-th candidate of an agent, once; None if a unary clause fails on it."""
         if (name, m) not in self._built:
-            drawn = self._pool.agents[name].build(m)
-            candidate = replace(drawn, path=self._ground.trimmed(drawn.path))
+            candidate = self._pool.agents[name].build(m)
+            path = self._ground.trimmed(candidate.path)
+            if path is not candidate.path:
+                candidate = replace(candidate, path=path)
             marks = landmarks(candidate, ground=self._ground)
             refused = [
                 rejection
@@ -423,12 +425,11 @@ class Search:
         cost, around = self._cost(draws.name, m), arrives - half
         if draws.chance is not None:
             around = comes_at(actor, moment, draws.chance)
-        starts, wish = starts_of(actor, moment), round(around / STEP)
-        near = starts[np.abs(STEP * starts - around) <= _WINDOW]
         waits = draws.chance is not None and not passes_on_green(actor, moment, around)
-        passing = [Option(lambda: actor, m, near, cost, wish)] if len(near) else []
+        far: list[Option] = []
         if not waits:
-            yield from passing
+            near, far = _passing(actor, m, cost, around, moment)
+            yield from near
         drives = draws.route.type == "vehicle"
         span = red_span(actor, moment, around)
         last = last_in_lane(built[0], standing, span) if drives else None
@@ -439,16 +440,16 @@ class Search:
             for red in self._reds(actor, moment, around, -half - WAITING_ALREADY):
                 waiting.append((red, np.array([round(red.enters / STEP)], dtype=np.int64)))
                 yield Option(red.actor, m, waiting[-1][1], cost)
-        rest = passing if waits else []
-        if len(starts) > len(near):
-            rest.append(Option(lambda: actor, m, starts, cost + _FAR_COST, wish))
-        for red, step in waiting:
-            if moment.blocked and red.release < moment.duration:
-                rest.append(Option(replace(red, stays=True).actor, m, step, cost + _STUCK_COST))
+        stuck = [
+            Option(replace(red, stays=True).actor, m, step, cost + _STUCK_COST)
+            for red, step in waiting
+            if moment.blocked and red.release < moment.duration
+        ]
         if waits:
-            later += rest
+            near, far = _passing(actor, m, cost, around, moment)
+            later += (*near, *far, *stuck)
         else:
-            yield from rest
+            yield from (*far, *stuck)
 
     def _reds(
         self, actor: Actor, moment: Moment, around: float, waiting: float
@@ -542,6 +543,19 @@ class Search:
             detail=f"no combination of candidates survives: {detail or 'none was drawn'}",
             missed=None if culprit is None else (-culprit.reached, culprit.off),
         )
+
+
+def _passing(
+    actor: Actor, m: int, cost: float, around: float, moment: Moment
+) -> tuple[list[Option], list[Option]]:
+    """Passing on green near a time [s]; and at any time at all, where that is more."""
+    starts, wish = starts_of(actor, moment), round(around / STEP)
+    near = starts[np.abs(STEP * starts - around) <= _WINDOW]
+    more = len(starts) > len(near)
+    return (
+        [Option(lambda: actor, m, near, cost, wish)] if len(near) else [],
+        [Option(lambda: actor, m, starts, cost + _FAR_COST, wish)] if more else [],
+    )
 
 
 def _in_playing_order(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:

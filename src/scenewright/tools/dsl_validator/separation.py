@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,11 @@ class Corridor:
     half: tuple[float, float]
     walks: bool
 
+    @cached_property
+    def reach(self) -> float:
+        """Half the diagonal of the footprint [m]."""
+        return float(np.hypot(*self.half))
+
 
 @lru_cache(maxsize=512)
 def corridor_of(candidate: Candidate) -> Corridor:
@@ -76,23 +81,6 @@ def corridor_of(candidate: Candidate) -> Corridor:
     pose[0], pose[1] = (np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1))
     pose[2], pose[3] = np.cos(heading), np.sin(heading)
     return Corridor(s, pose, (shape.length / 2, shape.width / 2), kind == "pedestrian")
-
-
-@dataclass(frozen=True, eq=False)
-class _Stay:
-    """One agent present: the nodes it passes, from when until when [s], and how to keep clear.
-
-    Attributes:
-        inner, outer: Separation by contact with others in the background, and in the foreground.
-        ahead: seconds before its own coming that are barred, where that is more than the gap.
-    """
-
-    corridor: Corridor
-    come: FloatArray
-    leave: FloatArray
-    inner: Separation
-    outer: Separation
-    ahead: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +104,7 @@ class Presence:
     """Everybody whose times are settled."""
 
     def __init__(self, actors: Iterable[Actor] = (), *, foreground: bool = True) -> None:
-        self._stays: list[_Stay] = []
+        self._stays: list[FloatArray] = []
         self._nodes: _Nodes | None = None
         self._met: dict[int, tuple[Corridor, _Meetings]] = {}
         for actor in actors:
@@ -142,8 +130,11 @@ class Presence:
             return starts
         low, high = self.barred(actor, foreground=foreground)
         base, size = int(starts[0]), int(starts[-1] - starts[0]) + 1
-        begin = np.minimum(np.maximum(_floor(low) - base, 0), size)
-        end = np.minimum(np.maximum(_ceil(high) + 1 - base, begin), size)
+        first, last = _floor(low), _ceil(high)
+        if size == 1:
+            return starts[:0] if ((first <= base) & (base <= last)).any() else starts
+        begin = np.minimum(np.maximum(first - base, 0), size)
+        end = np.minimum(np.maximum(last + 1 - base, begin), size)
         count = np.bincount(begin, minlength=size + 1) - np.bincount(end, minlength=size + 1)
         unmet: Steps = starts[np.cumsum(count)[starts - base] == 0]
         return unmet
@@ -186,25 +177,21 @@ class Presence:
                 touch = apart <= 0.0
             # What only touch concerns has no clearance to keep beyond it.
             near = (apart <= clearance) & (clearance > 0.0)
-            self._met[key] = (corridor, _runs(i, j, near, touch, nodes.owner))
+            self._met[key] = (corridor, _runs(i, j, near, touch, nodes.slot))
         return self._met[key][1]
 
 
 class _Nodes:
-    """The nodes of all present, one after the other."""
+    """The nodes of all present, one after the other; see `_stay`."""
 
-    def __init__(self, stays: list[_Stay]) -> None:
-        sizes = [len(stay.corridor.s) for stay in stays]
-        self.owner = np.repeat(np.arange(len(stays)), sizes)
-        self.pose = np.concatenate([stay.corridor.pose for stay in stays], axis=1)
-        self.come = np.concatenate([stay.come for stay in stays])
-        self.leave = np.concatenate([stay.leave for stay in stays])
-        self.half = np.array([stay.corridor.half for stay in stays])[self.owner].T
-        self.walks = np.array([stay.corridor.walks for stay in stays])[self.owner]
-        self.clearance = np.array([stay.inner.clearance for stay in stays])[self.owner]
-        self.gap_inner = np.array([stay.inner.gap for stay in stays])[self.owner]
-        self.gap_outer = np.array([stay.outer.gap for stay in stays])[self.owner]
-        self.ahead = np.array([stay.ahead or 0.0 for stay in stays])[self.owner]
+    def __init__(self, stays: list[FloatArray]) -> None:
+        table = np.concatenate(stays, axis=1)
+        self.pose, self.reach = table[:6], table[6]
+        self.come, self.leave, self.walks = table[7], table[8], table[9] > 0.0
+        self.clearance, self.gap_inner, self.gap_outer, self.ahead = table[10:]
+        # Numbered so that only neighbours of one agent have numbers that follow each other.
+        owner = np.repeat(np.arange(len(stays)), [stay.shape[1] for stay in stays])
+        self.slot = np.arange(len(owner)) + owner
 
 
 def forbidden_offsets(a: Actor, b: Actor, *, strict: bool) -> list[tuple[int, int]]:
@@ -224,30 +211,33 @@ def _stay(
     motion: Motion,
     inner: Separation,
     outer: Separation,
-    ahead: float | None = None,
-) -> _Stay:
+    ahead: float = 0.0,
+) -> FloatArray:
+    """[14, N] one agent present: its nodes, when it is there, and how to keep clear of it.
+
+    Rows: pose (x, y, cosine, sine), half length and half width, half diagonal [m]; from when until
+    when its footprint is about the node [s]; whether it walks; clearance [m] and gap [s] to others
+    in the background, gap to those in the foreground; and how long before its own coming nobody
+    else crosses [s], where that is more than the gap.
+    """
     corridor = corridor_of(actor.candidate)
     come, leave = occupancy(corridor.s, motion, 0.5)
     # A run of nodes ends when the last that is reached is left.
     reached = int(np.isfinite(come).sum())
-    leave = np.where(np.isfinite(come), leave, leave[max(reached - 1, 0)])
-    return _Stay(corridor, come + actor.enters, leave + actor.enters, inner, outer, ahead)
+    leave[reached:] = leave[max(reached - 1, 0)]
+    rows = np.empty((14, len(come)))
+    rows[:4], rows[7], rows[8] = corridor.pose, come + actor.enters, leave + actor.enters
+    rows[4:7].T[:] = (*corridor.half, corridor.reach)
+    rows[9:].T[:] = (corridor.walks, inner.clearance, inner.gap, outer.gap, ahead)
+    return rows
 
 
 def _close(a: Corridor, b: _Nodes) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of nodes that may come within the widest clearance, and how far apart they are."""
-    radius = np.hypot(*a.half) + np.hypot(*b.half) + FOREGROUND.clearance
-    i, j = close_nodes(a.pose, b.pose, radius)
-    return (
-        i,
-        j,
-        axis_gap(
-            a.pose.take(i, axis=1),
-            b.pose.take(j, axis=1),
-            np.array(a.half)[:, None],
-            b.half.take(j, axis=1),
-        ),
-    )
+    i, j = close_nodes(a.pose, b.pose, a.reach + b.reach + FOREGROUND.clearance)
+    there = b.pose.take(j, axis=1)
+    half = np.array(a.half)[:, None]
+    return i, j, axis_gap(a.pose.take(i, axis=1), there[:4], half, there[4:])
 
 
 def _runs(
@@ -255,21 +245,21 @@ def _runs(
     j: IntArray,
     near: NDArray[np.bool_],
     touch: NDArray[np.bool_],
-    owner: IntArray,
+    slot: IntArray,
 ) -> _Meetings:
     """Pairs sorted by i and j, joined where j goes on along one owner's path."""
-    at, touching = np.flatnonzero(near), np.flatnonzero(touch)
+    at, touching = near.nonzero()[0], touch.nonzero()[0]
     at = np.concatenate([at, touching])
     if not len(at):
         return _Meetings(at, at, at, 0)
     i, j = i[at], j[at]
-    own = owner[j]
-    breaks = (i[1:] != i[:-1]) | (j[1:] != j[:-1] + 1) | (own[1:] != own[:-1])
+    place = i * (slot[-1] + 2) + slot[j]
+    breaks = place[1:] - place[:-1] != 1
     edge = len(at) - len(touching)
     if 0 < edge < len(at):
         breaks[edge - 1] = True
-    ends = np.concatenate([np.flatnonzero(breaks), [len(i) - 1]])
-    starts = np.concatenate([[0], ends[:-1] + 1])
+    inner = breaks.nonzero()[0]
+    starts, ends = np.concatenate([[0], inner + 1]), np.concatenate([inner, [len(i) - 1]])
     return _Meetings(i[starts], j[starts], j[ends], int(np.sum(starts >= edge)))
 
 

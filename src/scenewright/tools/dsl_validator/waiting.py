@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ _LANE_OFFSET, _ONE_WAY = 2.6, 0.85
 _SEEN, _GRID = 4.0, 0.5
 """How long everybody is seen at least; how finely moments to come at are told apart [s]."""
 
-STARTED = -3.0
+STARTED = -6.0
 """Who started longer before the scene than this has hardly anything of its start left [s]."""
 
 Span = tuple[float, float]
@@ -66,7 +67,7 @@ class RedLight:
         walks = self.free.candidate.route.type == "pedestrian"
         return (self.free.marks.line or 0.0) - (0.3 if walks else self.gap)
 
-    @property
+    @cached_property
     def reaches(self) -> float:
         """Scene time [s] at which it would stand, were braking free; good to about 2 s."""
         return self.enters + self.free.motion.time_at(max(self.s, 0.0))
@@ -82,7 +83,7 @@ class RedLight:
         colours = [clock.colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
         return "green" not in colours and self.release > STARTED
 
-    @property
+    @cached_property
     def release(self) -> float:
         """Scene time [s] at which it starts again."""
         if self.moment.clock is None or self.stays:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
@@ -70,8 +72,14 @@ def cast_foreground(
     """Routes and patterns of the foreground; no red light is run where that can be avoided."""
     from scenewright.tools.map_grounding import at_odds, casts
 
+    weights = {
+        route.id: math.sqrt(_rate(priors, route, hour)) + 1e-3
+        for open_ in grounding.routes.values()
+        for route in open_
+    }
+
     def weight(route: Route) -> float:
-        return float(np.sqrt(_rate(priors, route, hour))) + 1e-3
+        return weights[route.id]
 
     drawn = [next(casts(graph, grounding, on=on, rng=rng, weight=weight)) for _ in range(_CASTS)]
     return min(drawn, key=lambda cast: (at_odds(cast, on=on), len(_violators(cast))))
@@ -240,8 +248,8 @@ def _shape(
         return None, PEDESTRIAN
     if subtype is None:
         shares = priors.subtypes.get(route.id) or {"car": 1.0}
-        total = np.cumsum(np.array(list(shares.values()), dtype=np.float64))
-        subtype = list(shares)[int(np.searchsorted(total / total[-1], rng.random(), side="right"))]
+        total = list(itertools.accumulate(map(float, shares.values())))
+        subtype = list(shares)[bisect_right([each / total[-1] for each in total], rng.random())]
     return subtype, vehicle_shape(subtype)
 
 

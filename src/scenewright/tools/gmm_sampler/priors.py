@@ -13,17 +13,17 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from statistics import NormalDist
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import InputError
 from scenewright.intersections import bundle_folder, check_bundle
-from scenewright.scene.base import FloatArray, frozen
+from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.candidates import K
 from scenewright.scene.manners import Habits
-from scenewright.tools.gmm_sampler.manners import load_manners
+from scenewright.tools.gmm_sampler.manners import BRISKEST, Paces, load_manners, load_paces
 
 DIMENSIONS = 2 * K
 FORMAT = 1
@@ -185,7 +185,25 @@ def _load(folder: Path, _changed: int) -> Priors:
             priors = _unpack({key: stored[key] for key in stored.files})
     except (OSError, ValueError, KeyError) as fault:
         raise InputError(f"cannot read the priors of {folder.name!r}: {fault}") from None
-    return replace(priors, manners=load_manners(folder))
+    laws = paced(priors.time_laws, load_paces(folder))
+    return replace(priors, manners=load_manners(folder), time_laws=laws)
+
+
+def paced(laws: Mapping[str, TimeLawPrior], paces: Paces) -> dict[str, TimeLawPrior]:
+    """Time laws by route id, setting off and braking as was seen of people."""
+    return {route: _paced(law, route, paces) for route, law in laws.items()}
+
+
+def _paced(law: TimeLawPrior, route: str, paces: Paces) -> TimeLawPrior:
+    kind = cast(AgentClass, route.partition(":")[0])
+    if kind not in paces:
+        return law
+    pace = paces[kind]
+    (start, start_spread), (brake, brake_spread) = pace.starts, pace.brakes
+    low, high = law.low.copy(), np.array([law.high[0], *BRISKEST[kind], law.high[3]])
+    median = np.array([law.median[0], start, brake, law.median[3]])
+    spread = np.array([law.spread[0], start_spread, brake_spread, law.spread[3]])
+    return replace(law, median=np.clip(median, low, high), spread=spread, low=low, high=high)
 
 
 def checksum(file: Path) -> str:

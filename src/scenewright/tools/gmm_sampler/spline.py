@@ -73,7 +73,8 @@ def _spline_matrix() -> FloatArray:
 def even_path(curve: FloatArray) -> Path:
     """A curve [P, 2] as a path with even spacing, heading and smoothed curvature."""
     step = curve[1:] - curve[:-1]
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
+    length = np.zeros(len(curve))
+    np.add.accumulate(np.hypot(step[:, 0], step[:, 1]), out=length[1:])
     count = max(round(float(length[-1]) / SPACING), 2) + 1
     s = evenly(float(length[-1]), count)
     xy = np.empty((count, 2))
@@ -83,14 +84,19 @@ def even_path(curve: FloatArray) -> Path:
     cross, dot = dx[:-1] * dy[1:] - dy[:-1] * dx[1:], dx[:-1] * dx[1:] + dy[:-1] * dy[1:]
     # Headings as the first one and the turns since: continuous by construction.
     turns = np.arctan2(cross, dot)
-    between = np.concatenate([[0.0], np.cumsum(turns)]) + np.arctan2(dy[0], dx[0])
-    heading = np.concatenate([between[:1], (between[1:] + between[:-1]) / 2, between[-1:]])
-    turning = np.concatenate([[0.0], turns / s[1], [0.0]])
+    between = np.zeros(count - 1)
+    np.add.accumulate(turns, out=between[1:])
+    between += np.arctan2(dy[0], dx[0])
+    heading, turning = np.empty(count), np.zeros(count)
+    heading[0], heading[-1] = between[0], between[-1]
+    heading[1:-1] = (between[1:] + between[:-1]) / 2
+    turning[1:-1] = turns / s[1]
     return Path(xy=xy, s=s, heading=heading, curvature=_smoothed(turning, s[1]))
 
 
 def _smoothed(values: FloatArray, spacing: float) -> FloatArray:
     """A moving mean over the curvature window; the ends hold their value."""
     half = max(round(_CURVATURE_WINDOW / spacing / 2), 1)
-    padded = np.concatenate([np.full(half, values[0]), values, np.full(half, values[-1])])
+    padded = np.empty(len(values) + 2 * half)
+    padded[:half], padded[half:-half], padded[-half:] = values[0], values, values[-1]
     return np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")

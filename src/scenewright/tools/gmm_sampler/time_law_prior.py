@@ -21,7 +21,7 @@ def sample_time_laws(
     low, high = prior.tails
     quantile = low + (high - low) * rng.uniform(size=(size, len(LAW_FIELDS)))
     drawn = prior.median * np.exp(prior.spread * _inverse_normal(quantile))
-    drawn = np.clip(drawn, prior.low, prior.high)
+    drawn = np.minimum(np.maximum(drawn, prior.low), prior.high)
     return [TimeLaw(*row) for row in drawn.tolist()]
 
 
@@ -44,7 +44,7 @@ def _of_route(priors: Priors, route: str) -> TimeLawPrior:
 
 
 def _inverse_normal(quantile: FloatArray) -> FloatArray:
-    safe = np.clip(quantile, 1e-12, 1 - 1e-12)
+    safe = np.minimum(np.maximum(quantile, 1e-12), 1 - 1e-12)
     return np.array([_NORMAL.inv_cdf(q) for q in safe.ravel().tolist()]).reshape(safe.shape)
 
 

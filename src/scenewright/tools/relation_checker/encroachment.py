@@ -17,7 +17,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import TOUCH
-from scenewright.tools.relation_checker.curve import project_each, side_by_side
+from scenewright.tools.relation_checker.curve import project_each
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
     Extent,
@@ -26,7 +26,7 @@ from scenewright.tools.relation_checker.footprints import (
     pose,
     touch,
 )
-from scenewright.tools.relation_checker.motion import Mover, strung
+from scenewright.tools.relation_checker.motion import Mover, lane_table, strung
 from scenewright.tools.relation_checker.paths import MERGE_LENGTH, SHARED
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
@@ -272,7 +272,7 @@ def _lane_parts(
     """For pairs of movers, where the first is in the lane of the second, and the second in its."""
     if len(first) == 0:
         return [], []
-    lanes = side_by_side([m.lane for m in movers])
+    lanes = lane_table(movers)
     pairs = [*zip(first, second, strict=True), *zip(second, first, strict=True)]
     paths = [movers[i].path.coarser() for i, _ in pairs]
     size = [len(path.s) for path in paths]

@@ -45,12 +45,12 @@ class LanePoints:
 
     def leg_at(self, xy: FloatArray, heading: float) -> str | None:
         """The leg of the nearest lane that leads the way a vehicle [2] is headed, if on it."""
-        alike = np.abs(_turn(self.heading - heading)) <= ALONG
-        if not alike.any():
+        alike = np.flatnonzero(np.abs(_turn(self.heading - heading)) <= ALONG)
+        if not len(alike):
             return None
-        away = np.where(alike, np.hypot(*(self.xy - xy).T), np.inf)
+        away = np.hypot(*(self.xy[alike] - xy).T)
         nearest = int(away.argmin())
-        return self.legs[nearest] if away[nearest] <= BESIDE else None
+        return self.legs[alike[nearest]] if away[nearest] <= BESIDE else None
 
 
 def entry_of(mover: Mover, ground: IntersectionMap) -> str | None:

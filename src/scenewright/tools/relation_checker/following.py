@@ -9,8 +9,9 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import Crowd
-from scenewright.tools.relation_checker.curve import project_each, side_by_side
+from scenewright.tools.relation_checker.curve import project_each
 from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, angle_between
+from scenewright.tools.relation_checker.motion import lane_table
 
 LOOK_AHEAD = 60.0
 ROOM = 1_000_000
@@ -111,7 +112,7 @@ def _gaps(crowd: Crowd, followers: IntArray, others: IntArray) -> FloatArray:
     nose, width = np.array([(m.nose, m.width) for m in crowd.movers]).T
     driven = np.concatenate([m.s for m in crowd.movers])[crowd.origin[n] + sample[row, column]]
     beside = (width[n] + width[k]) / 2
-    lanes = side_by_side([m.lane for m in crowd.movers])
+    lanes = lane_table(crowd.movers)
     foot = project_each(crowd.xy[k, column], lanes, n, within=beside)
     gap = foot.s - driven - nose[n] - nose[k]
     inside = (foot.lateral < beside) & (gap > -nose[n]) & (foot.s > driven)

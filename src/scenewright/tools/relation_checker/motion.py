@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +20,14 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Shape, Track
-from scenewright.tools.relation_checker.curve import Path, curves, lanes, unwrapped
+from scenewright.tools.relation_checker.curve import (
+    Lanes,
+    Path,
+    curves,
+    lanes,
+    side_by_side,
+    unwrapped,
+)
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 
@@ -61,8 +68,11 @@ class Mover:
     """A road user on the 0.1 s grid, with its kinematics.
 
     Attributes:
+        is_vehicle: whether the footprint is a rectangle, else it is a disc.
         half_length, half_width: of the rectangle [m]; 0 for pedestrians.
         radius: of the disc [m]; 0 for vehicles.
+        nose: distance from the centre to the foremost point [m].
+        reach: radius of the circle round the footprint [m].
         start: time of the first sample [s], a multiple of 0.1 but for the offset of the grid.
         xy: [T, 2] positions [m]; heading: [T], unwrapped [rad].
         s: [T] arc length driven since the first sample [m].
@@ -76,39 +86,26 @@ class Mover:
     start: float
     xy: FloatArray
     heading: FloatArray
+    is_vehicle: bool = field(init=False)
+    half_length: float = field(init=False)
+    half_width: float = field(init=False)
+    radius: float = field(init=False)
+    nose: float = field(init=False)
+    reach: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        drives = self.type == "vehicle"
+        length, width = (self.length / 2, self.width / 2) if drives else (0.0, 0.0)
+        radius = 0.0 if drives else self.width / 2
+        for name, value in (
+            ("is_vehicle", drives), ("half_length", length), ("half_width", width),
+            ("radius", radius), ("nose", length + radius),
+            ("reach", float(np.hypot(length, width)) + radius),
+        ):  # fmt: skip
+            object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
         return len(self.xy)
-
-    @cached_property
-    def is_vehicle(self) -> bool:
-        """Whether the footprint is a rectangle."""
-        return self.type == "vehicle"
-
-    @cached_property
-    def half_length(self) -> float:
-        """Half the rectangle's length [m]; 0 for a disc."""
-        return self.length / 2 if self.is_vehicle else 0.0
-
-    @cached_property
-    def half_width(self) -> float:
-        """Half the rectangle's width [m]; 0 for a disc."""
-        return self.width / 2 if self.is_vehicle else 0.0
-
-    @cached_property
-    def radius(self) -> float:
-        """Radius of the disc [m]; 0 for a rectangle."""
-        return 0.0 if self.is_vehicle else self.width / 2
-
-    @cached_property
-    def nose(self) -> float:
-        """Distance from the centre to the foremost point [m]."""
-        return self.half_length + self.radius
-
-    @cached_property
-    def reach(self) -> float:
-        """Radius of the circle round the footprint [m]."""
-        return float(np.hypot(self.half_length, self.half_width)) + self.radius
 
     @cached_property
     def times(self) -> FloatArray:
@@ -193,14 +190,26 @@ class Mover:
 
 
 def strung(movers: Sequence[Mover]) -> tuple[FloatArray, FloatArray, IntArray]:
-    """All movers' samples one after another, and where each mover's begin.
+    """All movers' samples one after another, and where each mover's begin; not to be written to.
 
     Returns:
         xy [S, 2] [m]; heading [S] [rad]; origin [N+1], the last entry being S.
     """
+    return _strung(tuple(movers))
+
+
+@lru_cache(maxsize=4)
+def _strung(movers: tuple[Mover, ...]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Every measure asks for the same few; movers are known by identity."""
     xy = np.concatenate([np.zeros((0, 2)), *(m.xy for m in movers)])
     heading = np.concatenate([np.zeros(0), *(m.heading for m in movers)])
     return xy, heading, np.cumsum([0, *(len(m.xy) for m in movers)])
+
+
+@lru_cache(maxsize=1)
+def lane_table(movers: tuple[Mover, ...]) -> Lanes:
+    """The lanes of all movers, for many projections at once; movers are known by identity."""
+    return side_by_side([m.lane for m in movers])
 
 
 def derive(movers: Sequence[Mover]) -> None:
@@ -221,7 +230,8 @@ def _kinematics(xy: FloatArray, origin: IntArray) -> list[Kinematics]:
     steps = np.hypot(delta[:, 0], delta[:, 1])
     velocity = central_difference(xy, origin)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    acceleration, push = (windowed_derivative(v, origin) for v in (speed, velocity))
+    change = windowed_derivative(np.column_stack((speed, velocity)), origin)
+    acceleration, push = change[:, 0], change[:, 1:]
     across = velocity[:, 0] * push[:, 1] - velocity[:, 1] * push[:, 0]
     lateral = np.abs(across) / np.maximum(speed, 0.1)
     return [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -47,6 +47,7 @@ from scenewright.tools.relation_checker.yielding import (
     Passage,
     Surroundings,
     find_yield,
+    held_throughout,
     leads,
 )
 
@@ -299,11 +300,15 @@ class _Search:
             )
 
         return Surroundings(
-            red=lambda a, b: self.lights.held(real, since=a, until=b),
+            red=partial(self._red, real),
             leader=leader,
             excused=lambda t: self._excused(real, other, t),
             on_crosswalk=on_crosswalk,
         )
+
+    def _red(self, giver: Mover, since: float, until: float) -> bool:
+        """Whether a light that is not green holds the giver at some time of a span [s]."""
+        return self.lights.held(giver, since=since, until=until)
 
     def _excused(self, giver: Mover, other: Mover, time: float) -> bool:
         """Whether the giver waits for yet another agent that a relation binds it to."""
@@ -345,6 +350,8 @@ class _Search:
             if float(self.near.gaps[row].min()) < YIELD_CLEARANCE:
                 continue
             further = extended(giver, distance=onwards, speed=2.0 if giver.is_vehicle else 1.0)
+            if held_throughout(further, giver.end, partial(self._red, giver)):
+                continue
             for zone in conflict_zones(further, other):
                 giving = self._yields_at(zone, further, other, real_end=giver.end)
                 if giving is not None and giving.braking <= YIELD_BRAKING:

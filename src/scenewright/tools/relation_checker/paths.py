@@ -127,13 +127,17 @@ def zone_stay(mover: Mover, polygon: Area) -> Stay | None:
         return None
     first, last = int(hits[0]), int(hits[-1])
     enter, leave = float(times[first]), float(times[last])
+    fine = np.concatenate((enter - STEP + _FORTH, leave + _BACK))
+    coming, going = _touches(mover, polygon, fine).reshape(2, -1)
     if first > 0:
-        fine = enter - STEP + np.linspace(0.0, STEP, 11)
-        enter = float(fine[int(np.argmax(_touches(mover, polygon, fine)))])
+        enter = float(fine[int(np.argmax(coming))])
     if last < len(times) - 1:
-        fine = leave + np.linspace(STEP, 0.0, 11)
-        leave = float(fine[int(np.argmax(_touches(mover, polygon, fine)))])
+        leave = float(fine[len(_FORTH) + int(np.argmax(going))])
     return Stay(enter, leave, first == 0, last == len(times) - 1)
+
+
+_FORTH, _BACK = np.linspace(0.0, STEP, 11), np.linspace(STEP, 0.0, 11)
+"""Moments of the steps in which it comes and goes, from outside the zone inwards [s]."""
 
 
 def _touches(

@@ -54,6 +54,7 @@ class Lights:
                     self._spans.setdefault(name, []).append(record)
         self._ground = ground
         self._met: dict[Mover, tuple[Crossing, ...]] = {}
+        self._further: dict[Mover, Mover] = {}
 
     def colour(self, light: str, *, time: float) -> Colour | None:
         """What a light shows at a time [s]; None where the plan does not say."""
@@ -112,8 +113,11 @@ class Lights:
         """
         if self._ground is None or not self._spans:
             return False
-        further = extended(mover, distance=25.0, speed=5.0 if mover.is_vehicle else 1.0)
-        ahead = next((c.light for c in self.crossings(further) if c.time > until), None)
+        if mover not in self._further:
+            speed = 5.0 if mover.is_vehicle else 1.0
+            self._further[mover] = extended(mover, distance=25.0, speed=speed)
+        crossings = self.crossings(self._further[mover])
+        ahead = next((c.light for c in crossings if c.time > until), None)
         times = np.arange(since, until + STEP / 2, STEP)
         return ahead is not None and any(
             self.colour(ahead, time=float(t)) in ("red", "yellow") for t in times

@@ -193,6 +193,20 @@ def find_yield(passage: Passage) -> Giving | None:
     return next((s for s in spells if s is not None), None)
 
 
+def held_throughout(giver: Mover, until: float, red: Callable[[float, float], bool]) -> bool:
+    """Whether a light explains all of a giver's slowing up to a time, so that it yields to nobody.
+
+    Needs no zone, and therefore little time; see `find_yield` and `_held_otherwise`.
+    """
+    times, last = giver.times, giver.index(until)
+    for lowest in _lowest_points(giver, until):
+        begin = slowing_begins(giver.speed, lowest, ripple=LIMITS[giver.type].ripple)
+        moments = {lowest, _standstill(giver, begin, lowest, last)[0]}
+        if not all(red(float(times[begin]), float(times[k])) for k in moments):
+            return False
+    return True
+
+
 def _lowest_points(giver: Mover, until: float) -> list[int]:
     """Samples of lowest speed, one for each spell of slowing, deepest first."""
     limits, last = LIMITS[giver.type], giver.index(until)
@@ -248,14 +262,19 @@ def _slow_moment(passage: Passage, begin: int, lowest: int, drive: FreeDrive) ->
     giver, limits = passage.giver, LIMITS[passage.giver.type]
     if giver.s[lowest] < passage.s_enter - limits.upstream:
         return None
-    last = giver.index(passage.until)
-    moving = np.flatnonzero(giver.speed[begin : last + 1] > STANDING) + begin
-    first = max((int(k) + 1 for k in moving[moving < lowest]), default=begin)
-    after = min((int(k) - 1 for k in moving[moving > lowest]), default=last)
+    first, after = _standstill(giver, begin, lowest, giver.index(passage.until))
     if giver.speed[lowest] <= STANDING and (after - first) * STEP >= STANDING_TIME - 1e-9:
         return first
     free = float(np.interp(giver.s[lowest], drive.s, drive.speed))
     return lowest if giver.speed[lowest] <= free / 2 else None
+
+
+def _standstill(giver: Mover, begin: int, lowest: int, last: int) -> tuple[int, int]:
+    """First and last sample of the standstill around the lowest speed, if it stands there."""
+    moving = np.flatnonzero(giver.speed[begin : last + 1] > STANDING) + begin
+    before, after = moving[moving < lowest], moving[moving > lowest]
+    first = int(before[-1]) + 1 if len(before) else begin
+    return first, int(after[0]) - 1 if len(after) else last
 
 
 def _free_times(passage: Passage, drive: FreeDrive) -> tuple[float, float]:

@@ -40,9 +40,9 @@ LIMITS: dict[AgentClass, Limits] = {
     "vehicle": Limits(19.5, 2.4, 3.2, 4.5),
     "pedestrian": Limits(2.9, 2.2, 2.2, np.inf),
 }
-SMOOTHING: dict[AgentClass, float] = {"vehicle": 3.0, "pedestrian": 1.5}
+SMOOTHING: dict[AgentClass, float] = {"vehicle": 3.2, "pedestrian": 1.5}
 """Waves in progress shorter than that [s] lose half of their height or more."""
-SETTLING = 2.5
+SETTLING = 3.5
 """How long before and after the prior is kept a proposal counts less [s]."""
 _FAINT = 0.02
 """How little it counts next to the prior, beside 1 further off."""
