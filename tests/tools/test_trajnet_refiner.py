@@ -35,13 +35,7 @@ from scenewright.tools.trajnet_refiner.train import (
     negative_log_density,
     train,
 )
-from scenewright.tools.trajnet_refiner.windows import (
-    Variation,
-    Window,
-    backwards,
-    batches,
-    varied,
-)
+from scenewright.tools.trajnet_refiner.windows import Variation, Window, batches, varied
 
 torch.set_num_threads(1)  # networks this small only wait for each other
 SMALL = RefinerConfig(hidden=16, embedding=8, pooled=8, neighbours=4, apart=None)
@@ -440,21 +434,6 @@ def test_variations_keep_the_present_and_the_shape() -> None:
         factor = np.abs(other.xy[:, 8:] / window.xy[:, 8:])
         assert np.ptp(factor) == pytest.approx(0.0, abs=1e-9)
         assert 0.9 <= factor.mean() <= 1.1
-
-
-def test_a_window_backwards_is_of_those_seen_around_its_new_present() -> None:
-    xy = np.cumsum(np.ones((3, 21, 2)), axis=1)
-    xy[1, 15:] = np.nan  # is gone by the end, and therefore seen late when time runs back
-    xy[2, :13] = np.nan  # comes after the new present
-    window = Window(xy, np.arange(3) % 2, xy[:, -1], np.array([1.0, 2.0, 3.0]))
-    back = backwards(window, observed=9)
-    assert np.array_equal(back.xy[0], xy[0, ::-1])
-    assert np.array_equal(back.xy[1], xy[1, ::-1], equal_nan=True)
-    assert back.weight.tolist() == [1.0, 2.0]
-    assert np.array_equal(back.destination, xy[:2, 0])
-    assert np.array_equal(backwards(back, observed=13).xy, window.xy[:2], equal_nan=True)
-    nobody = Window(xy[2:], np.zeros(1, np.int64), xy[2:, -1], np.ones(1))
-    assert backwards(nobody, observed=9) is nobody
 
 
 def test_batches_hold_every_window_once_and_goals_that_are_true() -> None:

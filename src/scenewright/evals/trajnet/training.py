@@ -33,10 +33,10 @@ def train_on(
 ) -> dict[str, Any]:
     """Trains a refiner and writes it to `out`; what the training was is written with it.
 
-    First every agent counts much alike; then, for half as many epochs, those count most who do
-    not simply keep going, and half of the windows run back in time (`polishing`). While it runs,
-    its state is kept beside `out` in files ending in .training and .polishing, from which it goes
-    on when it is started again; in the end they are removed.
+    First every agent counts much alike; then, for a third as many epochs, those count most who do
+    not simply keep going (`polishing`). While it runs, its state is kept beside `out` in files
+    ending in .training and .polishing, from which it goes on when it is started again; in the end
+    they are removed.
 
     Args:
         held_out: recordings to validate on; the error is that of all their agents.
@@ -91,16 +91,12 @@ def train_on(
 
 
 def polishing(recipe: Recipe) -> Recipe:
-    """The second part of a training: half the epochs, at half the rate, half the goals.
-
-    Half of the windows run backwards: it takes longer to learn them by heart.
-    """
+    """The second part of a training: a third of the epochs, at half the rate, half the goals."""
     return recipe.model_copy(
         update={
-            "epochs": math.ceil(recipe.epochs / 2),
+            "epochs": math.ceil(recipe.epochs / 3),
             "rate": recipe.rate / 2,
             "goals": recipe.goals / 2,
-            "backwards": 0.5,
         }
     )
 

@@ -39,7 +39,7 @@ class Recipe(Model):
         agents: agents per batch; rate: the highest learning rate; decay: of the weights.
         likelihood: weight of the Gaussian's likelihood beside the mean distance.
         average: of the weights that are kept, over about 1 / (1 - average) batches.
-        stretch, noise, unseen, goals, backwards: see `Variation`.
+        stretch, noise, unseen, goals: see `Variation`.
         seed: of the first weights and of every draw.
     """
 
@@ -54,12 +54,11 @@ class Recipe(Model):
     noise: float = Field(default=0.0, ge=0)
     unseen: float = Field(default=0.1, ge=0, le=1)
     goals: float = Field(default=0.4, ge=0, le=1)
-    backwards: float = Field(default=0.0, ge=0, le=1)
     seed: int = Field(default=0, ge=0)
 
     def variation(self) -> Variation:
         """How windows are varied."""
-        return Variation(self.stretch, self.noise, self.unseen, self.goals, self.backwards)
+        return Variation(self.stretch, self.noise, self.unseen, self.goals)
 
 
 class Epoch(NamedTuple):

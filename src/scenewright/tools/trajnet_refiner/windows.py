@@ -1,7 +1,7 @@
 """Training windows: stretches of observed and future motion of all agents seen together.
 
 Windows are kept as arrays, put into batches of about the same number of agents, and varied when
-they are drawn: backwards, mirrored, stretched, blurred, partly unseen, with and without goals.
+they are drawn: mirrored, stretched, blurred, partly unseen, with and without goals.
 """
 
 from __future__ import annotations
@@ -53,15 +53,12 @@ class Variation:
         noise: standard deviation of what is added to observed positions [m], at most.
         unseen: share of agents of which some observed steps are taken away.
         goals: share of windows in which agents are given goals.
-        backwards: share of windows that run back in time: people walk there much as they do
-            forwards. Vehicles do not, as they brake harder than they start.
     """
 
     stretch: float = 0.25
     noise: float = 0.0
     unseen: float = 0.1
     goals: float = 0.4
-    backwards: float = 0.0
 
 
 Collate = Callable[..., tuple[Scenes, Tensor, Tensor]]
@@ -102,9 +99,7 @@ def grouped(
 
 
 def varied(window: Window, *, observed: int, by: Variation, rng: np.random.Generator) -> Window:
-    """A window that could as well have happened, as `by` says, and its mirror image or not."""
-    if by.backwards > 0 and rng.random() < by.backwards:
-        window = backwards(window, observed=observed)
+    """A window that could as well have happened: mirrored, stretched, blurred, partly unseen."""
     factor = rng.uniform(1 - by.stretch, 1 + by.stretch)
     scale = np.array([factor, factor * rng.choice((-1.0, 1.0))])
     xy = window.xy * scale
@@ -117,22 +112,6 @@ def varied(window: Window, *, observed: int, by: Variation, rng: np.random.Gener
     gone = hit[:, None] & (k >= first[:, None]) & (k < (first + length)[:, None])
     past[gone & (k < observed - 1)] = np.nan
     return Window(xy, window.classes, window.destination * scale, window.weight)
-
-
-def backwards(window: Window, *, observed: int) -> Window:
-    """A window from its end to its beginning, of those who are seen around what is now its present.
-
-    Where nobody is, the window as it is.
-    """
-    xy = window.xy[:, ::-1]
-    now = np.asarray(np.isfinite(xy[:, observed - 1 : observed + 1]).all(axis=(1, 2)))
-    if not now.any():
-        return window
-    xy = xy[now]
-    known = np.asarray(np.isfinite(xy).all(axis=2))
-    last = known.shape[1] - 1 - np.argmax(known[:, ::-1], axis=1)
-    destination = xy[np.arange(len(xy)), last]
-    return Window(xy, window.classes[now], destination, window.weight[now])
 
 
 def collated(
