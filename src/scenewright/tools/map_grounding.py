@@ -10,6 +10,7 @@ import numpy as np
 from scenewright.errors import Rejected
 from scenewright.scene.grounding import Cast, CastPattern, Grounding
 from scenewright.scene.map import IntersectionMap, Route, VehicleMovement
+from scenewright.scene.recent import Recent
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, pattern_named
 from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
@@ -31,17 +32,11 @@ def ground(graph: SocialGraph, *, on: IntersectionMap) -> Grounding:
     Raises:
         Rejected: `ungroundable`, naming the agent or the relation that the map cannot serve.
     """
-    known = _grounded.get(graph)
-    if known is None or known[0] is not on or known[1] != checked_patterns():
-        known = _grounded[graph] = on, checked_patterns(), _open_routes(graph, on)
-        if len(_grounded) > _MOST_GROUNDED:
-            del _grounded[next(iter(_grounded))]
-    return known[2]
+    return _GROUNDED.get(graph, on, checked_patterns(), make=lambda: _open_routes(graph, on))
 
 
-_grounded: dict[SocialGraph, tuple[IntersectionMap, tuple[Pattern, ...], Grounding]] = {}
-"""The last graphs, where they were grounded and by which relation files: seeds share them."""
-_MOST_GROUNDED = 256
+_GROUNDED: Recent[SocialGraph, Grounding] = Recent(most=256)
+"""Seeds of one text share a graph."""
 
 
 def _open_routes(graph: SocialGraph, on: IntersectionMap) -> Grounding:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.scene.map import IntersectionMap, SignalProgram
+from scenewright.scene.recent import Recent
 from scenewright.scene.record import SignalRecord
 
 _RESOLUTION = 0.5
@@ -79,22 +80,18 @@ def _phases(
     program: SignalProgram, group: str, colours: tuple[Colour, ...]
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """When every phase ends [s], and whether the group shows one of the colours in it."""
-    key = (id(program), group, colours)
-    known = _known.get(key)
-    if known is None or known[0] is not program:
+
+    def make() -> tuple[FloatArray, NDArray[np.bool_]]:
         edges = np.add.accumulate([phase.duration for phase in program.phases])
-        fits = np.array([phase.colours[group] in colours for phase in program.phases])
-        known = _known[key] = program, edges, fits
-        if len(_known) > _MOST_KNOWN:
-            del _known[next(iter(_known))]
-    return known[1], known[2]
+        return edges, np.array([phase.colours[group] in colours for phase in program.phases])
+
+    return _PHASES.get((id(program), group, colours), program, make=make)
 
 
-_known: dict[
-    tuple[int, str, tuple[Colour, ...]], tuple[SignalProgram, FloatArray, NDArray[np.bool_]]
-] = {}
-"""By programme, known by identity, group and colours."""
-_MOST_KNOWN = 256
+_PHASES: Recent[tuple[int, str, tuple[Colour, ...]], tuple[FloatArray, NDArray[np.bool_]]] = Recent(
+    most=256
+)
+"""By programme, group and colours."""
 
 
 def plan_records(

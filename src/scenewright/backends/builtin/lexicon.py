@@ -14,6 +14,7 @@ from rapidfuzz.distance import OSA
 
 from scenewright.backends.builtin.normalise import Token, stem, tokenise
 from scenewright.backends.builtin.phrases import Phrase, all_phrases
+from scenewright.scene.recent import Recent
 
 _MENDED_TAGS = [
     "AGENT",
@@ -201,12 +202,10 @@ def _agent_in(chunks: Sequence[Chunk]) -> bool:
 def lexicon() -> Lexicon:
     """The lexicon shipped with the package, and the phrases of the relation files."""
     spoken = all_phrases()
-    if not _last or _last[0][0] is not spoken:
-        _last[:] = [(spoken, _compiled(spoken))]
-    return _last[0][1]
+    return _COMPILED.get(None, spoken, make=lambda: _compiled(spoken))
 
 
-_last: list[tuple[tuple[Phrase, ...], Lexicon]] = []
+_COMPILED: Recent[None, Lexicon] = Recent(most=1)
 
 
 def _compiled(spoken: tuple[Phrase, ...]) -> Lexicon:

@@ -13,6 +13,7 @@ from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraf
 from scenewright.backends.builtin.impacts import read_impacts
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.shorthand import expand
+from scenewright.scene.recent import Recent
 from scenewright.scene.relations import Pattern, Role, patterns
 from scenewright.scene.social import RelationType
 
@@ -39,12 +40,12 @@ class Phrase:
 def all_phrases() -> tuple[Phrase, ...]:
     """Every phrase of every relation file; the same tuple as long as the files are the same."""
     found = patterns()
-    if not _last or _last[0][0] != found:
-        _last[:] = [(found, tuple(itertools.chain.from_iterable(map(_phrases, found))))]
-    return _last[0][1]
+    return _SPOKEN.get(
+        None, found, make=lambda: tuple(itertools.chain.from_iterable(map(_phrases, found)))
+    )
 
 
-_last: list[tuple[tuple[Pattern, ...], tuple[Phrase, ...]]] = []
+_SPOKEN: Recent[None, tuple[Phrase, ...]] = Recent(most=1)
 
 
 def _phrases(pattern: Pattern) -> Iterator[Phrase]:

@@ -31,7 +31,8 @@ from scenewright.backends.builtin.scope import (
 from scenewright.backends.builtin.shorthand import denied, expand
 from scenewright.backends.builtin.ties import name_turns_across, ties
 from scenewright.backends.builtin.unread import check_read
-from scenewright.scene.relations import Pattern, patterns
+from scenewright.scene.recent import Recent
+from scenewright.scene.relations import patterns
 from scenewright.scene.social import (
     AgentNode,
     Background,
@@ -56,9 +57,8 @@ _NOTHING = (
 )
 _SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
 
-_known: dict[tuple[str, str | None, Site], tuple[tuple[Pattern, ...], Plan]] = {}
-"""The last plans, and the relations that there were: one text is asked for with many seeds."""
-_MOST_KNOWN = 256
+_KNOWN: Recent[tuple[str, str | None, Site], Plan] = Recent(most=256)
+"""One text is asked for with many seeds."""
 
 
 def plan(text: str, *, previous: str | None = None, site: Site | None = None) -> Plan:
@@ -69,13 +69,8 @@ def plan(text: str, *, previous: str | None = None, site: Site | None = None) ->
         previous: an earlier instruction that `text` edits; a full instruction replaces it.
         site: where it is to happen; None: four legs in right-hand traffic.
     """
-    asked, spoken = (text, previous, site or Site()), patterns()
-    known = _known.get(asked)
-    if known is None or known[0] != spoken:
-        known = _known[asked] = spoken, _planned(*asked)
-        if len(_known) > _MOST_KNOWN:
-            del _known[next(iter(_known))]
-    return known[1]
+    asked = text, previous, site or Site()
+    return _KNOWN.get(asked, patterns(), make=lambda: _planned(*asked))
 
 
 def _planned(text: str, previous: str | None, site: Site) -> Plan:

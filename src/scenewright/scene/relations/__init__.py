@@ -40,12 +40,17 @@ _FIELDS: dict[str, frozenset[str]] = {
 def patterns() -> tuple[Pattern, ...]:
     """Every pattern, shipped or in the folder that SCENEWRIGHT_RELATIONS names, ordered by id.
 
-    The files of a folder are read once.
+    The files of a folder are read once, and the tuple is the same one from then on.
 
     Raises:
         InputError: a file of that folder is no pattern, or the folder cannot be read.
     """
-    return tuple(pattern for _, pattern in _patterns(os.environ.get("SCENEWRIGHT_RELATIONS")))
+    return _without_files(os.environ.get("SCENEWRIGHT_RELATIONS"))
+
+
+@cache
+def _without_files(own: str | None) -> tuple[Pattern, ...]:
+    return tuple(pattern for _, pattern in _patterns(own))
 
 
 def pattern_named(name: str) -> Pattern:
