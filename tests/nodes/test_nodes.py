@@ -246,6 +246,18 @@ def test_the_verifier_refuses_what_is_not_the_scene_asked_for(run):
     rejection = refused(verify_scene, state, load_backend("builtin"))
     assert rejection.code == "relation_not_realised"
     assert set(rejection.agents) == {CAR, OTHER}
+    assert rejection.repairable
+
+
+def test_what_the_solvers_own_segments_got_wrong_only_another_layout_mends(run):
+    still = dict(run["refined"])
+    still[OTHER] = replace(still[OTHER], xy=still[OTHER].xy[:1].repeat(len(still[OTHER].xy), 0))
+    rejection = refused(verify_scene, run | {"refined": still}, load_backend("builtin"))
+    assert set(rejection.agents) >= {CAR, OTHER}
+    assert not rejection.repairable
+    backend = Scripted({"anchors": {}})
+    refused(reason_events, run | {"rejections": [rejection]}, backend)
+    assert [question.rejections for question in backend.asked] == [()]
 
 
 def test_a_record_holds_what_the_stages_made(run):

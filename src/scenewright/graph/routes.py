@@ -67,25 +67,16 @@ def after_scene_verifier(
         and refinement.attempt <= runtime.context.budgets.refiner
     ):
         return "trajectory_refiner"
-    if not _asked_about(state):
-        return _sample_afresh(state, runtime.context.budgets.generator)
     return _reason_again(state, runtime.context, "scene_verifier")
-
-
-def _asked_about(state: SceneState) -> bool:
-    """Whether the refusal concerns somebody whose segments are the reasoner's to change."""
-    refused, graph = state.get("refused"), state.get("social_graph")
-    if refused is None or graph is None or not refused.agents:
-        return True
-    bound = {name for edge in graph.relations for name in (edge.from_, edge.to)}
-    return not bound.isdisjoint(refused.agents)
 
 
 def _reason_again(
     state: SceneState, context: RunContext, stage: Stage
 ) -> Literal["event_reasoner", "agent_generator", "give_up"]:
-    """A backend that may answer otherwise is asked again within its budget; else sample afresh."""
-    idle = speaker(context.backend, "behavior").deterministic
+    """A backend whose other answer may mend it is asked within its budget; else sample afresh."""
+    refused = state.get("refused")
+    final = refused is not None and not refused.repairable
+    idle = final or speaker(context.backend, "behavior").deterministic
     refined_less = _refined_less(state) if stage == "scene_verifier" else 0
     if not idle and _spent(state, stage) - refined_less <= context.budgets.reasoner:
         return "event_reasoner"

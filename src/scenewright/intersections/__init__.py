@@ -173,6 +173,25 @@ def check_bundle(folder: Path, *only: str) -> None:
             )
 
 
+def sign_bundle(folder: Path, *names: str) -> None:
+    """Brings the checksums of files up to date in the folder's bundle.toml, if it has one."""
+    header = folder / "bundle.toml"
+    if not header.is_file():
+        return
+    text = header.read_text(encoding="utf-8")
+    for name in names:
+        line = f'"{name}" = "{hashlib.sha256((folder / name).read_bytes()).hexdigest()}"'
+        known = re.compile(rf'^"{re.escape(name)}" = ".*"$', re.MULTILINE)
+        if known.search(text):
+            text = known.sub(line, text)
+        else:
+            head, table, rest = text.partition("[sha256]\n")
+            text = f"{head}{table or chr(10) + '[sha256]' + chr(10)}{line}\n{rest}"
+    draft = header.with_name(header.name + ".part")
+    draft.write_text(text, encoding="utf-8")
+    os.replace(draft, header)
+
+
 def _bundles() -> dict[str, Path]:
     """Bundles by name. Names are looked up here and never joined into a path."""
     return {

@@ -106,6 +106,23 @@ class BehaviorProgram(Model):
 
     segments: dict[str, tuple[Segment, ...]]
 
+    def as_suggested(self, summary: EventSummary) -> bool:
+        """Whether everybody stands and ends just where and when the solver found it."""
+        return all(
+            _moments(self.segments.get(agent.agent, ()))
+            == _moments(agent.suggested(summary.duration))
+            for agent in summary.agents
+        )
+
+
+def _moments(segments: Sequence[Segment]) -> list[tuple[str, float, float, str]]:
+    """Standstills that last, and the end at a contact: what makes a motion differ from its prior."""
+    return [
+        (each.anchor, round(each.start, 2), round(each.end, 2), each.status)
+        for each in segments
+        if each.status == "terminate" or (each.status == "stop" and each.end > each.start)
+    ]
+
 
 def _segment(start: float, end: float, anchor: str, status: str) -> Segment:
     return Segment.model_validate(

@@ -45,6 +45,8 @@ class Rejection(Model):
         detail: one sentence for whoever must repair it.
         missed: how near the nearest attempt came to a clause that never held, for comparison with
             other attempts: what it failed on, negated, and by how much. Not written to files.
+        repairable: whether another answer to the stage's question could mend it; where none can,
+            only another layout does. Not written to files.
     """
 
     stage: Stage
@@ -52,3 +54,4 @@ class Rejection(Model):
     agents: tuple[str, ...] = ()
     detail: str
     missed: tuple[int, float] | None = Field(default=None, exclude=True)
+    repairable: bool = Field(default=True, exclude=True)

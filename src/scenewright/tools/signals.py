@@ -66,6 +66,27 @@ def feasible_offsets(program: SignalProgram, demands: tuple[Demand, ...]) -> Flo
     return offsets[good]
 
 
+def red_for(program: SignalProgram, group: str, offsets: FloatArray) -> FloatArray:
+    """[N] how long the group has not been green when the programme is at `offsets` [s].
+
+    A whole cycle where it never is. Offsets count on the grid of `feasible_offsets`.
+    """
+    known = _RED_FOR.get((id(program), group), program, make=lambda: _red_for(program, group))
+    return known[np.round(offsets / _RESOLUTION).astype(np.int64) % len(known)]
+
+
+def _red_for(program: SignalProgram, group: str) -> FloatArray:
+    """[O] the same for every offset of the grid."""
+    grid = np.arange(0.0, program.cycle, _RESOLUTION)
+    green = shows(program, group, grid[:, None] - grid, ("green",))
+    since = np.where(green.any(axis=1), grid[green.argmax(axis=1)], program.cycle)
+    return np.asarray(since)
+
+
+_RED_FOR: Recent[tuple[int, str], FloatArray] = Recent(most=64)
+"""By programme and group."""
+
+
 def shows(
     program: SignalProgram, group: str, times: FloatArray, colours: tuple[Colour, ...]
 ) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from scenewright.errors import InputError
 from scenewright.evals.realism.scenes import Played, cut_scenes
 from scenewright.evals.realism.stops import given_way, standstills
 from scenewright.graph.atomic import write_atomically
-from scenewright.intersections import load_map
+from scenewright.intersections import load_map, sign_bundle
 from scenewright.scene.base import AgentClass
 from scenewright.scene.events import Event
 from scenewright.scene.manners import LEVELS, Habits, Manners, Quantiles
@@ -42,11 +42,13 @@ class Case:
 
     Attributes:
         stood_at: when its standstill began [s]; None if it never stood.
+        alone: it stood for one other alone.
         starts, brakes: how it set off and braked [m/s^2], as `Pace` has it.
     """
 
     pair: tuple[AgentClass, AgentClass]
     stood_at: float | None
+    alone: bool = False
     pace: float | None = None
     place: float | None = None
     margin: float | None = None
@@ -76,10 +78,16 @@ def cases(scenes: Iterable[Played], *, on: IntersectionMap) -> Iterator[Case]:
                 rolling.setdefault(event.from_, case)
             else:
                 key = (event.from_, case.stood_at)
-                standing[key] = min(case, standing.get(key, case), key=_distance)
+                known = standing.get(key)
+                standing[key] = case if known is None else _together(known, case)
         stood = {giver for giver, _ in standing}
         yield from standing.values()
         yield from (case for giver, case in rolling.items() if giver not in stood)
+
+
+def _together(one: Case, other: Case) -> Case:
+    """Who stands for two stands for the nearer of them, and not for one alone."""
+    return replace(min(one, other, key=_distance), alone=False)
 
 
 def _distance(case: Case) -> float:
@@ -104,6 +112,7 @@ def _case(event: Event, movers: dict[int, Mover], scene: Played, on: Intersectio
     return Case(
         pair,
         float(giver.times[stands[-1].start]),
+        alone=stop.alone,
         gap=stop.gap,
         stands=stop.duration,
         reacts=started - cleared if whole else None,
@@ -155,10 +164,14 @@ def _manners(found: Sequence[Case]) -> Manners:
     rolling = [c for c in found if c.margin is not None and c.margin <= LATEST]
     rolling = rolling if len(rolling) >= FEWEST_ROLLING else []
     standing = [each for each in found if each.stood_at is not None]
+    # A relation is between two, and nothing else happens beside it: whoever lets several pass in
+    # one standstill waits longer than anybody does in a scene.
+    alone = [each for each in standing if each.alone]
+    alone = alone if len(alone) >= FEWEST else standing
     return Manners(
         rolls=round(len(rolling) / (len(rolling) + len(standing)), 3),
         **{name: _quantiles(rolling, name) for name in ("pace", "place", "margin")},
-        **{name: _quantiles(standing, name) for name in ("gap", "stands", "reacts")},
+        **{name: _quantiles(alone, name) for name in ("gap", "stands", "reacts")},
     )
 
 
@@ -186,6 +199,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if not found:
             raise InputError(f"{told.corpus} shows too few yields in its fit hours: {len(seen)}")
         write_atomically(told.out, to_json(found, paces(seen)).encode("utf-8"))
+        sign_bundle(told.out.parent, told.out.name)
     except InputError as fault:
         print(fault, file=sys.stderr)
         return fault.exit_code

@@ -10,7 +10,7 @@ from scenewright.errors import Rejected
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.scene_verifier.assemble import assemble
-from scenewright.scene.behavior import BehaviorProgram
+from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.pins import Pins
@@ -30,6 +30,7 @@ class VerifierReads(TypedDict):
     social_graph: SocialGraph
     candidates: CandidateSet
     selection: Selection
+    summary: EventSummary
     behavior: BehaviorProgram
     refined: Tracks
     pinned: Pins | None
@@ -58,9 +59,21 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
     )
     proof = check(scene, context.intersection)
     if not proof.verified:
-        raise Rejected(_rejection(proof, scene))
+        found = _rejection(proof, scene)
+        raise Rejected(found.model_copy(update={"repairable": _repairable(found, state)}))
     context.tell("scene_verifier", f"verified: {len(proof.events)} events")
     return {"scene": with_events(scene, proof), "proof": proof}
+
+
+def _repairable(found: Rejection, state: VerifierReads) -> bool:
+    """Whether other segments could mend it.
+
+    They cannot where the segments are the solver's own, nor where it concerns nobody that a
+    relation binds: of the others nobody is asked.
+    """
+    bound = {name for edge in state["social_graph"].relations for name in (edge.from_, edge.to)}
+    concerns = not found.agents or not bound.isdisjoint(found.agents)
+    return concerns and not state["behavior"].as_suggested(state["summary"])
 
 
 def with_events(scene: SceneRecord, proof: Proof) -> SceneRecord:

@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 
 from scenewright.errors import Rejected
+from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet
 from scenewright.scene.constraints import (
     Before,
@@ -32,6 +33,7 @@ from scenewright.scene.constraints import (
     TimeGap,
     UnaryClause,
 )
+from scenewright.scene.map import SignalProgram
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
@@ -51,10 +53,12 @@ from scenewright.tools.dsl_validator.shortfall import Shortfalls
 from scenewright.tools.dsl_validator.stage import Stage, demands, passes_first
 from scenewright.tools.dsl_validator.staging import Staging
 from scenewright.tools.dsl_validator.waiting import (
+    FOLLOW_LAG,
     LINE_GAP,
     QUEUE_GAP,
     START_LAG,
     STARTED,
+    STOP_LAG,
     LastInLane,
     Moment,
     RedLight,
@@ -68,7 +72,8 @@ from scenewright.tools.dsl_validator.waiting import (
 from scenewright.tools.encounter import encounter
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import Landmarks, landmarks
-from scenewright.tools.signals import SignalClock, feasible_offsets
+from scenewright.tools.map_grounding import signal_group
+from scenewright.tools.signals import SignalClock, feasible_offsets, red_for
 from scenewright.tools.time_law import Hold, arrival
 
 MAX_SECONDS = 30.0
@@ -350,7 +355,25 @@ class Search:
             for demand in demands(actor, violates=name in self._violators, until=duration)
         ]
         offsets = feasible_offsets(program, tuple(wanted))
-        return float(self._rng.choice(offsets)) if len(offsets) else None
+        if not len(offsets):
+            return None
+        often = self._seen_at(program, offsets, duration)
+        return float(self._rng.choice(offsets, p=often / often.sum()))
+
+    def _seen_at(self, program: SignalProgram, offsets: FloatArray, duration: float) -> FloatArray:
+        """[N] how many of those who come by chance would be seen under each offset, relatively.
+
+        Arrivals are even in time, and a scene shows those of its own length and whoever still
+        waits at a light that was red before. As many are shown in every scene; under an offset
+        that brings a queue with it there are more of them to show.
+        """
+        crowd = [each for each in self._pool.agents.values() if each.chance is not None]
+        groups = Counter(signal_group(each.route, on=self._ground.on) for each in crowd)
+        seen = np.full(len(offsets), duration * max(len(crowd), 1))
+        for group, count in groups.items():
+            if group is not None:
+                seen += count * red_for(program, group, offsets)
+        return seen
 
     def _moment(self, framing: Framing) -> Moment:
         clock = None
@@ -478,9 +501,9 @@ class Search:
         if s < _ROOM_TO_COME:
             return
         stands = arrival(free.candidate, Hold(s, 0.0))
-        soonest = start + float(self._rng.uniform(0.8, 4.0)) - stands
+        soonest = start + float(self._rng.uniform(*STOP_LAG)) - stands
         enters = round(max(wish, soonest), 1)
-        release = until + float(self._rng.uniform(*START_LAG))
+        release = until + float(self._rng.uniform(*FOLLOW_LAG))
         if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < STARTED:
             return
         stop = Stop("queue", s, stands, release - enters, "red_light")

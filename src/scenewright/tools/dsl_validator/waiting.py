@@ -17,8 +17,12 @@ from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.signals import SignalClock, shows
 from scenewright.tools.time_law import Hold, arrival
 
-LINE_GAP, QUEUE_GAP, START_LAG = (0.3, 1.5), (1.4, 2.6), (0.8, 1.5)
-"""Waiting vehicles: to the line and to the next ahead [m], from its start to one's own [s]."""
+LINE_GAP, QUEUE_GAP = (0.3, 1.5), (1.4, 2.6)
+"""Waiting vehicles: to the line and to the next ahead [m]."""
+
+START_LAG, FOLLOW_LAG, STOP_LAG = (0.8, 1.5), (1.05, 1.7), (1.2, 4.0)
+"""From green to the first one's start, from the next ahead's start to one's own, and from its
+standing to one's own [s]: whoever follows sooner than that comes too near on the way."""
 
 _LANE_OFFSET, _ONE_WAY = 2.6, 0.85
 """Who stands within 2.6 m of a path, facing its way (cosine), leaves no room to stand beside it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from typing import Literal
@@ -119,6 +119,7 @@ def amplify(
         arrivals = _arrivals(len(names), rng)
         if kind == "vehicle":
             _queued(routes, arrivals, priors, on=on, hour=hour, rng=rng)
+        routes, arrivals = _in_order(routes, arrivals, count)
         for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
             offered = _draws(name, "background", route, None, priors, crowd_size or size, rng)
             agents[name] = replace(
@@ -295,6 +296,14 @@ def _queued(
         apart = float(rng.uniform(*_BEHIND)) * (1.0 if rng.random() < 0.5 else -1.0)
         within = 0.0 <= arrivals[other] + apart < _SECONDS
         arrivals[n] = arrivals[other] + (apart if within else -apart)
+
+
+def _in_order(
+    routes: Sequence[Route], arrivals: Sequence[float], count: int
+) -> tuple[list[Route], list[float]]:
+    """Those wanted as they arrive, then the spares: whoever comes first is first in its queue."""
+    order = sorted(range(len(arrivals)), key=lambda n: (n >= count, arrivals[n]))
+    return [routes[n] for n in order], [arrivals[n] for n in order]
 
 
 def _rate(priors: Priors, route: Route, hour: float) -> float:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +10,12 @@ import numpy as np
 import torch
 
 from scenewright.errors import InputError
-from scenewright.intersections import REFINER_WEIGHTS, bundle_folder, bundle_header
+from scenewright.intersections import (
+    REFINER_WEIGHTS,
+    bundle_folder,
+    bundle_header,
+    sign_bundle,
+)
 from scenewright.tools.recordings import Recording
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig, predict
 from scenewright.tools.trajnet_refiner.store import save_refiner
@@ -108,7 +110,7 @@ def train_bundle(
     }
     save_refiner(net, out / REFINER_WEIGHTS, about=about)
     (out / CARD).write_text(card(net, about), encoding="utf-8")
-    _sign(out, REFINER_WEIGHTS, CARD)
+    sign_bundle(out, REFINER_WEIGHTS, CARD)
     state.unlink(missing_ok=True)
     return about
 
@@ -246,22 +248,3 @@ def _make(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise InputError(f"cannot make folder {folder}: {fault.strerror or fault}") from fault
-
-
-def _sign(folder: Path, *names: str) -> None:
-    """Brings the checksums of files up to date in the folder's bundle.toml, if it has one."""
-    header = folder / "bundle.toml"
-    if not header.is_file():
-        return
-    text = header.read_text(encoding="utf-8")
-    for name in names:
-        line = f'"{name}" = "{hashlib.sha256((folder / name).read_bytes()).hexdigest()}"'
-        known = re.compile(rf'^"{re.escape(name)}" = ".*"$', re.MULTILINE)
-        if known.search(text):
-            text = known.sub(line, text)
-        else:
-            head, table, rest = text.partition("[sha256]\n")
-            text = f"{head}{table or chr(10) + '[sha256]' + chr(10)}{line}\n{rest}"
-    draft = header.with_name(header.name + ".part")
-    draft.write_text(text, encoding="utf-8")
-    os.replace(draft, header)
