@@ -116,7 +116,7 @@ class BehaviorProgram(Model):
 
 
 def _moments(segments: Sequence[Segment]) -> list[tuple[str, float, float, str]]:
-    """Standstills that last, and the end at a contact: what makes a motion differ from its prior."""
+    """Standstills that last, and the end at a contact: where a motion may leave its prior."""
     return [
         (each.anchor, round(each.start, 2), round(each.end, 2), each.status)
         for each in segments

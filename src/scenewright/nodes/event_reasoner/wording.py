@@ -52,7 +52,9 @@ def worded_behavior(
     """What a model is asked for segments (paper Eq. 5), and the schema of its reply."""
     agents = bound(summary, owed)
     values = _shared(instruction, summary, relations, agents, rejections) | {
-        "agents": compact({each.agent: _agent(each, owed[each.agent]) for each in agents}),
+        "agents": compact(
+            {each.agent: _agent(each, owed[each.agent], summary.duration) for each in agents}
+        ),
     }
     schema = behavior_schema(agents, summary.duration)
     return worded("event_reasoner", "prompt.md", values, schema=schema, examples=examples)
@@ -89,7 +91,7 @@ def _evidence(summary: EventSummary) -> str:
     return f"Solved: {'; '.join(told)}." if told else ""
 
 
-def _agent(agent: AgentSummary, owed: Sequence[str]) -> dict[str, Any]:
+def _agent(agent: AgentSummary, owed: Sequence[str], duration: float) -> dict[str, Any]:
     told: dict[str, Any] = {
         "enters": max(agent.enters, 0.0),
         "leaves": agent.leaves,
@@ -99,7 +101,9 @@ def _agent(agent: AgentSummary, owed: Sequence[str]) -> dict[str, Any]:
         told["stays"] = [[stay.anchor, stay.start, stay.until] for stay in agent.stays]
     if agent.contact is not None:
         told["contact"] = agent.contact
-    return {**told, "needs": list(owed)}
+    # Who stands until it is hit, say, has nothing left to proceed to.
+    possible = {segment.status for segment in agent.suggested(duration)}
+    return {**told, "needs": [status for status in owed if status in possible]}
 
 
 def _passed(agent: AgentSummary) -> list[list[Any]]:

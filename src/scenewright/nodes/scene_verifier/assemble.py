@@ -102,7 +102,8 @@ def _agent(
         SegmentRecord(start=s.start, end=s.end, anchor=s.anchor, status=s.status)
         for s in behavior.segments[agent.name]
     )
-    return AgentRecord(
+    # Thousands of points that our own arrays hold: read back from a file they are looked at again.
+    return AgentRecord.model_construct(
         id=number,
         type=route.type,
         spawn_time=track.start,

@@ -61,8 +61,7 @@ class RefinerWrites(TypedDict):
 
 def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) -> RefinerWrites:
     """Edits every selected prior by its segments, and refines what came of it."""
-    motions = _edited(state)
-    edited = _tracks(motions, state)
+    motions, edited = _edited(state)
     refiner = runtime.context.learned
     if refiner is None or not motions:
         note = NOT_ASKED if runtime.context.refiner == "none" else NO_WEIGHTS
@@ -88,8 +87,8 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) ->
     }  # fmt: skip
 
 
-def _edited(state: RefinerReads) -> dict[str, Motion]:
-    """Everybody's prior edited by its segments, who is seen in the scene at all."""
+def _edited(state: RefinerReads) -> tuple[dict[str, Motion], dict[str, Track]]:
+    """Everybody's prior edited by its segments, and its track, who is seen in the scene at all."""
     selection, program = state["selection"], state["behavior"]
     anchors = {
         agent.agent: {anchor.id: anchor.s for anchor in agent.anchors}
@@ -101,17 +100,14 @@ def _edited(state: RefinerReads) -> dict[str, Motion]:
         )
         for name, agent in selection.agents.items()
     }
-    return {name: m for name, m in motions.items() if _track(name, m, state) is not None}
+    tracks = {name: _track(name, motion, state) for name, motion in motions.items()}
+    seen = {name: track for name, track in tracks.items() if track is not None}
+    return {name: motions[name] for name in seen}, seen
 
 
 def _track(name: str, motion: Motion, state: RefinerReads) -> Track | None:
     selection = state["selection"]
     return track_of(motion, enters=selection.agents[name].enters, until=selection.duration)
-
-
-def _tracks(motions: Mapping[str, Motion], state: RefinerReads) -> dict[str, Track]:
-    tracks = {name: _track(name, motion, state) for name, motion in motions.items()}
-    return {name: track for name, track in tracks.items() if track is not None}
 
 
 def _with_earlier(tracks: Tracks, state: RefinerReads) -> Tracks:
