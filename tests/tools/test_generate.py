@@ -98,7 +98,9 @@ def test_names_never_collide_and_spares_come_on_top(seed):
             for each in pool.agents.values()
             if each.role == "background" and each.route.type == kind
         ]
-        assert sum(not each.spare for each in crowd) == count
+        assert [each.spare for each in crowd] == [n >= count for n in range(len(crowd))]
+        for part in (crowd[:count], crowd[count:]):  # whoever comes first is first in its queue
+            assert [each.arrival for each in part] == sorted(each.arrival for each in part)
         assert all(each.name.startswith(f"{kind}-") for each in crowd)
         assert all(0.0 <= each.arrival <= 30.0 for each in crowd)
         assert "jaywalking" not in {each.route.movement for each in crowd}

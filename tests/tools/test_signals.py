@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 
 from scenewright.intersections import load_map
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
-from scenewright.tools.signals import Demand, SignalClock, feasible_offsets, plan_records, shows
+from scenewright.tools.signals import (
+    Demand,
+    SignalClock,
+    feasible_offsets,
+    plan_records,
+    red_for,
+    shows,
+)
 
 COLOURS = st.sampled_from(["green", "yellow", "red"])
 PHASES = st.lists(st.tuples(st.integers(1, 20), COLOURS), min_size=1, max_size=5)
@@ -67,6 +74,16 @@ def test_feasible_offsets_are_those_that_meet_every_demand(phases, wanted):
         )
     ]
     assert feasible_offsets(running, demands).tolist() == expected
+
+
+@given(PHASES, st.integers(0, 400))
+def test_how_long_it_has_been_red_is_since_the_last_green(phases, half_seconds):
+    running, offset = program(phases), half_seconds / 2 % sum(each[0] for each in phases)
+    back = np.arange(0.0, running.cycle, 0.5)
+    greens = [k for k in back if written_out(phases, offset - k) == "green"]
+    expected = greens[0] if greens else running.cycle
+    [found] = red_for(running, "g", np.array([offset]))
+    assert found == expected
 
 
 @given(PHASES, QUARTERS)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from solver_actors import BARE, EAST, actor, candidate, law, straight
 
+from scenewright.intersections import load_map
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.selection import Stop
 from scenewright.tools.dsl_validator.waiting import (
@@ -14,10 +15,13 @@ from scenewright.tools.dsl_validator.waiting import (
     last_in_lane,
     no_faster,
     passes_on_green,
+    seen_under,
 )
 from scenewright.tools.landmarks import Landmarks
+from scenewright.tools.map_grounding import signal_group
 from scenewright.tools.signals import SignalClock
 
+ON = load_map("amsterdam_120")
 GREEN_10_RED_20 = SignalProgram(
     groups=(SignalGroup(id="g"),),
     phases=(
@@ -63,6 +67,23 @@ def test_who_would_have_gone_on_green_long_ago_is_not_there():
     seen = [e for e in enters if e < -4.5]
     # Only those held by the red light that ends at 0.
     assert all(not passes_on_green(arriving, MOMENT, e) for e in seen)
+
+
+def test_a_scene_that_begins_late_in_a_red_light_has_more_to_show():
+    """Green 0 to 10 s, red to 30 s: near its end people have come for 20 s who still stand."""
+    ahead = next(r for r in ON.routes if r.type == "vehicle")
+    rules = signal_group(ahead, on=ON)
+    lights = SignalProgram(
+        groups=(SignalGroup(id=rules),),
+        phases=tuple(
+            SignalPhase(duration=phase.duration, colours={rules: phase.colours["g"]})
+            for phase in GREEN_10_RED_20.phases
+        ),
+    )
+    offsets = np.array([5.0, 12.0, 29.5])
+    seen = seen_under(lights, offsets, [ahead, ahead], duration=20.0, on=ON)
+    assert seen.tolist() == [40.0, 40.0 + 2 * 2.5, 40.0 + 2 * 20.0]
+    assert seen_under(lights, offsets, [], duration=20.0, on=ON).tolist() == [20.0] * 3
 
 
 def test_nobody_goes_faster_than_who_is_ahead_in_the_queue():

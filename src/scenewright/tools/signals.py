@@ -79,8 +79,7 @@ def _red_for(program: SignalProgram, group: str) -> FloatArray:
     """[O] the same for every offset of the grid."""
     grid = np.arange(0.0, program.cycle, _RESOLUTION)
     green = shows(program, group, grid[:, None] - grid, ("green",))
-    since = np.where(green.any(axis=1), grid[green.argmax(axis=1)], program.cycle)
-    return np.asarray(since)
+    return np.where(green.any(axis=1), grid[green.argmax(axis=1)], program.cycle)
 
 
 _RED_FOR: Recent[tuple[int, str], FloatArray] = Recent(most=64)

@@ -17,7 +17,6 @@ from functools import partial
 import numpy as np
 
 from scenewright.errors import Rejected
-from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet
 from scenewright.scene.constraints import (
     Before,
@@ -33,7 +32,6 @@ from scenewright.scene.constraints import (
     TimeGap,
     UnaryClause,
 )
-from scenewright.scene.map import SignalProgram
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
@@ -67,13 +65,13 @@ from scenewright.tools.dsl_validator.waiting import (
     no_faster,
     passes_on_green,
     red_span,
+    seen_under,
     starts_of,
 )
 from scenewright.tools.encounter import encounter
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import Landmarks, landmarks
-from scenewright.tools.map_grounding import signal_group
-from scenewright.tools.signals import SignalClock, feasible_offsets, red_for
+from scenewright.tools.signals import SignalClock, feasible_offsets
 from scenewright.tools.time_law import Hold, arrival
 
 MAX_SECONDS = 30.0
@@ -357,23 +355,9 @@ class Search:
         offsets = feasible_offsets(program, tuple(wanted))
         if not len(offsets):
             return None
-        often = self._seen_at(program, offsets, duration)
+        crowd = [each.route for each in self._pool.agents.values() if each.chance is not None]
+        often = seen_under(program, offsets, crowd, duration=duration, on=self._ground.on)
         return float(self._rng.choice(offsets, p=often / often.sum()))
-
-    def _seen_at(self, program: SignalProgram, offsets: FloatArray, duration: float) -> FloatArray:
-        """[N] how many of those who come by chance would be seen under each offset, relatively.
-
-        Arrivals are even in time, and a scene shows those of its own length and whoever still
-        waits at a light that was red before. As many are shown in every scene; under an offset
-        that brings a queue with it there are more of them to show.
-        """
-        crowd = [each for each in self._pool.agents.values() if each.chance is not None]
-        groups = Counter(signal_group(each.route, on=self._ground.on) for each in crowd)
-        seen = np.full(len(offsets), duration * max(len(crowd), 1))
-        for group, count in groups.items():
-            if group is not None:
-                seen += count * red_for(program, group, offsets)
-        return seen
 
     def _moment(self, framing: Framing) -> Moment:
         clock = None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, TimeLaw
+from scenewright.scene.map import IntersectionMap, Route, SignalProgram
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
-from scenewright.tools.signals import SignalClock, shows
+from scenewright.tools.map_grounding import signal_group
+from scenewright.tools.signals import SignalClock, red_for, shows
 from scenewright.tools.time_law import Hold, arrival
 
 LINE_GAP, QUEUE_GAP = (0.3, 1.5), (1.4, 2.6)
@@ -143,6 +146,28 @@ def _next_green(clock: SignalClock, group: str, times: FloatArray) -> FloatArray
     green = shows(clock.program, group, every + clock.offset, ("green",))
     at = np.where(green, every, np.inf)
     return np.asarray(np.minimum.accumulate(at[::-1])[::-1][: len(times)])
+
+
+def seen_under(
+    program: SignalProgram,
+    offsets: FloatArray,
+    crowd: Iterable[Route],
+    *,
+    duration: float,
+    on: IntersectionMap,
+) -> FloatArray:
+    """[N] how many of those who come by chance there are to see under each offset, relatively.
+
+    Arrivals are even in time, and a scene shows those of its own length [s] and whoever still waits
+    at a light that was red before. A scene shows as many under every offset; under one that brings
+    a queue there are more to show.
+    """
+    groups = Counter(signal_group(route, on=on) for route in crowd)
+    seen = np.full(len(offsets), duration * max(groups.total(), 1))
+    for group, count in groups.items():
+        if group is not None:
+            seen += count * red_for(program, group, offsets)
+    return seen
 
 
 def passes_on_green(actor: Actor, moment: Moment, enters: float) -> bool:
