@@ -134,6 +134,23 @@ def test_who_gets_to_the_end_of_its_path_sooner_leaves_sooner():
     assert s[-1] <= path.length
 
 
+def test_who_is_not_at_the_end_of_its_path_when_its_prior_leaves_goes_on_to_it():
+    path = straight(50.0)
+    prior = np.linspace(0.0, 50.0, 64)
+    kept = np.zeros(64, dtype=bool)
+    kept[:8] = True
+    behind = np.linspace(0.0, -3.0, 64)
+    s, share = feasible(prior, behind, kept=kept, path=path, kind="vehicle")
+    assert share.any()
+    assert len(s) > 64
+    pace = s[63] - s[62]
+    assert np.diff(s[62:]) == pytest.approx(np.full(len(s) - 63, pace))
+    assert path.length - pace < s[-1] <= path.length
+    # Whose prior ends on its way, in a wreck, say, is not carried on.
+    short, _ = feasible(0.8 * prior, behind, kept=kept, path=path, kind="vehicle")
+    assert len(short) == 64
+
+
 def test_no_share_leaves_the_prior_untouched():
     prior = stop_and_go()
     kept = np.zeros(len(prior), dtype=bool)

@@ -48,6 +48,10 @@ _FAINT = 0.02
 """How little it counts next to the prior, beside 1 further off."""
 _FIRM = 1e7
 _SHARES = np.array([1.0, 0.85, 0.7, 0.55, 0.4, 0.3, 0.2, 0.1, 0.05])
+_AT_END = 0.1
+"""Slack with which a prior leaves at the end of its path [m]."""
+_CREEP, _LONGEST = 0.5, 300
+"""Least pace at which a path is gone on with [m/s], and for how many samples at most."""
 _NEAR = 5
 """Samples around one at which the prior's own excess over a limit is allowed."""
 
@@ -70,8 +74,8 @@ def feasible(
         most: the largest share that is taken.
 
     Returns:
-        [T'] arc length [m], shorter than the prior if the path's end is reached earlier; and [T]
-        the share taken of what was proposed; 0 where the prior is kept.
+        [T'] arc length [m], shorter than the prior if the path's end is reached earlier, longer if
+        later; and [T] the share taken of what was proposed; 0 where the prior is kept.
     """
     share = np.zeros(len(prior))
     if most <= 0.0:
@@ -85,9 +89,21 @@ def feasible(
         good = np.flatnonzero(~broken[:, wide].any(axis=1))
         if len(good):
             share[part] = shares[good[0]]
-    s = prior + share * smooth
+    s = _to_the_end(prior + share * smooth, prior, path)
     past = np.flatnonzero(s > path.length)
     return (s[: past[0]] if len(past) else s), share
+
+
+def _to_the_end(s: FloatArray, prior: FloatArray, path: Path) -> FloatArray:
+    """[T'] arc length, gone on with at an even pace where the prior leaves and it is not there yet.
+
+    Nobody is gone sooner than its path is.
+    """
+    if len(s) < 2 or path.length - prior[-1] > prior[-1] - prior[-2] + _AT_END:
+        return s
+    pace = max(float(s[-1] - s[-2]), _CREEP * STEP)
+    steps = int((path.length - s[-1]) / pace)
+    return np.append(s, s[-1] + pace * np.arange(1, min(steps, _LONGEST) + 1))
 
 
 def smoothed(
