@@ -246,6 +246,7 @@ def test_the_verifier_refuses_what_is_not_the_scene_asked_for(run):
     rejection = refused(verify_scene, state, load_backend("builtin"))
     assert rejection.code == "relation_not_realised"
     assert set(rejection.agents) == {CAR, OTHER}
+    assert rejection.detail.endswith(f"1 is {CAR}; 2 is {OTHER})")
     assert rejection.repairable
 
 

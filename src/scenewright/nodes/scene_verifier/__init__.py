@@ -109,7 +109,8 @@ def _rejection(proof: Proof, scene: SceneRecord) -> Rejection:
     for code, findings in kinds:
         if findings:
             first = findings[0]
-            detail = f"{first.rule}: {first.detail} ({len(findings)} such)"
+            who = (f"{each} is {names[each]}" for each in first.agents if each in names)
+            detail = f"{first.rule}: {first.detail} ({'; '.join([f'{len(findings)} such', *who])})"
             return Rejection(stage="scene_verifier", code=code, agents=agents, detail=detail)
     return Rejection(
         stage="scene_verifier", code="relation_not_realised", detail="the scene is not verified"
