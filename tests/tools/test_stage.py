@@ -113,6 +113,18 @@ def test_a_first_contact_is_described_as_seen():
     assert found.time == pytest.approx(times[np.argmax(apart <= 0)], abs=0.02)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_slow_car_strikes_a_fast_motorcycle_if_it_is_named_as_the_one_who_strikes(seed):
+    """Of 2 s in which they touch there are 0.2 s in which its front is what touches."""
+    slow = candidate(straight((-60.0, 0.0), EAST, 120.0), time_law=law(4.0))
+    path = straight((0.0, -60.0), NORTH, 120.0)
+    short = candidate(path, route=WESTBOUND, shape=vehicle_shape("motorcycle"), time_law=law(12.0))
+    clause = Contact(first=CAR_1, second=CAR_2, kind="angle")
+    for staging in stagings([clause], {CAR_1: slow, CAR_2: short}, seed=seed):
+        along, _ = local(staging.actors[CAR_1], staging)
+        assert along > CAR.length / 2 - 0.6
+
+
 def test_a_speed_asked_for_is_braked_down_to():
     wanted = Contact(first=CAR_1, second=CAR_2, speed=6.0)
     for staging in stagings([wanted], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}):
