@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 
@@ -43,15 +43,12 @@ def contacts(clause: Contact, staging: Staging, setting: Setting) -> Iterator[St
         if not len(meetings):
             words = f"the paths of {clause.first} and {clause.second} never touch"
             setting.missed(clause, Reached.PATHS, words)
-        some = _touching(clause, staging, setting, (a, b), _inside(clause, meetings, setting))
-        first = next(some, None)
-        if first is None and _striker_matters(clause):
+        some = _inside(clause, meetings, setting)
+        turned_round = yield from _touching(clause, staging, setting, (a, b), some)
+        if turned_round:
             # Who strikes turns on a tenth of a second where one is short, such as a motorcycle.
             every = _everywhere(meetings, setting)
-            first = next(some := _touching(clause, staging, setting, (a, b), every), None)
-        if first is not None:
-            yield first
-            yield from some
+            yield from _touching(clause, staging, setting, (a, b), every)
         return
     for follower, leader in rear_ends(a, b, clause, setting):
         deltas = while_standing(follower, leader, setting.rng)
@@ -64,13 +61,21 @@ def _touching(
     setting: Setting,
     pair: tuple[Actor, Actor],
     deltas: list[float],
-) -> Iterator[Staging]:
+) -> Generator[Staging, None, bool]:
+    """Those of the offsets that will do; returns whether none did, one but for who strikes."""
+    staged = turned_round = False
     for delta in deltas:
         a, b = staging.placed(clause, *pair, delta)
         found = first_contact(a, b, left_hand=setting.left_hand)
         if found is not None and clause.speed is not None and not a.slowings:
             a, found = _down_to(clause.speed, a, b, found, setting)
-        if found is None or not _as_wanted(found, clause, a, setting):
+        if found is None:
+            continue
+        fault = _fault(found, clause, a)
+        if fault is not None:
+            reached, words, off = fault
+            setting.missed(clause, reached, words, off=off)
+            turned_round |= reached is Reached.ROLES
             continue
         if not _in_time(found, clause, b, staging, setting):
             continue
@@ -82,7 +87,9 @@ def _touching(
         end_a, end_b = a.ended(found.time), b.ended(found.time)
         time = found.time
         happening = Happening(clause, time, time - 3.0, time, time, found.location)
+        staged = True
         yield staging.with_event(happening, end_a, end_b)
+    return turned_round and not staged
 
 
 def _inside(clause: Contact, meetings: Intervals, setting: Setting) -> list[float]:
@@ -160,15 +167,6 @@ def _braked(
     slow = Slowing(at, speed, float(setting.rng.uniform(4.0, 6.0)))
     braked = a.edited(stops=a.stops, slowings=(slow,))
     return braked, first_contact(braked, b, left_hand=setting.left_hand)
-
-
-def _as_wanted(found: FirstContact, clause: Contact, a: Actor, setting: Setting) -> bool:
-    fault = _fault(found, clause, a)
-    if fault is None:
-        return True
-    reached, words, off = fault
-    setting.missed(clause, reached, words, off=off)
-    return False
 
 
 def _fault(found: FirstContact, clause: Contact, a: Actor) -> tuple[Reached, str, float] | None:
