@@ -15,7 +15,7 @@ from scenewright.backends import Question, load_backend
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.nodes.agent_generator import generate_agents
-from scenewright.nodes.ask import ask, earlier
+from scenewright.nodes.ask import ask, earlier, latest
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.event_reasoner import reason_events
 from scenewright.nodes.scene_planner import plan_scene
@@ -105,6 +105,14 @@ def test_a_stage_is_told_its_own_faults_only():
         Rejection(stage="event_reasoner", code="malformed_reply", detail="two"),
     ]
     assert earlier(rejections, "scene_planner") == ("one",)
+
+
+def test_what_was_said_of_another_layout_is_not_told_of_this_one():
+    of_another = Rejection(
+        stage="scene_verifier", code="relation_not_realised", detail="one", repairable=False
+    )
+    of_this = Rejection(stage="event_reasoner", code="unknown_anchor", detail="two")
+    assert latest([of_another, of_this], "event_reasoner", "scene_verifier") == (of_this,)
 
 
 def test_every_stage_and_attempt_has_randomness_of_its_own():

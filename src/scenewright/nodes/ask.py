@@ -46,10 +46,13 @@ def earlier(rejections: list[Rejection], stage: Stage) -> tuple[str, ...]:
 
 
 def latest(rejections: list[Rejection], *stages: Stage) -> tuple[Rejection, ...]:
-    """The last refusals in a row that are of these stages, oldest first."""
+    """The last refusals in a row that are of these stages, oldest first.
+
+    One that no answer could have mended ends the row: what was asked about is no longer there.
+    """
     found: list[Rejection] = []
     for each in reversed(rejections):
-        if each.stage not in stages:
+        if each.stage not in stages or not each.repairable:
             break
         found.insert(0, each)
     return tuple(found)

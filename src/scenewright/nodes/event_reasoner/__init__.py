@@ -117,12 +117,10 @@ def _reasoned(
 def _told(state: ReasonerReads, context: RunContext) -> tuple[str, ...]:
     """Why the last segments were refused, here or by the verifier; none after a fresh sample.
 
-    A refusal that no other segments could mend, and every one once the budget is spent, leads to
-    a fresh sample (graph/routes.py), of which nothing has been said yet.
+    Once the budget is spent every refusal leads to a fresh sample (graph/routes.py), of which
+    nothing has been said yet.
     """
     found = latest(state.get("rejections", []), "event_reasoner", "scene_verifier")
-    if not all(each.repairable for each in found[-1:]):
-        return ()
     if found and sum(each.stage == found[-1].stage for each in state["rejections"]) > (
         context.budgets.reasoner
     ):
