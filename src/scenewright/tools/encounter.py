@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path, evenly
 from scenewright.scene.track import STEP, Shape
@@ -31,10 +32,12 @@ _JOIN = 0.3
 _RESTS = 1e-4
 """Less way than this in one step [m] is standing."""
 
-_SLACK = 0.01
+SLACK = 0.01
 """Nodes are looked for this much further away [m] than asked for: no rounding loses a pair."""
 
 IntArray = NDArray[np.intp]
+Half = tuple[float, float]
+"""Half length and half width of a rectangle [m]."""
 Intervals = FloatArray
 """[N, 2] disjoint closed intervals [s], ascending."""
 
@@ -90,11 +93,10 @@ def encounter(
     s_a, s_b = _nodes(a, spacing[0]), _nodes(b, spacing[1])
     pose_a, pose_b = _poses(a, s_a), _poses(b, s_b)
     radius = sum(np.hypot(shape.length, shape.width) / 2 for shape in shapes)
-    i, j = close_nodes(pose_a.T, pose_b.T, radius + reach)
+    i, j = close_nodes(pose_a.T, pose_b.T, float(radius + reach), (float(s_a[1]), float(s_b[1])))
     if all(shape.type == "vehicle" for shape in shapes):
-        halves = [np.array([[shape.length], [shape.width]]) / 2 for shape in shapes]
-        turned = _turned(pose_a).take(i, axis=1), _turned(pose_b).take(j, axis=1)
-        gap = axis_gap(*turned, *halves)
+        halves = [(shape.length / 2, shape.width / 2) for shape in shapes]
+        gap = _axis_gaps(_turned(pose_a), _turned(pose_b), i, j, *halves)
         i, j, gap = i[gap <= reach], j[gap <= reach], gap[gap <= reach]
         clearance = gap
         # The gap is exact for footprints that overlap; only the others may meet at corners.
@@ -108,51 +110,75 @@ def encounter(
     return Encounter(s_a, s_b, i[near], j[near], clearance[near])
 
 
+@compiled
 def close_nodes(
-    a: FloatArray, b: FloatArray, radius: float | FloatArray
+    a: FloatArray, b: FloatArray, radius: float, spacing: tuple[float, float]
 ) -> tuple[IntArray, IntArray]:
     """Pairs (i, j), ascending, of nodes of two paths that lie within a radius of one another.
 
-    A few that lie up to 2 cm further apart are among them.
-
     Args:
-        a, b: [2+, N], [2+, M] x and y of nodes [m].
-        radius: [m], the same for all or [M].
+        a, b: [2+, N], [2+, M] x and y of nodes [m]; spacing: of the nodes of a and of b [m].
+        radius: [m]; a few pairs up to 1 cm further apart are given, too.
     """
-    reach = np.full(b.shape[1], radius) if np.isscalar(radius) else np.asarray(radius)
-    widest = reach.max(initial=0.0)
-    low, high = a[:2].min(axis=1) - widest, a[:2].max(axis=1) + widest
-    inside = (b[0] > low[0]) & (b[0] < high[0]) & (b[1] > low[1]) & (b[1] < high[1])
-    near = inside.nonzero()[0]
-    # Single precision is finer than the slack; a product of matrices would wake further threads.
-    x, y, to_x, to_y = (each.astype(np.float32) for each in (a[0], a[1], b[0, near], b[1, near]))
-    away, more = x[:, None] - to_x, y[:, None] - to_y
-    away *= away
-    more *= more
-    away += more
-    found = (away <= np.square(reach[near] + _SLACK).astype(np.float32)).ravel().nonzero()[0]
-    i = found // max(len(near), 1)
-    return i, near[found - i * len(near)]
+    i, j = np.empty(64, np.intp), np.empty(64, np.intp)
+    count = p = 0
+    while p < a.shape[1]:
+        nearest, q = np.inf, 0
+        while q < b.shape[1]:
+            dx, dy = a[0, p] - b[0, q], a[1, p] - b[1, q]
+            beyond = max(np.sqrt(dx * dx + dy * dy) - radius - SLACK, 0.0)
+            if beyond == 0.0:
+                if count == len(i):
+                    i, j = _doubled(i), _doubled(j)
+                i[count], j[count] = p, q
+                count += 1
+            # No path comes nearer faster than it goes on: half of what is between may be skipped
+            # on this one, and as much on the other.
+            nearest = min(nearest, 0.5 * beyond)
+            q += 1 + int(0.5 * beyond / spacing[1])
+        p += 1 + int(nearest / spacing[0])
+    return i[:count], j[:count]
 
 
-def axis_gap(a: FloatArray, b: FloatArray, half_a: FloatArray, half_b: FloatArray) -> FloatArray:
-    """[N] largest gap of two rectangles along the axes of either [m]; negative = they overlap.
+@compiled
+def _doubled(found: IntArray) -> IntArray:
+    """What was found, with room for as much again."""
+    more = np.empty(2 * len(found), np.intp)
+    for k in range(len(found)):
+        more[k] = found[k]
+    return more
+
+
+@compiled
+def axis_gap(
+    ax: float, ay: float, a_cos: float, a_sin: float, a_half: Half,
+    bx: float, by: float, b_cos: float, b_sin: float, b_half: Half,
+) -> float:  # fmt: skip
+    """Largest gap of two rectangles along the axes of either [m]; negative = they overlap.
 
     The true clearance is never less, and more only where two corners are nearest.
 
     Args:
-        a, b: [4, N] x, y, cosine and sine of the heading.
-        half_a, half_b: [2, N] or [2, 1] half length and half width [m].
+        ax, ay, a_cos, a_sin: centre [m] and direction of a; a_half: half length and width [m].
     """
-    dx, dy = a[0] - b[0], a[1] - b[1]
-    cos, sin = np.abs(a[2] * b[2] + a[3] * b[3]), np.abs(a[2] * b[3] - a[3] * b[2])
-    gap: FloatArray = np.abs(dx * a[2] + dy * a[3]) - half_a[0] - half_b[0] * cos - half_b[1] * sin
-    for other in (
-        np.abs(dy * a[2] - dx * a[3]) - half_a[1] - half_b[0] * sin - half_b[1] * cos,
-        np.abs(dx * b[2] + dy * b[3]) - half_b[0] - half_a[0] * cos - half_a[1] * sin,
-        np.abs(dy * b[2] - dx * b[3]) - half_b[1] - half_a[0] * sin - half_a[1] * cos,
-    ):
-        np.maximum(gap, other, out=gap)
+    dx, dy = ax - bx, ay - by
+    cos, sin = abs(a_cos * b_cos + a_sin * b_sin), abs(a_cos * b_sin - a_sin * b_cos)
+    gap = abs(dx * a_cos + dy * a_sin) - a_half[0] - b_half[0] * cos - b_half[1] * sin
+    gap = max(gap, abs(dy * a_cos - dx * a_sin) - a_half[1] - b_half[0] * sin - b_half[1] * cos)
+    gap = max(gap, abs(dx * b_cos + dy * b_sin) - b_half[0] - a_half[0] * cos - a_half[1] * sin)
+    return max(gap, abs(dy * b_cos - dx * b_sin) - b_half[1] - a_half[0] * sin - a_half[1] * cos)
+
+
+@compiled
+def _axis_gaps(
+    a: FloatArray, b: FloatArray, i: IntArray, j: IntArray, a_half: Half, b_half: Half
+) -> FloatArray:
+    """[N] `axis_gap` of pairs of nodes; a, b: [4, ...] x, y, cosine and sine of the heading."""
+    gap = np.empty(len(i))
+    for k in range(len(i)):
+        p, q = i[k], j[k]
+        gap[k] = axis_gap(a[0, p], a[1, p], a[2, p], a[3, p], a_half,
+                          b[0, q], b[1, q], b[2, q], b[3, q], b_half)  # fmt: skip
     return gap
 
 
@@ -287,15 +313,42 @@ def _corners_to_box(
 
 def occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, FloatArray]:
     """Local times [s] at which the centre comes to and leaves each node's stretch; inf = never."""
-    reach, steps = half * (s[1] - s[0]), np.arange(len(motion.s))
-    # Ties in s are a standstill: the tiny slope makes its start and end distinct.
-    way, times = motion.s + 1e-7 * steps, STEP * steps
-    come = np.interp(s - reach, way, times, right=np.inf)
-    leave = np.interp(s + reach, way, times, right=FOREVER if motion.ended else times[-1])
-    if motion.ended:
-        leave[s + reach >= way[-1] - 1e-3] = FOREVER
-    leave[np.isinf(come)] = np.inf
+    come, leave = _comes_and_goes(s, motion.s, half * (s[1] - s[0]), motion.ended)
     return (come, leave) if half else _with_rests(s, motion, come, leave)
+
+
+@compiled
+def _comes_and_goes(
+    s: FloatArray, moved: FloatArray, reach: float, ended: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Times [s] at which it has come within `reach` [m] of each of ascending places, and left."""
+    # Ties in arc length are a standstill: the tiny slope makes its start and end distinct.
+    way = moved + 1e-7 * np.arange(len(moved))
+    come, leave = _when(s - reach, way, np.inf), _when(s + reach, way, STEP * (len(way) - 1))
+    for k in range(len(s)):
+        if come[k] == np.inf:
+            leave[k] = np.inf
+        elif ended and s[k] + reach >= way[-1] - 1e-3:
+            leave[k] = FOREVER
+    return come, leave
+
+
+@compiled
+def _when(places: FloatArray, way: FloatArray, beyond: float) -> FloatArray:
+    """Times [s] at which ascending places are passed; 0 before the way begins."""
+    times = np.empty(len(places))
+    k = 0
+    for n in range(len(places)):
+        while k < len(way) and way[k] <= places[n]:
+            k += 1
+        if k == 0:
+            times[n] = 0.0
+        elif k == len(way):
+            times[n] = STEP * (k - 1) if places[n] == way[k - 1] else beyond
+        else:
+            slope = (STEP * k - STEP * (k - 1)) / (way[k] - way[k - 1])
+            times[n] = slope * (places[n] - way[k - 1]) + STEP * (k - 1)
+    return times
 
 
 def _with_rests(

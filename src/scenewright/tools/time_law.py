@@ -15,9 +15,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from operator import itemgetter
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import Candidate, Path, TimeLaw
 from scenewright.scene.selection import Slowing
@@ -27,8 +29,6 @@ _KERNEL = np.convolve(np.ones(5), np.ones(5)) / 25.0
 """Triangular smoothing over 0.8 s at the output step."""
 
 _HALF = len(_KERNEL) // 2
-_BEYOND = np.arange(1, _HALF + 1)
-"""Steps by which either end goes straight on to be smoothed."""
 
 _CREEP = 0.05
 """Least speed between nodes [m/s]; keeps travel times finite next to a hold."""
@@ -96,13 +96,6 @@ class Motion:
         return replace(self, s=self.s[: steps + 1], ended=True)
 
 
-def speed_limit(path: Path, law: TimeLaw) -> FloatArray:
-    """[P] squared free speed: the law's speed, less in curves, reached with its own rates."""
-    lateral = law.lateral / np.maximum(np.abs(path.curvature), 1e-6)
-    ceiling = np.minimum(law.speed**2, lateral)
-    return _reach(path.s, ceiling, accelerate=law.acceleration, brake=law.braking)
-
-
 def move(
     candidate: Candidate, *, holds: tuple[Hold, ...] = (), slowings: tuple[Slowing, ...] = ()
 ) -> Motion:
@@ -117,23 +110,26 @@ def move(
 @lru_cache(maxsize=1024)
 def _moved(candidate: Candidate, holds: tuple[Hold, ...], slowings: tuple[Slowing, ...]) -> Motion:
     """Solver, summary and editor ask for the same motions; candidates are known by identity."""
-    ordered = sorted((hold for hold in holds if hold.s < candidate.path.length), key=_at)
-    drive = _drive(candidate, _unreleased(ordered), slowings)
-    times = drive.times
-    for hold in ordered:
-        times = _dwell(drive.s, times, hold)
-    return Motion(candidate, _smooth(_sample(drive, times)))
+    law = candidate.time_law
+    nodes, held = candidate.path.s, _table_of_holds(holds, law)
+    return Motion(
+        candidate,
+        _driven(nodes, speed_limit(candidate), held, _table_of(slowings), law.acceleration),
+    )
 
 
 def arrival(candidate: Candidate, hold: Hold, earlier: tuple[Hold, ...] = ()) -> float:
     """Local time [s] at which the candidate comes to a standstill at `hold`."""
-    ordered = sorted((*earlier, hold), key=_at)
-    drive = _drive(candidate, _unreleased(ordered), ())
-    times = drive.times
-    for each in ordered:
-        if each.s < hold.s:
-            times = _dwell(drive.s, times, each)
-    return float(times[drive.s.searchsorted(hold.s - 1e-9)])
+    law = candidate.time_law
+    held = _table_of_holds((*earlier, hold), law)
+    return _arriving(candidate.path.s, speed_limit(candidate), held, law.acceleration, hold.s)
+
+
+@lru_cache(maxsize=1024)
+def speed_limit(candidate: Candidate) -> FloatArray:
+    """[P] squared free speed: the law's speed, less in curves, reached with its own rates."""
+    path, law = candidate.path, candidate.time_law
+    return _limit(path.s, path.curvature, law.speed, law.lateral, law.acceleration, law.braking)
 
 
 def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
@@ -155,123 +151,195 @@ def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
     return Track(xy=xy.round(3), heading=heading, start=round(enters + first * STEP, 1))
 
 
-def _at(hold: Hold) -> float:
-    return hold.s
+_NOWHERE = np.empty((0, 4))
 
 
-def _unreleased(holds: list[Hold]) -> tuple[Hold, ...]:
-    """The holds without the times of their release, which leave the driving between them alone."""
-    return tuple(Hold(hold.s, 0.0, hold.braking, hold.speed) for hold in holds)
+def _table_of_holds(holds: tuple[Hold, ...], law: TimeLaw) -> FloatArray:
+    """[N, 4] place [m], until when [s], braking [m/s^2] and speed there [m/s], by place."""
+    if not holds:
+        return _NOWHERE
+    rows = [(h.s, h.release, h.braking or law.braking, h.speed) for h in holds]
+    return np.array(sorted(rows, key=itemgetter(0)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Drive:
-    """A motion but for how long it dwells.
-
-    Attributes:
-        s: [N] nodes [m]; v: [N] speed there [m/s]; times: [N] when it is there without dwelling.
-        way: [N - 1] from each node to the next [m]; took: the time that takes [s].
-        rise: [N - 1] half the acceleration on the way [m/s^2].
-    """
-
-    s: FloatArray
-    v: FloatArray
-    times: FloatArray
-    way: FloatArray
-    took: FloatArray
-    rise: FloatArray
+def _table_of(slowings: tuple[Slowing, ...]) -> FloatArray:
+    """[N, 4] as of holds that nobody stands at."""
+    if not slowings:
+        return _NOWHERE
+    return np.array([(slow.s, 0.0, slow.braking, slow.speed) for slow in slowings])
 
 
-@lru_cache(maxsize=256)
-def _drive(candidate: Candidate, holds: tuple[Hold, ...], slowings: tuple[Slowing, ...]) -> _Drive:
-    """The drive between holds: where one comes to stand is asked before until when."""
-    s, w = _profile(candidate, holds, slowings)
-    v, way = np.sqrt(w), s[1:] - s[:-1]
-    took = 2.0 * way / np.maximum(v[:-1] + v[1:], 2 * _CREEP)
-    times = np.zeros(len(s))
-    np.add.accumulate(took, out=times[1:])
-    return _Drive(s, v, times, way, took, 0.5 * (v[1:] - v[:-1]) / took)
+# ---- as machine code: arrays of arc lengths [m], squared speeds [m^2/s^2] and times [s] ----------
 
 
-@lru_cache(maxsize=1024)
-def _limit(candidate: Candidate) -> FloatArray:
-    return frozen(speed_limit(candidate.path, candidate.time_law))
-
-
-def _profile(
-    candidate: Candidate, holds: tuple[Hold, ...], slowings: tuple[Slowing, ...]
-) -> tuple[FloatArray, FloatArray]:
-    """Nodes [m] and squared speeds there, every hold and slowing on a node of its own."""
-    path, law = candidate.path, candidate.time_law
-    extra = [hold.s for hold in holds] + [slow.s for slow in slowings]
-    if not extra:
-        return path.s, _limit(candidate)
-    s = _with_nodes(path.s, extra)
-    w = np.interp(s, path.s, _limit(candidate))
-    for hold in holds:
-        w = _approach(s, w, at=hold.s, speed=hold.speed, braking=hold.braking or law.braking)
-    for slow in slowings:
-        w = _approach(s, w, at=slow.s, speed=slow.speed, braking=slow.braking)
-    return s, _forward(s, w, law.acceleration)
-
-
-def _with_nodes(s: FloatArray, extra: list[float]) -> FloatArray:
-    """Ascending nodes [m] with further ones among them, none twice."""
-    last = float(s[-1])
-    every = np.concatenate([s, [min(max(each, 0.0), last) for each in extra]])
-    every.sort()
-    new = np.ones(len(every), dtype=np.bool_)
-    np.not_equal(every[1:], every[:-1], out=new[1:])
-    return np.asarray(every[new])
-
-
-def _approach(
-    s: FloatArray, w: FloatArray, *, at: float, speed: float, braking: float
+@compiled
+def _limit(
+    s: FloatArray,
+    curvature: FloatArray,
+    speed: float,
+    lateral: float,
+    acceleration: float,
+    braking: float,
 ) -> FloatArray:
-    before, w = int(s.searchsorted(at + 1e-9, side="right")), w.copy()
-    np.minimum(w[:before], speed**2 + 2.0 * braking * (at - s[:before]), out=w[:before])
+    """Squared free speed at each node."""
+    w = np.empty(len(s))
+    least = np.inf
+    for k in range(len(s) - 1, -1, -1):
+        ceiling = min(speed * speed, lateral / max(abs(curvature[k]), 1e-6))
+        least = min(least, ceiling + 2.0 * braking * s[k])
+        w[k] = least - 2.0 * braking * s[k]
+    _reach_forward(s, w, acceleration)
     return w
 
 
-def _reach(s: FloatArray, ceiling: FloatArray, *, accelerate: float, brake: float) -> FloatArray:
-    back = np.minimum.accumulate((ceiling + 2.0 * brake * s)[::-1])[::-1] - 2.0 * brake * s
-    return _forward(s, back, accelerate)
+@compiled
+def _reach_forward(s: FloatArray, w: FloatArray, acceleration: float) -> None:
+    """Takes from squared speeds what cannot be reached by accelerating."""
+    least = np.inf
+    for k in range(len(s)):
+        least = min(least, w[k] - 2.0 * acceleration * s[k])
+        w[k] = max(least + 2.0 * acceleration * s[k], 0.0)
 
 
-def _forward(s: FloatArray, w: FloatArray, acceleration: float) -> FloatArray:
-    reached = np.minimum.accumulate(w - 2.0 * acceleration * s) + 2.0 * acceleration * s
-    return np.maximum(reached, 0.0)
+@compiled
+def _driven(
+    nodes: FloatArray,
+    limit: FloatArray,
+    holds: FloatArray,
+    slowings: FloatArray,
+    acceleration: float,
+) -> FloatArray:
+    """Arc length every 0.1 s; holds and slowings [N, 4], holds in order of place."""
+    holds = holds[: _within(holds, nodes[-1])]
+    s, w = _profile(nodes, limit, holds, slowings, acceleration)
+    v, times, took = _timed(s, w)
+    for k in range(len(holds)):
+        _dwell(s, times, holds[k])
+    return _smooth(_sample(s, v, times, took))
 
 
-def _dwell(s: FloatArray, times: FloatArray, hold: Hold) -> FloatArray:
-    if hold.speed > 0.0:
-        return times
-    node = int(s.searchsorted(hold.s - 1e-9))
-    later = times.copy()
-    later[node + 1 :] += max(0.0, hold.release - float(times[node]))
-    return later
+@compiled
+def _arriving(
+    nodes: FloatArray, limit: FloatArray, holds: FloatArray, acceleration: float, at: float
+) -> float:
+    """When it stands at the hold at `at`, after those before it."""
+    s, w = _profile(nodes, limit, holds, holds[:0], acceleration)
+    _, times, _ = _timed(s, w)
+    for k in range(len(holds)):
+        if holds[k, 0] < at:
+            _dwell(s, times, holds[k])
+    return float(times[np.searchsorted(s, at - 1e-9)])
 
 
-def _sample(drive: _Drive, times: FloatArray) -> FloatArray:
-    """Arc length every 0.1 s; constant acceleration between nodes, standstill while dwelling.
-
-    Args:
-        times: [N] when it leaves each node [s].
-    """
-    grid = STEP * np.arange(int(times[-1] / STEP + 1e-9) + 1)
-    cell = np.minimum(times.searchsorted(grid, side="right") - 1, len(drive.way) - 1)
-    # A dwell sits at the start of its cell: the cell's own travel comes last.
-    tau = np.maximum(grid - (times[1:] - drive.took)[cell], 0.0)
-    within = (drive.v[cell] + drive.rise[cell] * tau) * tau
-    within = np.minimum(np.maximum(within, 0.0), drive.way[cell])
-    return np.asarray(np.maximum.accumulate(drive.s[cell] + within))
+@compiled
+def _within(holds: FloatArray, length: float) -> int:
+    """How many of the holds lie on the path."""
+    count = 0
+    while count < len(holds) and holds[count, 0] < length:
+        count += 1
+    return count
 
 
+@compiled
+def _profile(
+    nodes: FloatArray,
+    limit: FloatArray,
+    holds: FloatArray,
+    slowings: FloatArray,
+    acceleration: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Nodes and squared speeds there, every hold and slowing on a node of its own."""
+    s, w = nodes, limit
+    for places in (holds, slowings):
+        for k in range(len(places)):
+            s, w = _with_node(s, w, places[k, 0])
+    if len(holds) + len(slowings) > 0:
+        w = w.copy()
+        for places in (holds, slowings):
+            for k in range(len(places)):
+                _approach(s, w, places[k, 0], places[k, 3], places[k, 2])
+        _reach_forward(s, w, acceleration)
+    return s, w
+
+
+@compiled
+def _with_node(s: FloatArray, w: FloatArray, at: float) -> tuple[FloatArray, FloatArray]:
+    """The nodes with one more among them, unless it is there already; in between w is even."""
+    at = min(max(at, 0.0), s[-1])
+    k = np.searchsorted(s, at)
+    if s[k] == at:
+        return s, w
+    more, there = np.empty(len(s) + 1), np.empty(len(s) + 1)
+    for n in range(len(s)):
+        more[n + (n >= k)], there[n + (n >= k)] = s[n], w[n]
+    slope = (w[k] - w[k - 1]) / (s[k] - s[k - 1])
+    more[k], there[k] = at, slope * (at - s[k - 1]) + w[k - 1]
+    return more, there
+
+
+@compiled
+def _approach(s: FloatArray, w: FloatArray, at: float, speed: float, braking: float) -> None:
+    """Slows down in time for a speed at a place."""
+    for k in range(len(s)):
+        if s[k] > at + 1e-9:
+            break
+        w[k] = min(w[k], speed * speed + 2.0 * braking * (at - s[k]))
+
+
+@compiled
+def _timed(s: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Speeds and times at the nodes without dwelling, and the time from each to the next."""
+    v = np.sqrt(w)
+    times, took = np.zeros(len(s)), np.empty(len(s) - 1)
+    for k in range(len(took)):
+        took[k] = 2.0 * (s[k + 1] - s[k]) / max(v[k] + v[k + 1], 2 * _CREEP)
+        times[k + 1] = times[k] + took[k]
+    return v, times, took
+
+
+@compiled
+def _dwell(s: FloatArray, times: FloatArray, hold: FloatArray) -> None:
+    """Everything after a hold comes later by how long it still lasts then."""
+    if hold[3] > 0.0:
+        return
+    node = np.searchsorted(s, hold[0] - 1e-9)
+    wait = max(0.0, hold[1] - times[node])
+    for k in range(node + 1, len(times)):
+        times[k] += wait
+
+
+@compiled
+def _sample(s: FloatArray, v: FloatArray, times: FloatArray, took: FloatArray) -> FloatArray:
+    """Arc length every 0.1 s; constant acceleration between nodes, standstill while dwelling."""
+    out = np.empty(int(times[-1] / STEP + 1e-9) + 1)
+    cell, furthest = 0, -np.inf
+    for k in range(len(out)):
+        while cell < len(took) - 1 and times[cell + 1] <= STEP * k:
+            cell += 1
+        # A dwell sits at the start of its cell: the cell's own travel comes last.
+        tau = max(STEP * k - (times[cell + 1] - took[cell]), 0.0)
+        half = 0.5 * (v[cell + 1] - v[cell]) / took[cell]
+        within = min(max((v[cell] + half * tau) * tau, 0.0), s[cell + 1] - s[cell])
+        furthest = max(furthest, s[cell] + within)
+        out[k] = furthest
+    return out
+
+
+@compiled
 def _smooth(s: FloatArray) -> FloatArray:
-    if len(s) < 2 * _HALF + 2:
+    """Weighed means over the kernel; beyond either end it goes straight on."""
+    n = len(s)
+    if n < 2 * _HALF + 2:
         return s
-    padded = np.empty(len(s) + 2 * _HALF)
-    padded[:_HALF] = s[0] - (s[1] - s[0]) * _BEYOND[::-1]
-    padded[_HALF:-_HALF] = s
-    padded[-_HALF:] = s[-1] + (s[-1] - s[-2]) * _BEYOND
-    return np.convolve(padded, _KERNEL, mode="valid")
+    out = np.zeros(n)
+    for k in range(n):
+        for j in range(-_HALF, _HALF + 1):
+            at = k + j
+            if at < 0:
+                value = s[0] + (s[1] - s[0]) * at
+            elif at >= n:
+                value = s[-1] + (s[-1] - s[-2]) * (at - n + 1)
+            else:
+                value = s[at]
+            out[k] += value * _KERNEL[j + _HALF]
+    return out

@@ -18,14 +18,20 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, evenly
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
-from scenewright.tools.encounter import IntArray, axis_gap, close_nodes, occupancy
+from scenewright.tools.encounter import SLACK, Half, IntArray, axis_gap, occupancy
 from scenewright.tools.time_law import Motion
 
 Steps = NDArray[np.int64]
+Meetings = tuple[IntArray, IntArray]
+"""Runs of consecutive nodes of one agent present that a node of a newcomer meets, within the
+clearance and in touch: [N, 4] node of the newcomer, first and last of the run, whose it is."""
+_Table = tuple[FloatArray, FloatArray, IntArray]
+"""Nodes [6, N] and keeping [M, _KEEPING] of all present, and where each one's nodes end [M + 1]."""
 
 _NODE = {"vehicle": 0.8, "pedestrian": 0.4}
 """Distance of path nodes [m]: no more than the clearance that they must not miss."""
@@ -44,6 +50,8 @@ BACKGROUND = Separation(clearance=0.8, gap=1.25)
 WALKERS = Separation(clearance=0.15, gap=0.0)
 AFTER_YIELD = Separation(clearance=0.0, gap=2.4)
 """Around where a yielding agent would have been unheld: no second cause for its stop."""
+
+WIDEST, WALKERS_APART = FOREGROUND.clearance, WALKERS.clearance
 
 WALKER_AHEAD = 8.4
 """Nobody else crosses so shortly [s] before a vehicle that waits for one pedestrian."""
@@ -84,35 +92,39 @@ def corridor_of(candidate: Candidate) -> Corridor:
 
 
 @dataclass(frozen=True, eq=False)
-class _Meetings:
-    """Where a newcomer's nodes meet the nodes of those present, run by run.
+class _Stay:
+    """One agent present: its nodes, when it is there, and how to keep clear of it.
 
     Attributes:
-        row: [R] node of the newcomer.
-        first, last: [R] first and last of consecutive nodes of one agent present.
-        touching: how many runs, the last of all, are in touch; those before are within the
-            clearance.
+        nodes: [6, N] pose (x, y, cosine, sine), and from when until when its footprint is about
+            the node [s].
+        keeping: [`_KEEPING`] what is the same at all nodes: half length and half width, half
+            diagonal, distance between nodes [m]; whether it walks; clearance [m] and gap [s] to
+            others in the background, gap to those in the foreground; and how long before its own
+            coming nobody else crosses [s], where that is more than the gap.
     """
 
-    row: IntArray
-    first: IntArray
-    last: IntArray
-    touching: int
+    nodes: FloatArray
+    keeping: FloatArray
+
+
+_KEEPING = 9
+_LONG, _WIDE, _REACH, _SPACING, _WALKS, _CLEARANCE, _INNER, _OUTER, _AHEAD = range(_KEEPING)
 
 
 class Presence:
     """Everybody whose times are settled."""
 
     def __init__(self, actors: Iterable[Actor] = (), *, foreground: bool = True) -> None:
-        self._stays: list[FloatArray] = []
-        self._nodes: _Nodes | None = None
-        self._met: dict[int, tuple[Corridor, _Meetings]] = {}
+        self._stays: list[_Stay] = []
+        self._table: _Table | None = None
+        self._met: dict[int, tuple[Corridor, Meetings]] = {}
         for actor in actors:
             self.add(actor, foreground=foreground)
 
     def add(self, actor: Actor, *, foreground: bool) -> None:
         """One more, at its own scene times."""
-        self._nodes, self._met = None, {}
+        self._table, self._met = None, {}
         inner = FOREGROUND if foreground else BACKGROUND
         self._stays.append(_stay(actor, actor.motion, inner, FOREGROUND))
         waits = any(stop.reason == "gives_way" for stop in actor.stops)
@@ -128,70 +140,33 @@ class Presence:
         """Of the entry times [steps], those at which the actor would meet nobody."""
         if not self._stays or not len(starts):
             return starts
-        low, high = self.barred(actor, foreground=foreground)
-        base, size = int(starts[0]), int(starts[-1] - starts[0]) + 1
-        first, last = _floor(low), _ceil(high)
-        if size == 1:
-            return starts[:0] if ((first <= base) & (base <= last)).any() else starts
-        begin = np.minimum(np.maximum(first - base, 0), size)
-        end = np.minimum(np.maximum(last + 1 - base, begin), size)
-        count = np.bincount(begin, minlength=size + 1) - np.bincount(end, minlength=size + 1)
-        unmet: Steps = starts[np.cumsum(count)[starts - base] == 0]
-        return unmet
+        return _unmet(starts, *self.barred(actor, foreground=foreground))
 
     def barred(self, actor: Actor, *, foreground: bool) -> tuple[FloatArray, FloatArray]:
         """[N] ends of the intervals of entry times [s] that would bring about a meeting."""
         corridor = corridor_of(actor.candidate)
-        nodes = self._gathered()
-        runs = self._meetings(corridor, nodes)
         come, leave = occupancy(corridor.s, actor.motion, 0.5)
-        # Who never comes to a node is there at infinity: no finite interval is left of it.
-        with np.errstate(invalid="ignore"):
-            low = nodes.come[runs.first] - leave[runs.row]
-            high = nodes.leave[runs.last] - come[runs.row]
-        touch = slice(len(low) - runs.touching, None)
-        there = runs.first[touch]
-        gap = (nodes.gap_outer if foreground else nodes.gap_inner)[there]
-        low[touch] -= np.maximum(gap, nodes.ahead[there]) if corridor.walks else gap
-        high[touch] += gap
-        real = np.isfinite(low) & np.isfinite(high)
-        return low[real], high[real]
+        nodes, keeping, _ = self._gathered()
+        met = self._meetings(corridor)
+        return _barred(met, come, leave, corridor.walks, foreground, nodes, keeping)
 
-    def _gathered(self) -> _Nodes:
-        if self._nodes is None:
-            self._nodes = _Nodes(self._stays)
-        return self._nodes
+    def _gathered(self) -> _Table:
+        if self._table is None:
+            counts = [0, *(stay.nodes.shape[1] for stay in self._stays)]
+            self._table = (
+                np.concatenate([stay.nodes for stay in self._stays], axis=1),
+                np.array([stay.keeping for stay in self._stays]),
+                np.cumsum(counts, dtype=np.intp),
+            )
+        return self._table
 
-    def _meetings(self, corridor: Corridor, nodes: _Nodes) -> _Meetings:
-        """Runs within the clearance, and runs in touch."""
+    def _meetings(self, corridor: Corridor) -> Meetings:
+        """Where the corridor meets those present, whatever the times."""
         key = id(corridor)
         if key not in self._met:
-            i, j, apart = _close(corridor, nodes)
-            clearance = nodes.clearance[j]
-            if corridor.walks:
-                # Two pedestrians may come close, and have no time gap to keep.
-                both = nodes.walks[j]
-                clearance = np.where(both, WALKERS.clearance, clearance)
-                touch = (apart <= 0.0) & ~both
-            else:
-                touch = apart <= 0.0
-            # What only touch concerns has no clearance to keep beyond it.
-            near = (apart <= clearance) & (clearance > 0.0)
-            self._met[key] = (corridor, _runs(i, j, near, touch, nodes.slot))
+            met = _meet(corridor, self._gathered())
+            self._met[key] = (corridor, met)
         return self._met[key][1]
-
-
-class _Nodes:
-    """The nodes of all present, one after the other; see `_stay`."""
-
-    def __init__(self, stays: list[FloatArray]) -> None:
-        table = np.concatenate(stays, axis=1)
-        self.pose, self.reach = table[:6], table[6]
-        self.come, self.leave, self.walks = table[7], table[8], table[9] > 0.0
-        self.clearance, self.gap_inner, self.gap_outer, self.ahead = table[10:]
-        # Numbered so that only neighbours of one agent have numbers that follow each other.
-        owner = np.repeat(np.arange(len(stays)), [stay.shape[1] for stay in stays])
-        self.slot = np.arange(len(owner)) + owner
 
 
 def forbidden_offsets(a: Actor, b: Actor, *, strict: bool) -> list[tuple[int, int]]:
@@ -212,55 +187,148 @@ def _stay(
     inner: Separation,
     outer: Separation,
     ahead: float = 0.0,
-) -> FloatArray:
-    """[14, N] one agent present: its nodes, when it is there, and how to keep clear of it.
-
-    Rows: pose (x, y, cosine, sine), half length and half width, half diagonal [m]; from when until
-    when its footprint is about the node [s]; whether it walks; clearance [m] and gap [s] to others
-    in the background, gap to those in the foreground; and how long before its own coming nobody
-    else crosses [s], where that is more than the gap.
-    """
+) -> _Stay:
     corridor = corridor_of(actor.candidate)
     come, leave = occupancy(corridor.s, motion, 0.5)
     # A run of nodes ends when the last that is reached is left.
     reached = int(np.isfinite(come).sum())
     leave[reached:] = leave[max(reached - 1, 0)]
-    rows = np.empty((14, len(come)))
-    rows[:4], rows[7], rows[8] = corridor.pose, come + actor.enters, leave + actor.enters
-    rows[4:7].T[:] = (*corridor.half, corridor.reach)
-    rows[9:].T[:] = (corridor.walks, inner.clearance, inner.gap, outer.gap, ahead)
-    return rows
+    nodes = np.empty((6, len(come)))
+    nodes[:4], nodes[4], nodes[5] = corridor.pose, come + actor.enters, leave + actor.enters
+    keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
+               inner.clearance, inner.gap, outer.gap, ahead)  # fmt: skip
+    return _Stay(nodes, np.array(keeping, dtype=np.float64))
 
 
-def _close(a: Corridor, b: _Nodes) -> tuple[IntArray, IntArray, FloatArray]:
-    """Pairs of nodes that may come within the widest clearance, and how far apart they are."""
-    i, j = close_nodes(a.pose, b.pose, a.reach + b.reach + FOREGROUND.clearance)
-    there = b.pose.take(j, axis=1)
-    half = np.array(a.half)[:, None]
-    return i, j, axis_gap(a.pose.take(i, axis=1), there[:4], half, there[4:])
+def _meet(corridor: Corridor, table: _Table) -> Meetings:
+    """Runs within the clearance, and runs in touch, of a newcomer with all present."""
+    room = 4 * len(corridor.s)
+    while True:
+        near, touching = np.empty((room, 4), np.intp), np.empty((room, 4), np.intp)
+        found, touched = _runs(
+            corridor.pose, float(corridor.s[1]), corridor.half, corridor.reach, corridor.walks,
+            *table, near, touching,
+        )  # fmt: skip
+        if max(found, touched) < room:
+            return near[:found], touching[:touched]
+        room *= 2
 
 
+# ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
 def _runs(
-    i: IntArray,
-    j: IntArray,
-    near: NDArray[np.bool_],
-    touch: NDArray[np.bool_],
-    slot: IntArray,
-) -> _Meetings:
-    """Pairs sorted by i and j, joined where j goes on along one owner's path."""
-    at, touching = near.nonzero()[0], touch.nonzero()[0]
-    at = np.concatenate([at, touching])
-    if not len(at):
-        return _Meetings(at, at, at, 0)
-    i, j = i[at], j[at]
-    place = i * (slot[-1] + 2) + slot[j]
-    breaks = place[1:] - place[:-1] != 1
-    edge = len(at) - len(touching)
-    if 0 < edge < len(at):
-        breaks[edge - 1] = True
-    inner = breaks.nonzero()[0]
-    starts, ends = np.concatenate([[0], inner + 1]), np.concatenate([inner, [len(i) - 1]])
-    return _Meetings(i[starts], j[starts], j[ends], int(np.sum(starts >= edge)))
+    pose: FloatArray,
+    spacing: float,
+    half: Half,
+    reach: float,
+    walks: bool,
+    nodes: FloatArray,
+    keeping: FloatArray,
+    ends: IntArray,
+    near: IntArray,
+    touching: IntArray,
+) -> tuple[int, int]:
+    """Writes runs into `near` and `touching`; how many. If it is all of them, some have no room."""
+    found, touched, room = 0, 0, len(near)
+    far_until = np.zeros(len(keeping), np.intp)
+    for i in range(pose.shape[1]):
+        for who in range(len(keeping)):
+            if i < far_until[who]:
+                continue
+            own = (keeping[who, _LONG], keeping[who, _WIDE])
+            # Two pedestrians may come close, and have no time gap to keep.
+            both = walks and keeping[who, _WALKS] > 0.0
+            # What only touch concerns has no clearance to keep beyond it.
+            least = WALKERS_APART if both else keeping[who, _CLEARANCE]
+            least = least if keeping[who, _CLEARANCE] > 0.0 else -np.inf
+            radius = reach + keeping[who, _REACH] + WIDEST + SLACK
+            beside = against = False
+            nearest, j = np.inf, ends[who]
+            while j < ends[who + 1]:
+                dx, dy = pose[0, i] - nodes[0, j], pose[1, i] - nodes[1, j]
+                beyond = np.sqrt(dx * dx + dy * dy) - radius
+                if beyond > 0.0:
+                    # No path comes nearer faster than it goes on: half of what is between may be
+                    # skipped here, and as much of the newcomer's own path.
+                    beside = against = False
+                    nearest = min(nearest, 0.5 * beyond)
+                    j += 1 + int(0.5 * beyond / keeping[who, _SPACING])
+                    continue
+                nearest = 0.0
+                gap = axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
+                               nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
+                if gap <= least:
+                    found += _goes_on(near, found, beside, i, j, who)
+                if gap <= 0.0 and not both:
+                    touched += _goes_on(touching, touched, against, i, j, who)
+                beside, against = gap <= least, gap <= 0.0
+                if max(found, touched) == room:
+                    return found, touched
+                j += 1
+            far_until[who] = i + 1 + int(nearest / spacing)
+    return found, touched
+
+
+@compiled
+def _goes_on(runs: IntArray, count: int, under_way: bool, i: int, j: int, who: int) -> int:
+    """One more node for the last run, or the first of another; how many more runs there are."""
+    if under_way:
+        runs[count - 1, 2] = j
+        return 0
+    runs[count, 0], runs[count, 1], runs[count, 2], runs[count, 3] = i, j, j, who
+    return 1
+
+
+@compiled
+def _barred(
+    met: Meetings,
+    come: FloatArray,
+    leave: FloatArray,
+    walks: bool,
+    foreground: bool,
+    nodes: FloatArray,
+    keeping: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Ends of the intervals of entry times [s]; what is never reached bars nothing."""
+    near, touching = met
+    low, high = np.empty(len(near) + len(touching)), np.empty(len(near) + len(touching))
+    count = 0
+    for runs, touch in ((near, False), (touching, True)):
+        for k in range(len(runs)):
+            row, first, last, who = runs[k]
+            begin, end = nodes[4, first] - leave[row], nodes[5, last] - come[row]
+            if touch:
+                gap = keeping[who, _OUTER] if foreground else keeping[who, _INNER]
+                begin -= max(gap, keeping[who, _AHEAD]) if walks else gap
+                end += gap
+            if np.isfinite(begin) and np.isfinite(end):
+                low[count], high[count] = begin, end
+                count += 1
+    return low[:count], high[:count]
+
+
+@compiled
+def _unmet(starts: Steps, low: FloatArray, high: FloatArray) -> Steps:
+    """Of ascending entry times [steps], those that lie in no interval [s]."""
+    base, size = starts[0], starts[-1] - starts[0] + 1
+    change = np.zeros(size + 1, np.int64)
+    for k in range(len(low)):
+        begin = max(int(np.floor(low[k] / STEP)) - base, 0)
+        end = min(int(np.ceil(high[k] / STEP)) + 1 - base, size)
+        if begin < end:
+            change[begin] += 1
+            change[end] -= 1
+    unmet, count, step, barring = np.empty(len(starts), np.int64), 0, 0, change[0]
+    for start in starts:
+        while step < start - base:
+            step += 1
+            barring += change[step]
+        if barring == 0:
+            unmet[count] = start
+            count += 1
+    return unmet[:count]
 
 
 def _floor(seconds: FloatArray) -> Steps:
