@@ -9,6 +9,7 @@ whatever else runs.
 
 from __future__ import annotations
 
+import gc
 import platform
 import statistics
 import subprocess
@@ -47,6 +48,7 @@ def main() -> None:
     refiner = sys.argv[1] if len(sys.argv) > 1 else "none"
     with tempfile.TemporaryDirectory() as folder:
         synthesize(f"{REQUESTS[0]} {CROWD}", seed=99, refiner=refiner).save(Path(folder) / "warm")
+        gc.freeze()  # as the workers of a batch do after their first row
         print(f"Seven requests, {len(SEEDS)} seeds each")
         named = {request: f"{request} {CROWD}" for request in REQUESTS}
         measure([(name, text, seed) for name, text in named.items() for seed in SEEDS],

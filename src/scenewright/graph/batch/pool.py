@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import pickle
@@ -100,6 +101,9 @@ def _serve(pipe: Connection, task: Callable[[Any], Any]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
     with suppress(EOFError, OSError):
+        pipe.send_bytes(pickle.dumps(task(pipe.recv())))
+        # What the first job loaded stays: the collector need not look through it again and again.
+        gc.freeze()
         while True:
             pipe.send_bytes(pickle.dumps(task(pipe.recv())))
 

@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K, Path, evenly
 from scenewright.tools.gmm_sampler.priors import WaypointPrior
@@ -72,31 +73,69 @@ def _spline_matrix() -> FloatArray:
 
 def even_path(curve: FloatArray) -> Path:
     """A curve [P, 2] as a path with even spacing, heading and smoothed curvature."""
-    step = curve[1:] - curve[:-1]
-    length = np.zeros(len(curve))
-    np.add.accumulate(np.hypot(step[:, 0], step[:, 1]), out=length[1:])
+    length = _along(curve)
     count = max(round(float(length[-1]) / SPACING), 2) + 1
     s = evenly(float(length[-1]), count)
-    xy = np.empty((count, 2))
-    xy[:, 0], xy[:, 1] = (np.interp(s, length, curve[:, axis]) for axis in (0, 1))
-    step = xy[1:] - xy[:-1]
-    dx, dy = step[:, 0], step[:, 1]
-    cross, dot = dx[:-1] * dy[1:] - dy[:-1] * dx[1:], dx[:-1] * dx[1:] + dy[:-1] * dy[1:]
-    # Headings as the first one and the turns since: continuous by construction.
-    turns = np.arctan2(cross, dot)
-    between = np.zeros(count - 1)
-    np.add.accumulate(turns, out=between[1:])
-    between += np.arctan2(dy[0], dx[0])
-    heading, turning = np.empty(count), np.zeros(count)
-    heading[0], heading[-1] = between[0], between[-1]
-    heading[1:-1] = (between[1:] + between[:-1]) / 2
-    turning[1:-1] = turns / s[1]
-    return Path(xy=xy, s=s, heading=heading, curvature=_smoothed(turning, s[1]))
+    xy = _points(curve, length, s)
+    heading, turning = _directions(xy, s[1])
+    half = max(round(_CURVATURE_WINDOW / s[1] / 2), 1)
+    return Path(xy=xy, s=s, heading=heading, curvature=_smoothed(turning, half))
 
 
-def _smoothed(values: FloatArray, spacing: float) -> FloatArray:
-    """A moving mean over the curvature window; the ends hold their value."""
-    half = max(round(_CURVATURE_WINDOW / spacing / 2), 1)
-    padded = np.empty(len(values) + 2 * half)
-    padded[:half], padded[half:-half], padded[-half:] = values[0], values, values[-1]
-    return np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
+# ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _along(curve: FloatArray) -> FloatArray:
+    """[P] arc length of the points of a curve [m]."""
+    length = np.zeros(len(curve))
+    for k in range(1, len(curve)):
+        step = np.hypot(curve[k, 0] - curve[k - 1, 0], curve[k, 1] - curve[k - 1, 1])
+        length[k] = length[k - 1] + step
+    return length
+
+
+@compiled
+def _points(curve: FloatArray, length: FloatArray, s: FloatArray) -> FloatArray:
+    """[N, 2] the points of a curve at ascending arc lengths [m]."""
+    xy = np.empty((len(s), 2))
+    k = 0
+    for n in range(len(s)):
+        while k < len(length) - 2 and length[k + 1] <= s[n]:
+            k += 1
+        share = (s[n] - length[k]) / (length[k + 1] - length[k])
+        for axis in range(2):
+            xy[n, axis] = curve[k, axis] + share * (curve[k + 1, axis] - curve[k, axis])
+    return xy
+
+
+@compiled
+def _directions(xy: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Heading [rad] and curvature [1/m] at points; headings are the first one and the turns since.
+
+    Without jumps by construction.
+    """
+    heading, turning = np.empty(len(xy)), np.zeros(len(xy))
+    dx, dy = xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]
+    now = heading[0] = np.arctan2(dy, dx)
+    for k in range(1, len(xy) - 1):
+        further_x, further_y = xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1]
+        cross, dot = dx * further_y - dy * further_x, dx * further_x + dy * further_y
+        turn = np.arctan2(cross, dot)
+        heading[k], turning[k] = now + 0.5 * turn, turn / spacing
+        now += turn
+        dx, dy = further_x, further_y
+    heading[-1] = now
+    return heading, turning
+
+
+@compiled
+def _smoothed(values: FloatArray, half: int) -> FloatArray:
+    """A moving mean over 2 half + 1 values; the ends hold theirs."""
+    out, last = np.empty(len(values)), len(values) - 1
+    for k in range(len(values)):
+        total = 0.0
+        for n in range(k - half, k + half + 1):
+            total += values[min(max(n, 0), last)]
+        out[k] = total / (2 * half + 1)
+    return out

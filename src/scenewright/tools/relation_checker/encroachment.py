@@ -10,21 +10,20 @@ resolved to 0.01 s.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.contact import TOUCH
 from scenewright.tools.relation_checker.curve import project_each
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
-    Extent,
-    Pose,
+    Box,
+    Place,
     angle_between,
-    pose,
-    touch,
+    in_touch,
 )
 from scenewright.tools.relation_checker.motion import Mover, lane_table, strung
 from scenewright.tools.relation_checker.paths import MERGE_LENGTH, SHARED
@@ -63,26 +62,18 @@ class _Places:
     """All movers' places, one after another.
 
     Attributes:
-        owner: [K] mover; xy, heading: at the place; next_xy, next_heading: one sample after it.
-        arrive, depart: [K] first and last sample time there [s]; leave: [K] when the next place is
-            reached, at the end of a track the same as depart; s: [K] arc length [m].
-        size: footprints; swept: footprints midway to the next place, lengthened by the way.
+        owner: [K] mover; s: [K] arc length [m]; reach: [K] radius of the circle [m].
+        table: [19, K] x, y and heading there and one sample after; first and last sample time
+            there, and when the next place is reached, at the end of a track the same as the last
+            [s]; half length, half width and radius [m]; x, y, cosine and sine midway to the next
+            place, half length and radius lengthened by the way; and by how much it may turn [m].
         origin: [N+1] where each mover's places begin.
     """
 
     owner: IntArray
-    xy: FloatArray
-    heading: FloatArray
-    next_xy: FloatArray
-    next_heading: FloatArray
-    arrive: FloatArray
-    depart: FloatArray
-    leave: FloatArray
     s: FloatArray
-    size: Extent
-    swept: Pose
-    slack: FloatArray
     reach: FloatArray
+    table: FloatArray
     origin: IntArray
 
 
@@ -136,18 +127,15 @@ def _places(movers: tuple[Mover, ...]) -> _Places:
     stride = np.hypot(way[:, 0], way[:, 1]) / 2
     table = np.array([(m.half_length, m.half_width, m.radius, m.reach) for m in movers])
     length, width, radius, reach = table[owner].T
-    disc = radius > 0
-    return _Places(
-        owner, xy[first], heading[first], xy[after], heading[after], times[first], times[last],
-        times[after], s[first],
-        size=Extent(length, width, radius),
-        swept=pose(
-            (xy[first] + xy[after]) / 2, heading[first],
-            Extent(np.where(disc, 0.0, length + stride), width, np.where(disc, radius + stride, 0)),
-        ),
-        slack=reach * np.abs(turn) + TOUCH, reach=reach + stride,
-        origin=np.searchsorted(first, origin),
+    disc, half_way = radius > 0, (xy[first] + xy[after]) / 2
+    rows = (
+        *xy[first].T, heading[first], *xy[after].T, heading[after],
+        times[first], times[last], times[after], length, width, radius,
+        *half_way.T, np.cos(heading[first]), np.sin(heading[first]),
+        np.where(disc, 0.0, length + stride), np.where(disc, radius + stride, 0.0),
+        reach * np.abs(turn) + TOUCH,
     )  # fmt: skip
+    return _Places(owner, s[first], reach + stride, np.array(rows), np.searchsorted(first, origin))
 
 
 def _candidates(
@@ -156,7 +144,7 @@ def _candidates(
     """Pairs of places whose circles overlap; blocks of places first, within the horizon."""
     begin = np.flatnonzero((np.arange(len(places.s)) - places.origin[places.owner]) % BLOCK == 0)
     end = np.minimum(begin + BLOCK, places.origin[places.owner[begin] + 1])
-    middle = np.stack((places.swept.x, places.swept.y))
+    middle = places.table[[_SWEPT_X, _SWEPT_Y]]
     low, high = (f.reduceat(middle, begin, axis=1) for f in (np.minimum, np.maximum))
     radius = np.hypot(*(high - low)) + 2 * np.maximum.reduceat(places.reach, begin)
     i, j = _block_pairs(places, movers, begin, pedestrians)
@@ -164,7 +152,7 @@ def _candidates(
     near = np.square(x[i] - x[j]) + np.square(y[i] - y[j]) <= np.square(radius[i] + radius[j])
     i, j = i[near], j[near]
     if horizon is not None:
-        arrive, depart = places.arrive[begin], places.depart[end - 1] + STEP
+        arrive, depart = places.table[_ARRIVE, begin], places.table[_DEPART, end - 1] + STEP
         soon = np.maximum(arrive[i] - depart[j], arrive[j] - depart[i]) <= horizon
         i, j = i[soon], j[soon]
     return _expanded(places, begin, end, np.stack((i, j)))
@@ -202,7 +190,7 @@ def _expanded(
     """Pairs of places of pairs of blocks [2, n] whose own circles overlap."""
     member = begin[:, None] + np.arange(BLOCK)
     k = np.minimum(member, len(places.s) - 1)
-    x, y, reach = places.swept.x[k], places.swept.y[k], places.reach[k]
+    x, y, reach = places.table[_SWEPT_X][k], places.table[_SWEPT_Y][k], places.reach[k]
     x[member >= end[:, None]] = np.nan
     i, j = pairs
     away, more = (np.square(v[i][:, :, None] - v[j][:, None, :]) for v in (x, y))
@@ -212,27 +200,9 @@ def _expanded(
 
 
 def _touching(places: _Places, p: IntArray, q: IntArray, *, horizon: float | None = None) -> _Cells:
-    leaving = places.depart + STEP
-    lag = np.maximum(places.arrive[p] - leaving[q], places.arrive[q] - leaving[p])
-    if horizon is not None:
-        soon = lag <= horizon
-        p, q, lag = p[soon], q[soon], lag[soon]
-    beside = _beside(places, p, q)
-    p, q, lag = p[beside], q[beside], lag[beside]
-    slack = places.slack[p] + places.slack[q]
-    near = touch(places.swept.rows(p), places.swept.rows(q), tolerance=slack)
-    return _Cells(p[near], q[near], np.maximum(lag[near], 0.0))
-
-
-def _beside(places: _Places, p: IntArray, q: IntArray) -> BoolArray:
-    """Cheap and necessary: q reaches the strip that p drives in."""
-    at = places.swept
-    sin, cos = at.sin[p], at.cos[p]
-    across = np.abs(cos * (at.y[q] - at.y[p]) - sin * (at.x[q] - at.x[p]))
-    strip = np.asarray(at.size.width) + at.size.radius + places.slack
-    turned = np.abs(cos * at.sin[q] - sin * at.cos[q])
-    length = np.asarray(at.size.length)
-    return np.asarray(across <= strip[p] + strip[q] + turned * length[q])
+    longest = np.inf if horizon is None else horizon
+    near, lag = _met(p, q, places.table, longest)
+    return _Cells(p[near], q[near], lag)
 
 
 def _without_lanes(places: _Places, movers: tuple[Mover, ...], cells: _Cells) -> _Cells:
@@ -240,7 +210,7 @@ def _without_lanes(places: _Places, movers: tuple[Mover, ...], cells: _Cells) ->
     a, b = places.owner[cells.p], places.owner[cells.q]
     pair = a * len(movers) + b
     alike = np.array([m.is_vehicle for m in movers])
-    cos, sin = places.swept.cos, places.swept.sin
+    cos, sin = places.table[_COS], places.table[_SIN]
     parallel = cos[cells.p] * cos[cells.q] + sin[cells.p] * sin[cells.q] >= np.cos(SHARED)
     keep = np.ones(len(pair), dtype=np.bool_)
     codes = np.flatnonzero(np.bincount(pair[parallel & (alike[a] == alike[b])]))
@@ -384,35 +354,85 @@ def _exact_lags(
     Returns:
         The lags, and [n, 2] which of the parts give them.
     """
-    one = _on_the_way(places, cells.p, part, np.s_[:, :, None])
-    two = _on_the_way(places, cells.q, other_part, np.s_[:, None, :])
-    hit = touch(one.pose, two.pose, tolerance=TOUCH)
-    lag = np.maximum(np.maximum(one.begin - two.end, two.begin - one.end), 0.0)
-    flat = np.where(hit, lag, np.inf).reshape(len(cells.p), -1)
-    k = flat.argmin(axis=1)
-    i, j = np.divmod(k, part.shape[1])
-    row = np.arange(len(k))
-    a0, a1 = one.begin[row, i, 0], one.end[row, i, 0]
-    b0, b1 = two.begin[row, 0, j], two.end[row, 0, j]
-    times = np.minimum(np.maximum(b0, a0), a1), np.minimum(np.maximum(a0, b0), b1)
-    return np.stack((flat[row, k], *times), axis=1), np.stack((i, j), axis=1)
+    return _lags(cells.p, cells.q, places.table, part, other_part)
 
 
-@dataclass(frozen=True, eq=False)
-class _Way:
-    """Footprints between places: standing there (begin to end), then moving on."""
+# ---- as machine code, on the table of places ----------------------------------------------------
 
-    pose: Pose
-    begin: FloatArray
-    end: FloatArray
+(
+    _X, _Y, _HEADING, _NEXT_X, _NEXT_Y, _NEXT_HEADING, _ARRIVE, _DEPART, _LEAVE, _LENGTH, _WIDTH,
+    _RADIUS, _SWEPT_X, _SWEPT_Y, _COS, _SIN, _SWEPT_LENGTH, _SWEPT_RADIUS, _SLACK,
+) = range(19)  # fmt: skip
 
 
-def _on_the_way(places: _Places, k: IntArray, part: FloatArray, spread: Any) -> _Way:
-    """Footprints [n, k], spread over the axes of [n, k of the first, k of the second]."""
-    xy, heading = places.xy[k][:, None], places.heading[k][:, None]
-    way, turn = places.next_xy[k][:, None] - xy, places.next_heading[k][:, None] - heading
-    end = places.depart[k][:, None] + part * (places.leave - places.depart)[k][:, None]
-    begin = np.where(part > 0, end, places.arrive[k][:, None])
-    heading = (heading + part * turn)[spread]
-    at = (xy + part[..., None] * way)[spread]
-    return _Way(pose(at, heading, places.size.rows(k[:, None, None])), begin[spread], end[spread])
+@compiled
+def _met(
+    p: IntArray, q: IntArray, table: FloatArray, horizon: float
+) -> tuple[IntArray, FloatArray]:
+    """Which pairs of places touch with a lag within the horizon, and a lower bound of it [s]."""
+    near, lags = np.empty(len(p), np.intp), np.empty(len(p))
+    count = 0
+    for k in range(len(p)):
+        i, j = p[k], q[k]
+        lag = max(table[_ARRIVE, i] - (table[_DEPART, j] + STEP),
+                  table[_ARRIVE, j] - (table[_DEPART, i] + STEP))  # fmt: skip
+        if lag > horizon:
+            continue
+        slack = table[_SLACK, i] + table[_SLACK, j]
+        if in_touch(*_swept(table, i), *_swept(table, j), slack):
+            near[count], lags[count] = k, max(lag, 0.0)
+            count += 1
+    return near[:count], lags[:count]
+
+
+@compiled
+def _swept(table: FloatArray, i: int) -> tuple[Place, Box]:
+    """The footprint midway to the next place, lengthened by the way."""
+    return (
+        (table[_SWEPT_X, i], table[_SWEPT_Y, i], table[_COS, i], table[_SIN, i]),
+        (table[_SWEPT_LENGTH, i], table[_WIDTH, i], table[_SWEPT_RADIUS, i]),
+    )
+
+
+@compiled
+def _lags(
+    p: IntArray, q: IntArray, table: FloatArray, part: FloatArray, other_part: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """See `_exact_lags`."""
+    best, where = np.empty((len(p), 3)), np.zeros((len(p), 2), np.intp)
+    for k in range(len(p)):
+        i, j = p[k], q[k]
+        least = np.inf
+        mine, others = part[min(k, len(part) - 1)], other_part[min(k, len(other_part) - 1)]
+        for m in range(len(mine)):
+            place, begin, end = _under_way(table, i, mine[m])
+            for n in range(len(others)):
+                other, other_begin, other_end = _under_way(table, j, others[n])
+                lag = max(begin - other_end, other_begin - end, 0.0)
+                first = m == 0 and n == 0
+                hit = lag < least and in_touch(
+                    place, _size(table, i), other, _size(table, j), TOUCH
+                )
+                if hit or first:
+                    least = lag if hit else np.inf
+                    where[k, 0], where[k, 1] = m, n
+                    best[k, 0] = least
+                    best[k, 1] = min(max(other_begin, begin), end)
+                    best[k, 2] = min(max(begin, other_begin), other_end)
+    return best, where
+
+
+@compiled
+def _size(table: FloatArray, i: int) -> Box:
+    return table[_LENGTH, i], table[_WIDTH, i], table[_RADIUS, i]
+
+
+@compiled
+def _under_way(table: FloatArray, i: int, part: float) -> tuple[Place, float, float]:
+    """The footprint a part of the way to the next place, and from when until when it is there."""
+    x = table[_X, i] + part * (table[_NEXT_X, i] - table[_X, i])
+    y = table[_Y, i] + part * (table[_NEXT_Y, i] - table[_Y, i])
+    heading = table[_HEADING, i] + part * (table[_NEXT_HEADING, i] - table[_HEADING, i])
+    end = table[_DEPART, i] + part * (table[_LEAVE, i] - table[_DEPART, i])
+    begin = end if part > 0.0 else table[_ARRIVE, i]
+    return (x, y, np.cos(heading), np.sin(heading)), begin, end

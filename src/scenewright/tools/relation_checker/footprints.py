@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.tools.relation_checker.motion import Mover
 
@@ -64,100 +65,21 @@ def gap(
     Returns:
         [n] metres; <= 0 means contact.
     """
-    a, b = pose(xy, heading, size), pose(other_xy, other_heading, other_size)
-    seen, back = _in_frame(a, b), _in_frame(b, a)
-    separation = _separation(a, b, seen, back)
-    apart = np.minimum(
-        _corner_distance(seen, size, other_size), _corner_distance(back, other_size, size)
-    )
-    return np.asarray(np.where(separation < 0, separation, apart) - size.radius - other_size.radius)
+    one, two = _placed(xy, heading), _placed(other_xy, other_heading)
+    return _gaps(one, _table(size), two, _table(other_size)).reshape(np.shape(heading))
 
 
-@dataclass(frozen=True, eq=False)
-class Pose:
-    """Footprints in place: centres x, y [m], direction (cos, sin) of the heading, and sizes."""
-
-    x: FloatArray
-    y: FloatArray
-    cos: FloatArray
-    sin: FloatArray
-    size: Extent
-
-    def rows(self, k: IntArray) -> Pose:
-        """The poses of chosen rows."""
-        return Pose(self.x[k], self.y[k], self.cos[k], self.sin[k], self.size.rows(k))
+def _placed(xy: FloatArray, heading: FloatArray) -> FloatArray:
+    """[4, n] x, y, cosine and sine of the heading, row after row."""
+    rows = np.empty((4, np.size(heading)))
+    rows[0], rows[1] = np.ravel(xy[..., 0]), np.ravel(xy[..., 1])
+    rows[2], rows[3] = np.ravel(np.cos(heading)), np.ravel(np.sin(heading))
+    return rows
 
 
-def pose(xy: FloatArray, heading: FloatArray, size: Extent) -> Pose:
-    """Footprints at centres [..., 2] and headings [...]."""
-    return Pose(xy[..., 0], xy[..., 1], np.cos(heading), np.sin(heading), size)
-
-
-def touch(a: Pose, b: Pose, *, tolerance: FloatArray | float) -> BoolArray:
-    """Whether two footprints touch or come within a tolerance [m]; cheaper than `gap`.
-
-    Exact between two rectangles in contact and between a disc and anything; for rectangles that are
-    apart, corner to corner, a tolerance above 0 is met a little too generously.
-    """
-    seen, back = _in_frame(a, b), _in_frame(b, a)
-    near = a.size.radius + b.size.radius + tolerance
-    apart = _separation(a, b, seen, back) > near
-    for place, box, disc in ((seen, a.size, b.size), (back, b.size, a.size)):
-        is_disc = np.asarray(disc.radius) > 0
-        if is_disc.any():
-            dx = np.maximum(np.abs(place.x) - box.length, 0)
-            dy = np.maximum(np.abs(place.y) - box.width, 0)
-            apart |= is_disc & (dx * dx + dy * dy > near * near)
-    return np.asarray(~apart)
-
-
-def _in_frame(a: Pose, b: Pose) -> Pose:
-    """Pose b as seen from the frame of a."""
-    dx, dy = b.x - a.x, b.y - a.y
-    return Pose(
-        a.cos * dx + a.sin * dy,
-        a.cos * dy - a.sin * dx,
-        a.cos * b.cos + a.sin * b.sin,
-        a.cos * b.sin - a.sin * b.cos,
-        b.size,
-    )
-
-
-def _separation(a: Pose, b: Pose, seen: Pose, back: Pose) -> FloatArray:
-    """Largest gap between the shadows of both rectangles on their side directions."""
-    c, s, one, two = np.abs(seen.cos), np.abs(seen.sin), a.size, b.size
-    return np.maximum(
-        np.maximum(
-            np.abs(seen.x) - one.length - (two.length * c + two.width * s),
-            np.abs(seen.y) - one.width - (two.length * s + two.width * c),
-        ),
-        np.maximum(
-            np.abs(back.x) - two.length - (one.length * c + one.width * s),
-            np.abs(back.y) - two.width - (one.length * s + one.width * c),
-        ),
-    )
-
-
-def _corner_distance(seen: Pose, box: Extent, other: Extent) -> FloatArray:
-    """Least distance to `box` of the corners of the other rectangle, as seen from the box."""
-    cos, sin = seen.cos, seen.sin
-    x = np.abs(
-        seen.x
-        + np.multiply.outer(_ENDS, other.length * cos)
-        + np.multiply.outer(_SIDES, -other.width * sin)
-    )
-    y = np.abs(
-        seen.y
-        + np.multiply.outer(_ENDS, other.length * sin)
-        + np.multiply.outer(_SIDES, other.width * cos)
-    )
-    square = np.square(np.maximum(x - box.length, 0.0))
-    square += np.square(np.maximum(y - box.width, 0.0))
-    return np.asarray(np.sqrt(square.min(axis=0)))
-
-
-_ENDS, _SIDES = np.array((1.0, 1.0, -1.0, -1.0)), np.array((1.0, -1.0, 1.0, -1.0))
-"""The four corners of a rectangle: front or rear, left or right."""
+def _table(size: Extent) -> FloatArray:
+    """[3, n] or [3, 1] half length, half width and radius [m]."""
+    return np.array((size.length, size.width, size.radius), dtype=np.float64).reshape(3, -1)
 
 
 def corners(xy: FloatArray, heading: FloatArray, *, length: float, width: float) -> FloatArray:
@@ -172,3 +94,90 @@ def corners(xy: FloatArray, heading: FloatArray, *, length: float, width: float)
 def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
     """Unsigned angle between directions [rad], 0 to pi."""
     return np.abs(np.remainder(first - second + np.pi, 2 * np.pi) - np.pi)
+
+
+# ---- as machine code: one pair of footprints at a time -------------------------------------------
+
+Box = tuple[float, float, float]
+"""Half length, half width, radius [m]."""
+Place = tuple[float, float, float, float]
+"""x, y [m], cosine and sine of the heading."""
+
+
+@compiled
+def _gaps(a: FloatArray, a_size: FloatArray, b: FloatArray, b_size: FloatArray) -> FloatArray:
+    """[n] `gap` of places [4, n] and sizes [3, n] or [3, 1]."""
+    gaps = np.empty(a.shape[1])
+    for k in range(len(gaps)):
+        i, j = min(k, a_size.shape[1] - 1), min(k, b_size.shape[1] - 1)
+        one, two = (a[0, k], a[1, k], a[2, k], a[3, k]), (b[0, k], b[1, k], b[2, k], b[3, k])
+        own = (a_size[0, i], a_size[1, i], a_size[2, i])
+        other = (b_size[0, j], b_size[1, j], b_size[2, j])
+        seen, back = _seen_from(one, two), _seen_from(two, one)
+        apart = _separation(seen, back, own, other)
+        if apart >= 0.0:
+            square = min(_nearest_corner(seen, own, other), _nearest_corner(back, other, own))
+            apart = np.sqrt(square)
+        gaps[k] = apart - own[2] - other[2]
+    return gaps
+
+
+@compiled
+def _seen_from(a: Place, b: Place) -> Place:
+    """Place b in the frame of place a."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    return (
+        a[2] * dx + a[3] * dy,
+        a[2] * dy - a[3] * dx,
+        a[2] * b[2] + a[3] * b[3],
+        a[2] * b[3] - a[3] * b[2],
+    )
+
+
+@compiled
+def _separation(seen: Place, back: Place, one: Box, two: Box) -> float:
+    """Largest gap between the shadows of two rectangles on their side directions [m]."""
+    c, s = abs(seen[2]), abs(seen[3])
+    return max(
+        abs(seen[0]) - one[0] - (two[0] * c + two[1] * s),
+        abs(seen[1]) - one[1] - (two[0] * s + two[1] * c),
+        abs(back[0]) - two[0] - (one[0] * c + one[1] * s),
+        abs(back[1]) - two[1] - (one[0] * s + one[1] * c),
+    )
+
+
+@compiled
+def _nearest_corner(seen: Place, box: Box, other: Box) -> float:
+    """Least squared distance to `box` of the corners of the other rectangle, as seen from it."""
+    least = np.inf
+    for end in (1.0, -1.0):
+        for side in (1.0, -1.0):
+            along, across = end * other[0], side * other[1]
+            dx = max(abs(seen[0] + along * seen[2] - across * seen[3]) - box[0], 0.0)
+            dy = max(abs(seen[1] + along * seen[3] + across * seen[2]) - box[1], 0.0)
+            least = min(least, dx * dx + dy * dy)
+    return least
+
+
+@compiled
+def in_touch(a: Place, a_size: Box, b: Place, b_size: Box, tolerance: float) -> bool:
+    """Whether two footprints touch or come within a tolerance [m]; cheaper than `gap`.
+
+    Exact between two rectangles in contact and between a disc and anything; for rectangles that are
+    apart, corner to corner, a tolerance above 0 is met a little too generously.
+    """
+    near = a_size[2] + b_size[2] + tolerance
+    seen, back = _seen_from(a, b), _seen_from(b, a)
+    if _separation(seen, back, a_size, b_size) > near:
+        return False
+    return not (
+        (b_size[2] > 0.0 and _disc_beyond(seen, a_size, near))
+        or (a_size[2] > 0.0 and _disc_beyond(back, b_size, near))
+    )
+
+
+@compiled
+def _disc_beyond(seen: Place, box: Box, near: float) -> bool:
+    """Whether the middle of a disc, as seen from a rectangle, is further from it than `near`."""
+    dx, dy = max(abs(seen[0]) - box[0], 0.0), max(abs(seen[1]) - box[1], 0.0)
+    return dx * dx + dy * dy > near * near
