@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
@@ -29,13 +30,11 @@ class Ground:
 
     def __init__(self, on: IntersectionMap) -> None:
         self.on = on
-        crosswalks = {each.id: geos.Polygon(each.polygon) for each in on.crosswalks}
-        self._crosswalks = list(crosswalks.items())
-        bounds = np.array([area.bounds for area in crosswalks.values()]).reshape(-1, 4)
-        self._west, self._south, self._east, self._north = bounds.T[..., None]
+        crosswalks = [geos.Polygon(each.polygon) for each in on.crosswalks]
+        self._crosswalks = [(each.id, np.array(each.polygon)) for each in on.crosswalks]
         self._road = _union(on.road)
-        self._walkable = geos.union_all([_union(on.walkable), *crosswalks.values()])
-        for area in (self._road, self._walkable, *crosswalks.values()):
+        self._walkable = geos.union_all([_union(on.walkable), *crosswalks])
+        for area in (self._road, self._walkable):
             geos.prepare(area)
 
     def trimmed(self, path: Path) -> Path:
@@ -60,16 +59,22 @@ class Ground:
 
     def on_crosswalks(self, xy: FloatArray) -> dict[str, NDArray[np.bool_]]:
         """[N] per crosswalk that any of the points [N, 2] lies on: which do."""
-        x, y = xy[:, 0], xy[:, 1]
-        near = (x >= self._west) & (x <= self._east) & (y >= self._south) & (y <= self._north)
-        found = {}
-        for k in near.any(axis=1).nonzero()[0].tolist():
-            name, area = self._crosswalks[k]
-            inside = near[k]
-            inside[inside] = geos.contains_xy(area, xy[inside])
-            if inside.any():
-                found[name] = inside
-        return found
+        each = ((name, _inside(corners, xy)) for name, corners in self._crosswalks)
+        return {name: inside for name, inside in each if inside.any()}
+
+
+@compiled
+def _inside(corners: FloatArray, xy: FloatArray) -> NDArray[np.bool_]:
+    """[N] which points lie in a polygon [M, 2]: a ray from them crosses its sides an odd time."""
+    inside = np.zeros(len(xy), np.bool_)
+    for k in range(len(corners)):
+        ax, ay = corners[k - 1, 0], corners[k - 1, 1]
+        bx, by = corners[k, 0], corners[k, 1]
+        for n in range(len(xy)):
+            between = (ay > xy[n, 1]) != (by > xy[n, 1])
+            if between and xy[n, 0] < ax + (xy[n, 1] - ay) * (bx - ax) / (by - ay):
+                inside[n] = not inside[n]
+    return inside
 
 
 def _union(areas: tuple[PolygonWithHoles, ...]) -> Any:

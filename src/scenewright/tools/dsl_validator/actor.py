@@ -76,8 +76,12 @@ class Actor:
             for stop in self.stops
         )
         contact = None if self.contact is None else self.contact + seconds
+        # Many are shifted, and `replace` looks at every field first.
         enters = round(self.enters + seconds, 1)
-        return replace(self, enters=enters, stops=stops, contact=contact)
+        return Actor(
+            self.candidate, self.marks, enters, self.motion, self.free, stops, self.slowings,
+            contact,
+        )  # fmt: skip
 
     def until(self, time: float) -> Actor:
         """What of it falls before scene time `time`; nothing later can meet anybody."""
