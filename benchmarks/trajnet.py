@@ -36,7 +36,7 @@ from scenewright.evals.trajnet.score import (
     predict_scenes,
     score_scenes,
 )
-from scenewright.evals.trajnet.training import polishing, train_on
+from scenewright.evals.trajnet.training import own_recipe, polishing, train_on
 from scenewright.evals.trajnet.windows import BENDING, training_windows
 from scenewright.tools.trajnet_refiner.model import RefinerConfig
 from scenewright.tools.trajnet_refiner.store import load_refiner, save_refiner
@@ -70,7 +70,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--folds", nargs="+", choices=FOLDS, default=FOLDS)
     parser.add_argument("--models", nargs="+", choices=MODELS, default=MODELS)
-    parser.add_argument("--epochs", type=int, default=Recipe().epochs)
+    parser.add_argument("--epochs", type=int, default=own_recipe().epochs)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--report", action="store_true")
     asked = parser.parse_args()
@@ -82,7 +82,7 @@ def main() -> None:
     torch.set_num_threads(1)
     asked.out.mkdir(parents=True, exist_ok=True)
     recordings = {name: read_recording(asked.folder / f"{name}.ndjson") for name in FOLDS}
-    recipe = Recipe(epochs=asked.epochs, seed=asked.seed)
+    recipe = own_recipe(epochs=asked.epochs, seed=asked.seed)
     for model in asked.models:
         for fold in asked.folds:
             run(model, fold, recordings, asked.out, recipe)
@@ -158,8 +158,8 @@ def polish(
     """The second part of the recipe, from the weights of the first."""
     start, state = load_refiner(first), out.with_name(out.name + ".polishing")
     net = train(
-        training_windows(others, weights=BENDING), config=start.config, recipe=polishing(recipe),
-        checkpoint=state, after_epoch=note, start=start,
+        training_windows(others, weights=BENDING, both_ways=True), config=start.config,
+        recipe=polishing(recipe), checkpoint=state, after_epoch=note, start=start,
     )  # fmt: skip
     save_refiner(net, out, about={"trained_on": [each.name for each in others]})
     state.unlink(missing_ok=True)

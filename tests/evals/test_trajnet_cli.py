@@ -127,6 +127,18 @@ def test_windows_hold_everybody_who_is_there_and_weigh_by_type(recording: Path) 
     assert (windows[0].destination == windows[30].xy[:, 9]).all()
 
 
+def test_backwards_everybody_goes_to_where_they_came_from(recording: Path) -> None:
+    read = read_recording(recording)
+    ahead, both = training_windows([read]), training_windows([read], both_ways=True)
+    back = both[len(ahead) :]
+    assert all(
+        np.array_equal(a.xy, b.xy, equal_nan=True) for a, b in zip(ahead, both, strict=False)
+    )
+    assert np.array_equal(back[19].xy[:, ::-1], ahead[19].xy)
+    assert np.array_equal(back[19].destination, ahead[0].xy[:, 0])
+    assert set(np.concatenate([w.weight for w in back]).tolist()) == {0.6}
+
+
 def test_who_bends_can_count_more_than_who_keeps_going(tmp_path: Path) -> None:
     """One stands, one goes straight on, one walks a bend, one leaves early; none is a primary."""
     k = np.arange(22)

@@ -26,6 +26,7 @@ from solver_actors import (
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
 from scenewright.tools.encounter import (
     FOREVER,
+    close_nodes,
     encounter,
     footprint_clearance,
     gap_to,
@@ -205,3 +206,19 @@ def test_gap_to_is_the_distance_from_a_union(spans, delta):
     intervals = np.array([(low, low + width) for low, width in spans])
     expected = min(max(low - delta, delta - high, 0.0) for low, high in intervals)
     assert gap_to(intervals, delta) == pytest.approx(expected)
+
+
+@given(
+    st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=3, max_size=40),
+    st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=3, max_size=40),
+    st.floats(0.5, 12.0),
+)
+@settings(max_examples=200)
+def test_no_close_pair_of_nodes_is_skipped(way_a, way_b, radius):
+    a, b = (np.cumsum(np.array(way), axis=0).T for way in (way_a, way_b))
+    steps = tuple(max(float(np.hypot(*np.diff(nodes, axis=1)).max()), 0.1) for nodes in (a, b))
+    away = np.hypot(a[0][:, None] - b[0], a[1][:, None] - b[1])
+    found = set(zip(*(each.tolist() for each in close_nodes(a, b, radius, steps)), strict=True))
+    must = set(zip(*(each.tolist() for each in np.nonzero(away <= radius)), strict=True))
+    may = set(zip(*(each.tolist() for each in np.nonzero(away <= radius + 0.011)), strict=True))
+    assert must <= found <= may

@@ -144,7 +144,9 @@ def _cell(row: Row, measure: str) -> str:
 def trajnet_train(
     files: Files,
     out: Annotated[str, typer.Option(metavar="W.safetensors", help="File for the weights.")],
-    epochs: Annotated[int, typer.Option(min=1, help="How often every window is seen.")] = 12,
+    epochs: Annotated[
+        int, typer.Option(min=1, help="How often half of all windows are seen, at first.")
+    ] = 18,
     seed: Annotated[int, typer.Option(min=0, help="The same seed, the same weights.")] = 0,
     held_out: Annotated[
         list[str] | None, typer.Option(help="A recording to validate on; may be given again.")
@@ -153,8 +155,7 @@ def trajnet_train(
     as_json: Json = False,
 ) -> None:
     """Train the refiner on recordings; started again after a kill, it goes on where it was."""
-    from scenewright.evals.trajnet.training import train_on
-    from scenewright.tools.trajnet_refiner.train import Recipe
+    from scenewright.evals.trajnet.training import own_recipe, train_on
 
     target = Path(out)
     if not target.parent.is_dir():
@@ -165,7 +166,7 @@ def trajnet_train(
             recordings,
             held_out=held,
             out=target,
-            recipe=Recipe(epochs=epochs, seed=seed),
+            recipe=own_recipe(epochs=epochs, seed=seed),
             tell=tell,
             after_epoch=told,
         )

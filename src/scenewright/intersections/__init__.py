@@ -62,11 +62,11 @@ def shipped_names() -> list[str]:
 
 def bundle_folder(name: str) -> Path:
     """The folder of a bundle; InputError, listing what exists, where there is none so named."""
-    found = _bundles()
-    if name not in found:
+    found = _bundle(name)
+    if found is None:
         shown = name if len(name) <= 40 else name[:37] + "..."
-        raise InputError(f"no intersection {shown!r}; there are: {', '.join(sorted(found))}")
-    return found[name]
+        raise InputError(f"no intersection {shown!r}; there are: {', '.join(list_intersections())}")
+    return found
 
 
 def ships_refiner(name: str) -> bool:
@@ -193,19 +193,37 @@ def sign_bundle(folder: Path, *names: str) -> None:
 
 
 def _bundles() -> dict[str, Path]:
-    """Bundles by name. Names are looked up here and never joined into a path."""
+    """Bundles by name."""
     return {
         entry.name: entry
         for root in reversed(_roots())
         for entry in _entries(root)
-        if (entry / "map.json").is_file() and not entry.name.startswith(".")
+        if _is_bundle(entry.name, entry)
     }
 
 
+def _bundle(name: str) -> Path | None:
+    """The bundle of a name, which is looked up here and never joined into a path."""
+    for root in _roots():
+        found = next((each for each in _names(root) if each == name), None)
+        if found is not None and _is_bundle(found, root / found):
+            return root / found
+    return None
+
+
+def _is_bundle(name: str, folder: Path) -> bool:
+    """Whether a folder holds a bundle; what is being written there has a name with a dot."""
+    return not name.startswith(".") and (folder / "map.json").is_file()
+
+
 def _entries(root: Path) -> list[Path]:
-    """What a folder of bundles holds; what is being written there has a name with a dot."""
+    """What a folder of bundles holds."""
+    return [root / name for name in sorted(_names(root))]
+
+
+def _names(root: Path) -> list[str]:
     try:
-        return sorted(root.iterdir())
+        return os.listdir(root)
     except (FileNotFoundError, NotADirectoryError):
         return []
     except OSError as fault:

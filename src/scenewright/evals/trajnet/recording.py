@@ -54,7 +54,8 @@ class Recording:
         stride: frame numbers per step; step: [s].
         ids: [P] pedestrians, ascending.
         rows: by frame, the places in `ids` of who is seen then, and where [m].
-        last: [P, 2] where each pedestrian is last seen [m], its goal by the benchmark's definition.
+        first: [P, 2] where each pedestrian is first seen [m].
+        last: [P, 2] where each is last seen [m], its goal by the benchmark's definition.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Recording:
     step: float
     ids: NDArray[np.int64]
     rows: dict[int, tuple[NDArray[np.int64], FloatArray]]
+    first: FloatArray
     last: FloatArray
 
     def stretch(self, start: int, *, steps: int = STEPS) -> FloatArray:
@@ -145,10 +147,11 @@ def _recording(
     ids, who = np.unique(keys[:, 0], return_inverse=True)
     frames, begins = np.unique(keys[:, 1], return_index=True)
     parts = zip(np.split(who, begins[1:]), np.split(xy, begins[1:]), strict=True)
-    last = np.empty((len(ids), 2))
+    first, last = np.empty((len(ids), 2)), np.empty((len(ids), 2))
     last[who] = xy  # rows are in the order of time, so each pedestrian's last one stays
+    first[who[::-1]] = xy[::-1]
     by_frame = dict(zip(frames.tolist(), parts, strict=True))
-    return Recording(path.stem, scenes, stride, 1.0 / fps, ids, by_frame, last)
+    return Recording(path.stem, scenes, stride, 1.0 / fps, ids, by_frame, first, last)
 
 
 def prediction_lines(

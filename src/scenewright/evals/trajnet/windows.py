@@ -47,20 +47,28 @@ BENDING = Weights({1: 0.1, 2: 0.1, 3: 1.0, 4: 0.8}, untyped=0.4, by_motion=True)
 
 
 def training_windows(
-    recordings: Iterable[Recording], *, weights: Weights = EVERYBODY
+    recordings: Iterable[Recording], *, weights: Weights = EVERYBODY, both_ways: bool = False
 ) -> list[Window]:
     """Every stretch of the recordings in which somebody's future is known, stride by stride.
 
     Unlike the benchmark's scenes, which have one primary each, a window is learned from for all
     its agents; the scenes only say which of them count how much.
+
+    Args:
+        both_ways: every stretch backwards in time, too. People who walk backwards come from where
+            they went and go to where they came from, and keep clear of each other as they did.
     """
-    return [w for each in recordings for w in _windows(each, weights)]
+    ways = (False, True) if both_ways else (False,)
+    every = tuple(recordings)
+    return [w for back in ways for each in every for w in _windows(each, weights, back)]
 
 
-def _windows(recording: Recording, weights: Weights) -> Iterable[Window]:
-    kinds = {(s.primary, s.start): s.type for s in recording.scenes}
+def _windows(recording: Recording, weights: Weights, back: bool) -> Iterable[Window]:
+    kinds = {} if back else {(s.primary, s.start): s.type for s in recording.scenes}
+    goals = recording.first if back else recording.last
     for start in sorted(recording.rows):
         xy = _at_network_pace(recording, recording.stretch(start))
+        xy = xy[:, ::-1] if back else xy
         seen = ~np.isnan(xy[..., 0])
         now = seen[:, OBSERVED - 1]
         if not (now & seen[:, OBSERVED - 2] & seen[:, OBSERVED:].any(axis=1)).any():
@@ -70,7 +78,7 @@ def _windows(recording: Recording, weights: Weights) -> Iterable[Window]:
         if weights.by_motion:
             types = np.where(types == 0, _by_motion(xy[who]), types)
         weight = np.array([weights.by_type[t] if t else weights.untyped for t in types.tolist()])
-        yield Window(xy[who], np.zeros(len(who), np.int64), recording.last[who], weight)
+        yield Window(xy[who], np.zeros(len(who), np.int64), goals[who], weight)
 
 
 def _by_motion(xy: FloatArray) -> NDArray[np.int64]:
