@@ -29,7 +29,7 @@ GIVEN = 3
 """Network steps at the beginning of a track that are the prior's: they say how it moves."""
 SPACING = {"vehicle": 10, "pedestrian": 12}
 """Network steps from one waypoint to the next."""
-LEAD = {"vehicle": 1, "pedestrian": 5}
+LEAD = {"vehicle": 3, "pedestrian": 5}
 """Network steps before a waypoint is due from which the next one counts."""
 TEMPERATURE = 0.3
 """Scale of what is drawn: the predicted Gaussian is wide for the few who do something sudden."""
