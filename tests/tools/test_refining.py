@@ -224,6 +224,14 @@ shipped = pytest.mark.skipif(
 
 
 @shipped
+def test_who_is_ahead_of_its_prior_is_past_the_end_of_its_path_and_does_not_wait_there() -> None:
+    one = guide(straight(50.0), 10.0)
+    times = np.arange(0.0, 4.8, 0.1)
+    xy = np.column_stack([10.0 * times + 4.0, np.zeros_like(times)])
+    found = deviation_of(one, Track(xy, np.zeros(len(xy)), 0.0))
+    assert found[: len(times)] == pytest.approx(np.full(len(times), 4.0))
+
+
 def test_take_the_leader_away_and_its_follower_moves_otherwise_and_nobody_far_away():
     """A slow leader ahead; somebody else 120 m away; the network as shipped."""
     net = load_refiner(bundle_folder("amsterdam_120") / REFINER_WEIGHTS)

@@ -193,7 +193,10 @@ def _time_of(columns: FloatArray, times: FloatArray) -> FloatArray:
 
 
 def _progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArray:
-    """[T] arc length of the place on the path nearest to each position, not far from `near`."""
+    """[T] arc length of the place on the path nearest to each position, not far from `near`.
+
+    Beyond its end the path goes straight on: who is ahead of its prior leaves sooner, not slower.
+    """
     seen = np.isfinite(xy).all(axis=1) & np.isfinite(near)
     progress = np.full(len(xy), np.nan)
     if not seen.any():
@@ -205,7 +208,8 @@ def _progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArray:
     off = away[np.arange(len(k)), k]
     along = off[:, 0] * np.cos(path.heading[k]) + off[:, 1] * np.sin(path.heading[k])
     spacing = path.s[1] - path.s[0]
-    progress[seen] = np.clip(path.s[k] + np.clip(along, -spacing, spacing), 0.0, path.length)
+    ahead = np.where(k == len(path.s) - 1, np.inf, spacing)
+    progress[seen] = np.maximum(path.s[k] + np.clip(along, -spacing, ahead), 0.0)
     return progress
 
 
