@@ -51,7 +51,7 @@ WALKERS = Separation(clearance=0.15, gap=0.0)
 AFTER_YIELD = Separation(clearance=0.0, gap=2.4)
 """Around where a yielding agent would have been unheld: no second cause for its stop."""
 
-WIDEST, WALKERS_APART = FOREGROUND.clearance, WALKERS.clearance
+_WIDEST, _WALKERS_APART = FOREGROUND.clearance, WALKERS.clearance
 
 WALKER_AHEAD = 8.4
 """Nobody else crosses so shortly [s] before a vehicle that waits for one pedestrian."""
@@ -241,9 +241,9 @@ def _runs(
             # Two pedestrians may come close, and have no time gap to keep.
             both = walks and keeping[who, _WALKS] > 0.0
             # What only touch concerns has no clearance to keep beyond it.
-            least = WALKERS_APART if both else keeping[who, _CLEARANCE]
+            least = _WALKERS_APART if both else keeping[who, _CLEARANCE]
             least = least if keeping[who, _CLEARANCE] > 0.0 else -np.inf
-            radius = reach + keeping[who, _REACH] + WIDEST + SLACK
+            radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
             beside = against = False
             nearest, j = np.inf, ends[who]
             while j < ends[who + 1]:
