@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from pathlib import Path
 
 from scenewright.errors import InputError
@@ -15,10 +14,10 @@ def write_atomically(path: str | Path, data: bytes) -> None:
     Raises:
         InputError: the folder is missing, not writable or full; nothing is left behind.
     """
-    folder, name = os.path.split(path)
-    target, part = os.fspath(path), os.path.join(folder, f".{name}.{os.getpid()}.part")
+    target = Path(path)
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        Path(part).write_bytes(data)
+        part.write_bytes(data)
         os.replace(part, target)
     except BaseException as error:
         _discard(part)
@@ -27,6 +26,8 @@ def write_atomically(path: str | Path, data: bytes) -> None:
         raise
 
 
-def _discard(part: str) -> None:
-    with suppress(OSError):
-        os.unlink(part)
+def _discard(part: Path) -> None:
+    try:
+        part.unlink(missing_ok=True)
+    except OSError:
+        return
