@@ -129,7 +129,8 @@ def arrival(candidate: Candidate, hold: Hold, earlier: tuple[Hold, ...] = ()) ->
 def speed_limit(candidate: Candidate) -> FloatArray:
     """[P] squared free speed: the law's speed, less in curves, reached with its own rates."""
     path, law = candidate.path, candidate.time_law
-    return _limit(path.s, path.curvature, law.speed, law.lateral, law.acceleration, law.braking)
+    limit = _limit(path.s, path.curvature, law.speed, law.lateral, law.acceleration, law.braking)
+    return frozen(limit)  # kept, so nobody may write to it
 
 
 def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
