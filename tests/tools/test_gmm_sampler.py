@@ -32,7 +32,7 @@ from scenewright.tools.gmm_sampler.corpus import CorpusHour, Trip, at_equal_leng
 from scenewright.tools.gmm_sampler.demand import Demand, derive_demand
 from scenewright.tools.gmm_sampler.fit import FLOOR, counts_of, fit_waypoints
 from scenewright.tools.gmm_sampler.priors import save_priors
-from scenewright.tools.gmm_sampler.spline import DENSE
+from scenewright.tools.gmm_sampler.spline import DENSE, even_path
 
 NAME = "amsterdam_120"
 
@@ -331,3 +331,11 @@ def test_building_refuses_what_it_cannot_do(tmp_path):
     with pytest.raises(InputError, match="cannot write"):
         build_bundle(NAME, out=tmp_path / "file" / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_points_of_a_curve_may_coincide() -> None:
+    x = np.array([0.0, 0.0, 5.0, 5.0, 10.0, 10.0])
+    path = even_path(np.column_stack([x, np.zeros_like(x)]))
+    assert path.length == pytest.approx(10.0)
+    assert path.xy[:, 0] == pytest.approx(path.s)
+    assert path.heading == pytest.approx(np.zeros(len(path.s)))

@@ -103,7 +103,9 @@ def _points(curve: FloatArray, length: FloatArray, s: FloatArray) -> FloatArray:
     for n in range(len(s)):
         while k < len(length) - 2 and length[k + 1] <= s[n]:
             k += 1
-        share = (s[n] - length[k]) / (length[k + 1] - length[k])
+        # A curve whose last points coincide ends with a step of no length.
+        ends = s[n] >= length[-1]
+        share = 1.0 if ends else (s[n] - length[k]) / (length[k + 1] - length[k])
         for axis in range(2):
             xy[n, axis] = curve[k, axis] + share * (curve[k + 1, axis] - curve[k, axis])
     return xy
