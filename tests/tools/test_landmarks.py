@@ -16,7 +16,7 @@ from scenewright.scene.constraints import (
     SpeedBetween,
 )
 from scenewright.tools.dsl_validator.check import check
-from scenewright.tools.ground import Ground
+from scenewright.tools.ground import Ground, Visit
 from scenewright.tools.landmarks import landmarks
 
 GROUND = Ground(load_map("amsterdam_120"))
@@ -36,9 +36,9 @@ def test_points_on_road_and_sidewalk():
     assert (GROUND.road_share(sidewalk), GROUND.walkable_share(sidewalk)) == (0.0, 1.0)
     assert GROUND.road_share(np.concatenate([lane, lane, sidewalk])) == pytest.approx(2 / 3)
     crosswalk = np.array([[0.0, 8.6], [0.0, 0.0]])
-    assert {k: v.tolist() for k, v in GROUND.on_crosswalks(crosswalk).items()} == {
-        "north:crosswalk": [True, False]
-    }
+    assert GROUND.on_crosswalks(crosswalk) == [Visit("north:crosswalk", 0, 0, 0)]
+    again = np.concatenate([crosswalk[::-1], crosswalk[::-1]])
+    assert GROUND.on_crosswalks(again) == [Visit("north:crosswalk", 1, 3, 2)]
 
 
 def test_a_vehicles_line_is_where_its_bumper_meets_the_stop_line():

@@ -21,6 +21,7 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path, evenly
 from scenewright.scene.track import STEP, Shape
+from scenewright.tools.along import poses_along
 from scenewright.tools.time_law import Motion
 
 FOREVER = 1e4
@@ -91,7 +92,7 @@ def encounter(
         spacing: distance between nodes of a and of b [m]; a PET wants less than a certificate.
     """
     s_a, s_b = _nodes(a, spacing[0]), _nodes(b, spacing[1])
-    pose_a, pose_b = _poses(a, s_a), _poses(b, s_b)
+    pose_a, pose_b = poses_along(a, s_a), poses_along(b, s_b)
     radius = sum(np.hypot(shape.length, shape.width) / 2 for shape in shapes)
     i, j = close_nodes(pose_a.T, pose_b.T, float(radius + reach), (float(s_a[1]), float(s_b[1])))
     if all(shape.type == "vehicle" for shape in shapes):
@@ -254,11 +255,6 @@ def gap_to(intervals: Intervals, delta: float) -> float:
 
 def _nodes(path: Path, spacing: float) -> FloatArray:
     return evenly(path.length, max(2, round(path.length / spacing) + 1))
-
-
-def _poses(path: Path, s: FloatArray) -> FloatArray:
-    columns = [path.xy[:, 0], path.xy[:, 1], path.heading]
-    return np.column_stack([np.interp(s, path.s, column) for column in columns])
 
 
 def _local(x: FloatArray, y: FloatArray, box: FloatArray) -> tuple[FloatArray, FloatArray]:

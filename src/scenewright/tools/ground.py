@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -9,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.candidates import Path
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 
@@ -19,6 +21,16 @@ geos: Any = import_module("shapely")
 
 _SHORTEST = 4
 """Fewest points of a path."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A crosswalk under a path: its first and last point there, and how often it comes onto it."""
+
+    crosswalk: str
+    first: int
+    last: int
+    steps_on: int
 
 
 class Ground:
@@ -31,7 +43,8 @@ class Ground:
     def __init__(self, on: IntersectionMap) -> None:
         self.on = on
         crosswalks = [geos.Polygon(each.polygon) for each in on.crosswalks]
-        self._crosswalks = [(each.id, np.array(each.polygon)) for each in on.crosswalks]
+        self._crosswalks = [each.id for each in on.crosswalks]
+        self._corners, self._ends = _strung(each.polygon for each in on.crosswalks)
         self._road = _union(on.road)
         self._walkable = geos.union_all([_union(on.walkable), *crosswalks])
         for area in (self._road, self._walkable):
@@ -51,30 +64,54 @@ class Ground:
 
     def road_share(self, xy: FloatArray) -> float:
         """Share of points [N, 2] on the road."""
-        return float(geos.contains_xy(self._road, xy).mean())
+        return _share(geos.contains_xy(self._road, xy))
 
     def walkable_share(self, xy: FloatArray) -> float:
         """Share of points [N, 2] on walkable area or a crosswalk."""
-        return float(geos.contains_xy(self._walkable, xy).mean())
+        return _share(geos.contains_xy(self._walkable, xy))
 
-    def on_crosswalks(self, xy: FloatArray) -> dict[str, NDArray[np.bool_]]:
-        """[N] per crosswalk that any of the points [N, 2] lies on: which do."""
-        each = ((name, _inside(corners, xy)) for name, corners in self._crosswalks)
-        return {name: inside for name, inside in each if inside.any()}
+    def on_crosswalks(self, xy: FloatArray) -> list[Visit]:
+        """The crosswalks that any of the points [N, 2] of a path lies on, in the map's order."""
+        visits = _visits(xy, self._corners, self._ends).tolist()
+        each = zip(self._crosswalks, visits, strict=True)
+        return [Visit(name, *visit) for name, visit in each if visit[0] >= 0]
+
+
+def _share(inside: NDArray[np.bool_]) -> float:
+    return int(np.count_nonzero(inside)) / len(inside)
+
+
+def _strung(polygons: Iterable[Sequence[Point]]) -> tuple[FloatArray, NDArray[np.intp]]:
+    """[M, 2] corners of all polygons, and [P + 1] where those of each begin and end."""
+    each = [np.array(polygon) for polygon in polygons]
+    ends = np.cumsum([0, *map(len, each)], dtype=np.intp)
+    return np.concatenate([np.empty((0, 2)), *each]), ends
 
 
 @compiled
-def _inside(corners: FloatArray, xy: FloatArray) -> NDArray[np.bool_]:
-    """[N] which points lie in a polygon [M, 2]: a ray from them crosses its sides an odd time."""
-    inside = np.zeros(len(xy), np.bool_)
-    for k in range(len(corners)):
-        ax, ay = corners[k - 1, 0], corners[k - 1, 1]
-        bx, by = corners[k, 0], corners[k, 1]
+def _visits(xy: FloatArray, corners: FloatArray, ends: NDArray[np.intp]) -> NDArray[np.intp]:
+    """[P, 3] first and last of points [N, 2] in each polygon, and how often they come into it.
+
+    Nowhere: -1. A point lies in a polygon if a ray from it crosses its sides an odd time.
+    """
+    visits = np.full((len(ends) - 1, 3), -1, np.intp)
+    for p in range(len(visits)):
+        comes_in, was_inside = 0, True
         for n in range(len(xy)):
-            between = (ay > xy[n, 1]) != (by > xy[n, 1])
-            if between and xy[n, 0] < ax + (xy[n, 1] - ay) * (bx - ax) / (by - ay):
-                inside[n] = not inside[n]
-    return inside
+            inside, k = False, ends[p + 1] - 1
+            for following in range(ends[p], ends[p + 1]):
+                ax, ay = corners[k, 0], corners[k, 1]
+                bx, by = corners[following, 0], corners[following, 1]
+                if (ay > xy[n, 1]) != (by > xy[n, 1]):
+                    inside ^= xy[n, 0] < ax + (xy[n, 1] - ay) * (bx - ax) / (by - ay)
+                k = following
+            if inside:
+                visits[p, 0] = n if visits[p, 0] < 0 else visits[p, 0]
+                visits[p, 1] = n
+            comes_in += inside and not was_inside
+            was_inside = inside
+        visits[p, 2] = comes_in
+    return visits
 
 
 def _union(areas: tuple[PolygonWithHoles, ...]) -> Any:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import itemgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scenewright.scene.base import Point
+from scenewright.compiled import compiled
+from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.candidates import Candidate, Path
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.ground import Ground
+from scenewright.tools.ground import Ground, Visit
 from scenewright.tools.map_grounding import movement_of, signal_group
 
 _CROSSWALK_GAP, _CORNER = 0.6, 0.3
@@ -59,18 +60,17 @@ class Landmarks:
 def landmarks(candidate: Candidate, *, ground: Ground) -> Landmarks:
     """The landmarks on a candidate's path; candidates are known by identity."""
     route, on = candidate.route, ground.on
-    inside = ground.on_crosswalks(candidate.path.xy)
-    crossed, group = _crosswalks(candidate, inside), signal_group(route, on=on)
+    visits = ground.on_crosswalks(candidate.path.xy)
+    crossed, group = _crosswalks(candidate, visits), signal_group(route, on=on)
     if route.type == "vehicle":
         line = _stop_line(candidate, on)
         return Landmarks(line, crossed, group, left_hand=on.left_hand_traffic)
     if route.movement == "jaywalking":
         return Landmarks(_kerb(candidate, on), crossed, group)
-    own = next((each for each in crossed if each[0] == f"{route.crosswalk}:crosswalk"), None)
-    line = None if own is None else own[1]
-    on_it = inside.get(f"{route.crosswalk}:crosswalk")
-    steps_on = 0 if on_it is None else int(np.sum(on_it[1:] & ~on_it[:-1]))
-    return Landmarks(line, crossed, group, None if own is None else own[0], steps_on)
+    own = f"{route.crosswalk}:crosswalk"
+    line = next((begins for name, begins, _ in crossed if name == own), None)
+    steps_on = sum(each.steps_on for each in visits if each.crosswalk == own)
+    return Landmarks(line, crossed, group, None if line is None else own, steps_on)
 
 
 def _stop_line(candidate: Candidate, on: IntersectionMap) -> float | None:
@@ -84,29 +84,37 @@ def _stop_line(candidate: Candidate, on: IntersectionMap) -> float | None:
 
 def _crossing(path: Path, line: tuple[Point, Point]) -> float | None:
     """Arc length at which the path crosses the infinite line, nearest to the segment itself."""
-    (ax, ay), (bx, by) = line
-    length = float(np.hypot(bx - ax, by - ay))
-    ex, ey = (bx - ax) / length, (by - ay) / length
-    dx, dy = path.xy[:, 0] - ax, path.xy[:, 1] - ay
-    side = dx * ey - dy * ex
-    flips = np.flatnonzero((side[1:] > 0.0) != (side[:-1] > 0.0))
-    if not len(flips):
+    node, share = _crosses(path.xy, *line)
+    if node < 0:
         return None
-    middle = np.abs(dx[flips] * ex + dy[flips] * ey - length / 2)
-    index = flips[int(np.argmin(middle))]
-    share = side[index] / (side[index] - side[index + 1])
-    return float(path.s[index] + share * (path.s[index + 1] - path.s[index]))
+    before, after = path.s[node : node + 2].tolist()
+    return float(before + share * (after - before))
+
+
+@compiled
+def _crosses(xy: FloatArray, a: Point, b: Point) -> tuple[int, float]:
+    """After which of points [N, 2], and at what share of the way to the next; -1 if nowhere."""
+    length = np.hypot(b[0] - a[0], b[1] - a[1])
+    ex, ey = (b[0] - a[0]) / length, (b[1] - a[1]) / length
+    node, share, least = -1, 0.0, np.inf
+    for n in range(len(xy) - 1):
+        dx, dy = xy[n, 0] - a[0], xy[n, 1] - a[1]
+        side = dx * ey - dy * ex
+        beyond = (xy[n + 1, 0] - a[0]) * ey - (xy[n + 1, 1] - a[1]) * ex
+        from_middle = abs(dx * ex + dy * ey - length / 2)
+        if (beyond > 0.0) != (side > 0.0) and from_middle < least:
+            node, share, least = n, side / (side - beyond), from_middle
+    return node, share
 
 
 def _crosswalks(
-    candidate: Candidate, inside: Mapping[str, NDArray[np.bool_]]
+    candidate: Candidate, visits: Iterable[Visit]
 ) -> tuple[tuple[str, float, float], ...]:
-    path, half = candidate.path, candidate.shape.length / 2
-    found = []
-    for name, on_it in inside.items():
-        at = np.flatnonzero(on_it)
-        found.append((name, float(path.s[at[0]]) - half, float(path.s[at[-1]]) + half))
-    return tuple(sorted(found, key=lambda each: each[1]))
+    s, half = candidate.path.s, candidate.shape.length / 2
+    found = [
+        (each.crosswalk, float(s[each.first]) - half, float(s[each.last]) + half) for each in visits
+    ]
+    return tuple(sorted(found, key=itemgetter(1)))
 
 
 def _kerb(candidate: Candidate, on: IntersectionMap) -> float | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.scene.map import IntersectionMap, SignalProgram
 from scenewright.scene.recent import Recent
@@ -90,13 +91,30 @@ def shows(
     program: SignalProgram, group: str, times: FloatArray, colours: tuple[Colour, ...]
 ) -> NDArray[np.bool_]:
     """Whether `group` shows one of `colours` at times [s] of the programme (any shape)."""
-    edges, fits = _phases(program, group, colours)
-    index = edges.searchsorted(times % program.cycle, side="right")
-    result: NDArray[np.bool_] = fits[np.minimum(index, len(fits) - 1)]
-    return result
+    edges, fits = phases_of(program, group, colours)
+    return _shows(times.ravel(), edges, fits, program.cycle).reshape(times.shape)
 
 
-def _phases(
+@compiled
+def _shows(
+    times: FloatArray, edges: FloatArray, fits: NDArray[np.bool_], cycle: float
+) -> NDArray[np.bool_]:
+    shown = np.empty(len(times), np.bool_)
+    for n in range(len(times)):
+        shown[n] = shows_at(times[n], edges, fits, cycle)
+    return shown
+
+
+@compiled
+def shows_at(time: float, edges: FloatArray, fits: NDArray[np.bool_], cycle: float) -> bool:
+    """Whether the programme is at `time` [s] in a phase that fits (`phases_of`)."""
+    left, phase = time % cycle, 0
+    while phase < len(edges) - 1 and not edges[phase] > left:  # never (infinity) is the last
+        phase += 1
+    return bool(fits[phase])
+
+
+def phases_of(
     program: SignalProgram, group: str, colours: tuple[Colour, ...]
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """When every phase ends [s], and whether the group shows one of the colours in it."""

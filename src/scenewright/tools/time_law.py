@@ -24,6 +24,7 @@ from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import Candidate, Path, TimeLaw
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP, Track
+from scenewright.tools.along import poses_along
 
 _KERNEL = np.convolve(np.ones(5), np.ones(5)) / 25.0
 """Triangular smoothing over 0.8 s at the output step."""
@@ -144,12 +145,9 @@ def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
     last = min(len(motion.s) - 1, round((until - enters) / STEP))
     if last - first < 1:
         return None
-    s = motion.s[first : last + 1]
-    path = motion.path
-    xy = np.empty((len(s), 2))
-    xy[:, 0], xy[:, 1] = (np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1))
-    heading = np.interp(s, path.s, path.heading)
-    return Track(xy=xy.round(3), heading=heading, start=round(enters + first * STEP, 1))
+    poses = poses_along(motion.path, motion.s[first : last + 1])
+    start = round(enters + first * STEP, 1)
+    return Track(xy=poses[:, :2].round(3), heading=poses[:, 2], start=start)
 
 
 _NOWHERE = np.empty((0, 4))

@@ -10,6 +10,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
+from scenewright.tools.along import poses_along
 from scenewright.tools.landmarks import Landmarks
 from scenewright.tools.segment_editor import hold_of, terminated
 from scenewright.tools.time_law import Motion, move
@@ -42,17 +43,11 @@ class Actor:
 
     def at(self, times: FloatArray) -> FloatArray:
         """[N, 3] poses (x, y, heading) at scene times [s]."""
-        path, s = self.candidate.path, self.motion.position(times - self.enters)
-        columns = [path.xy[:, 0], path.xy[:, 1], path.heading]
-        return np.column_stack([np.interp(s, path.s, column) for column in columns])
+        return poses_along(self.candidate.path, self.motion.position(times - self.enters))
 
     def pose(self, s: float) -> tuple[float, float, float]:
         """(x, y, heading) at arc length `s` [m]."""
-        path = self.candidate.path
-        x, y, heading = (
-            float(np.interp(s, path.s, column))
-            for column in (path.xy[:, 0], path.xy[:, 1], path.heading)
-        )
+        x, y, heading = poses_along(self.candidate.path, np.array([s]))[0].tolist()
         return x, y, heading
 
     @property

@@ -22,6 +22,7 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, evenly
 from scenewright.scene.track import STEP
+from scenewright.tools.along import poses_along
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.encounter import SLACK, Half, IntArray, axis_gap, occupancy
 from scenewright.tools.time_law import Motion
@@ -84,10 +85,8 @@ def corridor_of(candidate: Candidate) -> Corridor:
     """The nodes of a candidate's path; candidates are known by identity."""
     path, shape, kind = candidate.path, candidate.shape, candidate.route.type
     s = evenly(path.length, max(2, round(path.length / _NODE[kind]) + 1))
-    heading = np.interp(s, path.s, path.heading)
-    pose = np.empty((4, len(s)))
-    pose[0], pose[1] = (np.interp(s, path.s, path.xy[:, axis]) for axis in (0, 1))
-    pose[2], pose[3] = np.cos(heading), np.sin(heading)
+    x, y, heading = poses_along(path, s).T
+    pose = np.stack([x, y, np.cos(heading), np.sin(heading)])
     return Corridor(s, pose, (shape.length / 2, shape.width / 2), kind == "pedestrian")
 
 

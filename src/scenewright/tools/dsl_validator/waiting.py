@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, TimeLaw
 from scenewright.scene.map import IntersectionMap, Route, SignalProgram
@@ -17,7 +19,7 @@ from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.map_grounding import signal_group
-from scenewright.tools.signals import SignalClock, red_for, shows
+from scenewright.tools.signals import SignalClock, phases_of, red_for, shows, shows_at
 from scenewright.tools.time_law import Hold, arrival
 
 LINE_GAP, QUEUE_GAP = (0.3, 1.5), (1.4, 2.6)
@@ -131,21 +133,39 @@ def comes_at(free: Actor, moment: Moment, chance: float) -> float:
     line, group, clock = free.marks.line, free.marks.group, moment.clock
     if clock is None or line is None or group is None:
         return first + chance * (last - first)
-    enters = np.arange(min(first, -clock.program.cycle), last, _GRID)
-    crosses = enters + free.motion.time_at(line)
-    goes = _next_green(clock, group, crosses)
-    seen = (enters >= first) | ((goes > crosses) & (goes > STARTED))
-    return float(enters[seen][int(chance * seen.sum())]) if seen.any() else first
+    cycle = clock.program.cycle
+    enters = np.arange(min(first, -cycle), last, _GRID)
+    edges, green = phases_of(clock.program, group, ("green",))
+    way = free.motion.time_at(line)
+    moments = _seen(enters, way, first, edges, green, cycle, clock.offset)
+    return float(moments[int(chance * len(moments))]) if len(moments) else first
 
 
-def _next_green(clock: SignalClock, group: str, times: FloatArray) -> FloatArray:
-    """[N] when the light is green next, at evenly spaced ascending times [s] or after them."""
-    step = _GRID
-    after = times[-1] + step * np.arange(1, int(clock.program.cycle / step) + 2)
-    every = np.concatenate([times, after])
-    green = shows(clock.program, group, every + clock.offset, ("green",))
-    at = np.where(green, every, np.inf)
-    return np.asarray(np.minimum.accumulate(at[::-1])[::-1][: len(times)])
+@compiled
+def _seen(
+    enters: FloatArray,
+    way: float,
+    first: float,
+    edges: FloatArray,
+    green: NDArray[np.bool_],
+    cycle: float,
+    offset: float,
+) -> FloatArray:
+    """Of evenly spaced times to enter at, those of who is seen: on its way or at its light [s].
+
+    Args:
+        way: time to the light; first: from when on who meets green is seen [s].
+        edges, green: phases of the light; cycle, offset: of its programme [s].
+    """
+    goes, kept = np.inf, np.zeros(len(enters), np.bool_)
+    for k in range(int(cycle / _GRID) + 1, 0, -1):
+        after = enters[-1] + way + _GRID * k
+        goes = after if shows_at(after + offset, edges, green, cycle) else goes
+    for n in range(len(enters) - 1, -1, -1):
+        crosses = enters[n] + way
+        goes = crosses if shows_at(crosses + offset, edges, green, cycle) else goes
+        kept[n] = enters[n] >= first or (goes > crosses and goes > STARTED)
+    return enters[kept]
 
 
 def seen_under(
@@ -217,14 +237,24 @@ def last_in_lane(
                 continue
             x, y, heading = actor.pose(s)
             path = candidate.path
-            away = np.hypot(path.xy[:, 0] - x, path.xy[:, 1] - y)
-            node = int(np.argmin(away))
-            if away[node] > _LANE_OFFSET or np.cos(path.heading[node] - heading) < _ONE_WAY:
+            node, away = _nearest(path.xy, x, y)
+            if away > _LANE_OFFSET or math.cos(path.heading[node] - heading) < _ONE_WAY:
                 continue
             rear = float(path.s[node]) - actor.candidate.shape.length / 2
             if found is None or rear < found.rear:
                 found = LastInLane(rear, start, until, actor.candidate.time_law)
     return found
+
+
+@compiled
+def _nearest(xy: FloatArray, x: float, y: float) -> tuple[int, float]:
+    """Which of points [N, 2] is nearest to (x, y), and how far away it is [m]."""
+    node, least = 0, np.inf
+    for n in range(len(xy)):
+        away = np.hypot(xy[n, 0] - x, xy[n, 1] - y)
+        if away < least:
+            node, least = n, away
+    return node, least
 
 
 def no_faster(candidate: Candidate, ahead: TimeLaw) -> Candidate:

@@ -7,8 +7,8 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache, partial
-from typing import Literal
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
@@ -121,10 +121,10 @@ def amplify(
             _queued(routes, arrivals, priors, on=on, hour=hour, rng=rng)
         routes, arrivals = _in_order(routes, arrivals, count)
         for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
-            offered = _draws(name, "background", route, None, priors, crowd_size or size, rng)
-            agents[name] = replace(
-                offered, arrival=arrival, chance=arrival / _SECONDS, spare=n >= count
-            )
+            agents[name] = _draws(
+                name, "background", route, None, priors, crowd_size or size, rng,
+                arrival, spare=n >= count,
+            )  # fmt: skip
     return CandidateSet(
         agents=agents, cast=cast, hour=hour, background=counts, manners=priors.manners
     )
@@ -164,21 +164,31 @@ def _draws(
     priors: Priors,
     size: int,
     rng: np.random.Generator,
+    arrival: float | None = None,
+    *,
+    spare: bool = False,
 ) -> AgentDraws:
     """What the priors offer, with a random generator of the agent's own: drawn on demand."""
-    [own] = rng.spawn(1)
+    seed: Any = rng.bit_generator.seed_seq
+    [own] = seed.spawn(1)
     subtype, shape = _shape(route, subtype, priors, rng)
     prior = priors.waypoints[route.id]
+    made: list[Draws] = []
 
-    @cache
     def draw() -> Draws:
-        waypoints = sample_waypoints(prior, own, size=size)
-        laws = sample_time_laws(priors, route.id, own, size=size)
-        time_nll = time_law_nll(priors, route.id, laws)
-        nll, component = nll_and_component(prior, waypoints)
-        return Draws(waypoints, nll, component, tuple(laws), time_nll)
+        if not made:
+            made.append(_drawn(prior, priors, np.random.default_rng(own), size))
+        return made[0]
 
-    return _offered(name, role, route, subtype, shape, draw, prior)
+    return _offered(name, role, route, subtype, shape, draw, prior, arrival, spare=spare)
+
+
+def _drawn(prior: WaypointPrior, priors: Priors, rng: np.random.Generator, size: int) -> Draws:
+    waypoints = sample_waypoints(prior, rng, size=size)
+    laws = sample_time_laws(priors, prior.route, rng, size=size)
+    time_nll = time_law_nll(priors, prior.route, laws)
+    nll, component = nll_and_component(prior, waypoints)
+    return Draws(waypoints, nll, component, tuple(laws), time_nll)
 
 
 def _offered(
@@ -189,6 +199,9 @@ def _offered(
     shape: Shape,
     draw: Callable[[], Draws],
     prior: WaypointPrior,
+    arrival: float | None = None,
+    *,
+    spare: bool = False,
 ) -> AgentDraws:
     """The draws and how to make candidates of them."""
 
@@ -205,7 +218,10 @@ def _offered(
             subtype=subtype,
         )
 
-    return AgentDraws(name, role, route, shape, subtype, draw, build)
+    chance = None if arrival is None else arrival / _SECONDS
+    return AgentDraws(
+        name, role, route, shape, subtype, draw, build, arrival, chance, spare
+    )  # fmt: skip
 
 
 def _maneuvers(

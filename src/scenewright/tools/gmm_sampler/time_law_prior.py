@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from statistics import NormalDist
 
 import numpy as np
@@ -28,8 +29,7 @@ def sample_time_laws(
 def time_law_nll(priors: Priors, route: str, laws: Sequence[TimeLaw]) -> FloatArray:
     """[m] -log density of time laws [nats]; infinite outside the bounds."""
     prior = _of_route(priors, route)
-    values = np.array([[getattr(law, field) for field in LAW_FIELDS] for law in laws])
-    values = values.reshape(-1, len(LAW_FIELDS))
+    values = np.array([_values(law) for law in laws]).reshape(-1, len(LAW_FIELDS))
     low, high = prior.tails
     z = np.log(np.maximum(values, 1e-12) / prior.median) / prior.spread
     each = 0.5 * z**2 + np.log(values * prior.spread * np.sqrt(2 * np.pi) * (high - low))
@@ -49,3 +49,4 @@ def _inverse_normal(quantile: FloatArray) -> FloatArray:
 
 
 _NORMAL = NormalDist()
+_values = attrgetter(*LAW_FIELDS)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 
 SPACING = 0.5
@@ -15,8 +16,6 @@ FOOT = 2 * SPACING
 """The foot of a projection lies at most this far from the nearest path point [m]."""
 SHORTEST = 0.05
 """Shorter tracks have no direction of their own [m]."""
-ROOM = 30_000
-"""Points times lane points that are looked at in one go: as many as a core keeps at hand."""
 LANE_BEFORE, LANE_AFTER = 30, 50
 """Points by which a lane goes on straight before and after a path: 15 and 25 m."""
 
@@ -204,37 +203,51 @@ def project_each(
         within: [n] distance from the lane [m] beyond which a point does not matter; points that the
             box of the lane already excludes are not projected: lateral inf, the rest 0.
     """
-    place, low, high = points.T, lanes.low[:, which], lanes.high[:, which]
-    outside = np.maximum(low - place, place - high)
-    near = (outside < within + FOOT).all(axis=0)
-    new = np.ones(len(points), dtype=np.bool_)
-    new[1:] = (place[:, 1:] != place[:, :-1]).any(axis=0)
-    new[1:] |= (which[1:] != which[:-1]) | (within[1:] != within[:-1])
-    rows, most = np.flatnonzero(near & new), max(ROOM // lanes.x.shape[1], 1)
-    found = np.empty((3, len(rows)))
-    for k in range(0, len(rows), most):
-        part = rows[k : k + most]
-        found[:, k : k + most] = _nearest(points[part], lanes, which[part])
-    result = np.zeros((3, len(points)))
-    result[1] = np.inf
-    # Who stands keeps the projection of its first sample there.
-    result[:, near] = found[:, (np.cumsum(near & new) - 1)[near]]
-    return Projection(*result)
+    return Projection(*_projected(
+        points, which, within, lanes.x, lanes.y, lanes.s, lanes.direction, lanes.low, lanes.high,
+    ))  # fmt: skip
 
 
-def _nearest(
-    points: FloatArray, lanes: Lanes, which: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    x, y = points[:, 0], points[:, 1]
-    square, more = x[:, None] - lanes.x[which], y[:, None] - lanes.y[which]
-    square *= square
-    more *= more
-    square += more
-    k = square.argmin(axis=1)
-    direction = lanes.direction[which, k]
-    foot = np.stack((lanes.x[which, k], lanes.y[which, k]), axis=1)
-    along, lateral = _foot(x - foot[:, 0], y - foot[:, 1], direction)
-    return lanes.s[which, k] + along, lateral, direction
+@compiled
+def _projected(
+    points: FloatArray,
+    which: IntArray,
+    within: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    s: FloatArray,
+    direction: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> FloatArray:
+    """[3, n] arc length, lateral and direction; see `project_each`."""
+    found = np.zeros((3, len(points)))
+    found[1] = np.inf
+    for n in range(len(points)):
+        px, py, lane = points[n, 0], points[n, 1], which[n]
+        reach = within[n] + FOOT
+        if (
+            max(low[0, lane] - px, px - high[0, lane], low[1, lane] - py, py - high[1, lane])
+            >= reach
+        ):
+            continue
+        # Who stands keeps the projection of its first sample there.
+        k = n - 1
+        stays = n > 0 and px == points[k, 0] and py == points[k, 1]
+        if stays and lane == which[k] and within[n] == within[k]:
+            found[:, n] = found[:, k]
+            continue
+        nearest, k = np.inf, 0
+        for m in range(x.shape[1]):
+            away = (px - x[lane, m]) * (px - x[lane, m]) + (py - y[lane, m]) * (py - y[lane, m])
+            if away < nearest:
+                nearest, k = away, m
+        px, py, facing = px - x[lane, k], py - y[lane, k], direction[lane, k]
+        along = min(max(np.cos(facing) * px + np.sin(facing) * py, -FOOT), FOOT)
+        found[0, n] = s[lane, k] + along
+        found[1, n] = np.sqrt(max(px * px + py * py - along * along, 0.0))
+        found[2, n] = facing
+    return found
 
 
 def _foot(px: FloatArray, py: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:

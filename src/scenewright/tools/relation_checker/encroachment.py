@@ -106,8 +106,7 @@ def encounters(
     if len(movers) < 2:
         return ()
     places = _places(movers)
-    near = _candidates(places, movers, horizon, pedestrians)
-    cells = _without_lanes(places, movers, _touching(places, *near, horizon=horizon))
+    cells = _without_lanes(places, movers, _touching(places, movers, horizon, pedestrians))
     found = _resolved(places, *_grouped(places, cells))
     return tuple(e for e in found if horizon is None or e.pet <= horizon)
 
@@ -138,37 +137,13 @@ def _places(movers: tuple[Mover, ...]) -> _Places:
     return _Places(owner, s[first], reach + stride, np.array(rows), np.searchsorted(first, origin))
 
 
-def _candidates(
+def _touching(
     places: _Places, movers: tuple[Mover, ...], horizon: float | None, pedestrians: bool
-) -> tuple[IntArray, IntArray]:
-    """Pairs of places whose circles overlap; blocks of places first, within the horizon."""
-    begin = np.flatnonzero((np.arange(len(places.s)) - places.origin[places.owner]) % BLOCK == 0)
-    end = np.minimum(begin + BLOCK, places.origin[places.owner[begin] + 1])
-    middle = places.table[[_SWEPT_X, _SWEPT_Y]]
-    low, high = (f.reduceat(middle, begin, axis=1) for f in (np.minimum, np.maximum))
-    radius = np.hypot(*(high - low)) + 2 * np.maximum.reduceat(places.reach, begin)
-    i, j = _block_pairs(places, movers, begin, pedestrians)
-    x, y = low + high
-    near = np.square(x[i] - x[j]) + np.square(y[i] - y[j]) <= np.square(radius[i] + radius[j])
-    i, j = i[near], j[near]
-    if horizon is not None:
-        arrive, depart = places.table[_ARRIVE, begin], places.table[_DEPART, end - 1] + STEP
-        soon = np.maximum(arrive[i] - depart[j], arrive[j] - depart[i]) <= horizon
-        i, j = i[soon], j[soon]
-    return _expanded(places, begin, end, np.stack((i, j)))
-
-
-def _block_pairs(
-    places: _Places, movers: tuple[Mover, ...], begin: IntArray, pedestrians: bool
-) -> tuple[IntArray, IntArray]:
-    """Pairs of blocks of two movers whose tracks' boxes overlap, the earlier mover first."""
-    a, b = np.nonzero(_box_pairs(movers, pedestrians))
-    blocks = np.searchsorted(places.owner[begin], np.arange(len(movers) + 1))
-    wide = (blocks[1:] - blocks[:-1])[b]
-    count = (blocks[1:] - blocks[:-1])[a] * wide
-    pair = np.repeat(np.arange(len(a)), count)
-    i, j = np.divmod(np.arange(len(pair)) - (np.cumsum(count) - count)[pair], wide[pair])
-    return blocks[a[pair]] + i, blocks[b[pair]] + j
+) -> _Cells:
+    """Pairs of places that may touch within the horizon, blocks of places looked at first."""
+    first, second = np.nonzero(_box_pairs(movers, pedestrians))
+    longest = np.inf if horizon is None else horizon
+    return _Cells(*_met(first, second, places.origin, places.reach, places.table, longest))
 
 
 def _box_pairs(movers: tuple[Mover, ...], pedestrians: bool) -> BoolArray:
@@ -182,27 +157,6 @@ def _box_pairs(movers: tuple[Mover, ...], pedestrians: bool) -> BoolArray:
         vehicle = np.array([m.is_vehicle for m in movers])
         result &= vehicle | vehicle[:, None]
     return np.triu(result, 1)
-
-
-def _expanded(
-    places: _Places, begin: IntArray, end: IntArray, pairs: IntArray
-) -> tuple[IntArray, IntArray]:
-    """Pairs of places of pairs of blocks [2, n] whose own circles overlap."""
-    member = begin[:, None] + np.arange(BLOCK)
-    k = np.minimum(member, len(places.s) - 1)
-    x, y, reach = places.table[_SWEPT_X][k], places.table[_SWEPT_Y][k], places.reach[k]
-    x[member >= end[:, None]] = np.nan
-    i, j = pairs
-    away, more = (np.square(v[i][:, :, None] - v[j][:, None, :]) for v in (x, y))
-    away += more
-    row, one, two = np.nonzero(away <= np.square(reach[i][:, :, None] + reach[j][:, None, :]))
-    return member[i[row], one], member[j[row], two]
-
-
-def _touching(places: _Places, p: IntArray, q: IntArray, *, horizon: float | None = None) -> _Cells:
-    longest = np.inf if horizon is None else horizon
-    near, lag = _met(p, q, places.table, longest)
-    return _Cells(p[near], q[near], lag)
 
 
 def _without_lanes(places: _Places, movers: tuple[Mover, ...], cells: _Cells) -> _Cells:
@@ -367,22 +321,75 @@ def _exact_lags(
 
 @compiled
 def _met(
-    p: IntArray, q: IntArray, table: FloatArray, horizon: float
-) -> tuple[IntArray, FloatArray]:
-    """Which pairs of places touch with a lag within the horizon, and a lower bound of it [s]."""
-    near, lags = np.empty(len(p), np.intp), np.empty(len(p))
-    count = 0
-    for k in range(len(p)):
-        i, j = p[k], q[k]
-        lag = max(table[_ARRIVE, i] - (table[_DEPART, j] + STEP),
-                  table[_ARRIVE, j] - (table[_DEPART, i] + STEP))  # fmt: skip
-        if lag > horizon:
-            continue
-        slack = table[_SLACK, i] + table[_SLACK, j]
-        if in_touch(*_swept(table, i), *_swept(table, j), slack):
-            near[count], lags[count] = k, max(lag, 0.0)
-            count += 1
-    return near[:count], lags[:count]
+    first: IntArray,
+    second: IntArray,
+    origin: IntArray,
+    reach: FloatArray,
+    table: FloatArray,
+    horizon: float,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pairs of places of pairs of movers that may touch, and a lower bound of their lag [s]."""
+    blocks = _blocks(origin, reach, table)
+    p, q, lags, count = np.empty(256, np.intp), np.empty(256, np.intp), np.empty(256), 0
+    for pair in range(len(first)):
+        a, b = first[pair], second[pair]
+        for i in range(origin[a], origin[a + 1], BLOCK):
+            for j in range(origin[b], origin[b + 1], BLOCK):
+                if not _come_near(blocks[:, i], blocks[:, j], horizon):
+                    continue
+                for m in range(i, min(i + BLOCK, origin[a + 1])):
+                    for n in range(j, min(j + BLOCK, origin[b + 1])):
+                        lag = _lag_if_touching(m, n, reach, table, horizon)
+                        if lag == np.inf:
+                            continue
+                        if count == len(p):
+                            p, q = np.concatenate((p, p)), np.concatenate((q, q))
+                            lags = np.concatenate((lags, lags))
+                        p[count], q[count], lags[count] = m, n, lag
+                        count += 1
+    return p[:count], q[:count], lags[:count]
+
+
+@compiled
+def _blocks(origin: IntArray, reach: FloatArray, table: FloatArray) -> FloatArray:
+    """[5, K] circle round the block that begins at a place, and from when until when it is there.
+
+    Of the circle twice the middle's x and y and twice the radius [m].
+    """
+    blocks = np.empty((5, len(reach)))
+    for owner in range(len(origin) - 1):
+        for i in range(origin[owner], origin[owner + 1], BLOCK):
+            end = min(i + BLOCK, origin[owner + 1])
+            x, y = table[_SWEPT_X, i:end], table[_SWEPT_Y, i:end]
+            across = np.hypot(x.max() - x.min(), y.max() - y.min())
+            blocks[0, i], blocks[1, i] = x.min() + x.max(), y.min() + y.max()
+            blocks[2, i] = across + 2 * reach[i:end].max()
+            blocks[3, i], blocks[4, i] = table[_ARRIVE, i], table[_DEPART, end - 1] + STEP
+    return blocks
+
+
+@compiled
+def _come_near(a: FloatArray, b: FloatArray, horizon: float) -> bool:
+    """Whether the circles of two blocks overlap, with a lag within the horizon [s]."""
+    dx, dy, room = a[0] - b[0], a[1] - b[1], a[2] + b[2]
+    soon = max(a[3] - b[4], b[3] - a[4]) <= horizon
+    return bool(soon and dx * dx + dy * dy <= room * room)
+
+
+@compiled
+def _lag_if_touching(i: int, j: int, reach: FloatArray, table: FloatArray, horizon: float) -> float:
+    """Lower bound of the lag of two places [s]; infinite where they do not touch in time."""
+    dx, dy = table[_SWEPT_X, i] - table[_SWEPT_X, j], table[_SWEPT_Y, i] - table[_SWEPT_Y, j]
+    room = reach[i] + reach[j]
+    if dx * dx + dy * dy > room * room:
+        return np.inf
+    lag = max(table[_ARRIVE, i] - (table[_DEPART, j] + STEP),
+              table[_ARRIVE, j] - (table[_DEPART, i] + STEP))  # fmt: skip
+    if lag > horizon:
+        return np.inf
+    slack = table[_SLACK, i] + table[_SLACK, j]
+    touch = in_touch(*_swept(table, i), *_swept(table, j), slack)
+    return max(lag, 0.0) if touch else np.inf
 
 
 @compiled

@@ -17,6 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Shape, Track
@@ -226,56 +227,62 @@ def derive(movers: Sequence[Mover]) -> None:
 
 
 def _kinematics(xy: FloatArray, origin: IntArray) -> list[Kinematics]:
-    delta = xy[1:] - xy[:-1]
-    steps = np.hypot(delta[:, 0], delta[:, 1])
-    velocity = central_difference(xy, origin)
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    change = windowed_derivative(np.column_stack((speed, velocity)), origin)
-    acceleration, push = change[:, 0], change[:, 1:]
-    across = velocity[:, 0] * push[:, 1] - velocity[:, 1] * push[:, 0]
-    lateral = np.abs(across) / np.maximum(speed, 0.1)
+    steps, velocity, speed, acceleration, lateral = _moving(xy, origin)
     return [
         Kinematics(steps[a : b - 1], velocity[a:b], speed[a:b], acceleration[a:b], lateral[a:b])
         for a, b in pairwise(origin.tolist())
     ]
 
 
-def central_difference(values: FloatArray, origin: IntArray) -> FloatArray:
-    """Derivative of samples 0.1 s apart: (x[i+1] - x[i-1]) / 0.2 s; one-sided at the ends.
+@compiled
+def _moving(
+    xy: FloatArray, origin: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Steps, velocity, speed, acceleration and lateral acceleration of tracks in one string."""
+    steps, speed, lateral = np.zeros(len(xy)), np.empty(len(xy)), np.empty(len(xy))
+    velocity, acceleration = np.empty(xy.shape), np.empty(len(xy))
+    for track in range(len(origin) - 1):
+        a, b = origin[track], origin[track + 1]
+        for k in range(a, b):
+            velocity[k, 0] = _central(xy[a:b, 0], k - a)
+            velocity[k, 1] = _central(xy[a:b, 1], k - a)
+            speed[k] = np.hypot(velocity[k, 0], velocity[k, 1])
+            if k < b - 1:
+                steps[k] = np.hypot(xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1])
+        for k in range(a, b):
+            acceleration[k] = _windowed(speed[a:b], k - a)
+            push_x = _windowed(velocity[a:b, 0], k - a)
+            push_y = _windowed(velocity[a:b, 1], k - a)
+            across = velocity[k, 0] * push_y - velocity[k, 1] * push_x
+            lateral[k] = abs(across) / max(speed[k], 0.1)
+    return steps, velocity, speed, acceleration, lateral
 
-    Args:
-        values: [S, ...] samples of all tracks; origin: [N+1] where each track begins.
-    """
-    first, last = origin[:-1], origin[1:] - 1
-    result = np.zeros_like(values)
-    result[1:-1] = (values[2:] - values[:-2]) / (2 * STEP)
-    result[first] = (values[np.minimum(first + 1, last)] - values[first]) / STEP
-    result[last] = (values[last] - values[np.maximum(last - 1, first)]) / STEP
-    return result
+
+@compiled
+def _central(values: FloatArray, k: int) -> float:
+    """Derivative of samples 0.1 s apart: (x[k+1] - x[k-1]) / 0.2 s; one-sided at the ends."""
+    last = len(values) - 1
+    if 0 < k < last:
+        return float((values[k + 1] - values[k - 1]) / (2 * STEP))
+    return float((values[min(k + 1, last)] - values[max(k - 1, 0)]) / STEP)
 
 
-def windowed_derivative(values: FloatArray, origin: IntArray) -> FloatArray:
+@compiled
+def _windowed(values: FloatArray, k: int) -> float:
     """Central difference averaged over 0.3 s.
 
     The three samples at either end, which have no full window, hold the central difference of the
     third: that over the 0.2 s nearest to the end. Tracks of fewer than 7 samples have no full
-    window and are not averaged; those of fewer than 3 have derivative 0. Arguments as for
-    `central_difference`.
+    window and are not averaged; those of fewer than 3 have derivative 0.
     """
-    raw = central_difference(values, origin)
-    count = np.diff(origin)
-    mean = raw.copy()
-    mean[1:-1] = (raw[:-2] + raw[1:-1] + raw[2:]) / 3
-    edges = np.arange(FULL_WINDOW)
-    long = count > 2 * FULL_WINDOW
-    first, last = origin[:-1][long, None], origin[1:][long, None] - 1
-    result = mean
-    result[first + edges] = raw[first + FULL_WINDOW - 1]
-    result[last - edges] = raw[last - FULL_WINDOW + 1]
-    for n in np.flatnonzero(count <= 2 * FULL_WINDOW):
-        part = slice(origin[n], origin[n + 1])
-        result[part] = raw[part] if count[n] >= 3 else 0.0
-    return result
+    count = len(values)
+    if count <= 2 * FULL_WINDOW:
+        return _central(values, k) if count >= 3 else 0.0
+    if k < FULL_WINDOW:
+        return _central(values, FULL_WINDOW - 1)
+    if k >= count - FULL_WINDOW:
+        return _central(values, count - FULL_WINDOW)
+    return (_central(values, k - 1) + _central(values, k) + _central(values, k + 1)) / 3
 
 
 def extended(mover: Mover, *, distance: float, speed: float) -> Mover:

@@ -1,0 +1,35 @@
+"""Where a path leads: position and heading at arc lengths."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenewright.compiled import compiled
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Path
+
+
+def poses_along(path: Path, s: FloatArray) -> FloatArray:
+    """[N, 3] x, y [m] and heading [rad] at arc lengths [m], in any order; held at both ends."""
+    return _poses(s, path.s, path.xy, path.heading)
+
+
+@compiled
+def _poses(s: FloatArray, nodes: FloatArray, xy: FloatArray, heading: FloatArray) -> FloatArray:
+    poses, last, k = np.empty((len(s), 3)), len(nodes) - 1, 0
+    step = nodes[last] / last
+    for n in range(len(s)):
+        at = min(max(s[n], nodes[0]), nodes[last])
+        # Nodes lie evenly but for rounding.
+        k = min(int(at / step), last - 1)
+        while k < last - 1 and nodes[k + 1] <= at:
+            k += 1
+        while k > 0 and nodes[k] > at:
+            k -= 1
+        into, apart = at - nodes[k], nodes[k + 1] - nodes[k]
+        poses[n, 0] = (xy[k + 1, 0] - xy[k, 0]) / apart * into + xy[k, 0]
+        poses[n, 1] = (xy[k + 1, 1] - xy[k, 1]) / apart * into + xy[k, 1]
+        poses[n, 2] = (heading[k + 1] - heading[k]) / apart * into + heading[k]
+        if at == nodes[last]:
+            poses[n, 0], poses[n, 1], poses[n, 2] = xy[last, 0], xy[last, 1], heading[last]
+    return poses
