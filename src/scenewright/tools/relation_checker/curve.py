@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -60,66 +61,100 @@ def curves(xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray)
         xy: [S, 2] positions [m], track after track; s: [S] arc length since the first position of
             the track; heading: [S]; origin: [N+1] where each track begins, the last entry being S.
     """
-    first, total = origin[:-1], s[origin[1:] - 1]
-    still = total < SHORTEST
-    count = np.where(still, 1, np.maximum((total / SPACING).astype(np.intp), 1) + 1)
-    end = np.cumsum(count)
-    begin, owner = end - count, np.repeat(np.arange(len(count)), count)
-    even = (np.arange(len(owner)) - begin[owner]) * (total / np.maximum(count - 1, 1))[owner]
-    even[end - 1] = np.where(still, 0.0, total)
-    points = _interpolated(even, owner, xy, s, first)
-    delta = np.empty_like(points)
-    delta[1:-1] = points[2:] - points[:-2]
-    delta[begin] = points[np.minimum(begin + 1, end - 1)] - points[begin]
-    delta[end - 1] = points[end - 1] - points[np.maximum(end - 2, begin)]
-    direction = np.arctan2(delta[:, 1], delta[:, 0])
-    direction[begin[still]] = heading[first[still]]
-    jumps = np.abs(direction[1:] - direction[:-1]) >= np.pi
-    for n in np.unique(owner[1:][jumps & (owner[1:] == owner[:-1])]).tolist():
-        direction[begin[n] : end[n]] = np.unwrap(direction[begin[n] : end[n]])
+    even, points, direction, begin, turns_over = _evened(xy, s, heading, origin)
     return [
-        Path(even[i:j], points[i:j], direction[i:j])
-        for i, j in zip(begin.tolist(), end.tolist(), strict=True)
+        Path(even[i:j], points[i:j], unwrapped(direction[i:j]) if turns else direction[i:j])
+        for (i, j), turns in zip(pairwise(begin.tolist()), turns_over.tolist(), strict=True)
     ]
 
 
-def _interpolated(
-    even: FloatArray, owner: IntArray, xy: FloatArray, s: FloatArray, first: IntArray
-) -> FloatArray:
-    """Positions at arc lengths `even` of the tracks `owner`, linear between samples that differ.
+@compiled
+def _evened(
+    xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, BoolArray]:
+    """Of all tracks arc lengths [m], points [m] and directions [rad] of their paths.
 
-    Each track's arc lengths are shifted beyond those of the track before, so that one search finds
-    the places of all.
+    Then where each path begins, and whether its directions jump by half a turn or more.
     """
-    kept = np.concatenate(([True], s[1:] - s[:-1] > 1e-4))
-    kept[first] = True
-    xy, s, low = xy[kept], s[kept], np.cumsum(kept)[first] - 1
-    high = np.append(low[1:], len(s)) - 1
-    shift = np.cumsum(s[high] + 1.0) - s[high]
-    key = s + np.repeat(shift, high - low + 1)
-    k = np.searchsorted(key, even + shift[owner], side="right") - 1
-    k = np.minimum(np.maximum(k, low[owner]), high[owner])
-    after = np.minimum(k + 1, high[owner])
-    slope = (xy[after] - xy[k]) / np.maximum(s[after] - s[k], 1e-9)[:, None]
-    return np.asarray(slope * (even - s[k])[:, None] + xy[k])
+    begin = np.zeros(len(origin), np.intp)
+    for n in range(len(origin) - 1):
+        total = s[origin[n + 1] - 1]
+        count = 1 if total < SHORTEST else max(int(total / SPACING), 1) + 1
+        begin[n + 1] = begin[n] + count
+    even, points = np.zeros(begin[-1]), np.empty((begin[-1], 2))
+    direction, turns_over = np.empty(begin[-1]), np.zeros(len(origin) - 1, np.bool_)
+    for n in range(len(origin) - 1):
+        i, j, last = begin[n], begin[n + 1], begin[n + 1] - 1
+        total, first = s[origin[n + 1] - 1], origin[n]
+        if i == last:
+            points[i], direction[i] = xy[first], heading[first]
+            continue
+        for k in range(i, last):
+            even[k] = (k - i) * (total / (last - i))
+        even[last] = total
+        _interpolate(even[i:j], xy[first : origin[n + 1]], s[first : origin[n + 1]], points[i:j])
+        for k in range(i, j):
+            before, after = max(k - 1, i), min(k + 1, last)
+            dx, dy = points[after, 0] - points[before, 0], points[after, 1] - points[before, 1]
+            direction[k] = np.arctan2(dy, dx)
+            turns_over[n] |= k > i and abs(direction[k] - direction[k - 1]) >= np.pi
+    return even, points, direction, begin, turns_over
+
+
+@compiled
+def _interpolate(even: FloatArray, xy: FloatArray, s: FloatArray, points: FloatArray) -> None:
+    """Writes points at ascending arc lengths, linear between samples that differ."""
+    here = there = 0
+    for n in range(len(even)):
+        while there < len(s) and s[there] <= even[n]:
+            here = there
+            there = _next_that_differs(s, there)
+        after = there if there < len(s) else here
+        apart = max(s[after] - s[here], 1e-9)
+        for axis in range(2):
+            slope = (xy[after, axis] - xy[here, axis]) / apart
+            points[n, axis] = slope * (even[n] - s[here]) + xy[here, axis]
+
+
+@compiled
+def _next_that_differs(s: FloatArray, k: int) -> int:
+    """The next sample more than 0.1 mm after the one before it; as many as there are if none."""
+    k += 1
+    while k < len(s) and not s[k] - s[k - 1] > 1e-4:
+        k += 1
+    return k
 
 
 def lanes(paths: Sequence[Path]) -> list[Path]:
     """Every path at every second point, with straight pieces before and after it, in one pass."""
-    count = np.array([len(path.s) for path in paths])
-    size = (count + LANE_BEFORE + LANE_AFTER + 1) // 2
-    end, owner = np.cumsum(size), np.repeat(np.arange(len(paths)), size)
-    k = 2 * (np.arange(len(owner)) - (end - size)[owner]) - LANE_BEFORE
-    on_path = np.minimum(np.maximum(k, 0), count[owner] - 1)
-    beyond, at = SPACING * (k - on_path), on_path + (np.cumsum(count) - count)[owner]
-    direction = np.concatenate([path.direction for path in paths])[at]
-    way = np.stack((np.cos(direction), np.sin(direction)), axis=1)
-    xy = np.concatenate([path.xy for path in paths])[at] + beyond[:, None] * way
-    s = np.concatenate([path.s for path in paths])[at] + beyond
-    return [
-        Path(s[i:j], xy[i:j], direction[i:j])
-        for i, j in zip((end - size).tolist(), end.tolist(), strict=True)
-    ]
+    begin = np.cumsum([0, *(len(path.s) for path in paths)])
+    s, xy, direction, ends = _prolonged(
+        np.concatenate([path.s for path in paths]),
+        np.concatenate([path.xy for path in paths]),
+        np.concatenate([path.direction for path in paths]),
+        begin,
+    )
+    return [Path(s[i:j], xy[i:j], direction[i:j]) for i, j in pairwise(ends.tolist())]
+
+
+@compiled
+def _prolonged(
+    s: FloatArray, xy: FloatArray, direction: FloatArray, begin: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    ends = np.zeros(len(begin), np.intp)
+    for n in range(len(begin) - 1):
+        count = begin[n + 1] - begin[n]
+        ends[n + 1] = ends[n] + (count + LANE_BEFORE + LANE_AFTER + 1) // 2
+    along, points, facing = np.empty(ends[-1]), np.empty((ends[-1], 2)), np.empty(ends[-1])
+    for n in range(len(begin) - 1):
+        for row in range(ends[n], ends[n + 1]):
+            k = begin[n] + 2 * (row - ends[n]) - LANE_BEFORE
+            at = min(max(k, begin[n]), begin[n + 1] - 1)
+            beyond = SPACING * (k - at)
+            along[row], facing[row] = s[at] + beyond, direction[at]
+            points[row, 0] = xy[at, 0] + beyond * np.cos(direction[at])
+            points[row, 1] = xy[at, 1] + beyond * np.sin(direction[at])
+    return along, points, facing, ends
 
 
 def unwrapped(angles: FloatArray) -> FloatArray:

@@ -119,10 +119,9 @@ class Mover:
         return self.start + STEP * (len(self.xy) - 1)
 
     @cached_property
-    def bounds(self) -> tuple[float, float, float, float]:
+    def bounds(self) -> list[float]:
         """West, south, east and north end of the positions [m]."""
-        x, y = self.xy[:, 0], self.xy[:, 1]
-        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+        return [*self.xy.min(axis=0).tolist(), *self.xy.max(axis=0).tolist()]
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -218,12 +217,30 @@ def derive(movers: Sequence[Mover]) -> None:
     if not movers:
         return
     xy, heading, origin = strung(movers)
-    for mover, part in zip(movers, _kinematics(xy, origin), strict=True):
-        object.__setattr__(mover, "kinematics", part)
-    paths = curves(xy, np.concatenate([m.s for m in movers]), heading, origin)
-    for mover, path, lane in zip(movers, paths, lanes(paths), strict=True):
-        object.__setattr__(mover, "path", path)
-        object.__setattr__(mover, "lane", lane)
+    s, bounds = _driven(xy, origin)
+    paths = curves(xy, s, heading, origin)
+    ends = pairwise(origin.tolist())
+    kinematics, boxes, ways = _kinematics(xy, origin), bounds.tolist(), lanes(paths)
+    for mover, (a, b), *derived in zip(movers, ends, kinematics, boxes, paths, ways, strict=True):
+        for name, value in zip(_DERIVED, (s[a:b], *derived), strict=True):
+            object.__setattr__(mover, name, value)
+
+
+_DERIVED = ("s", "kinematics", "bounds", "path", "lane")
+
+
+@compiled
+def _driven(xy: FloatArray, origin: IntArray) -> tuple[FloatArray, FloatArray]:
+    """[S] arc length since each track's first sample [m], and [N, 4] `Mover.bounds`."""
+    s, bounds = np.zeros(len(xy)), np.empty((len(origin) - 1, 4))
+    for track in range(len(origin) - 1):
+        a, b = origin[track], origin[track + 1]
+        for k in range(a + 1, b):
+            s[k] = s[k - 1] + np.hypot(xy[k, 0] - xy[k - 1, 0], xy[k, 1] - xy[k - 1, 1])
+        for axis in range(2):
+            bounds[track, axis] = xy[a:b, axis].min()
+            bounds[track, axis + 2] = xy[a:b, axis].max()
+    return s, bounds
 
 
 def _kinematics(xy: FloatArray, origin: IntArray) -> list[Kinematics]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -66,7 +67,12 @@ def conflict_zones(first: Mover, second: Mover) -> tuple[Zone, ...]:
     overlap; nothing at all where the overlap begins in one lane at the start of a track, for then
     the two are behind one another from the outset. Vehicles and pedestrians never share a lane.
     """
-    a, b = (first, second) if first.id <= second.id else (second, first)
+    return _zones(*((first, second) if first.id <= second.id else (second, first)))
+
+
+@lru_cache(maxsize=8)
+def _zones(a: Mover, b: Mover) -> tuple[Zone, ...]:
+    """Events and the places asked for look at the same pairs; movers are known by identity."""
     overlap = swept_path(a).intersection(swept_path(b))
     parts = [p for p in geos.get_parts(overlap) if p.area > 1e-6]
     if a.type != b.type:
