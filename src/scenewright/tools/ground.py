@@ -44,7 +44,7 @@ class Ground:
         self.on = on
         crosswalks = [geos.Polygon(each.polygon) for each in on.crosswalks]
         self._crosswalks = [each.id for each in on.crosswalks]
-        self._corners, self._ends = _strung(each.polygon for each in on.crosswalks)
+        self._corners, self._ends, self._boxes = _strung(each.polygon for each in on.crosswalks)
         self._road = _union(on.road)
         self._walkable = geos.union_all([_union(on.walkable), *crosswalks])
         for area in (self._road, self._walkable):
@@ -72,7 +72,7 @@ class Ground:
 
     def on_crosswalks(self, xy: FloatArray) -> list[Visit]:
         """The crosswalks that any of the points [N, 2] of a path lies on, in the map's order."""
-        visits = _visits(xy, self._corners, self._ends).tolist()
+        visits = _visits(xy, self._corners, self._ends, self._boxes).tolist()
         each = zip(self._crosswalks, visits, strict=True)
         return [Visit(name, *visit) for name, visit in each if visit[0] >= 0]
 
@@ -81,30 +81,32 @@ def _share(inside: NDArray[np.bool_]) -> float:
     return int(np.count_nonzero(inside)) / len(inside)
 
 
-def _strung(polygons: Iterable[Sequence[Point]]) -> tuple[FloatArray, NDArray[np.intp]]:
-    """[M, 2] corners of all polygons, and [P + 1] where those of each begin and end."""
+def _strung(
+    polygons: Iterable[Sequence[Point]],
+) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
+    """[M, 2] corners of all polygons, [P + 1] where those of each begin, [P, 4] their boxes."""
     each = [np.array(polygon) for polygon in polygons]
     ends = np.cumsum([0, *map(len, each)], dtype=np.intp)
-    return np.concatenate([np.empty((0, 2)), *each]), ends
+    boxes = [(*corners.min(axis=0), *corners.max(axis=0)) for corners in each]
+    return np.concatenate([np.empty((0, 2)), *each]), ends, np.array(boxes).reshape(-1, 4)
 
 
 @compiled
-def _visits(xy: FloatArray, corners: FloatArray, ends: NDArray[np.intp]) -> NDArray[np.intp]:
+def _visits(
+    xy: FloatArray, corners: FloatArray, ends: NDArray[np.intp], boxes: FloatArray
+) -> NDArray[np.intp]:
     """[P, 3] first and last of points [N, 2] in each polygon, and how often they come into it.
 
-    Nowhere: -1. A point lies in a polygon if a ray from it crosses its sides an odd time.
+    Nowhere: -1.
     """
-    visits = np.full((len(ends) - 1, 3), -1, np.intp)
-    for p in range(len(visits)):
+    visits = np.full((len(boxes), 3), -1, np.intp)
+    for p in range(len(boxes)):
+        west, south, east, north = boxes[p]
         comes_in, was_inside = 0, True
         for n in range(len(xy)):
-            inside, k = False, ends[p + 1] - 1
-            for following in range(ends[p], ends[p + 1]):
-                ax, ay = corners[k, 0], corners[k, 1]
-                bx, by = corners[following, 0], corners[following, 1]
-                if (ay > xy[n, 1]) != (by > xy[n, 1]):
-                    inside ^= xy[n, 0] < ax + (xy[n, 1] - ay) * (bx - ax) / (by - ay)
-                k = following
+            x, y = xy[n, 0], xy[n, 1]
+            inside = west <= x <= east and south <= y <= north
+            inside = inside and _surrounds(corners[ends[p] : ends[p + 1]], x, y)
             if inside:
                 visits[p, 0] = n if visits[p, 0] < 0 else visits[p, 0]
                 visits[p, 1] = n
@@ -112,6 +114,18 @@ def _visits(xy: FloatArray, corners: FloatArray, ends: NDArray[np.intp]) -> NDAr
             was_inside = inside
         visits[p, 2] = comes_in
     return visits
+
+
+@compiled
+def _surrounds(corners: FloatArray, x: float, y: float) -> bool:
+    """Whether a point lies in a polygon [M, 2]: a ray from it crosses its sides an odd time."""
+    inside = False
+    for k in range(len(corners)):
+        ax, ay = corners[k - 1, 0], corners[k - 1, 1]
+        bx, by = corners[k, 0], corners[k, 1]
+        if (ay > y) != (by > y):
+            inside ^= x < ax + (y - ay) * (bx - ax) / (by - ay)
+    return inside
 
 
 def _union(areas: tuple[PolygonWithHoles, ...]) -> Any:

@@ -1,10 +1,11 @@
-"""Drawing from the priors, and how likely what was drawn is. Pure numpy, whole arrays at once."""
+"""Drawing from the priors, and how likely what was drawn is."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
@@ -34,9 +35,25 @@ def nll_and_component(
 
 def component_log_densities(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
     """[m, C] log of weight times density of each component [nats]."""
-    away = waypoints.reshape(-1, 1, DIMENSIONS) - prior.means
-    white = np.einsum("cij,mcj->mci", prior.whitening, away)
-    return np.asarray(prior.log_scale - 0.5 * np.square(white).sum(axis=2))
+    points = waypoints.reshape(-1, DIMENSIONS)
+    return _log_densities(points, prior.means, prior.whitening, prior.log_scale)
+
+
+@compiled
+def _log_densities(
+    points: FloatArray, means: FloatArray, whitening: FloatArray, log_scale: FloatArray
+) -> FloatArray:
+    logs = np.empty((len(points), len(means)))
+    for m in range(len(points)):
+        for c in range(len(means)):
+            square = 0.0
+            for i in range(DIMENSIONS):
+                white = 0.0
+                for j in range(i + 1):  # as the Cholesky factors, their inverses are lower
+                    white += whitening[c, i, j] * (points[m, j] - means[c, j])
+                square += white * white
+            logs[m, c] = log_scale[c] - 0.5 * square
+    return logs
 
 
 def sample_count(

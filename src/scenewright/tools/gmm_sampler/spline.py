@@ -14,7 +14,7 @@ import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import K, Path, evenly
+from scenewright.scene.candidates import K, Path
 from scenewright.tools.gmm_sampler.priors import WaypointPrior
 from scenewright.tools.gmm_sampler.sample import component_log_densities
 
@@ -73,16 +73,22 @@ def _spline_matrix() -> FloatArray:
 
 def even_path(curve: FloatArray) -> Path:
     """A curve [P, 2] as a path with even spacing, heading and smoothed curvature."""
-    length = _along(curve)
-    count = max(round(float(length[-1]) / SPACING), 2) + 1
-    s = evenly(float(length[-1]), count)
-    xy = _points(curve, length, s)
-    heading, turning = _directions(xy, s[1])
-    half = max(round(_CURVATURE_WINDOW / s[1] / 2), 1)
-    return Path(xy=xy, s=s, heading=heading, curvature=_smoothed(turning, half))
+    return Path(*_evened(curve))
 
 
 # ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _evened(curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Points [N, 2] [m], arc length [m], heading [rad] and curvature [1/m] of an even path."""
+    length = _along(curve)
+    last = max(int(np.rint(length[-1] / SPACING)), 2)
+    s = np.arange(last + 1) * (length[-1] / last)
+    s[-1] = length[-1]
+    xy = _points(curve, length, s)
+    heading, turning = _directions(xy, s[1])
+    return xy, s, heading, _smoothed(turning, max(int(np.rint(_CURVATURE_WINDOW / s[1] / 2)), 1))
 
 
 @compiled

@@ -8,6 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import TimeLaw
@@ -30,11 +31,31 @@ def time_law_nll(priors: Priors, route: str, laws: Sequence[TimeLaw]) -> FloatAr
     """[m] -log density of time laws [nats]; infinite outside the bounds."""
     prior = _of_route(priors, route)
     values = np.array([_values(law) for law in laws]).reshape(-1, len(LAW_FIELDS))
-    low, high = prior.tails
-    z = np.log(np.maximum(values, 1e-12) / prior.median) / prior.spread
-    each = 0.5 * z**2 + np.log(values * prior.spread * np.sqrt(2 * np.pi) * (high - low))
-    inside = ((values >= prior.low) & (values <= prior.high)).all(axis=1)
-    return np.where(inside, each.sum(axis=1), np.inf)
+    return _nll(values, prior.median, prior.spread, prior.low, prior.high, *prior.tails)
+
+
+@compiled
+def _nll(
+    values: FloatArray,
+    median: FloatArray,
+    spread: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    below: FloatArray,
+    up_to: FloatArray,
+) -> FloatArray:
+    """Bounded lognormals; `below` and `up_to`: their shares below the lower and upper bounds."""
+    nll = np.zeros(len(values))
+    for m in range(len(values)):
+        for k in range(len(median)):
+            value = values[m, k]
+            if not low[k] <= value <= high[k]:
+                nll[m] = np.inf
+                break
+            z = np.log(value / median[k]) / spread[k]
+            share = up_to[k] - below[k]
+            nll[m] += 0.5 * z * z + np.log(value * spread[k] * np.sqrt(2 * np.pi) * share)
+    return nll
 
 
 def _of_route(priors: Priors, route: str) -> TimeLawPrior:
