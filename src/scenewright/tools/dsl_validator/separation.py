@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,11 +152,11 @@ class Presence:
 
     def _gathered(self) -> _Table:
         if self._table is None:
-            counts = [0, *(stay.nodes.shape[1] for stay in self._stays)]
+            counts = (stay.nodes.shape[1] for stay in self._stays)
             self._table = (
                 np.concatenate([stay.nodes for stay in self._stays], axis=1),
                 np.array([stay.keeping for stay in self._stays]),
-                np.cumsum(counts, dtype=np.intp),
+                np.array([*accumulate(counts, initial=0)], dtype=np.intp),
             )
         return self._table
 

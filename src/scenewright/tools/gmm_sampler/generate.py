@@ -50,8 +50,7 @@ _CASTS = 6
 def hour_of(context: SceneContext, priors: Priors, rng: np.random.Generator) -> float:
     """Time of day [h]: as asked, within the range asked, or drawn by how busy the hours are."""
     if context.time_of_day is None:
-        trips = np.sum(list(priors.frequency.values()), axis=0)
-        return float(rng.choice(HOURS, p=trips / trips.sum()))
+        return float(rng.choice(HOURS, p=priors.busyness))
     start, _, end = context.time_of_day.partition("-")
     if not end:
         return _hours(start)

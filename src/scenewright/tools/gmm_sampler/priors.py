@@ -160,6 +160,12 @@ class Priors:
     subtypes: Mapping[str, Mapping[str, float]]
     manners: Habits = field(default_factory=dict)
 
+    @cached_property
+    def busyness(self) -> FloatArray:
+        """[24] share of a day's trips by hour."""
+        trips = np.sum(list(self.frequency.values()), axis=0)
+        return np.asarray(trips / trips.sum())
+
 
 def load_priors(name: str | Path) -> Priors:
     """The priors of a bundle, by its name or its folder; read once per process.

@@ -8,20 +8,25 @@ from functools import cached_property
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
-    Extent,
     IntArray,
+    Place,
+    box_at,
     corners,
     extent,
-    extents,
     gap,
+    gap_of,
+    place_at,
 )
 from scenewright.tools.relation_checker.motion import Mover, strung
 from scenewright.tools.relation_checker.planar import Area, geos
 
+EXACT_BELOW = 1.2
+"""Clearances below this are exact [m], others lower bounds."""
 TOUCH = 1e-3
 """Footprints nearer than this are in contact [m]: the rounding of positions in scene files."""
 
@@ -177,9 +182,10 @@ class Crowd:
     pairs: IntArray
 
     @cached_property
-    def extents(self) -> Extent:
-        """Sizes of all movers, one row each."""
-        return extents(self.movers)
+    def sizes(self) -> FloatArray:
+        """[3, N] half length, half width and radius of each footprint [m]."""
+        rows = [(m.half_length, m.half_width, m.radius) for m in self.movers]
+        return np.ascontiguousarray(np.array(rows).reshape(-1, 3).T)
 
     @cached_property
     def reach(self) -> FloatArray:
@@ -207,42 +213,21 @@ class Closeness:
     """Gaps of all pairs at all times.
 
     Attributes:
-        gaps: [M, T] signed distance [m], exact below `exact_below`, else a lower bound; inf where
+        gaps: [M, T] signed distance [m], exact below `EXACT_BELOW`, else a lower bound; inf where
             one of the two is absent.
         contacts: first contact of each pair that has one, by row of `Crowd.pairs`.
     """
 
     gaps: FloatArray
     contacts: dict[int, Contact]
-    exact_below = 1.2
 
 
 def closeness(crowd: Crowd) -> Closeness:
     """Clearances and first contacts of all pairs; exact footprints only where centres are near."""
-    a, b = crowd.pairs[:, 0], crowd.pairs[:, 1]
-    shift = crowd.xy[b] - crowd.xy[a]
-    reach = crowd.reach
-    gaps = np.sqrt(shift[..., 0] ** 2 + shift[..., 1] ** 2)
-    gaps -= (reach[a] + reach[b])[:, None] if len(a) else 0.0
-    gaps[~(crowd.present[a] & crowd.present[b])] = np.inf
-    row, col = np.nonzero(gaps < Closeness.exact_below)
-    if len(row):
-        gaps[row, col] = _exact(crowd, a[row], b[row], col)
-    return Closeness(gaps, _first_contacts(crowd, gaps))
-
-
-def _exact(
-    crowd: Crowd,
-    a: IntArray,
-    b: IntArray,
-    col: IntArray,
-) -> FloatArray:
-    sizes = crowd.extents
-    one, two = sizes.rows(a), sizes.rows(b)
-    return gap(
-        crowd.xy[a, col], crowd.heading[a, col], one,
-        other_xy=crowd.xy[b, col], other_heading=crowd.heading[b, col], other_size=two,
+    gaps = _gaps_of_all(
+        crowd.pairs, crowd.xy, crowd.heading, crowd.present, crowd.reach, crowd.sizes
     )  # fmt: skip
+    return Closeness(gaps, _first_contacts(crowd, gaps))
 
 
 def _first_contacts(crowd: Crowd, gaps: FloatArray) -> dict[int, Contact]:
@@ -253,7 +238,10 @@ def _first_contacts(crowd: Crowd, gaps: FloatArray) -> dict[int, Contact]:
         begin = int(np.argmax(np.isfinite(gaps[row])))
         if gaps[row, begin] <= TOUCH:
             found[row] = Contact(max(first.start, second.start), True)
-    for row, col in zip(*_closing_steps(crowd, gaps), strict=True):
+    closing = _closing_steps(
+        crowd.pairs, gaps, crowd.xy, crowd.heading, crowd.reach, crowd.sizes
+    )  # fmt: skip
+    for row, col in zip(*(each.tolist() for each in closing), strict=True):
         if row not in found:
             first, second = (crowd.movers[k] for k in crowd.pairs[row])
             time = _advance(first, second, float(crowd.times[col]))
@@ -262,32 +250,77 @@ def _first_contacts(crowd: Crowd, gaps: FloatArray) -> dict[int, Contact]:
     return dict(sorted(found.items()))
 
 
-def _closing_steps(crowd: Crowd, gaps: FloatArray) -> tuple[list[int], list[int]]:
+# ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _gaps_of_all(
+    pairs: IntArray,
+    xy: FloatArray,
+    heading: FloatArray,
+    present: BoolArray,
+    reach: FloatArray,
+    sizes: FloatArray,
+) -> FloatArray:
+    """[M, T] `Closeness.gaps` of movers [N, T] and their sizes [3, N]."""
+    gaps = np.full((len(pairs), xy.shape[1]), np.inf)
+    for row in range(len(pairs)):
+        a, b = pairs[row, 0], pairs[row, 1]
+        for k in range(xy.shape[1]):
+            if not (present[a, k] and present[b, k]):
+                continue
+            dx, dy = xy[b, k, 0] - xy[a, k, 0], xy[b, k, 1] - xy[a, k, 1]
+            gap = np.sqrt(dx * dx + dy * dy) - (reach[a] + reach[b])
+            if gap < EXACT_BELOW:
+                one = place_at(xy[a, k, 0], xy[a, k, 1], heading[a, k])
+                two = place_at(xy[b, k, 0], xy[b, k, 1], heading[b, k])
+                gap = gap_of(one, box_at(sizes, a), two, box_at(sizes, b))
+            gaps[row, k] = gap
+    return gaps
+
+
+@compiled
+def _closing_steps(
+    pairs: IntArray,
+    gaps: FloatArray,
+    xy: FloatArray,
+    heading: FloatArray,
+    reach: FloatArray,
+    sizes: FloatArray,
+) -> tuple[IntArray, IntArray]:
     """Pairs and steps, in order, in which the gap may close, after a look at their middle."""
-    bound = _bounds(crowd) + 2 * TOUCH
-    most = bound[crowd.pairs[:, 0]] + bound[crowd.pairs[:, 1]]
-    row, col = np.nonzero(gaps[:, :-1] + gaps[:, 1:] <= most)
-    if len(row) == 0:
-        return [], []
-    a, b = crowd.pairs[row, 0], crowd.pairs[row, 1]
-    sizes, half = crowd.extents, most[row, col] / 2
-    middle = gap(
-        *_halfway(crowd, a, col), sizes.rows(a),
-        **dict(zip(("other_xy", "other_heading"), _halfway(crowd, b, col), strict=True)),
-        other_size=sizes.rows(b),
-    )  # fmt: skip
-    least = np.minimum(gaps[row, col], gaps[row, col + 1])
-    may = np.minimum(middle, middle + least - half) <= 0
-    return row[may].tolist(), col[may].tolist()
+    row, col, count = np.empty(64, np.intp), np.empty(64, np.intp), 0
+    for pair in range(len(pairs)):
+        a, b = pairs[pair, 0], pairs[pair, 1]
+        for k in range(gaps.shape[1] - 1):
+            before, after = gaps[pair, k], gaps[pair, k + 1]
+            if before + after == np.inf:
+                continue
+            most = _most(a, k, xy, heading, reach) + _most(b, k, xy, heading, reach)
+            if before + after > most:
+                continue
+            one, two = _halfway(a, k, xy, heading), _halfway(b, k, xy, heading)
+            middle = gap_of(one, box_at(sizes, a), two, box_at(sizes, b))
+            if min(middle, middle + min(before, after) - most / 2) <= 0:
+                if count == len(row):
+                    row, col = np.concatenate((row, row)), np.concatenate((col, col))
+                row[count], col[count] = pair, k
+                count += 1
+    return row[:count], col[:count]
 
 
-def _halfway(crowd: Crowd, n: IntArray, col: IntArray) -> tuple[FloatArray, FloatArray]:
-    xy = (crowd.xy[n, col] + crowd.xy[n, col + 1]) / 2
-    return xy, (crowd.heading[n, col] + crowd.heading[n, col + 1]) / 2
+@compiled
+def _most(n: int, k: int, xy: FloatArray, heading: FloatArray, reach: FloatArray) -> float:
+    """Most that any point of a footprint moves within a step [m], with some room."""
+    dx, dy = xy[n, k + 1, 0] - xy[n, k, 0], xy[n, k + 1, 1] - xy[n, k, 1]
+    turn = reach[n] * abs(heading[n, k + 1] - heading[n, k])
+    return float(np.sqrt(dx * dx + dy * dy) + turn + 2 * TOUCH)
 
 
-def _bounds(crowd: Crowd) -> FloatArray:
-    """[N, T-1] most that any point of a footprint moves within a step [m]."""
-    shift = crowd.xy[:, 1:] - crowd.xy[:, :-1]
-    turn = crowd.reach[:, None] * np.abs(crowd.heading[:, 1:] - crowd.heading[:, :-1])
-    return np.asarray(np.sqrt(shift[..., 0] ** 2 + shift[..., 1] ** 2) + turn)
+@compiled
+def _halfway(n: int, k: int, xy: FloatArray, heading: FloatArray) -> Place:
+    return place_at(
+        (xy[n, k, 0] + xy[n, k + 1, 0]) / 2,
+        (xy[n, k, 1] + xy[n, k + 1, 1]) / 2,
+        (heading[n, k] + heading[n, k + 1]) / 2,
+    )

@@ -6,7 +6,6 @@ no extent. One formula then covers all pairs of classes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,21 +26,10 @@ class Extent:
     width: FloatArray | float
     radius: FloatArray | float
 
-    def rows(self, k: IntArray) -> Extent:
-        """The extents of chosen rows."""
-        length, width, radius = (np.asarray(v)[k] for v in (self.length, self.width, self.radius))
-        return Extent(length, width, radius)
-
 
 def extent(mover: Mover) -> Extent:
     """The extent of a mover's footprint."""
     return Extent(mover.half_length, mover.half_width, mover.radius)
-
-
-def extents(movers: Sequence[Mover]) -> Extent:
-    """The extents of many movers, one row each."""
-    table = np.array([(m.half_length, m.half_width, m.radius) for m in movers]).reshape(-1, 3)
-    return Extent(table[:, 0], table[:, 1], table[:, 2])
 
 
 def gap(
@@ -65,19 +53,14 @@ def gap(
     Returns:
         [n] metres; <= 0 means contact.
     """
-    one, two = _placed(xy, heading), _placed(other_xy, other_heading)
-    return _gaps(one, _table(size), two, _table(other_size)).reshape(np.shape(heading))
+    one, two = (
+        (xy.reshape(-1, 2), np.ravel(heading)),
+        (other_xy.reshape(-1, 2), np.ravel(other_heading)),
+    )
+    return _gaps(*one, table_of(size), *two, table_of(other_size)).reshape(np.shape(heading))
 
 
-def _placed(xy: FloatArray, heading: FloatArray) -> FloatArray:
-    """[4, n] x, y, cosine and sine of the heading, row after row."""
-    rows = np.empty((4, np.size(heading)))
-    rows[0], rows[1] = np.ravel(xy[..., 0]), np.ravel(xy[..., 1])
-    rows[2], rows[3] = np.ravel(np.cos(heading)), np.ravel(np.sin(heading))
-    return rows
-
-
-def _table(size: Extent) -> FloatArray:
+def table_of(size: Extent) -> FloatArray:
     """[3, n] or [3, 1] half length, half width and radius [m]."""
     return np.array((size.length, size.width, size.radius), dtype=np.float64).reshape(3, -1)
 
@@ -105,21 +88,45 @@ Place = tuple[float, float, float, float]
 
 
 @compiled
-def _gaps(a: FloatArray, a_size: FloatArray, b: FloatArray, b_size: FloatArray) -> FloatArray:
-    """[n] `gap` of places [4, n] and sizes [3, n] or [3, 1]."""
-    gaps = np.empty(a.shape[1])
+def _gaps(
+    xy: FloatArray,
+    heading: FloatArray,
+    size: FloatArray,
+    other_xy: FloatArray,
+    other_heading: FloatArray,
+    other_size: FloatArray,
+) -> FloatArray:
+    """[n] `gap` of positions [n, 2], headings [n] and sizes [3, n] or [3, 1]."""
+    gaps = np.empty(len(heading))
     for k in range(len(gaps)):
-        i, j = min(k, a_size.shape[1] - 1), min(k, b_size.shape[1] - 1)
-        one, two = (a[0, k], a[1, k], a[2, k], a[3, k]), (b[0, k], b[1, k], b[2, k], b[3, k])
-        own = (a_size[0, i], a_size[1, i], a_size[2, i])
-        other = (b_size[0, j], b_size[1, j], b_size[2, j])
-        seen, back = _seen_from(one, two), _seen_from(two, one)
-        apart = _separation(seen, back, own, other)
-        if apart >= 0.0:
-            square = min(_nearest_corner(seen, own, other), _nearest_corner(back, other, own))
-            apart = np.sqrt(square)
-        gaps[k] = apart - own[2] - other[2]
+        i, j = min(k, size.shape[1] - 1), min(k, other_size.shape[1] - 1)
+        one = place_at(xy[k, 0], xy[k, 1], heading[k])
+        two = place_at(other_xy[k, 0], other_xy[k, 1], other_heading[k])
+        gaps[k] = gap_of(one, box_at(size, i), two, box_at(other_size, j))
     return gaps
+
+
+@compiled
+def place_at(x: float, y: float, heading: float) -> Place:
+    """A place from a position [m] and a heading [rad]."""
+    return x, y, np.cos(heading), np.sin(heading)
+
+
+@compiled
+def box_at(sizes: FloatArray, k: int) -> Box:
+    """One of sizes [3, n] [m]."""
+    return sizes[0, k], sizes[1, k], sizes[2, k]
+
+
+@compiled
+def gap_of(a: Place, a_size: Box, b: Place, b_size: Box) -> float:
+    """`gap` of one pair of footprints [m]."""
+    seen, back = _seen_from(a, b), _seen_from(b, a)
+    apart = _separation(seen, back, a_size, b_size)
+    if apart >= 0.0:
+        square = min(_nearest_corner(seen, a_size, b_size), _nearest_corner(back, b_size, a_size))
+        apart = np.sqrt(square)
+    return apart - a_size[2] - b_size[2]
 
 
 @compiled

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, RelationRecord, SceneRecord
@@ -138,7 +140,8 @@ def _read_user(agent: AgentRecord, step: float) -> RoadUser:
         raise InputError(
             f"agent {agent.id} has {len(xy)} positions but {len(heading)} headings; give one each"
         )
-    if not (np.isfinite(xy).all() and np.isfinite(heading).all()):
+    furthest = _largest(xy.ravel(), heading)
+    if not math.isfinite(furthest):
         raise InputError(f"agent {agent.id}: trajectory or heading holds NaN or infinity")
     if not math.isfinite(agent.spawn_time):
         raise InputError(f"agent {agent.id}: spawn_time {agent.spawn_time} is not a number")
@@ -147,12 +150,22 @@ def _read_user(agent: AgentRecord, step: float) -> RoadUser:
             f"agent {agent.id}: {count} positions from {agent.spawn_time:g} s on are no scene; "
             "times are seconds since its start"
         )
-    if np.abs(xy).max() > FARTHEST or np.abs(heading).max() > FARTHEST:
+    if furthest > FARTHEST:
         raise InputError(
             f"agent {agent.id}: a position or heading is too far off; they are metres and radians"
         )
     shape = Shape(agent.type, agent.length, agent.width)
     return RoadUser(agent.id, Track(xy, heading, agent.spawn_time, step), shape)
+
+
+@compiled
+def _largest(xy: FloatArray, heading: FloatArray) -> float:
+    """The largest magnitude of all; infinite where one is not a number."""
+    largest = 0.0
+    for values in (xy, heading):
+        for value in values:
+            largest = max(largest, np.inf if np.isnan(value) else abs(value))
+    return largest
 
 
 def _known_pair(relation: RelationRecord, known: set[int]) -> tuple[int, int]:
