@@ -101,7 +101,7 @@ def _visits(
     """
     visits = np.full((len(boxes), 3), -1, np.intp)
     for p in range(len(boxes)):
-        west, south, east, north = boxes[p]
+        west, south, east, north = boxes[p, 0], boxes[p, 1], boxes[p, 2], boxes[p, 3]
         comes_in, was_inside = 0, True
         for n in range(len(xy)):
             x, y = xy[n, 0], xy[n, 1]

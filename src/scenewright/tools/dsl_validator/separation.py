@@ -297,7 +297,7 @@ def _barred(
     count = 0
     for runs, touch in ((near, False), (touching, True)):
         for k in range(len(runs)):
-            row, first, last, who = runs[k]
+            row, first, last, who = runs[k, 0], runs[k, 1], runs[k, 2], runs[k, 3]
             begin, end = nodes[4, first] - leave[row], nodes[5, last] - come[row]
             if touch:
                 gap = keeping[who, _OUTER] if foreground else keeping[who, _INNER]

@@ -157,15 +157,17 @@ def _seen(
         way: time to the light; first: from when on who meets green is seen [s].
         edges, green: phases of the light; cycle, offset: of its programme [s].
     """
-    goes, kept = np.inf, np.zeros(len(enters), np.bool_)
+    goes, seen, count = np.inf, np.empty(len(enters)), 0
     for k in range(int(cycle / _GRID) + 1, 0, -1):
         after = enters[-1] + way + _GRID * k
         goes = after if shows_at(after + offset, edges, green, cycle) else goes
     for n in range(len(enters) - 1, -1, -1):
         crosses = enters[n] + way
         goes = crosses if shows_at(crosses + offset, edges, green, cycle) else goes
-        kept[n] = enters[n] >= first or (goes > crosses and goes > STARTED)
-    return enters[kept]
+        if enters[n] >= first or (goes > crosses and goes > STARTED):
+            count += 1
+            seen[-count] = enters[n]
+    return seen[len(seen) - count :]
 
 
 def seen_under(

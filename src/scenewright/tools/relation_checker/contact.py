@@ -17,6 +17,7 @@ from scenewright.tools.relation_checker.footprints import (
     Place,
     box_at,
     corners,
+    doubled,
     extent,
     gap,
     gap_of,
@@ -289,7 +290,9 @@ def _closing_steps(
     sizes: FloatArray,
 ) -> tuple[IntArray, IntArray]:
     """Pairs and steps, in order, in which the gap may close, after a look at their middle."""
-    row, col, count = np.empty(64, np.intp), np.empty(64, np.intp), 0
+    row: IntArray = np.empty(64, np.intp)
+    col: IntArray = np.empty(64, np.intp)
+    count = 0
     for pair in range(len(pairs)):
         a, b = pairs[pair, 0], pairs[pair, 1]
         for k in range(gaps.shape[1] - 1):
@@ -303,7 +306,7 @@ def _closing_steps(
             middle = gap_of(one, box_at(sizes, a), two, box_at(sizes, b))
             if min(middle, middle + min(before, after) - most / 2) <= 0:
                 if count == len(row):
-                    row, col = np.concatenate((row, row)), np.concatenate((col, col))
+                    row, col = doubled(row), doubled(col)
                 row[count], col[count] = pair, k
                 count += 1
     return row[:count], col[:count]

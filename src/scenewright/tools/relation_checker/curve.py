@@ -87,7 +87,7 @@ def _evened(
         i, j, last = begin[n], begin[n + 1], begin[n + 1] - 1
         total, first = s[origin[n + 1] - 1], origin[n]
         if i == last:
-            points[i], direction[i] = xy[first], heading[first]
+            points[i, 0], points[i, 1], direction[i] = xy[first, 0], xy[first, 1], heading[first]
             continue
         for k in range(i, last):
             even[k] = (k - i) * (total / (last - i))
@@ -257,20 +257,19 @@ def _projected(
 ) -> FloatArray:
     """[3, n] arc length, lateral and direction; see `project_each`."""
     found = np.zeros((3, len(points)))
-    found[1] = np.inf
     for n in range(len(points)):
         px, py, lane = points[n, 0], points[n, 1], which[n]
-        reach = within[n] + FOOT
-        if (
-            max(low[0, lane] - px, px - high[0, lane], low[1, lane] - py, py - high[1, lane])
-            >= reach
-        ):
+        beside = max(low[0, lane] - px, px - high[0, lane])
+        beyond = max(low[1, lane] - py, py - high[1, lane])
+        if max(beside, beyond) >= within[n] + FOOT:
+            found[1, n] = np.inf
             continue
         # Who stands keeps the projection of its first sample there.
         k = n - 1
         stays = n > 0 and px == points[k, 0] and py == points[k, 1]
         if stays and lane == which[k] and within[n] == within[k]:
-            found[:, n] = found[:, k]
+            for row in range(3):
+                found[row, n] = found[row, k]
             continue
         nearest, k = np.inf, 0
         for m in range(x.shape[1]):

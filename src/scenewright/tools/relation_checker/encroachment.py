@@ -23,6 +23,7 @@ from scenewright.tools.relation_checker.footprints import (
     Box,
     Place,
     angle_between,
+    doubled,
     in_touch,
 )
 from scenewright.tools.relation_checker.motion import Mover, lane_table, strung
@@ -330,7 +331,10 @@ def _met(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of places of pairs of movers that may touch, and a lower bound of their lag [s]."""
     blocks = _blocks(origin, reach, table)
-    p, q, lags, count = np.empty(256, np.intp), np.empty(256, np.intp), np.empty(256), 0
+    p: IntArray = np.empty(256, np.intp)
+    q: IntArray = np.empty(256, np.intp)
+    lags: FloatArray = np.empty(256)
+    count = 0
     for pair in range(len(first)):
         a, b = first[pair], second[pair]
         for i in range(origin[a], origin[a + 1], BLOCK):
@@ -343,8 +347,7 @@ def _met(
                         if lag == np.inf:
                             continue
                         if count == len(p):
-                            p, q = np.concatenate((p, p)), np.concatenate((q, q))
-                            lags = np.concatenate((lags, lags))
+                            p, q, lags = doubled(p), doubled(q), doubled(lags)
                         p[count], q[count], lags[count] = m, n, lag
                         count += 1
     return p[:count], q[:count], lags[:count]
@@ -360,10 +363,15 @@ def _blocks(origin: IntArray, reach: FloatArray, table: FloatArray) -> FloatArra
     for owner in range(len(origin) - 1):
         for i in range(origin[owner], origin[owner + 1], BLOCK):
             end = min(i + BLOCK, origin[owner + 1])
-            x, y = table[_SWEPT_X, i:end], table[_SWEPT_Y, i:end]
-            across = np.hypot(x.max() - x.min(), y.max() - y.min())
-            blocks[0, i], blocks[1, i] = x.min() + x.max(), y.min() + y.max()
-            blocks[2, i] = across + 2 * reach[i:end].max()
+            west = east = table[_SWEPT_X, i]
+            south = north = table[_SWEPT_Y, i]
+            widest = reach[i]
+            for k in range(i + 1, end):
+                west, east = min(west, table[_SWEPT_X, k]), max(east, table[_SWEPT_X, k])
+                south, north = min(south, table[_SWEPT_Y, k]), max(north, table[_SWEPT_Y, k])
+                widest = max(widest, reach[k])
+            blocks[0, i], blocks[1, i] = west + east, south + north
+            blocks[2, i] = np.hypot(east - west, north - south) + 2 * widest
             blocks[3, i], blocks[4, i] = table[_ARRIVE, i], table[_DEPART, end - 1] + STEP
     return blocks
 

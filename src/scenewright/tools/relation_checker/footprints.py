@@ -7,6 +7,7 @@ no extent. One formula then covers all pairs of classes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.tools.relation_checker.motion import Mover
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
+ArrayT = TypeVar("ArrayT", bound=np.ndarray[tuple[int, ...], np.dtype[Any]])
 BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
@@ -104,6 +106,15 @@ def _gaps(
         two = place_at(other_xy[k, 0], other_xy[k, 1], other_heading[k])
         gaps[k] = gap_of(one, box_at(size, i), two, box_at(other_size, j))
     return gaps
+
+
+@compiled
+def doubled(values: ArrayT) -> ArrayT:
+    """What was found, with room for as much again."""
+    more = np.empty(2 * len(values), values.dtype)
+    for k in range(len(values)):
+        more[k] = values[k]
+    return more  # type: ignore[return-value]
 
 
 @compiled

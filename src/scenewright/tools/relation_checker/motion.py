@@ -238,8 +238,10 @@ def _driven(xy: FloatArray, origin: IntArray) -> tuple[FloatArray, FloatArray]:
         for k in range(a + 1, b):
             s[k] = s[k - 1] + np.hypot(xy[k, 0] - xy[k - 1, 0], xy[k, 1] - xy[k - 1, 1])
         for axis in range(2):
-            bounds[track, axis] = xy[a:b, axis].min()
-            bounds[track, axis + 2] = xy[a:b, axis].max()
+            low = high = xy[a, axis]
+            for k in range(a + 1, b):
+                low, high = min(low, xy[k, axis]), max(high, xy[k, axis])
+            bounds[track, axis], bounds[track, axis + 2] = low, high
     return s, bounds
 
 
