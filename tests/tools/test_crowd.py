@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from parties import (
     AWAY,
     EASTWARDS,
@@ -23,7 +24,7 @@ from solver_actors import NORTH, actor, brute_offsets, straight, walker
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.crowd import Table, seat_in_turn
-from scenewright.tools.dsl_validator.separation import forbidden_offsets
+from scenewright.tools.dsl_validator.separation import Presence, forbidden_offsets
 
 
 @given(parties())
@@ -123,6 +124,24 @@ def test_nobody_gives_a_second_cause_to_who_gives_seat_in_turn():
     ]
     assert low * STEP <= -2.4
     assert high * STEP >= 2.4
+
+
+GIVES_WAY = EASTWARDS.edited(stops=(Stop("yield_point", 30.0, 5.0, 15.0, "gives_way"),))
+ACTORS = (EASTWARDS, NORTHWARDS, ON_FOOT, SLOWLY, AWAY, GIVES_WAY, EASTWARDS.ended(6.0))
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(ACTORS), st.integers(-80, 80)), min_size=1, max_size=4),
+    st.sampled_from(ACTORS),
+    st.booleans(),
+)
+@settings(max_examples=60)
+def test_one_time_is_looked_at_as_all_of_them_are(there, newcomer, strict):
+    present = Presence([each.shifted(STEP * steps) for each, steps in there], foreground=strict)
+    starts = np.arange(-150, 150)
+    free = present.free(newcomer, starts, foreground=strict)
+    alone = [present.free(newcomer, starts[k : k + 1], foreground=strict) for k in range(300)]
+    assert np.concatenate(alone).tolist() == free.tolist()
 
 
 def test_two_walkers_need_little_room():

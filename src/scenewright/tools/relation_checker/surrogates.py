@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.tools.relation_checker.curve import at_distance
-from scenewright.tools.relation_checker.footprints import IntArray, extent, gap
+from scenewright.tools.relation_checker.footprints import Box, Place, gap_of, place_at
 from scenewright.tools.relation_checker.motion import Mover
 
 RESOLUTION = 0.1
@@ -59,12 +60,14 @@ def drac(
 
 State = tuple[FloatArray, FloatArray]
 """Positions [n, m, 2] and headings [n, m] of one agent, at n times and m times ahead of each."""
+Pose = tuple[float, float, float]
+"""x, y [m] and heading [rad]."""
 
 
 def _straight_on(mover: Mover, times: FloatArray, ahead: FloatArray) -> State:
     xy, heading = mover.at(times)
     moved = xy[:, None] + ahead[:, None] * mover.velocity[mover.indices(times)][:, None]
-    return moved, np.broadcast_to(heading[:, None], moved.shape[:2])
+    return moved, np.repeat(heading[:, None], len(ahead), axis=1)
 
 
 def _along_path(mover: Mover, times: FloatArray, ahead: FloatArray) -> State:
@@ -77,49 +80,83 @@ def _along_path(mover: Mover, times: FloatArray, ahead: FloatArray) -> State:
 
 
 def _first_touch(first: Mover, second: Mover, one: State, two: State) -> FloatArray:
-    """[n] first time ahead at which footprints touch [s]; inf if never for 5 ms.
-
-    Between the moments that are 0.1 s apart both move straight on. Where the gap could close there,
-    20 parts of the way are tried: a contact at a corner is often over within 0.1 s.
-    """
-    row, col = _may_touch(first, second, one, two)
-    part = np.linspace(0.0, 1.0, PARTS + 1)
-    (xy, heading), (other_xy, other_heading) = (
-        [np.moveaxis(v[row, col] + np.multiply.outer(part, v[row, col + 1] - v[row, col]), 0, 1)
-         for v in state]
-        for state in (one, two)
-    )  # fmt: skip
-    gaps = gap(
-        xy, heading, extent(first),
-        other_xy=other_xy, other_heading=other_heading, other_size=extent(second),
-    )  # fmt: skip
-    hit = np.flatnonzero((gaps <= 0).any(axis=1))
-    hit = hit[np.diff(row[hit], prepend=-1) > 0]
-    k = np.argmax(gaps[hit] <= 0, axis=1)
-    before, after = gaps[hit, np.maximum(k - 1, 0)], gaps[hit, k]
-    within = np.where(k > 0, k - 1 + before / np.maximum(before - after, 1e-9), 0.0)
-    result = np.full(len(one[0]), np.inf)
-    result[row[hit]] = RESOLUTION * (col[hit] + within / PARTS)
-    return result
+    """[n] first time ahead at which footprints touch [s]; inf if never for 5 ms."""
+    boxes = [(m.half_length, m.half_width, m.radius) for m in (first, second)]
+    return _touched(*one, *two, (first.reach, second.reach), *boxes)
 
 
-def _may_touch(first: Mover, second: Mover, one: State, two: State) -> tuple[IntArray, IntArray]:
-    """Rows and steps in which the gap may close: it shrinks by no more than both move and turn."""
-    away = one[0] - two[0]
-    apart = np.hypot(away[..., 0], away[..., 1]) - (first.reach + second.reach)
-    shift = np.diff(away, axis=1)
-    turn = [m.reach * np.abs(np.diff(h, axis=1)) for m, (_, h) in ((first, one), (second, two))]
-    most = np.hypot(shift[..., 0], shift[..., 1]) + turn[0] + turn[1]
-    row, col = np.nonzero(apart[:, :-1] + apart[:, 1:] <= most)
-    both = _gaps(first, second, one, two, row, col) + _gaps(first, second, one, two, row, col + 1)
-    near = both <= most[row, col]
-    return row[near], col[near]
-
-
-def _gaps(
-    first: Mover, second: Mover, one: State, two: State, row: IntArray, col: IntArray
+@compiled
+def _touched(
+    xy: FloatArray,
+    heading: FloatArray,
+    other_xy: FloatArray,
+    other_heading: FloatArray,
+    reach: tuple[float, float],
+    size: Box,
+    other_size: Box,
 ) -> FloatArray:
-    return gap(
-        one[0][row, col], one[1][row, col], extent(first),
-        other_xy=two[0][row, col], other_heading=two[1][row, col], other_size=extent(second),
-    )  # fmt: skip
+    """Between the moments that are 0.1 s apart both move straight on, and 20 parts are tried.
+
+    A contact at a corner is often over within 0.1 s. Where the gap cannot close, as it shrinks by
+    no more than both move and turn, nothing is tried.
+    """
+    found = np.full(len(xy), np.inf)
+    for n in range(len(xy)):
+        x, y = xy[n, 0, 0] - other_xy[n, 0, 0], xy[n, 0, 1] - other_xy[n, 0, 1]
+        apart = np.hypot(x, y) - (reach[0] + reach[1])
+        for k in range(xy.shape[1] - 1):
+            then_x = xy[n, k + 1, 0] - other_xy[n, k + 1, 0]
+            then_y = xy[n, k + 1, 1] - other_xy[n, k + 1, 1]
+            then_apart = np.hypot(then_x, then_y) - (reach[0] + reach[1])
+            turn = reach[0] * abs(heading[n, k + 1] - heading[n, k])
+            turn += reach[1] * abs(other_heading[n, k + 1] - other_heading[n, k])
+            most = np.hypot(then_x - x, then_y - y) + turn
+            near = apart + then_apart <= most
+            x, y, apart = then_x, then_y, then_apart
+            if near:
+                ends = _ends(xy, heading, n, k)
+                other_ends = _ends(other_xy, other_heading, n, k)
+                part = _part_at_touch(ends, other_ends, size, other_size, most)
+                if part <= 1.0:
+                    found[n] = RESOLUTION * (k + part)
+                    break
+    return found
+
+
+@compiled
+def _ends(xy: FloatArray, heading: FloatArray, n: int, k: int) -> tuple[Pose, Pose]:
+    return (
+        (xy[n, k, 0], xy[n, k, 1], heading[n, k]),
+        (xy[n, k + 1, 0], xy[n, k + 1, 1], heading[n, k + 1]),
+    )
+
+
+@compiled
+def _part_at_touch(
+    a: tuple[Pose, Pose], b: tuple[Pose, Pose], a_size: Box, b_size: Box, most: float
+) -> float:
+    """The part of the way at which they touch first; more than 1 where they do not.
+
+    Args:
+        most: by how much the gap may shrink on the way [m].
+    """
+    before = gap_of(_between(0.0, a), a_size, _between(0.0, b), b_size)
+    if before + gap_of(_between(1.0, a), a_size, _between(1.0, b), b_size) > most:
+        return np.inf
+    if before <= 0.0:
+        return 0.0
+    for k in range(1, PARTS + 1):
+        part = k / PARTS
+        after = gap_of(_between(part, a), a_size, _between(part, b), b_size)
+        if after <= 0.0:
+            return float((k - 1 + before / max(before - after, 1e-9)) / PARTS)
+        before = after
+    return np.inf
+
+
+@compiled
+def _between(part: float, ends: tuple[Pose, Pose]) -> Place:
+    (x, y, heading), (then_x, then_y, turned) = ends
+    return place_at(
+        x + part * (then_x - x), y + part * (then_y - y), heading + part * (turned - heading)
+    )
