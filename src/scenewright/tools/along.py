@@ -14,6 +14,30 @@ def poses_along(path: Path, s: FloatArray) -> FloatArray:
     return _poses(s, path.s, path.xy, path.heading)
 
 
+def even_nodes(path: Path, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """[N] arc lengths [m] from 0 to the very end, about `spacing` apart, and [4, N] poses there.
+
+    Poses are x, y [m] and the cosine and sine of the heading.
+    """
+    count = max(2, round(path.length / spacing) + 1)
+    return _nodes(count, path.s, path.xy, path.heading)
+
+
+@compiled
+def _nodes(
+    count: int, nodes: FloatArray, xy: FloatArray, heading: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    s, turned, last = np.empty(count), np.empty((4, count)), nodes[len(nodes) - 1]
+    for n in range(count):
+        s[n] = n * (last / (count - 1))
+    s[count - 1] = last
+    poses = _poses(s, nodes, xy, heading)
+    for n in range(count):
+        turned[0, n], turned[1, n] = poses[n, 0], poses[n, 1]
+        turned[2, n], turned[3, n] = np.cos(poses[n, 2]), np.sin(poses[n, 2])
+    return s, turned
+
+
 @compiled
 def _poses(s: FloatArray, nodes: FloatArray, xy: FloatArray, heading: FloatArray) -> FloatArray:
     poses, last, k = np.empty((len(s), 3)), len(nodes) - 1, 0

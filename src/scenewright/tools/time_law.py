@@ -80,13 +80,7 @@ class Motion:
 
     def time_at(self, s: float) -> float:
         """First time [s, local] at which the centre is at arc length `s`; inf if it never is."""
-        index = int(self.s.searchsorted(s - 1e-9))
-        if index >= len(self.s):
-            return float("inf")
-        if index == 0:
-            return 0.0
-        low, high = self.s[index - 1 : index + 1].tolist()
-        return STEP * (index - 1 + float((s - low) / max(high - low, 1e-9)))
+        return _time_at(self.s, s)
 
     def position(self, times: FloatArray) -> FloatArray:
         """Arc length [m] at local times [s]; held at both ends."""
@@ -169,6 +163,18 @@ def _table_of(slowings: tuple[Slowing, ...]) -> FloatArray:
 
 
 # ---- as machine code: arrays of arc lengths [m], squared speeds [m^2/s^2] and times [s] ----------
+
+
+@compiled
+def _time_at(moved: FloatArray, s: float) -> float:
+    """First time [s] at which an ascending arc length [m] is reached; inf if it never is."""
+    index = np.searchsorted(moved, s - 1e-9)
+    if index >= len(moved):
+        return np.inf
+    if index == 0:
+        return 0.0
+    low, high = moved[index - 1], moved[index]
+    return float(STEP * (index - 1 + (s - low) / max(high - low, 1e-9)))
 
 
 @compiled

@@ -11,9 +11,10 @@ never says more than the true clearance; a pedestrian counts as the square about
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import accumulate
 
 import numpy as np
@@ -21,9 +22,9 @@ from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import Candidate, evenly
+from scenewright.scene.candidates import Candidate
 from scenewright.scene.track import STEP
-from scenewright.tools.along import poses_along
+from scenewright.tools.along import even_nodes
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.encounter import SLACK, Half, IntArray, axis_gap, occupancy
 from scenewright.tools.time_law import Motion
@@ -75,19 +76,17 @@ class Corridor:
     half: tuple[float, float]
     walks: bool
 
-    @cached_property
+    @property
     def reach(self) -> float:
         """Half the diagonal of the footprint [m]."""
-        return float(np.hypot(*self.half))
+        return math.hypot(*self.half)
 
 
 @lru_cache(maxsize=512)
 def corridor_of(candidate: Candidate) -> Corridor:
     """The nodes of a candidate's path; candidates are known by identity."""
     path, shape, kind = candidate.path, candidate.shape, candidate.route.type
-    s = evenly(path.length, max(2, round(path.length / _NODE[kind]) + 1))
-    x, y, heading = poses_along(path, s).T
-    pose = np.stack([x, y, np.cos(heading), np.sin(heading)])
+    s, pose = even_nodes(path, _NODE[kind])
     return Corridor(s, pose, (shape.length / 2, shape.width / 2), kind == "pedestrian")
 
 
@@ -201,11 +200,7 @@ def _stay(
 ) -> _Stay:
     corridor = corridor_of(actor.candidate)
     come, leave = occupancy(corridor.s, motion, 0.5)
-    # A run of nodes ends when the last that is reached is left.
-    reached = int(np.isfinite(come).sum())
-    leave[reached:] = leave[max(reached - 1, 0)]
-    nodes = np.empty((6, len(come)))
-    nodes[:4], nodes[4], nodes[5] = corridor.pose, come + actor.enters, leave + actor.enters
+    nodes = _in_scene_time(corridor.pose, come, leave, actor.enters)
     keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
                inner.clearance, inner.gap, outer.gap, ahead)  # fmt: skip
     return _Stay(nodes, np.array(keeping, dtype=np.float64))
@@ -226,6 +221,21 @@ def _meet(corridor: Corridor, table: _Table) -> Meetings:
 
 
 # ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _in_scene_time(
+    pose: FloatArray, come: FloatArray, leave: FloatArray, enters: float
+) -> FloatArray:
+    """[6, N] poses, and from when until when it is there [s]."""
+    nodes, left = np.empty((6, len(come))), leave[0]
+    for n in range(len(come)):
+        for row in range(4):
+            nodes[row, n] = pose[row, n]
+        # A run of nodes ends when the last that is reached is left.
+        left = leave[n] if come[n] < np.inf else left
+        nodes[4, n], nodes[5, n] = come[n] + enters, left + enters
+    return nodes
 
 
 @compiled

@@ -16,8 +16,23 @@ def sample_waypoints(prior: WaypointPrior, rng: np.random.Generator, *, size: in
     """[size, K, 2] draws from p_wp of a route [m] (paper Eq. 2)."""
     chosen = prior.cumulated.searchsorted(rng.random(size), side="right")
     noise = rng.standard_normal((size, DIMENSIONS))
-    drawn = prior.means[chosen] + np.einsum("mij,mj->mi", prior.cholesky[chosen], noise)
-    return np.asarray(drawn.reshape(size, K, 2))
+    return _drawn(chosen, noise, prior.means, prior.cholesky).reshape(size, K, 2)
+
+
+@compiled
+def _drawn(
+    chosen: NDArray[np.intp], noise: FloatArray, means: FloatArray, cholesky: FloatArray
+) -> FloatArray:
+    """[m, 20] of components chosen [m] and standard normal numbers [m, 20]."""
+    drawn = np.empty((len(chosen), DIMENSIONS))
+    for m in range(len(chosen)):
+        c = chosen[m]
+        for i in range(DIMENSIONS):
+            away = 0.0
+            for j in range(i + 1):
+                away += cholesky[c, i, j] * noise[m, j]
+            drawn[m, i] = means[c, i] + away
+    return drawn
 
 
 def waypoint_nll(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:

@@ -116,26 +116,8 @@ def _places(movers: tuple[Mover, ...]) -> _Places:
     xy, heading, origin = strung(movers)
     times = np.concatenate([m.times for m in movers])
     s = np.concatenate([m.s for m in movers])
-    key = np.floor(s / STILL)
-    new = np.concatenate(([True], key[1:] > key[:-1]))
-    new[origin[:-1]] = True
-    first = np.flatnonzero(new)
-    last = np.append(first[1:], len(xy)) - 1
-    owner = np.repeat(np.arange(len(movers)), np.diff(origin))[first]
-    after = np.minimum(last + 1, origin[owner + 1] - 1)
-    way, turn = xy[after] - xy[first], heading[after] - heading[first]
-    stride = np.hypot(way[:, 0], way[:, 1]) / 2
-    table = np.array([(m.half_length, m.half_width, m.radius, m.reach) for m in movers])
-    length, width, radius, reach = table[owner].T
-    disc, half_way = radius > 0, (xy[first] + xy[after]) / 2
-    rows = (
-        *xy[first].T, heading[first], *xy[after].T, heading[after],
-        times[first], times[last], times[after], length, width, radius,
-        *half_way.T, np.cos(heading[first]), np.sin(heading[first]),
-        np.where(disc, 0.0, length + stride), np.where(disc, radius + stride, 0.0),
-        reach * np.abs(turn) + TOUCH,
-    )  # fmt: skip
-    return _Places(owner, s[first], reach + stride, np.array(rows), np.searchsorted(first, origin))
+    sizes = np.array([(m.half_length, m.half_width, m.radius, m.reach) for m in movers])
+    return _Places(*_all_places(xy, heading, times, s, origin, sizes))
 
 
 def _touching(
@@ -318,6 +300,56 @@ def _exact_lags(
     _X, _Y, _HEADING, _NEXT_X, _NEXT_Y, _NEXT_HEADING, _ARRIVE, _DEPART, _LEAVE, _LENGTH, _WIDTH,
     _RADIUS, _SWEPT_X, _SWEPT_Y, _COS, _SIN, _SWEPT_LENGTH, _SWEPT_RADIUS, _SLACK,
 ) = range(19)  # fmt: skip
+
+
+@compiled
+def _all_places(
+    xy: FloatArray,
+    heading: FloatArray,
+    times: FloatArray,
+    s: FloatArray,
+    origin: IntArray,
+    sizes: FloatArray,
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
+    """What `_Places` holds, of samples one after another and sizes [N, 4] (reach the last)."""
+    first, owner, begin = _runs_of_rest(s, origin)
+    count = len(owner)
+    at, reach, table = np.empty(count), np.empty(count), np.empty((19, count))
+    for k in range(count):
+        i, n = first[k], owner[k]
+        last = first[k + 1] - 1
+        j = min(last + 1, origin[n + 1] - 1)
+        dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+        stride = np.hypot(dx, dy) / 2
+        length, width, radius = sizes[n, 0], sizes[n, 1], sizes[n, 2]
+        at[k], reach[k] = s[i], sizes[n, 3] + stride
+        table[_X, k], table[_Y, k], table[_HEADING, k] = xy[i, 0], xy[i, 1], heading[i]
+        table[_NEXT_X, k], table[_NEXT_Y, k] = xy[j, 0], xy[j, 1]
+        table[_NEXT_HEADING, k] = heading[j]
+        table[_ARRIVE, k], table[_DEPART, k], table[_LEAVE, k] = times[i], times[last], times[j]
+        table[_LENGTH, k], table[_WIDTH, k], table[_RADIUS, k] = length, width, radius
+        table[_SWEPT_X, k] = (xy[i, 0] + xy[j, 0]) / 2
+        table[_SWEPT_Y, k] = (xy[i, 1] + xy[j, 1]) / 2
+        table[_COS, k], table[_SIN, k] = np.cos(heading[i]), np.sin(heading[i])
+        table[_SWEPT_LENGTH, k] = 0.0 if radius > 0.0 else length + stride
+        table[_SWEPT_RADIUS, k] = radius + stride if radius > 0.0 else 0.0
+        table[_SLACK, k] = sizes[n, 3] * abs(heading[j] - heading[i]) + TOUCH
+    return owner, at, reach, table, begin
+
+
+@compiled
+def _runs_of_rest(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """First samples of places [K + 1], their owners [K], and where each owner's begin [N + 1]."""
+    first, owner = np.empty(len(s) + 1, np.intp), np.empty(len(s), np.intp)
+    begin, count = np.zeros(len(origin), np.intp), 0
+    for n in range(len(origin) - 1):
+        for i in range(origin[n], origin[n + 1]):
+            if i == origin[n] or np.floor(s[i] / STILL) > np.floor(s[i - 1] / STILL):
+                first[count], owner[count] = i, n
+                count += 1
+        begin[n + 1] = count
+    first[count] = len(s)
+    return first[: count + 1], owner[:count], begin
 
 
 @compiled

@@ -181,12 +181,23 @@ class Mover:
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions [..., 2] and headings [...] at times [s], linear in between, held outside."""
-        f = np.minimum(np.maximum((times - self.start) / STEP, 0.0), len(self.xy) - 1.0)
-        low = np.minimum(f.astype(np.intp), max(len(self.xy) - 2, 0))
-        high = np.minimum(low + 1, len(self.xy) - 1)
-        part, xy, heading = f - low, self.xy[low], self.heading[low]
-        xy = xy + part[..., None] * (self.xy[high] - xy)
-        return xy, heading + part * (self.heading[high] - heading)
+        xy, heading = _at(times.ravel(), self.start, self.xy, self.heading)
+        return xy.reshape(*times.shape, 2), heading.reshape(times.shape)
+
+
+@compiled
+def _at(
+    times: FloatArray, start: float, xy: FloatArray, heading: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    there, turned, last = np.empty((len(times), 2)), np.empty(len(times)), len(xy) - 1
+    for n in range(len(times)):
+        f = min(max((times[n] - start) / STEP, 0.0), float(last))
+        low = min(int(f), max(last - 1, 0))
+        high, part = min(low + 1, last), f - low
+        there[n, 0] = xy[low, 0] + part * (xy[high, 0] - xy[low, 0])
+        there[n, 1] = xy[low, 1] + part * (xy[high, 1] - xy[low, 1])
+        turned[n] = heading[low] + part * (heading[high] - heading[low])
+    return there, turned
 
 
 def strung(movers: Sequence[Mover]) -> tuple[FloatArray, FloatArray, IntArray]:
