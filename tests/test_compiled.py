@@ -14,13 +14,14 @@ from scenewright import compiled as module
 
 PROGRAM = """
 import numpy as np
-from scenewright.compiled import compiled, kept_at
+from scenewright.compiled import anything_kept, compiled, kept_at
 
 @compiled
 def ratio(values):
     return values[0] / values[1]
 
-print(ratio(np.array([5.0, 2.0])), ratio(np.array([1.0, 0.0])), kept_at())
+before = anything_kept()
+print(ratio(np.array([5.0, 2.0])), ratio(np.array([1.0, 0.0])), kept_at(), before)
 """
 
 
@@ -39,11 +40,11 @@ def times(folder: Path) -> dict[Path, int]:
 
 
 def test_it_is_compiled_once_and_kept(tmp_path: Path) -> None:
-    half, endless, kept = run(tmp_path)
-    assert (half, endless) == ("2.5", "inf")
+    half, endless, kept, before = run(tmp_path)
+    assert (half, endless, before) == ("2.5", "inf", "False")
     first = times(Path(kept))
     assert len(first) == 1
-    run(tmp_path)
+    assert run(tmp_path)[-1] == "True"
     assert times(Path(kept)) == first
 
 

@@ -56,6 +56,12 @@ def kept_at() -> Path | None:
     return None
 
 
+def anything_kept() -> bool:
+    """Whether machine code of these sources is at hand, or all of it has to be compiled first."""
+    folder = kept_at()
+    return folder is not None and any(folder.rglob("*.nbc"))
+
+
 def _roots() -> Iterator[Path]:
     """Where to look for a place: where numba is told to keep things, else here, else at home."""
     if named := os.environ.get("NUMBA_CACHE_DIR"):

@@ -116,10 +116,19 @@ def progress(*, quiet: bool) -> Iterator[Tell]:
     if quiet:
         yield _heeding(lambda *_: None)
     elif is_terminal(sys.stderr):
+        _say_if_new()
         with _spinner() as tell:
             yield _heeding(tell)
     else:
         yield _heeding(_Lines())
+
+
+def _say_if_new() -> None:
+    """Tells who makes a first scene why that takes longer."""
+    from scenewright.compiled import anything_kept
+
+    if not anything_kept():
+        say("compiling the innermost loops, once after an installation: some 15 s")
 
 
 def _heeding(tell: Tell) -> Tell:
