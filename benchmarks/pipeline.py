@@ -47,7 +47,9 @@ def commit() -> str:
 def main() -> None:
     refiner = sys.argv[1] if len(sys.argv) > 1 else "none"
     with tempfile.TemporaryDirectory() as folder:
-        synthesize(f"{REQUESTS[0]} {CROWD}", seed=99, refiner=refiner).save(Path(folder) / "warm")
+        for request in REQUESTS:  # the first run of these sources compiles their loops, too
+            scene = synthesize(f"{request} {CROWD}", seed=99, refiner=refiner)
+            scene.save(Path(folder) / "warm")
         gc.freeze()  # as the workers of a batch do after their first row
         print(f"Seven requests, {len(SEEDS)} seeds each")
         named = {request: f"{request} {CROWD}" for request in REQUESTS}
