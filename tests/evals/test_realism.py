@@ -13,7 +13,15 @@ from scenewright.evals.realism import Sample, distance, judge, wasserstein
 from scenewright.evals.realism.__main__ import main
 from scenewright.evals.realism.distances import chance, gain, resampled
 from scenewright.evals.realism.manners import cases, paces
-from scenewright.evals.realism.samples import Sieve, motion, of_recordings, of_scenes, steady
+from scenewright.evals.realism.samples import (
+    Sieve,
+    doing,
+    motion,
+    moving_share,
+    of_recordings,
+    of_scenes,
+    steady,
+)
 from scenewright.evals.realism.scenes import (
     YIELDS,
     Played,
@@ -265,15 +273,32 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
     ]
     clusters = of_scenes([Played(tuple(users))])
     both = motion(clusters, Sieve("vehicle"), side=[True]).samples
-    alone = motion(clusters, Sieve("vehicle", unimpeded=True), side=[True]).samples
+    alone = motion(clusters, Sieve("vehicle", doing="is never slow"), side=[True]).samples
     assert len(both["speed, standing too"]) == len(free) + len(held) - 20
     assert both["speed"].values.min() > 0.3
     assert alone["speed"].values == pytest.approx(8.0)
     assert alone["spread of speed"].values == pytest.approx([0.0], abs=1e-9)
     assert steady(of_scenes([Played(tuple(users[:1]))]), Sieve("vehicle")) == 1.0
     assert steady(clusters, Sieve("pedestrian")) is None
+    shares = [moving_share(clusters, each) for each in ("is never slow", "stops and sets off")]
+    assert sum(shares) == pytest.approx(1.0)
     near = motion(clusters, Sieve("vehicle", within=20.0), side=[True]).samples
     assert len(near["speed, standing too"]) < len(both["speed, standing too"])
+
+
+@pytest.mark.parametrize(
+    ("speed", "told"),
+    [
+        ([5.0, 4.0, 9.0], "is never slow"),
+        ([5.0, 2.0, 9.0], "slows down"),
+        ([5.0, 0.0, 0.4], "comes to stand"),
+        ([0.4, 0.0, 7.0], "sets off"),
+        ([5.0, 0.0, 7.0], "stops and sets off"),
+        ([0.4, 0.0, 0.9], "stands"),
+    ],
+)
+def test_agents_are_told_apart_by_what_they_do_in_view(speed, told):
+    assert doing(np.array(speed), "vehicle") == told
 
 
 def test_bicycles_are_no_vehicles_of_ours():

@@ -11,10 +11,12 @@ from scenewright.evals.realism.report import Report, Row, compare
 from scenewright.evals.realism.samples import (
     MOTION,
     Agents,
+    Doing,
     Measured,
     Part,
     Sieve,
     motion,
+    moving_share,
     of_recordings,
     of_scenes,
     steady,
@@ -100,6 +102,11 @@ def seen(
     )
 
 
+_NEVER_SLOW: Doing = "is never slow"
+_OF_VEHICLES: tuple[Doing, ...] = (
+    "slows down", "comes to stand", "sets off", "stops and sets off",
+)  # fmt: skip
+"""What else vehicles do while they are seen; who stands hardly moves."""
 _OF_NO_USE = {False: ("spread of speed",), True: ("speed, standing too",)}
 """Measures that say nothing about everybody, and about who is never slow."""
 
@@ -107,18 +114,24 @@ _OF_NO_USE = {False: ("spread of speed",), True: ("speed, standing too",)}
 def _motion_rows(
     made: Mapping[str, Seen], known: Seen, options: Mapping[str, Any]
 ) -> Iterator[Row]:
-    for kind, unimpeded in itertools.product(CLASSES, (False, True)):
-        sieve = Sieve(kind, unimpeded=unimpeded)
-        topic = "Motion of who is never slow" if unimpeded else "Motion"
+    apart: list[tuple[AgentClass, Doing | None]] = [
+        *itertools.product(CLASSES, (None, _NEVER_SLOW)),
+        *itertools.product(CLASSES[:1], _OF_VEHICLES),
+    ]
+    for kind, doing in apart:
+        sieve = Sieve(kind, doing=doing)
+        topic = f"Motion of who {doing}" if doing else "Motion"
         reference = motion(of_scenes(known.scenes), sieve, side=known.side)
-        for part in PARTS[:1] if unimpeded else PARTS:
+        for part in PARTS[:1] if doing else PARTS:
             sets = {
                 name if part == "all" else f"{name}, {part}": motion(
                     of_scenes(each.scenes, part=part), sieve, side=each.side
                 )
                 for name, each in made.items()
             }
-            measures = [m for m in MOTION if m not in _OF_NO_USE[unimpeded]]
+            measures = [m for m in MOTION if m not in _OF_NO_USE[doing is not None]]
+            if doing in _OF_VEHICLES:
+                measures = ["acceleration", "jerk"]
             yield from compare(
                 topic, kind, sets, reference, named="corpus", measures=measures, **options
             )
@@ -213,6 +226,9 @@ def _facts(
         facts[f"{name}: agents"] = sum(len(scene.users) for scene in each.scenes)
         facts[f"{name}: who yields"] = sum(yields.seen for yields in each.yields)
         facts[f"{name}: of these come to stand"] = sum(yields.stood for yields in each.yields)
+        for doing in (_NEVER_SLOW, *_OF_VEHICLES):
+            share = moving_share(of_scenes(each.scenes), doing)
+            facts[f"{name}: share of moving vehicle samples of who {doing}"] = _rounded(share)
         for kind in CLASSES:
             facts[f"{name}: share of {kind} samples standing"] = _rounded(_standing(each, kind))
             even = steady(of_scenes(each.scenes), Sieve(kind))

@@ -35,6 +35,11 @@ UNITS: Mapping[str, str] = {
 MOTION = ("speed", "speed, standing too", "acceleration", "jerk", "spread of speed")
 UNIMPEDED = {"vehicle": 3.0, "pedestrian": 0.5}
 """Who is never slower than this [m/s] is held up by nobody."""
+_GOING = {"vehicle": 1.0, "pedestrian": 0.5}
+"""Who is faster than this [m/s] does not just shift about."""
+Doing = Literal[
+    "is never slow", "slows down", "comes to stand", "sets off", "stops and sets off", "stands"
+]
 LONG_ENOUGH = 30
 """Samples that a spread of speed needs."""
 STEADY = 0.05
@@ -48,14 +53,14 @@ class Sieve:
     Attributes:
         type: of the agents; within: half the side of the square around the middle of the map in
             which positions count [m], None for all; smoothing: goes over positions first [s].
-        unimpeded: only agents that are never slow: what is left does not depend on how long the
-            queues at the lights are.
+        doing: only agents that do this while they are seen: what is left does not depend on how
+            many wait at the lights, or set off there.
     """
 
     type: AgentClass
     within: float | None = None
     smoothing: float = 0.0
-    unimpeded: bool = False
+    doing: Doing | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +125,7 @@ def _motion(track: Track, sieve: Sieve) -> tuple[FloatArray, ...]:
     """The values of one agent, in the order of MOTION."""
     done = kinematics(track.xy, smoothing=sieve.smoothing)
     least = float(done.speed.min(initial=np.inf))
-    if sieve.unimpeded and least <= UNIMPEDED[sieve.type]:
+    if sieve.doing is not None and doing(done.speed, sieve.type) != sieve.doing:
         return tuple(np.zeros(0) for _ in MOTION)
     here = np.ones(len(done), dtype=np.bool_)
     if sieve.within is not None:
@@ -132,6 +137,30 @@ def _motion(track: Track, sieve: Sieve) -> tuple[FloatArray, ...]:
     return (
         done.speed[moving], done.speed[here], done.acceleration[moving], done.jerk[moving], spread,
     )  # fmt: skip
+
+
+def doing(speed: FloatArray, kind: AgentClass) -> Doing:
+    """What an agent does while it is seen, by its speed [T] [m/s]."""
+    if speed.min(initial=np.inf) > UNIMPEDED[kind]:
+        return "is never slow"
+    standing = np.flatnonzero(speed <= STANDING)
+    if not len(standing):
+        return "slows down"
+    comes, goes = (
+        bool((part > _GOING[kind]).any()) for part in (speed[: standing[0]], speed[standing[-1] :])
+    )
+    if comes:
+        return "stops and sets off" if goes else "comes to stand"
+    return "sets off" if goes else "stands"
+
+
+def moving_share(clusters: Sequence[Agents], doing: Doing) -> float | None:
+    """Share of moving samples of vehicles that is of those who do this; None where none moves."""
+    one, every = (
+        len(motion(clusters, Sieve("vehicle", doing=each), side=()).samples["speed"])
+        for each in (doing, None)
+    )
+    return one / every if every else None
 
 
 def steady(clusters: Sequence[Agents], sieve: Sieve) -> float | None:
