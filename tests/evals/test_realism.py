@@ -17,7 +17,7 @@ from scenewright.evals.realism.samples import (
     Sieve,
     doing,
     motion,
-    moving_share,
+    moving_shares,
     of_recordings,
     of_scenes,
     steady,
@@ -280,8 +280,8 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
     assert alone["spread of speed"].values == pytest.approx([0.0], abs=1e-9)
     assert steady(of_scenes([Played(tuple(users[:1]))]), Sieve("vehicle")) == 1.0
     assert steady(clusters, Sieve("pedestrian")) is None
-    shares = [moving_share(clusters, each) for each in ("is never slow", "stops and sets off")]
-    assert sum(shares) == pytest.approx(1.0)
+    shares = moving_shares(clusters)
+    assert shares["is never slow"] + shares["stops and sets off"] == pytest.approx(1.0)
     near = motion(clusters, Sieve("vehicle", within=20.0), side=[True]).samples
     assert len(near["speed, standing too"]) < len(both["speed, standing too"])
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import Path
+from scenewright.scene.candidates import Path, evenly
 
 
 def poses_along(path: Path, s: FloatArray) -> FloatArray:
@@ -14,28 +14,19 @@ def poses_along(path: Path, s: FloatArray) -> FloatArray:
     return _poses(s, path.s, path.xy, path.heading)
 
 
-def even_nodes(path: Path, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """[N] arc lengths [m] from 0 to the very end, about `spacing` apart, and [4, N] poses there.
-
-    Poses are x, y [m] and the cosine and sine of the heading.
-    """
-    count = max(2, round(path.length / spacing) + 1)
-    return _nodes(count, path.s, path.xy, path.heading)
+def nodes_along(path: Path, spacing: float) -> FloatArray:
+    """[N] arc lengths [m] from 0 to the very end, about `spacing` apart."""
+    return evenly(path.length, max(2, round(path.length / spacing) + 1))
 
 
 @compiled
-def _nodes(
-    count: int, nodes: FloatArray, xy: FloatArray, heading: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    s, turned, last = np.empty(count), np.empty((4, count)), nodes[len(nodes) - 1]
-    for n in range(count):
-        s[n] = n * (last / (count - 1))
-    s[count - 1] = last
-    poses = _poses(s, nodes, xy, heading)
-    for n in range(count):
-        turned[0, n], turned[1, n] = poses[n, 0], poses[n, 1]
-        turned[2, n], turned[3, n] = np.cos(poses[n, 2]), np.sin(poses[n, 2])
-    return s, turned
+def turned(poses: FloatArray) -> FloatArray:
+    """[4, N] x, y, cosine and sine of the heading of poses [N, 3]."""
+    rows = np.empty((4, len(poses)))
+    for n in range(len(poses)):
+        rows[0, n], rows[1, n] = poses[n, 0], poses[n, 1]
+        rows[2, n], rows[3, n] = np.cos(poses[n, 2]), np.sin(poses[n, 2])
+    return rows
 
 
 @compiled

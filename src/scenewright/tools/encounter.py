@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import Path, evenly
+from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Shape
-from scenewright.tools.along import poses_along
+from scenewright.tools.along import nodes_along, poses_along, turned
 from scenewright.tools.time_law import Motion
 
 FOREVER = 1e4
@@ -91,13 +91,13 @@ def encounter(
     Args:
         spacing: distance between nodes of a and of b [m]; a PET wants less than a certificate.
     """
-    s_a, s_b = _nodes(a, spacing[0]), _nodes(b, spacing[1])
+    s_a, s_b = nodes_along(a, spacing[0]), nodes_along(b, spacing[1])
     pose_a, pose_b = poses_along(a, s_a), poses_along(b, s_b)
     radius = sum(np.hypot(shape.length, shape.width) / 2 for shape in shapes)
     i, j = close_nodes(pose_a.T, pose_b.T, float(radius + reach), (float(s_a[1]), float(s_b[1])))
     if all(shape.type == "vehicle" for shape in shapes):
         halves = [(shape.length / 2, shape.width / 2) for shape in shapes]
-        gap = _axis_gaps(_turned(pose_a), _turned(pose_b), i, j, *halves)
+        gap = _axis_gaps(turned(pose_a), turned(pose_b), i, j, *halves)
         i, j, gap = i[gap <= reach], j[gap <= reach], gap[gap <= reach]
         clearance = gap
         # The gap is exact for footprints that overlap; only the others may meet at corners.
@@ -183,11 +183,6 @@ def _axis_gaps(
     return gap
 
 
-def _turned(poses: FloatArray) -> FloatArray:
-    """[4, N] x, y, cosine and sine of poses [N, 3]."""
-    return np.stack([poses[:, 0], poses[:, 1], np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-
-
 def footprint_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shape]) -> FloatArray:
     """[N] distance [m] between footprints at poses [N, 3] (x, y, heading); negative = overlap.
 
@@ -251,10 +246,6 @@ def gap_to(intervals: Intervals, delta: float) -> float:
         return float("inf")
     outside = np.maximum(intervals[:, 0] - delta, delta - intervals[:, 1])
     return float(np.maximum(outside, 0.0).min())
-
-
-def _nodes(path: Path, spacing: float) -> FloatArray:
-    return evenly(path.length, max(2, round(path.length / spacing) + 1))
 
 
 def _local(x: FloatArray, y: FloatArray, box: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -16,7 +16,7 @@ from scenewright.evals.realism.samples import (
     Part,
     Sieve,
     motion,
-    moving_share,
+    moving_shares,
     of_recordings,
     of_scenes,
     steady,
@@ -226,8 +226,7 @@ def _facts(
         facts[f"{name}: agents"] = sum(len(scene.users) for scene in each.scenes)
         facts[f"{name}: who yields"] = sum(yields.seen for yields in each.yields)
         facts[f"{name}: of these come to stand"] = sum(yields.stood for yields in each.yields)
-        for doing in (_NEVER_SLOW, *_OF_VEHICLES):
-            share = moving_share(of_scenes(each.scenes), doing)
+        for doing, share in moving_shares(of_scenes(each.scenes)).items():
             facts[f"{name}: share of moving vehicle samples of who {doing}"] = _rounded(share)
         for kind in CLASSES:
             facts[f"{name}: share of {kind} samples standing"] = _rounded(_standing(each, kind))

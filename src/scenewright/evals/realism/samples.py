@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,13 +154,14 @@ def doing(speed: FloatArray, kind: AgentClass) -> Doing:
     return "sets off" if goes else "stands"
 
 
-def moving_share(clusters: Sequence[Agents], doing: Doing) -> float | None:
-    """Share of moving samples of vehicles that is of those who do this; None where none moves."""
-    one, every = (
-        len(motion(clusters, Sieve("vehicle", doing=each), side=()).samples["speed"])
-        for each in (doing, None)
-    )
-    return one / every if every else None
+def moving_shares(clusters: Sequence[Agents]) -> dict[Doing, float | None]:
+    """Shares of moving samples of vehicles by what these do; None where none moves."""
+    counts: dict[Doing, int] = {
+        each: len(motion(clusters, Sieve("vehicle", doing=each), side=()).samples["speed"])
+        for each in get_args(Doing)
+    }
+    every = sum(counts.values())
+    return {each: count / every if every else None for each, count in counts.items()}
 
 
 def steady(clusters: Sequence[Agents], sieve: Sieve) -> float | None:

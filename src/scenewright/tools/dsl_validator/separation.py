@@ -24,7 +24,7 @@ from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.track import STEP
-from scenewright.tools.along import even_nodes
+from scenewright.tools.along import nodes_along, poses_along, turned
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.encounter import SLACK, Half, IntArray, axis_gap, occupancy
 from scenewright.tools.time_law import Motion
@@ -86,8 +86,10 @@ class Corridor:
 def corridor_of(candidate: Candidate) -> Corridor:
     """The nodes of a candidate's path; candidates are known by identity."""
     path, shape, kind = candidate.path, candidate.shape, candidate.route.type
-    s, pose = even_nodes(path, _NODE[kind])
-    return Corridor(s, pose, (shape.length / 2, shape.width / 2), kind == "pedestrian")
+    s = nodes_along(path, _NODE[kind])
+    return Corridor(
+        s, turned(poses_along(path, s)), (shape.length / 2, shape.width / 2), kind == "pedestrian"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +241,22 @@ def _in_scene_time(
 
 
 @compiled
+def _apart(keeping: FloatArray, walks: bool) -> tuple[bool, float]:
+    """Whether both walk, and the clearance to keep [m]; none beyond touch that touch alone has."""
+    # Two pedestrians may come close, and have no time gap to keep.
+    both = walks and keeping[_WALKS] > 0.0
+    least = _WALKERS_APART if both else keeping[_CLEARANCE]
+    return both, least if keeping[_CLEARANCE] > 0.0 else -np.inf
+
+
+@compiled
+def _time_gaps(keeping: FloatArray, walks: bool, foreground: bool) -> tuple[float, float]:
+    """How long before and after somebody present a newcomer may not come there [s]."""
+    after = keeping[_OUTER] if foreground else keeping[_INNER]
+    return max(after, keeping[_AHEAD]) if walks else after, after
+
+
+@compiled
 def _runs(
     pose: FloatArray,
     spacing: float,
@@ -259,11 +277,7 @@ def _runs(
             if i < far_until[who]:
                 continue
             own = (keeping[who, _LONG], keeping[who, _WIDE])
-            # Two pedestrians may come close, and have no time gap to keep.
-            both = walks and keeping[who, _WALKS] > 0.0
-            # What only touch concerns has no clearance to keep beyond it.
-            least = _WALKERS_APART if both else keeping[who, _CLEARANCE]
-            least = least if keeping[who, _CLEARANCE] > 0.0 else -np.inf
+            both, least = _apart(keeping[who], walks)
             radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
             beside = against = False
             nearest, j = np.inf, ends[who]
@@ -321,9 +335,8 @@ def _barred(
             row, first, last, who = runs[k, 0], runs[k, 1], runs[k, 2], runs[k, 3]
             begin, end = nodes[4, first] - leave[row], nodes[5, last] - come[row]
             if touch:
-                gap = keeping[who, _OUTER] if foreground else keeping[who, _INNER]
-                begin -= max(gap, keeping[who, _AHEAD]) if walks else gap
-                end += gap
+                before, after = _time_gaps(keeping[who], walks, foreground)
+                begin, end = begin - before, end + after
             if np.isfinite(begin) and np.isfinite(end):
                 low[count], high[count] = begin, end
                 count += 1
@@ -347,12 +360,9 @@ def _meets(
     """Whether entering at `start` [steps] is barred, as `_runs` and `_barred` would have it."""
     for who in range(len(keeping)):
         own = (keeping[who, _LONG], keeping[who, _WIDE])
-        both = walks and keeping[who, _WALKS] > 0.0
-        least = _WALKERS_APART if both else keeping[who, _CLEARANCE]
-        least = least if keeping[who, _CLEARANCE] > 0.0 else -np.inf
+        both, least = _apart(keeping[who], walks)
         radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
-        after = keeping[who, _OUTER] if foreground else keeping[who, _INNER]
-        before = max(after, keeping[who, _AHEAD]) if walks else after
+        before, after = _time_gaps(keeping[who], walks, foreground)
         first = ends[who]
         for i in range(pose.shape[1]):
             if come[i] == np.inf:

@@ -21,7 +21,6 @@ LANE_BEFORE, LANE_AFTER = 30, 50
 """Points by which a lane goes on straight before and after a path: 15 and 25 m."""
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
-BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,28 +60,24 @@ def curves(xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray)
         xy: [S, 2] positions [m], track after track; s: [S] arc length since the first position of
             the track; heading: [S]; origin: [N+1] where each track begins, the last entry being S.
     """
-    even, points, direction, begin, turns_over = _evened(xy, s, heading, origin)
+    even, points, direction, begin = _evened(xy, s, heading, origin)
     return [
-        Path(even[i:j], points[i:j], unwrapped(direction[i:j]) if turns else direction[i:j])
-        for (i, j), turns in zip(pairwise(begin.tolist()), turns_over.tolist(), strict=True)
+        Path(even[i:j], points[i:j], unwrapped(direction[i:j])) for i, j in pairwise(begin.tolist())
     ]
 
 
 @compiled
 def _evened(
     xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, BoolArray]:
-    """Of all tracks arc lengths [m], points [m] and directions [rad] of their paths.
-
-    Then where each path begins, and whether its directions jump by half a turn or more.
-    """
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    """Arc lengths [m], points [m] and directions [rad] of all paths, and where each begins."""
     begin = np.zeros(len(origin), np.intp)
     for n in range(len(origin) - 1):
         total = s[origin[n + 1] - 1]
         count = 1 if total < SHORTEST else max(int(total / SPACING), 1) + 1
         begin[n + 1] = begin[n] + count
     even, points = np.zeros(begin[-1]), np.empty((begin[-1], 2))
-    direction, turns_over = np.empty(begin[-1]), np.zeros(len(origin) - 1, np.bool_)
+    direction = np.empty(begin[-1])
     for n in range(len(origin) - 1):
         i, j, last = begin[n], begin[n + 1], begin[n + 1] - 1
         total, first = s[origin[n + 1] - 1], origin[n]
@@ -97,8 +92,7 @@ def _evened(
             before, after = max(k - 1, i), min(k + 1, last)
             dx, dy = points[after, 0] - points[before, 0], points[after, 1] - points[before, 1]
             direction[k] = np.arctan2(dy, dx)
-            turns_over[n] |= k > i and abs(direction[k] - direction[k - 1]) >= np.pi
-    return even, points, direction, begin, turns_over
+    return even, points, direction, begin
 
 
 @compiled

@@ -314,7 +314,7 @@ def _all_places(
     """What `_Places` holds, of samples one after another and sizes [N, 4] (reach the last)."""
     first, owner, begin = _runs_of_rest(s, origin)
     count = len(owner)
-    at, reach, table = np.empty(count), np.empty(count), np.empty((19, count))
+    at, reach, table = np.empty(count), np.empty(count), np.empty((_SLACK + 1, count))
     for k in range(count):
         i, n = first[k], owner[k]
         last = first[k + 1] - 1
