@@ -16,6 +16,7 @@ from scenewright.evals.realism.manners import cases, paces
 from scenewright.evals.realism.samples import (
     Sieve,
     doing,
+    in_shares,
     motion,
     moving_shares,
     of_recordings,
@@ -299,6 +300,26 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
 )
 def test_agents_are_told_apart_by_what_they_do_in_view(speed, told):
     assert doing(np.array(speed), "vehicle") == told
+
+
+def test_motion_is_compared_in_the_shares_of_another_set():
+    """Nine cars drive on and one stops; asked for half and half, eight of the nine count less."""
+    driving, held = mover(np.arange(0.0, 80.0, 0.8)), mover(ride())
+    users = [
+        RoadUser(k, Track(m.xy, m.heading, 0.0), vehicle_shape())
+        for k, m in enumerate([*[driving] * 9, held])
+    ]
+    clusters = of_scenes([Played(tuple(users))])
+    rng = np.random.default_rng(0)
+    halves = {"is never slow": 0.5, "stops and sets off": 0.5}
+    found = in_shares(clusters, halves, Sieve("vehicle"), side=[True], rng=rng).samples
+    moving = len(motion(clusters, Sieve("vehicle", doing="stops and sets off"), side=[True])
+                 .samples["acceleration"])  # fmt: skip
+    assert len(found["acceleration"]) == len(found["jerk"]) == 2 * moving
+    assert (np.abs(found["acceleration"].values) < 1e-9).sum() >= moving
+    only = {"sets off": 1.0}
+    nobody = in_shares(clusters, only, Sieve("vehicle"), side=[True], rng=rng).samples
+    assert len(nobody["acceleration"]) == 0
 
 
 def test_bicycles_are_no_vehicles_of_ours():

@@ -45,9 +45,9 @@ def corner(radius: float = 10.0) -> Path:
     return Path(xy, s, heading, np.where(inside, 1.0 / radius, 0.0))
 
 
-def stop_and_go(seconds: float = 20.0, speed: float = 8.0) -> np.ndarray:
-    """Even speed, braking at 2 m/s^2 to a standstill of 4 s, starting at 2 m/s^2."""
-    ramp = speed / 2.0
+def stop_and_go(seconds: float = 20.0, speed: float = 8.0, rate: float = 2.0) -> np.ndarray:
+    """Even speed, braking at `rate` [m/s^2] to a standstill of 4 s, starting at the same."""
+    ramp = speed / rate
     times = np.array([0.0, 5.0, 5.0 + ramp, 9.0 + ramp, 9.0 + 2 * ramp, 99.0])
     v = np.interp(
         STEP * np.arange(round(seconds / STEP)), times, [speed, speed, 0, 0, speed, speed]
@@ -102,7 +102,7 @@ def test_a_curve_is_not_taken_faster_than_its_lateral_limit(height, period):
 
 
 def test_one_stretch_that_asks_too_much_costs_no_other_its_share():
-    prior = stop_and_go()
+    prior = stop_and_go(rate=1.6)
     kept = rates(prior)[0] <= 0.3
     before, after = free_parts(kept)
     wish = np.zeros(len(prior))

@@ -25,7 +25,8 @@ class Present(Model):
 
     Attributes:
         number: its id in scene.json.
-        speed: free speed [m/s]; stops: whether it stands anywhere.
+        speed: free speed [m/s]; stops: whether it stands anywhere; who takes part,
+            elsewhere than at a red light.
         slows_to: who gives way without standing passes that slowly [m/s].
     """
 

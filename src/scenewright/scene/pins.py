@@ -107,5 +107,5 @@ class Pins:
 
 def unedited(agent: SelectedAgent) -> SelectedAgent:
     """The agent as it would go if nobody were there: only its red lights hold it."""
-    stops = tuple(each for each in agent.stops if each.reason == "red_light")
+    stops = tuple(each for each in agent.stops if each.at_red)
     return replace(agent, stops=stops, slowings=(), contact=None)

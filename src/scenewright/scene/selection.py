@@ -39,6 +39,11 @@ class Stop:
         """Whether the agent slows there without standing."""
         return self.speed > 0.0
 
+    @property
+    def at_red(self) -> bool:
+        """Whether it stands at a red light, or in the queue of one."""
+        return self.reason == "red_light"
+
 
 @dataclass(frozen=True)
 class Slowing:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from scenewright.evals.realism.report import Report, Row, compare
 from scenewright.evals.realism.samples import (
@@ -15,6 +17,7 @@ from scenewright.evals.realism.samples import (
     Measured,
     Part,
     Sieve,
+    in_shares,
     motion,
     moving_shares,
     of_recordings,
@@ -79,7 +82,11 @@ def judge(
     known = seen([scene for _, scene in cut], on=on, side=side)
     made = {name: seen(scenes, on=on) for name, scenes in sets.items()}
     options: dict[str, Any] = {"draws": draws, "seed": seed}
-    rows = [*_motion_rows(made, known, options), *_stop_rows(made, known, options)]
+    rows = list(_motion_rows(made, known, options))
+    rows += _alike_shares(
+        "corpus", of_scenes(known.scenes), known.side, Sieve("vehicle"), made, options
+    )
+    rows += [*_stop_rows(made, known, options)]
     rows += _alike_rows(made, known, options)
     if real is not None:
         rows += _real_rows(made, known, real, options)
@@ -135,6 +142,31 @@ def _motion_rows(
             yield from compare(
                 topic, kind, sets, reference, named="corpus", measures=measures, **options
             )
+
+
+def _alike_shares(
+    named: str,
+    reference: Sequence[Agents],
+    side: Sequence[bool],
+    sieve: Sieve,
+    made: Mapping[str, Seen],
+    options: Mapping[str, Any],
+) -> Iterator[Row]:
+    """Vehicles in the shares of what those of the reference do in view."""
+    whole = replace(sieve, within=None)
+    shares = moving_shares(reference, whole)
+    sought = {each: shares[each] or 0.0 for each in (_NEVER_SLOW, *_OF_VEHICLES)}
+
+    def alike(clusters: Sequence[Agents], sieve: Sieve, side: Sequence[bool]) -> Measured:
+        rng = np.random.default_rng(options["seed"])
+        return in_shares(clusters, sought, sieve, side=side, rng=rng)
+
+    yield from compare(
+        "Motion in the shares of the reference", "vehicle",
+        {name: alike(of_scenes(each.scenes), sieve, each.side) for name, each in made.items()},
+        alike(reference, whole, side), named=named,
+        measures=("acceleration", "jerk"), **options,
+    )  # fmt: skip
 
 
 def _stop_rows(made: Mapping[str, Seen], known: Seen, options: Mapping[str, Any]) -> Iterator[Row]:
@@ -202,11 +234,8 @@ def _against_real(
     options: Mapping[str, Any],
 ) -> Iterator[Row]:
     # Real tracks are in frames of their own: what of them lies near a middle is all of the fine.
-    reference = motion(
-        real,
-        Sieve(sieve.type, smoothing=sieve.smoothing),
-        side=[k % 2 == 0 for k in range(len(real))],
-    )
+    side = [k % 2 == 0 for k in range(len(real))]
+    reference = motion(real, replace(sieve, within=None), side=side)
     sets: dict[str, Measured] = {
         name: motion(of_scenes(each.scenes), sieve, side=each.side)
         for name, each in {**made, "corpus": known}.items()
@@ -215,6 +244,8 @@ def _against_real(
         "Motion", sieve.type, sets, reference, named=named, measures=MOTION,
         **options,
     )  # fmt: skip
+    if sieve.type == "vehicle":
+        yield from _alike_shares(named, real, side, sieve, {**made, "corpus": known}, options)
 
 
 def _facts(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -53,8 +53,8 @@ class Sieve:
     Attributes:
         type: of the agents; within: half the side of the square around the middle of the map in
             which positions count [m], None for all; smoothing: goes over positions first [s].
-        doing: only agents that do this while they are seen: what is left does not depend on how
-            many wait at the lights, or set off there.
+        doing: only agents that do this while they are seen there: what is left does not depend on
+            how many wait at the lights, or set off there.
     """
 
     type: AgentClass
@@ -125,12 +125,12 @@ def _motion(track: Track, sieve: Sieve) -> tuple[FloatArray, ...]:
     """The values of one agent, in the order of MOTION."""
     done = kinematics(track.xy, smoothing=sieve.smoothing)
     least = float(done.speed.min(initial=np.inf))
-    if sieve.doing is not None and doing(done.speed, sieve.type) != sieve.doing:
-        return tuple(np.zeros(0) for _ in MOTION)
     here = np.ones(len(done), dtype=np.bool_)
     if sieve.within is not None:
         place = track.xy[done.first : done.first + len(done)]
         here = np.abs(place).max(axis=1, initial=0.0) <= sieve.within
+    if sieve.doing is not None and doing(done.speed[here], sieve.type) != sieve.doing:
+        return tuple(np.zeros(0) for _ in MOTION)
     moving = here & (done.speed > STANDING)
     free = least > UNIMPEDED[sieve.type] and int(here.sum()) >= LONG_ENOUGH
     spread = np.array([done.speed[here].std()]) if free else np.zeros(0)
@@ -154,14 +154,53 @@ def doing(speed: FloatArray, kind: AgentClass) -> Doing:
     return "sets off" if goes else "stands"
 
 
-def moving_shares(clusters: Sequence[Agents]) -> dict[Doing, float | None]:
+def moving_shares(
+    clusters: Sequence[Agents], sieve: Sieve = Sieve("vehicle")
+) -> dict[Doing, float | None]:
     """Shares of moving samples of vehicles by what these do; None where none moves."""
     counts: dict[Doing, int] = {
-        each: len(motion(clusters, Sieve("vehicle", doing=each), side=()).samples["speed"])
+        each: len(motion(clusters, replace(sieve, doing=each), side=()).samples["speed"])
         for each in get_args(Doing)
     }
     every = sum(counts.values())
     return {each: count / every if every else None for each, count in counts.items()}
+
+
+def in_shares(
+    clusters: Sequence[Agents],
+    shares: Mapping[Doing, float],
+    sieve: Sieve,
+    *,
+    side: Sequence[bool],
+    rng: np.random.Generator,
+) -> Measured:
+    """Acceleration and jerk of vehicles, as many of each kind as make these shares.
+
+    What people meet with decides how often they stop; this compares how they move, whatever that
+    is. Samples of who is seen too often are left out at random; who is never seen counts nowhere.
+    """
+    kinds = [motion(clusters, replace(sieve, doing=each), side=side) for each in shares]
+    sizes = [len(each.samples["acceleration"]) for each in kinds]
+    seen = [(n, share) for n, share in zip(sizes, shares.values(), strict=True) if n and share]
+    most = min((n / share for n, share in seen), default=0.0)
+    kept = [
+        np.sort(rng.permutation(n)[: round(share * most)])
+        for n, share in zip(sizes, shares.values(), strict=True)
+    ]
+    samples = {
+        name: _joined([m.samples[name] for m in kinds], kept) for name in ("acceleration", "jerk")
+    }
+    return Measured(samples, np.asarray(side, dtype=np.bool_))
+
+
+def _joined(samples: Sequence[Sample], kept: Sequence[NDArray[np.int64]]) -> Sample:
+    """Some values of samples of the same clusters."""
+    parts = list(zip(samples, kept, strict=True))
+    return Sample(
+        np.concatenate([each.values[k] for each, k in parts]),
+        np.concatenate([each.cluster[k] for each, k in parts]),
+        samples[0].clusters,
+    )
 
 
 def steady(clusters: Sequence[Agents], sieve: Sieve) -> float | None:

@@ -84,8 +84,9 @@ def _its_stop(agent: SelectedAgent) -> Stop:
 
 
 def _only_slows(agent: SelectedAgent) -> Stop | None:
-    """Where who gives way without standing anywhere is slowest; None for everybody else."""
-    return agent.stops[0] if agent.stops and all(each.rolls for each in agent.stops) else None
+    """Where who gives way without standing for it is slowest; None for everybody else."""
+    yields = [each for each in agent.stops if each.reason == "gives_way"]
+    return yields[0] if yields and all(each.rolls for each in yields) else None
 
 
 def _slows(rolling: Stop) -> str:

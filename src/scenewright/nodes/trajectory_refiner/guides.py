@@ -36,6 +36,7 @@ def guides_of(
     """One guide for everybody, by name."""
     from scenewright.tools.trajnet_refiner.guided import Guide
 
+    bound = {name for event in selection.events for name in event.agents}
     return {
         name: Guide(
             kind=motion.candidate.route.type,
@@ -44,6 +45,7 @@ def guides_of(
             enters=selection.agents[name].enters,
             kept=_kept(motion, selection.agents[name], selection),
             goals=tuple(segment.end for segment in behavior.segments[name]),
+            bound=name in bound,
         )
         for name, motion in motions.items()
     }

@@ -59,6 +59,10 @@ _CAUSE, _CAUSE_SEEN = 1.2, 1.7
 """How far [s] from the other's time in the zone it would have been there unheld (2 s): where nobody
 was seen, and where it was seen how long people stand."""
 
+_SETS_OFF = 4.5
+"""Least way [m] from a red light to where who set off there gives way: it must have been moving at
+2 m/s (SEMANTICS)."""
+
 _FREE = {"acceleration": 2.0, "braking": 2.0, "lateral": 3.0}
 """Free speed as SEMANTICS section 4 defines it."""
 
@@ -83,6 +87,8 @@ def yields(clause: GivesWay, staging: Staging, setting: Setting) -> Iterator[Sta
     if _may_roll(clause, staging, setting):
         yield from _rolling(clause, staging, setting, zone)
     for anchor, hold in stopping_places(clause, a, b, zone, setting):
+        if not _gets_going(a, hold.s):
+            continue
         yield from _held(clause, staging, setting, zone, (anchor, hold))
 
 
@@ -102,8 +108,9 @@ def _held(
     a, b = setting.both(clause, staging)
     anchor, hold = place
     others = tuple(stop for stop in a.stops if abs(stop.s - hold.s) > 0.5)
-    stands = arrival(a.candidate, hold, _holds(others, a.enters))
-    unheld = _unheld(a, hold, stands, zone.s_a[zone.i])
+    earlier = _holds(others, a.enters)
+    stands = arrival(a.candidate, hold, earlier)
+    unheld = _unheld(a, hold, stands, zone.s_a[zone.i], earlier)
     _, b_out = passage(b.motion, zone.s_b[zone.j])
     for seen, lasts in _tempers(clause, a, hold, stands, zone, setting):
         low, high = _reasons(clause, b, unheld, zone, setting)
@@ -245,21 +252,27 @@ def _rolling(
 
 def _slowed(a: Actor, s: float, pace: float, nodes: FloatArray) -> tuple[Actor, _Unheld] | None:
     """Who slows to a share `pace` of its approach speed at `s` [m]; None if that is no yield."""
-    if s <= 2.0 or nodes.min() - s >= UPSTREAM[a.candidate.route.type]:
+    too_far = nodes.min() - s >= UPSTREAM[a.candidate.route.type]
+    if s <= 2.0 or too_far or not _gets_going(a, s):
         return None
-    stop = Hold(s, 0.0)
-    unheld = _unheld(a, stop, arrival(a.candidate, stop), nodes)
+    stop, earlier = Hold(s, 0.0), _holds(a.stops, a.enters)
+    unheld = _unheld(a, stop, arrival(a.candidate, stop, earlier), nodes, earlier)
     free = float(np.interp(s, unheld.free.s, unheld.free.speed))
     speed = max(min(pace * unheld.approach, _SLOW * free) - _SMOOTHED, _SLOWEST)
     hold = Hold(s, 0.0, speed=speed)
-    at = arrival(a.candidate, hold)
+    at = arrival(a.candidate, hold, earlier)
     ahead = float(nodes.min()) - s
     stop_at = Stop("yield_point", s, at + a.enters, at + a.enters, "gives_way", None, ahead, speed)
-    rolling = a.edited(stops=(stop_at,))
+    rolling = a.edited(stops=(*a.stops, stop_at))
     lowest = float(np.interp(at, STEP * np.arange(len(rolling.motion.s)), rolling.motion.speed))
     if lowest > (_SLOW + 0.04) * free:
         return None
-    return rolling, _unheld(a, hold, at, nodes)
+    return rolling, _unheld(a, hold, at, nodes, earlier)
+
+
+def _gets_going(a: Actor, s: float) -> bool:
+    """Whether it drives fast enough before `s` [m], if it comes from a red light."""
+    return all(s - stop.s > _SETS_OFF for stop in a.stops if stop.at_red)
 
 
 def _rolls(a: Actor, hold: Hold, stands: float, zone: Encounter) -> float:
@@ -355,16 +368,23 @@ class _Unheld:
     free: Motion
 
 
-def _unheld(a: Actor, hold: Hold, stands: float, nodes: FloatArray) -> _Unheld:
-    """It began at the last moment at which it still drove its approach speed (less 0.3 m/s)."""
-    motion = move(a.candidate, holds=(replace(hold, release=stands + 9.0),))
+def _unheld(
+    a: Actor, hold: Hold, stands: float, nodes: FloatArray, others: tuple[Hold, ...]
+) -> _Unheld:
+    """It began at the last moment at which it still drove its approach speed (less 0.3 m/s).
+
+    Where it stood before (at `others`), it approaches from there.
+    """
+    earlier = tuple(each for each in others if each.s < hold.s)
+    motion = move(a.candidate, holds=(*earlier, replace(hold, release=stands + 9.0)))
     until = int(stands / STEP)
     speed, s = motion.speed[: until + 1], motion.s[: until + 1]
     reach = 40.0 if a.candidate.route.type == "vehicle" else 5.0
-    approach = float(speed[s >= hold.s - 1.5 * reach].max())
+    since = max([hold.s - 1.5 * reach, *(each.s + 0.1 for each in earlier)])
+    approach = float(speed[s >= since].max())
     begin = int(np.nonzero(speed >= approach - min(0.3, 0.3 * approach))[0][-1])
     law = TimeLaw(speed=approach, **_FREE)
-    free = move(replace(a.candidate, time_law=law))
+    free = move(replace(a.candidate, time_law=law), holds=earlier)
     shift = STEP * begin - free.time_at(float(s[begin]))
     first, last = passage(free, nodes)
     return _Unheld(first + shift, last + shift, STEP * begin, approach, free)

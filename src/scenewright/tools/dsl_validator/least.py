@@ -144,7 +144,7 @@ class Least(Search):
         )  # fmt: skip
         for _ in range(_MAP_PLAYS):
             played = itertools.islice(stage.play(self._events, Staging()), _MAP_STAGINGS)
-            yield from filter(self._red_first, played)
+            yield from filter(self._run_first, played)
 
     def _set_up(
         self, choice: Mapping[str, int]

@@ -67,6 +67,9 @@ class PinnedSearch(Search):
         self._settled = {name: actor_of(a, self._marks(a.candidate)) for name, a in settled.items()}
         self._on_stage = {name: self._settled[name] for name in acting & self._settled.keys()}
         self._stays: dict[str, SelectedAgent] = {}
+        # Who came from a red light before does so again, and nobody else of them.
+        for name, agent in pins.known.items():
+            self._red_first[name] = float(any(stop.at_red for stop in agent.stops))
 
     def _open(self, clause: PairClause) -> bool:
         """Whether the clause is to be served: one of the two is not fixed."""
@@ -228,6 +231,10 @@ class PinnedSearch(Search):
 def actor_of(agent: SelectedAgent, marks: Landmarks) -> Actor:
     """A selected agent, placed in time as it was."""
     actor = Actor.unplaced(agent.candidate, marks).shifted(agent.enters)
+    lights = tuple(stop for stop in agent.stops if stop.at_red)
+    if lights:
+        actor = actor.edited(stops=lights)
+        actor = replace(actor, free=actor.motion)
     if agent.stops or agent.slowings:
         actor = actor.edited(stops=agent.stops, slowings=agent.slowings)
     return actor if agent.contact is None else actor.ended(agent.contact)

@@ -29,6 +29,7 @@ from scenewright.scene.constraints import (
     PairClause,
     RunsRed,
     SameLane,
+    SpeedBetween,
     TimeGap,
     UnaryClause,
 )
@@ -44,6 +45,7 @@ from scenewright.tools.dsl_validator.crowd import (
     Table,
     seat_in_turn,
 )
+from scenewright.tools.dsl_validator.opening import openings
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.dsl_validator.running import runs_first, runs_in_time, with_runners
 from scenewright.tools.dsl_validator.separation import Steps, forbidden_offsets
@@ -139,6 +141,8 @@ class Search:
         self._before = tuple(c for c in program.clauses if isinstance(c, Before))
         self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
+        paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
+        self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed)]
         self._bound = list(dict.fromkeys((*bound, *runners)))
@@ -196,12 +200,37 @@ class Search:
         marks = {name: pair[1] for name, pair in built.items() if pair}
         if not self._paths_fit(candidates):
             return None
+        waiting = self._at_red(candidates, marks)
+        for opening in (waiting, {}) if waiting else ({},):
+            selection = self._played(choice, candidates, marks, opening)
+            if selection is not None or self._unseated >= _SEATINGS:
+                return selection
+        return None
+
+    def _at_red(
+        self, candidates: Mapping[str, Candidate], marks: Mapping[str, Landmarks]
+    ) -> dict[str, Actor]:
+        """Those of the foreground that wait at red before anything happens."""
+        program, bonds = self._ground.on.signals, (*self._events, *self._before)
+        if program is None:
+            return {}
+        chances = self._red_first | dict.fromkeys(self._violators, 0.0)
+        return openings(candidates, marks, bonds, program=program, chances=chances, rng=self._rng)
+
+    def _played(
+        self,
+        choice: dict[str, int],
+        candidates: Mapping[str, Candidate],
+        marks: Mapping[str, Landmarks],
+        opening: Mapping[str, Actor],
+    ) -> Selection | None:
+        """The first survivor among the stagings of a tuple, opened like that."""
         stage = Stage(
             candidates, marks, self._rng, lenient=self._lenient,
-            shortfalls=self._shortfalls, habits=self._pool.manners,
+            shortfalls=self._shortfalls, habits=self._pool.manners, openings=opening,
         )  # fmt: skip
         count = 0
-        for staging in filter(self._red_first, stage.play(self._events, self._opening())):
+        for staging in filter(self._run_first, stage.play(self._events, self._opening())):
             selection = self._finish(staging, choice)
             if selection is not None:
                 return selection
@@ -306,7 +335,7 @@ class Search:
         known = {name: pair for name, pair in built.items() if pair is not None}
         return with_runners(staging, known, known, self._rng)
 
-    def _red_first(self, staging: Staging) -> bool:
+    def _run_first(self, staging: Staging) -> bool:
         """Whether those on stage who are to run red do so before what they do to others."""
         there = sorted(self._violators & staging.actors.keys())
         late = [name for name in there if not runs_first(name, staging)]

@@ -33,6 +33,7 @@ class Setting:
         clauses: everything that is to hold, as a PET asked for shapes the clause it goes with.
         shortfalls: where nearest misses are noted.
         habits: how people give way here; where nobody knows, they stand a while near the zone.
+        openings: those who wait at red before anything happens.
     """
 
     def __init__(
@@ -44,7 +45,9 @@ class Setting:
         lenient: bool = True,
         shortfalls: Shortfalls | None = None,
         habits: Habits | None = None,
+        openings: Mapping[str, Actor] | None = None,
     ) -> None:
+        self.openings = openings or {}
         self.habits: Habits = {} if habits is None else habits
         self.busy: frozenset[str] = frozenset()
         self.candidates = candidates
@@ -57,9 +60,11 @@ class Setting:
         self._encounters: dict[Pairing, Encounter] = {}
 
     def actor(self, name: str, staging: Staging) -> Actor:
-        """As placed; else as its time law alone would have it."""
+        """As placed; else as it opens: its time law's motion, or first a wait at red."""
         if name in staging.actors:
             return staging.actors[name]
+        if name in self.openings:
+            return self.openings[name]
         return Actor.unplaced(self.candidates[name], self._marks[name])
 
     def both(self, clause: PairClause, staging: Staging) -> tuple[Actor, Actor]:

@@ -29,6 +29,7 @@ from scenewright.scene.constraints import (
     TimeGap,
 )
 from scenewright.scene.manners import Habits
+from scenewright.scene.selection import Stop
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.dsl_validator.braking import brakings
 from scenewright.tools.dsl_validator.contact import contacts
@@ -37,6 +38,7 @@ from scenewright.tools.dsl_validator.giving_way import yields
 from scenewright.tools.dsl_validator.setting import Setting, close_encounter
 from scenewright.tools.dsl_validator.shortfall import Shortfalls
 from scenewright.tools.dsl_validator.staging import Staging, pair_of
+from scenewright.tools.dsl_validator.waiting import START_LAG
 from scenewright.tools.encounter import meeting_offsets
 from scenewright.tools.landmarks import Landmarks
 from scenewright.tools.signals import Demand
@@ -54,6 +56,7 @@ class Stage:
         lenient: pedestrians may also wait in the middle of the road.
         shortfalls: where the nearest miss of every clause is noted.
         habits: how people give way here.
+        openings: those who wait at red before anything happens.
     """
 
     def __init__(
@@ -65,10 +68,12 @@ class Stage:
         lenient: bool = True,
         shortfalls: Shortfalls | None = None,
         habits: Habits | None = None,
+        openings: Mapping[str, Actor] | None = None,
     ) -> None:
         self._setting = Setting(
-            candidates, marks, rng, lenient=lenient, shortfalls=shortfalls, habits=habits
-        )
+            candidates, marks, rng, lenient=lenient, shortfalls=shortfalls, habits=habits,
+            openings=openings,
+        )  # fmt: skip
 
     def play(self, clauses: tuple[PairClause, ...], staging: Staging) -> Iterator[Staging]:
         """Every staging (lazily, several per clause) under which all clauses hold, in order."""
@@ -125,11 +130,7 @@ def demands(actor: Actor, *, violates: bool, until: float) -> tuple[Demand, ...]
     line, group = actor.marks.line, actor.marks.group
     if line is None or group is None:
         return ()
-    found = [
-        Demand(group, max(stop.start - 2.0, 0.0), min(stop.until, actor.contact or until), ("red",))
-        for stop in actor.stops
-        if stop.reason == "red_light"
-    ]
+    found = [_red_while(stop, actor, group, until) for stop in actor.stops if stop.at_red]
     crosses = actor.enters + actor.motion.time_at(line)
     if not np.isfinite(crosses) or crosses > until or crosses < -25.0:
         return tuple(found)
@@ -138,6 +139,18 @@ def demands(actor: Actor, *, violates: bool, until: float) -> tuple[Demand, ...]
         slows = [each.start for each in actor.stops if each.reason == "gives_way" and each.s < line]
         found += [Demand(group, start - _SLOWS, start + 0.3, ("green",)) for start in slows]
         return (*found, Demand(group, crosses - 0.5, crosses + 0.4, ("red",)))
-    waits = [stop.start - _SLOWS for stop in actor.stops if abs(stop.s - line) < 2.0]
-    begins = min([crosses - 0.2, *waits])
+    near = [stop for stop in actor.stops if abs(stop.s - line) < 2.0]
+    waits = [stop.start - _SLOWS for stop in near if not stop.at_red]
+    starts = [stop.until - START_LAG[0] for stop in near if stop.at_red]
+    begins = min([crosses - 0.2, *waits, *starts])
     return (*found, Demand(group, begins, crosses + 0.5, ("green",)))
+
+
+def _red_while(stop: Stop, actor: Actor, group: str, until: float) -> Demand:
+    """Red from before the agent slows for its stop until it is hit, or until the light changes.
+
+    Where it has started before the scene begins, red just before that.
+    """
+    ends = stop.until - START_LAG[1] if actor.contact is None else min(stop.until, actor.contact)
+    ends = min(ends, until)
+    return Demand(group, min(max(stop.start - 2.0, 0.0), ends), ends, ("red",))

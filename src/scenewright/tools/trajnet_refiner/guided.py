@@ -29,8 +29,15 @@ GIVEN = 3
 """Network steps at the beginning of a track that are the prior's: they say how it moves."""
 SPACING = {"vehicle": 10, "pedestrian": 12}
 """Network steps from one waypoint to the next."""
-LEAD = {"vehicle": 3, "pedestrian": 5}
-"""Network steps before a waypoint is due from which the next one counts."""
+LEAD, STRICT_LEAD = 5, {"vehicle": 3, "pedestrian": 5}
+"""Network steps before a waypoint is due from which the next one counts: of vehicles that stop or
+slow down for no relation, and of all others: a relation depends on when they are where, and who
+drives on wavers less that way."""
+_SLOW = 3.0
+"""Who is never slower than this drives on [m/s]."""
+BEFORE_STAND = 4.0
+"""How long before it stands [s] a vehicle that nothing depends on heads for no waypoint but that
+place: people brake gently first and harder at the end, each in their own way."""
 TEMPERATURE = 0.3
 """Scale of what is drawn: the predicted Gaussian is wide for the few who do something sudden."""
 _ASIDE = 12.0
@@ -46,6 +53,7 @@ class Guide:
         enters: scene time of the first sample [s], a multiple of 0.1.
         kept: [T] where the prior stays exactly as it is.
         goals: scene times [s] at which it must be where the prior is.
+        bound: a relation is about it.
     """
 
     kind: AgentClass
@@ -54,6 +62,13 @@ class Guide:
     enters: float
     kept: NDArray[np.bool_]
     goals: tuple[float, ...] = ()
+    bound: bool = False
+
+    @property
+    def lead(self) -> int:
+        """Network steps before a waypoint is due from which the next one counts."""
+        drives_on = bool((np.diff(self.s) > _SLOW * STEP).all())
+        return STRICT_LEAD[self.kind] if self.bound or drives_on else LEAD
 
     @property
     def leaves(self) -> float:
@@ -168,14 +183,17 @@ def _rolled(
             waypoints=Waypoints(_tensor(goals), _tensor(when)),
             until=torch.from_numpy(until)[None],
             keep=net.config.stride,
-            lead=torch.tensor([[LEAD[guide.kind] for guide in rows]]),
+            lead=torch.tensor([[guide.lead for guide in rows]]),
             noise=None if noise is None else _tensor(noise),
         )
     return filled[0].numpy().astype(np.float64)
 
 
 def _due(guide: Guide, times: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
-    """Columns at which a waypoint is due: evenly, at every goal, where the prior is kept again."""
+    """Columns at which a waypoint is due: at every goal, where the prior is kept again, and evenly.
+
+    Of the even ones, those just before it is kept again are left out if nothing depends on them.
+    """
     step = float(times[1] - times[0])
     first = int(np.argmax(there))
     last = (guide.leaves - times[0]) / step
@@ -184,6 +202,9 @@ def _due(guide: Guide, times: FloatArray, there: NDArray[np.bool_]) -> FloatArra
     again = guide.enters + STEP * onsets
     wanted = np.concatenate([again, np.array(guide.goals), [guide.leaves]])
     columns = np.floor((wanted - times[0]) / step + 1e-6)
+    if guide.kind == "vehicle" and not guide.bound:
+        early = columns[: len(again), None] - even
+        even = even[~((early > 0.0) & (early < BEFORE_STAND / step)).any(axis=0)]
     every = np.unique(np.concatenate([even, columns]))
     return np.asarray(every[(every > first) & (every <= last + 1e-6)])
 

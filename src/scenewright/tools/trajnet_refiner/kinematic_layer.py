@@ -37,7 +37,7 @@ class Limits:
 
 
 LIMITS: dict[AgentClass, Limits] = {
-    "vehicle": Limits(19.5, 2.4, 3.2, 4.5),
+    "vehicle": Limits(19.5, 2.2, 3.6, 4.5),
     "pedestrian": Limits(2.9, 2.2, 2.2, np.inf),
 }
 SMOOTHING: dict[AgentClass, float] = {"vehicle": 3.2, "pedestrian": 1.5}
@@ -71,7 +71,7 @@ def feasible(
         prior: [T] arc length every 0.1 s [m], never falling.
         deviation: [T] what is to be added [m].
         kept: [T] where the prior stays exactly as it is.
-        most: the largest share that is taken.
+        most: what is taken of the largest share that the limits allow.
 
     Returns:
         [T'] arc length [m], shorter than the prior if the path's end is reached earlier, longer if
@@ -81,14 +81,18 @@ def feasible(
     if most <= 0.0:
         return prior, share
     smooth = smoothed(prior + deviation, prior, kept=kept, over=SMOOTHING[kind]) - prior
-    shares = most * _SHARES
-    tried = prior + shares[:, None] * smooth
-    broken = _broken(tried, prior, path, LIMITS[kind])
+    # Who gets less gets less than it had, so that counts first which share it would have had.
+    broken = np.logical_or.reduce(
+        [
+            _broken(prior + each * _SHARES[:, None] * smooth, prior, path, LIMITS[kind])
+            for each in {1.0, most}
+        ]
+    )
     for part in free_parts(kept):
         wide = slice(max(part.start - _NEAR, 0), part.stop + _NEAR)
         good = np.flatnonzero(~broken[:, wide].any(axis=1))
         if len(good):
-            share[part] = shares[good[0]]
+            share[part] = most * _SHARES[good[0]]
     s = _to_the_end(prior + share * smooth, prior, path)
     past = np.flatnonzero(s > path.length)
     return (s[: past[0]] if len(past) else s), share

@@ -1,0 +1,79 @@
+"""Foreground vehicles that wait at red before anything happens, and set off when it turns green.
+
+Whoever comes at any time meets red as often as the light shows it. So a vehicle of which nothing
+is asked but yields starts from a standstill that often, first in its lane; the event then happens
+on its way from there. What such a wait asks of the lights, `stage.demands` says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.constraints import GivesWay, PairClause
+from scenewright.scene.map import SignalProgram
+from scenewright.scene.selection import Stop
+from scenewright.tools.dsl_validator.actor import Actor
+from scenewright.tools.dsl_validator.staging import pair_of
+from scenewright.tools.dsl_validator.waiting import LINE_GAP, START_LAG
+from scenewright.tools.landmarks import Landmarks
+from scenewright.tools.signals import phases_of
+from scenewright.tools.time_law import Hold, arrival
+
+_ROOM_TO_COME, _LEAST_WAIT = 3.0, 2.0
+"""Least way [m] before its place at the line; shortest wait there until green [s]."""
+
+
+def openings(
+    candidates: Mapping[str, Candidate],
+    marks: Mapping[str, Landmarks],
+    clauses: Collection[PairClause],
+    *,
+    program: SignalProgram,
+    chances: Mapping[str, float],
+    rng: np.random.Generator,
+) -> dict[str, Actor]:
+    """By name, those of the foreground that start from a red light this time, entering at time 0.
+
+    Args:
+        clauses: all that binds two agents.
+        chances: how likely these start so; others do as often as their light is red.
+    """
+    found: dict[str, Actor] = {}
+    for name, candidate in candidates.items():
+        group = marks[name].group
+        if group is None or candidate.route.type != "vehicle" or not _only_yields(name, clauses):
+            continue
+        red = _red(program, group)
+        if rng.random() < chances.get(name, red / program.cycle):
+            waiting = _waiting(candidate, marks[name], float(rng.uniform(0.0, red)), rng)
+            found |= {} if waiting is None else {name: waiting}
+    return found
+
+
+def _only_yields(name: str, clauses: Collection[PairClause]) -> bool:
+    binding = [each for each in clauses if name in pair_of(each)]
+    return bool(binding) and all(isinstance(each, GivesWay) for each in binding)
+
+
+def _red(program: SignalProgram, group: str) -> float:
+    """How long the group shows red in a cycle [s]."""
+    _, shown = phases_of(program, group, ("red",))
+    return float(sum(each.duration for each, red in zip(program.phases, shown, strict=True) if red))
+
+
+def _waiting(
+    candidate: Candidate, marks: Landmarks, red: float, rng: np.random.Generator
+) -> Actor | None:
+    """The candidate with so much red [s] at its line; None if it has no room to come there."""
+    s = (marks.line or 0.0) - float(rng.uniform(*LINE_GAP))
+    if s < _ROOM_TO_COME:
+        return None
+    start = arrival(candidate, Hold(s, 0.0))
+    until = start + max(red, _LEAST_WAIT) + float(rng.uniform(*START_LAG))
+    stop = Stop("stop_line", s, start, until, "red_light")
+    held = Actor.unplaced(candidate, marks).edited(stops=(stop,))
+    return replace(held, free=held.motion)
