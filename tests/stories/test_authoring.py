@@ -16,6 +16,7 @@ from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.scripted import scripted
 from scenewright.backends.staged import Staged
 from scenewright.graph.session.session import Shown
+from scenewright.scene.behavior import Segment
 from scenewright.scene.manners import Habits
 from scenewright.tools.gmm_sampler import priors
 from scenewright.tools.gmm_sampler.manners import load_manners
@@ -67,6 +68,23 @@ def test_a_stop_is_moved_and_lengthened() -> None:
     assert (slow.version["by_hand"], slow.version["let_go"]) == ([], ["vehicle-1"])
     assert fastest(slow, "vehicle-1") < fastest(longer, "vehicle-1")
     assert events(slow) == ["yielding"]
+
+
+def test_who_came_from_a_red_light_still_does() -> None:
+    """And what is said of its stop means the one at which it gives way."""
+    for seed in range(1, 12):
+        talk = Conversation(seed=seed)
+        before = stays(talk.made(YIELD))
+        if len(before) == 2:
+            break
+    (light, gives_way), (still, longer) = before, stays(talk.made("wait one second longer"))
+    assert (light.anchor, light) == ("north:stop", still)
+    assert longer.start == gives_way.start
+    assert longer.end == pytest.approx(gives_way.end + 1.0)
+
+
+def stays(shown: Shown) -> list[Segment]:
+    return [each for each in agents(shown)["vehicle-1"].segments if each.status == "stop"]
 
 
 @pytest.fixture

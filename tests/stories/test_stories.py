@@ -17,6 +17,7 @@ from scenewright import synthesize, verify
 from scenewright.backends import Question, Task, load_backend
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.graph.run import Scene, scene_bytes
+from scenewright.scene.record import SignalRecord
 
 EXAMPLES = (Path(__file__).parents[2] / "examples" / "instructions.txt").read_text("utf-8")
 YIELD = "A vehicle yields to a pedestrian on the north crosswalk at 5 am"
@@ -39,6 +40,26 @@ def test_what_was_asked_for_happens_and_nothing_else(event: str, text: str) -> N
     assert agents[seen.from_].name == "vehicle-1"
     assert scene.proof == verify(scene)
     assert scene.proof.verified
+
+
+def test_who_gives_way_may_come_from_a_red_light() -> None:
+    """Some do, some do not; it is red while they wait and green when they start."""
+    came = []
+    for seed in range(10):
+        record = synthesize("A vehicle yields to a pedestrian at 9 am.", seed=seed).record
+        giver = next(each for each in record.agents if each.name == "vehicle-1")
+        lines = {each.stop_line for each in record.signals}
+        waits = [s for s in giver.segments if s.status == "stop" and s.anchor in lines]
+        came += [(record, wait) for wait in waits if record.events[0].time > wait.end + 1.0]
+    assert 1 <= len(came) <= 8
+    for record, wait in came:
+        shown = [each for each in record.signals if each.stop_line == wait.anchor]
+
+        def colour(time: float, shown: list[SignalRecord] = shown) -> str:
+            return next(each.colour for each in shown if each.start <= time < each.end)
+
+        assert colour(wait.start) == "red" or wait.end < 1.6
+        assert colour(wait.end - 0.7) == "green" or wait.end < 0.7
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -7,8 +7,9 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from solver_actors import BARE, CAR, EAST, SOUTH, candidate, straight, walker
+from solver_actors import BARE, CAR, EAST, SOUTH, WESTBOUND, candidate, straight, walker
 
+from scenewright.intersections import load_map
 from scenewright.scene.constraints import Contact, GivesWay
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.track import STEP
@@ -27,6 +28,8 @@ CYCLE = SignalProgram(
         SignalPhase(duration=30, colours={"avenue": "red"}),
     ),
 )
+MAP = load_map("amsterdam_120")
+ON = MAP.model_copy(update={"signals": CYCLE})
 YIELD = (GivesWay(first=GIVER, second=WALKER),)
 CANDIDATES = {
     GIVER: candidate(straight((-60.0, 0.0), EAST, 120.0)),
@@ -38,7 +41,7 @@ MARKS = {GIVER: Landmarks(line=40.0, crosswalks=(), group="avenue"), WALKER: BAR
 def opened(clauses=YIELD, *, marks=MARKS, chance=1.0, seed=0):
     chances = {} if chance is None else {GIVER: chance}
     rng = np.random.default_rng(seed)
-    return openings(CANDIDATES, marks, clauses, program=CYCLE, chances=chances, rng=rng)
+    return openings(CANDIDATES, marks, clauses, on=ON, chances=chances, rng=rng)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -61,6 +64,18 @@ def test_others_start_as_they_are():
     no_room = replace(MARKS[GIVER], line=3.0)
     assert opened(marks={**MARKS, GIVER: no_light}) == {}
     assert opened(marks={**MARKS, GIVER: no_room}) == {}
+
+
+def test_who_has_no_green_while_the_other_has_comes_as_it_is():
+    """It would still stand at red while the other passes."""
+    cars = {GIVER: CANDIDATES[GIVER], "vehicle-2": candidate(CANDIDATES[GIVER].path)}
+    across = {**cars, "vehicle-2": replace(cars["vehicle-2"], route=WESTBOUND)}
+    clauses = (GivesWay(first=GIVER, second="vehicle-2"),)
+    marks, rng = dict.fromkeys(cars, MARKS[GIVER]), np.random.default_rng(0)
+    always = dict.fromkeys(cars, 1.0)
+    # One of two is enough, as the light would settle when both start.
+    assert openings(cars, marks, clauses, on=MAP, chances=always, rng=rng).keys() == {GIVER}
+    assert openings(across, marks, clauses, on=MAP, chances=always, rng=rng) == {}
 
 
 def test_red_is_met_as_often_as_it_is_shown():

@@ -14,12 +14,13 @@ import numpy as np
 
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import GivesWay, PairClause
-from scenewright.scene.map import SignalProgram
+from scenewright.scene.map import IntersectionMap, SignalProgram
 from scenewright.scene.selection import Stop
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.dsl_validator.staging import pair_of
 from scenewright.tools.dsl_validator.waiting import LINE_GAP, START_LAG
 from scenewright.tools.landmarks import Landmarks
+from scenewright.tools.map_grounding import green_together
 from scenewright.tools.signals import phases_of
 from scenewright.tools.time_law import Hold, arrival
 
@@ -32,7 +33,7 @@ def openings(
     marks: Mapping[str, Landmarks],
     clauses: Collection[PairClause],
     *,
-    program: SignalProgram,
+    on: IntersectionMap,
     chances: Mapping[str, float],
     rng: np.random.Generator,
 ) -> dict[str, Actor]:
@@ -44,8 +45,11 @@ def openings(
     """
     found: dict[str, Actor] = {}
     for name, candidate in candidates.items():
-        group = marks[name].group
-        if group is None or candidate.route.type != "vehicle" or not _only_yields(name, clauses):
+        group, program = marks[name].group, on.signals
+        if program is None or group is None or candidate.route.type != "vehicle":
+            continue
+        bonds = [each for each in clauses if name in pair_of(each)]
+        if not _yields_on_green(bonds, candidates, on) or _start_together(bonds, found):
             continue
         red = _red(program, group)
         if rng.random() < chances.get(name, red / program.cycle):
@@ -54,9 +58,20 @@ def openings(
     return found
 
 
-def _only_yields(name: str, clauses: Collection[PairClause]) -> bool:
-    binding = [each for each in clauses if name in pair_of(each)]
-    return bool(binding) and all(isinstance(each, GivesWay) for each in binding)
+def _yields_on_green(
+    bonds: Collection[PairClause], candidates: Mapping[str, Candidate], on: IntersectionMap
+) -> bool:
+    """Whether these are yields alone, between two who have green together."""
+    return bool(bonds) and all(
+        isinstance(each, GivesWay)
+        and green_together(candidates[each.first].route, candidates[each.second].route, on=on)
+        for each in bonds
+    )
+
+
+def _start_together(bonds: Collection[PairClause], waiting: Collection[str]) -> bool:
+    """Whether one of the others waits already: the light would settle when both of them start."""
+    return any(name in waiting for each in bonds for name in pair_of(each))
 
 
 def _red(program: SignalProgram, group: str) -> float:

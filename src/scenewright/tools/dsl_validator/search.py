@@ -211,11 +211,9 @@ class Search:
         self, candidates: Mapping[str, Candidate], marks: Mapping[str, Landmarks]
     ) -> dict[str, Actor]:
         """Those of the foreground that wait at red before anything happens."""
-        program, bonds = self._ground.on.signals, (*self._events, *self._before)
-        if program is None:
-            return {}
+        on, bonds = self._ground.on, (*self._events, *self._before)
         chances = self._red_first | dict.fromkeys(self._violators, 0.0)
-        return openings(candidates, marks, bonds, program=program, chances=chances, rng=self._rng)
+        return openings(candidates, marks, bonds, on=on, chances=chances, rng=self._rng)
 
     def _played(
         self,
