@@ -24,7 +24,8 @@ BoolArray = NDArray[np.bool_]
 class Limits:
     """What a refined agent may do at most, unless its edited prior does more just there.
 
-    Far less than the gate allows: this is what people do without need.
+    Far less than the gate allows: this is what people do without need. Above 3.4 m/s^2 of braking,
+    who comes close behind another would be in a near miss with it (SEMANTICS section 4).
 
     Attributes:
         speed [m/s], acceleration, braking, lateral [m/s^2].
@@ -37,7 +38,7 @@ class Limits:
 
 
 LIMITS: dict[AgentClass, Limits] = {
-    "vehicle": Limits(19.5, 2.2, 3.6, 4.5),
+    "vehicle": Limits(19.5, 2.2, 3.3, 4.5),
     "pedestrian": Limits(2.9, 2.2, 2.2, np.inf),
 }
 SMOOTHING: dict[AgentClass, float] = {"vehicle": 3.2, "pedestrian": 1.5}
