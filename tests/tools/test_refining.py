@@ -161,6 +161,33 @@ def test_no_share_leaves_the_prior_untouched():
     assert not share.any()
 
 
+@given(st.integers(0, 99), st.sampled_from([0.25, 0.5]))
+def test_who_is_supervised_more_strongly_moves_less(seed, most):
+    """Everywhere, even where a smaller proposal would have passed the limits."""
+    prior = stop_and_go(rate=1.6)
+    kept = rates(prior)[0] <= 0.3
+    knots = np.random.default_rng(seed).uniform(-6.0, 6.0, 9)
+    wish = np.interp(np.arange(len(prior)), np.linspace(0, len(prior), 9), knots)
+    whole, share = feasible(prior, wish, kept=kept, path=straight(), kind="vehicle")
+    less, smaller = feasible(prior, wish, kept=kept, path=straight(), kind="vehicle", most=most)
+    assert (smaller <= most * share + 1e-9).all()
+    n = min(len(whole), len(less), len(prior))
+    assert (np.abs(less - prior[:n])[:n] <= np.abs(whole - prior[:n])[:n] + 1e-6).all()
+
+
+def test_only_whom_a_relation_is_about_is_told_where_to_be_just_before_it_stands():
+    """Who has learned nothing goes evenly from waypoint to waypoint: at 4 s, 8 s, standing."""
+    s = stop_and_go()
+    kept = rates(s)[0] <= 0.3
+    kept[:8] = True
+    off = {}
+    for bound in (True, False):
+        one = Guide("vehicle", straight(), s, 0.0, kept, bound=bound)
+        off[bound] = deviations(silent(), {"a": one}, duration=20.0)["a"][80]
+    assert abs(off[True]) < 1.0
+    assert off[False] < -2.0
+
+
 def guide(path: Path, speed: float, *, enters: float = 0.0, kind: str = "vehicle") -> Guide:
     s = speed * STEP * np.arange(int(path.length / speed / STEP))
     kept = np.zeros(len(s), dtype=bool)
