@@ -83,6 +83,19 @@ def test_who_came_from_a_red_light_still_does() -> None:
     assert longer.end == pytest.approx(gives_way.end + 1.0)
 
 
+def test_who_came_from_a_red_light_can_come_at_another_time() -> None:
+    """On green then, as its light is not its own; and to stand there is nothing to be moved."""
+    talk = Conversation(seed=3)
+    before = talk.made("A car turns left and yields to a pedestrian on the crosswalk.")
+    assert len(stays(before)) == 2
+    (gives_way,) = stays(talk.made("the car comes 1 second earlier"))
+    assert gives_way.start == pytest.approx(stays(before)[1].start - 1.0, abs=0.2)
+    other = Conversation(seed=1)
+    other.made("A car turns left and yields to an oncoming car.")
+    refused = other.say("vehicle-2 stops one metre later")
+    assert "stands nowhere in this scene but at its light" in refused["reason"]
+
+
 def stays(shown: Shown) -> list[Segment]:
     return [each for each in agents(shown)["vehicle-1"].segments if each.status == "stop"]
 

@@ -105,6 +105,13 @@ def test_it_gives_way_on_its_way_from_the_light(seed):
         assert stop.s < 60.0 - CAR.length / 2  # short of where the other walks
 
 
+def test_who_is_hit_later_has_a_light_that_allows_it():
+    for staging in staged(0):
+        giver = staging.actors[GIVER]
+        hit = giver.ended(giver.stops[1].start + 1.0)
+        assert len(feasible_offsets(CYCLE, demands(hit, violates=False, until=60.0)))
+
+
 @pytest.mark.parametrize("shift", [0.0, 12.0])
 @pytest.mark.parametrize("seed", range(4))
 def test_its_light_is_red_until_shortly_before_it_starts(seed, shift):

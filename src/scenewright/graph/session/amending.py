@@ -51,14 +51,28 @@ def waiting(agent: SelectedAgent, seconds: float) -> SelectedAgent:
 
 
 def moved_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
-    """The agent doing the same that much later, to the step."""
+    """The agent doing the same that much later, to the step.
+
+    When its light turns green is not its own: who came from a red light then comes on green.
+    """
     seconds = round(seconds, 1)
+    if agent.role == "foreground" and any(stop.at_red for stop in agent.stops):
+        return moved_time(_without_light(agent), seconds)
     stops = tuple(
         replace(each, start=each.start + seconds, until=each.until + seconds)
         for each in agent.stops
     )
     contact = None if agent.contact is None else agent.contact + seconds
     return replace(agent, enters=round(agent.enters + seconds, 1), stops=stops, contact=contact)
+
+
+def _without_light(agent: SelectedAgent) -> SelectedAgent:
+    """The agent without its wait at red, as late as before where it gives way, or at its line."""
+    stops = tuple(stop for stop in agent.stops if not stop.at_red)
+    last = stops[0] if stops else agent.stops[-1]
+    reaches = arrival(agent.candidate, Hold(last.s, 0.0, last.braking))
+    at = last.start if stops else last.until
+    return replace(agent, enters=round(at - reaches, 1), stops=stops)
 
 
 def _halted(agent: SelectedAgent, rolling: Stop, seconds: float) -> SelectedAgent:
@@ -72,14 +86,16 @@ def _halted(agent: SelectedAgent, rolling: Stop, seconds: float) -> SelectedAgen
 
 
 def _its_stop(agent: SelectedAgent) -> Stop:
-    """Where it gives way; else where it stands at all."""
-    stands = [each for each in agent.stops if not each.rolls]
+    """Where it gives way; else, of the others, where they stand at all."""
+    takes_part = agent.role == "foreground"
+    stands = [each for each in agent.stops if not (each.rolls or (takes_part and each.at_red))]
     stops = [each for each in stands if each.reason == "gives_way"] or stands
     rolling = _only_slows(agent)
     if rolling is not None:
         raise _refused(agent, _slows(rolling))
     if not stops:
-        raise _refused(agent, "gives way to nobody and stands nowhere in this scene")
+        but = " but at its light" if agent.stops else ""
+        raise _refused(agent, f"gives way to nobody and stands nowhere in this scene{but}")
     return stops[0]
 
 

@@ -45,7 +45,7 @@ def guides_of(
             enters=selection.agents[name].enters,
             kept=_kept(motion, selection.agents[name], selection),
             goals=tuple(segment.end for segment in behavior.segments[name]),
-            bound=name in bound,
+            bound=name in bound or selection.agents[name].violates,
         )
         for name, motion in motions.items()
     }

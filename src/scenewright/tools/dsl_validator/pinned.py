@@ -67,7 +67,7 @@ class PinnedSearch(Search):
         self._settled = {name: actor_of(a, self._marks(a.candidate)) for name, a in settled.items()}
         self._on_stage = {name: self._settled[name] for name in acting & self._settled.keys()}
         self._stays: dict[str, SelectedAgent] = {}
-        # Who came from a red light before does so again, and nobody else of them.
+        # Who came from a red light does so again if the lights allow it, and nobody else of them.
         for name, agent in pins.known.items():
             self._red_first[name] = float(any(stop.at_red for stop in agent.stops))
 

@@ -94,7 +94,7 @@ def _brakes_at_light(b: Actor) -> Actor | None:
 
 def _brakes_late(a: Actor, b: Actor, clause: Contact, setting: Setting) -> Actor | None:
     shared = setting.encounter(clause).within(0.0)
-    standing = np.abs(shared.s_b[shared.j] - b.stops[0].s) < 0.3
+    standing = np.abs(shared.s_b[shared.j] - b.stops[-1].s) < 0.3
     if not standing.any():
         return None
     touch = float(shared.s_a[shared.i[standing]].min())

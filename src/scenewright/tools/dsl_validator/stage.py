@@ -151,6 +151,8 @@ def _red_while(stop: Stop, actor: Actor, group: str, until: float) -> Demand:
 
     Where it has started before the scene begins, red just before that.
     """
-    ends = stop.until - START_LAG[1] if actor.contact is None else min(stop.until, actor.contact)
-    ends = min(ends, until)
+    turns = stop.until - START_LAG[1]
+    if actor.contact is not None and actor.contact <= stop.until:
+        turns = actor.contact
+    ends = min(turns, until)
     return Demand(group, min(max(stop.start - 2.0, 0.0), ends), ends, ("red",))
