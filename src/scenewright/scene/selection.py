@@ -75,6 +75,14 @@ class SelectedAgent:
     contact: float | None = None
     violates: bool = False
 
+    @property
+    def stands(self) -> tuple[Stop, ...]:
+        """Its standstills; of who takes part, those elsewhere than at a red light."""
+        takes_part = self.role == "foreground"
+        return tuple(
+            each for each in self.stops if not (each.rolls or (takes_part and each.at_red))
+        )
+
 
 @dataclass(frozen=True)
 class PlannedEvent:

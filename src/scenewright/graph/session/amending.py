@@ -87,9 +87,7 @@ def _halted(agent: SelectedAgent, rolling: Stop, seconds: float) -> SelectedAgen
 
 def _its_stop(agent: SelectedAgent) -> Stop:
     """Where it gives way; else, of the others, where they stand at all."""
-    takes_part = agent.role == "foreground"
-    stands = [each for each in agent.stops if not (each.rolls or (takes_part and each.at_red))]
-    stops = [each for each in stands if each.reason == "gives_way"] or stands
+    stops = [each for each in agent.stands if each.reason == "gives_way"] or agent.stands
     rolling = _only_slows(agent)
     if rolling is not None:
         raise _refused(agent, _slows(rolling))

@@ -10,7 +10,6 @@ from scenewright.scene.edits import Decline, Present, Reading, Situation, Wish
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.pins import Earlier
 from scenewright.scene.record import SceneRecord
-from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import SocialGraph
 
 
@@ -31,17 +30,11 @@ def situation_of(graph: SocialGraph, record: SceneRecord, earlier: Earlier) -> S
                 crosswalk=each.crosswalk,
                 role=each.role,
                 speed=agent.candidate.time_law.speed,
-                stops=_stands(agent),
+                stops=bool(agent.stands),
                 slows_to=min((stop.speed for stop in agent.stops if stop.rolls), default=None),
             )
         )
     return Situation(graph=graph, present=tuple(present))
-
-
-def _stands(agent: SelectedAgent) -> bool:
-    """Whether it stands anywhere; who takes part, elsewhere than at a red light."""
-    takes_part = agent.role == "foreground"
-    return any(not (stop.rolls or (takes_part and stop.at_red)) for stop in agent.stops)
 
 
 def read_words(

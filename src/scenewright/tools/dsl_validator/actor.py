@@ -22,7 +22,7 @@ class Actor:
 
     Attributes:
         enters: scene time of its motion's first sample [s], a multiple of the step.
-        motion: as edited; free: as its time law alone would have it.
+        motion: as edited; free: as its time law and the lights it waits at would have it.
         contact: scene time [s] at which a collision ends it.
     """
 
@@ -63,6 +63,11 @@ class Actor:
             self.candidate, self.marks, self.enters, motion, self.free, stops, slowings,
             self.contact,
         )  # fmt: skip
+
+    def held_by_lights(self, stops: tuple[Stop, ...]) -> Actor:
+        """The same actor with these standstills, which its free motion has as well."""
+        held = self.edited(stops=stops)
+        return replace(held, free=held.motion)
 
     def shifted(self, seconds: float) -> Actor:
         """The same actor, everything later by a multiple of the step."""

@@ -87,9 +87,8 @@ def yields(clause: GivesWay, staging: Staging, setting: Setting) -> Iterator[Sta
     if _may_roll(clause, staging, setting):
         yield from _rolling(clause, staging, setting, zone)
     for anchor, hold in stopping_places(clause, a, b, zone, setting):
-        if not _gets_going(a, hold.s):
-            continue
-        yield from _held(clause, staging, setting, zone, (anchor, hold))
+        if _gets_going(a, hold.s):
+            yield from _held(clause, staging, setting, zone, (anchor, hold))
 
 
 def zone_of(clause: PairClause, a: Actor, b: Actor, setting: Setting) -> Encounter:

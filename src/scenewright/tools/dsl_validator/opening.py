@@ -15,14 +15,12 @@ import numpy as np
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import GivesWay, PairClause
 from scenewright.scene.map import IntersectionMap, SignalProgram
-from scenewright.scene.selection import Stop
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.dsl_validator.staging import pair_of
-from scenewright.tools.dsl_validator.waiting import LINE_GAP, START_LAG
+from scenewright.tools.dsl_validator.waiting import LINE_GAP, START_LAG, stop_at_light
 from scenewright.tools.landmarks import Landmarks
 from scenewright.tools.map_grounding import green_together
 from scenewright.tools.signals import phases_of
-from scenewright.tools.time_law import Hold, arrival
 
 _ROOM_TO_COME, _LEAST_WAIT = 3.0, 2.0
 """Least way [m] before its place at the line; shortest wait there until green [s]."""
@@ -87,8 +85,7 @@ def _waiting(
     s = (marks.line or 0.0) - float(rng.uniform(*LINE_GAP))
     if s < _ROOM_TO_COME:
         return None
-    start = arrival(candidate, Hold(s, 0.0))
-    until = start + max(red, _LEAST_WAIT) + float(rng.uniform(*START_LAG))
-    stop = Stop("stop_line", s, start, until, "red_light")
-    held = Actor.unplaced(candidate, marks).edited(stops=(stop,))
-    return replace(held, free=held.motion)
+    actor = Actor.unplaced(candidate, marks)
+    stop = stop_at_light(actor, s)
+    until = stop.start + max(red, _LEAST_WAIT) + float(rng.uniform(*START_LAG))
+    return actor.held_by_lights((replace(stop, until=until),))

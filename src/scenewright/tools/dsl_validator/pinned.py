@@ -18,7 +18,7 @@ import numpy as np
 
 from scenewright.scene.candidates import Candidate, CandidateSet
 from scenewright.scene.constraints import ConstraintProgram, PairClause
-from scenewright.scene.pins import Pins
+from scenewright.scene.pins import Pins, unedited
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.actor import Actor
@@ -231,10 +231,8 @@ class PinnedSearch(Search):
 def actor_of(agent: SelectedAgent, marks: Landmarks) -> Actor:
     """A selected agent, placed in time as it was."""
     actor = Actor.unplaced(agent.candidate, marks).shifted(agent.enters)
-    lights = tuple(stop for stop in agent.stops if stop.at_red)
-    if lights:
-        actor = actor.edited(stops=lights)
-        actor = replace(actor, free=actor.motion)
+    if lights := unedited(agent).stops:
+        actor = actor.held_by_lights(lights)
     if agent.stops or agent.slowings:
         actor = actor.edited(stops=agent.stops, slowings=agent.slowings)
     return actor if agent.contact is None else actor.ended(agent.contact)

@@ -12,6 +12,7 @@ from scenewright.scene.selection import Slowing, Stop
 from scenewright.tools.dsl_validator.actor import Actor
 from scenewright.tools.dsl_validator.setting import Setting
 from scenewright.tools.dsl_validator.shortfall import Reached
+from scenewright.tools.dsl_validator.waiting import stop_at_light
 from scenewright.tools.landmarks import STOP_GAP
 from scenewright.tools.time_law import Hold, arrival
 
@@ -86,10 +87,8 @@ def _brakes_at_light(b: Actor) -> Actor | None:
     """The leader of a rear-end: stands at its red light."""
     if b.marks.line is None or b.marks.group is None:
         return None
-    hold = Hold(b.marks.line - STOP_GAP, 0.0)
-    start = b.enters + arrival(b.candidate, hold)
-    stop = Stop("stop_line", hold.s, start, start + _RED, "red_light")
-    return b.edited(stops=(stop,))
+    stop = stop_at_light(b, b.marks.line - STOP_GAP)
+    return b.edited(stops=(replace(stop, until=stop.start + _RED),))
 
 
 def _brakes_late(a: Actor, b: Actor, clause: Contact, setting: Setting) -> Actor | None:

@@ -102,12 +102,17 @@ class RedLight:
 
     def actor(self) -> Actor:
         """It in motion, entering at time 0."""
-        walks = self.free.candidate.route.type == "pedestrian"
-        start = arrival(self.free.candidate, Hold(self.s, 0.0))
-        until = max(self.release - self.enters, start)
-        anchor = "kerb" if walks else "stop_line"
-        held = self.free.edited(stops=(Stop(anchor, self.s, start, until, "red_light"),))
+        stop = stop_at_light(self.free, self.s)
+        until = max(self.release - self.enters, stop.start)
+        held = self.free.edited(stops=(replace(stop, until=until),))
         return held.until(self.moment.duration - self.enters)
+
+
+def stop_at_light(actor: Actor, s: float) -> Stop:
+    """Its standstill at `s` [m], before its light, until the moment in which it begins."""
+    anchor = "kerb" if actor.candidate.route.type == "pedestrian" else "stop_line"
+    start = actor.enters + arrival(actor.candidate, Hold(s, 0.0))
+    return Stop(anchor, s, start, start, "red_light")
 
 
 def starts_of(actor: Actor, moment: Moment) -> NDArray[np.int64]:
