@@ -15,6 +15,7 @@ from scenewright.tools.dsl_validator.waiting import (
     last_in_lane,
     no_faster,
     passes_on_green,
+    queues_left,
     seen_under,
 )
 from scenewright.tools.landmarks import Landmarks
@@ -84,6 +85,39 @@ def test_a_scene_that_begins_late_in_a_red_light_has_more_to_show():
     seen = seen_under(lights, offsets, [ahead, ahead], duration=20.0, on=ON)
     assert seen.tolist() == [40.0, 40.0 + 2 * 2.5, 40.0 + 2 * 20.0]
     assert seen_under(lights, offsets, [], duration=20.0, on=ON).tolist() == [20.0] * 3
+
+
+def test_queues_set_off_or_form_as_the_lights_turn_while_the_scene_lasts():
+    ahead, walker = (
+        next(route for route in ON.routes if route.type == kind)
+        for kind in ("vehicle", "pedestrian")
+    )
+    lights = SignalProgram(
+        groups=GREEN_10_RED_20.groups,
+        phases=tuple(
+            SignalPhase(
+                duration=phase.duration,
+                colours={str(signal_group(ahead, on=ON)): phase.colours["g"]},
+            )
+            for phase in GREEN_10_RED_20.phases
+        ),
+    )
+    # Waited 10 s and gone; nobody waits, then 5 s; waited 19.5 s, then 4.5 s.
+    offsets = np.array([20.0, 5.0, 29.5])
+    left = queues_left(lights, offsets, [ahead, ahead, walker], duration=15.0, on=ON)
+    assert left == pytest.approx([-10.0, 10.0, 4.5 - 19.5], abs=0.5)
+    assert queues_left(lights, offsets, [walker], duration=15.0, on=ON).tolist() == [0.0] * 3
+
+
+def test_over_all_moments_as_many_set_off_as_come_to_stand():
+    program = ON.signals
+    assert program is not None
+    crowd = [route for route in ON.routes if route.type == "vehicle"]
+    offsets = np.arange(0.0, program.cycle, 0.5)
+    left = queues_left(program, offsets, crowd, duration=30.0, on=ON)
+    assert left.mean() == pytest.approx(0.0, abs=1e-6)
+    assert left.min() < -5.0
+    assert left.max() > 5.0
 
 
 def test_nobody_goes_faster_than_who_is_ahead_in_the_queue():

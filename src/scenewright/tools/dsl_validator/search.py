@@ -66,6 +66,7 @@ from scenewright.tools.dsl_validator.waiting import (
     last_in_lane,
     no_faster,
     passes_on_green,
+    queues_left,
     red_span,
     seen_under,
     starts_of,
@@ -77,9 +78,14 @@ from scenewright.tools.signals import SignalClock, feasible_offsets
 from scenewright.tools.time_law import Hold, arrival
 
 MAX_SECONDS = 30.0
-_MIN_SECONDS = 20.0
+"""How long a scene lasts [s]: as long as the windows in which p_tod counts people."""
 _FIRST_EVENT = (2.5, 26.5)
 """When the first event happens [s], as far as it is seen coming and ending."""
+
+_DISCHARGE = 1.0
+"""How much likelier the lights are under which queues set off in view than those under which they
+form, per second of red. An event keeps many from setting off and nobody from coming to stand; in
+traffic as many do one as the other. Chosen on other requests and the validation hours."""
 
 _SIGHT, _ENDED = 0.2, 1.5
 """How long before the beginning and after the last of an event the scene is seen at least [s]."""
@@ -320,11 +326,9 @@ class Search:
             return None
         return staging.shifted(shift)
 
-    def _duration(self, staging: Staging) -> float:
-        """Long enough for every event to end, and up to 6 s more."""
-        needed = _needed(staging) if staging.happenings else 0.0
-        longer = needed + float(self._rng.uniform(0.0, 6.0))
-        return float(np.ceil(np.clip(longer, _MIN_SECONDS, MAX_SECONDS)))
+    def _duration(self, _: Staging) -> float:
+        """How long the scene lasts [s]."""
+        return MAX_SECONDS
 
     def _with_runners(self, staging: Staging, choice: Mapping[str, int]) -> Staging:
         """Also those who run red on their own."""
@@ -384,6 +388,9 @@ class Search:
             return None
         crowd = [each.route for each in self._pool.agents.values() if each.chance is not None]
         often = seen_under(program, offsets, crowd, duration=duration, on=self._ground.on)
+        if staging.happenings:
+            left = queues_left(program, offsets, crowd, duration=duration, on=self._ground.on)
+            often = often * np.exp(_DISCHARGE * (left.min() - left))
         return float(self._rng.choice(offsets, p=often / often.sum()))
 
     def _moment(self, framing: Framing) -> Moment:

@@ -197,6 +197,29 @@ def seen_under(
     return seen
 
 
+def queues_left(
+    program: SignalProgram,
+    offsets: FloatArray,
+    crowd: Iterable[Route],
+    *,
+    duration: float,
+    on: IntersectionMap,
+) -> FloatArray:
+    """[N] how much longer queues are at a scene's end than at its beginning, by offset [s of red].
+
+    The mean over the vehicles of a crowd of how long their lights have not been green. Below 0,
+    more set off in the scene than come to stand; over all moments of a programme it is 0.
+    """
+    drivers = [route for route in crowd if route.type == "vehicle"]
+    groups = Counter(signal_group(route, on=on) for route in drivers)
+    left = np.zeros(len(offsets))
+    for group, count in groups.items():
+        if group is not None:
+            grown = red_for(program, group, offsets + duration) - red_for(program, group, offsets)
+            left += count / len(drivers) * grown
+    return left
+
+
 def passes_on_green(actor: Actor, moment: Moment, enters: float) -> bool:
     """Whether an actor that enters at scene time [s] has green at its line, or never gets there.
 
