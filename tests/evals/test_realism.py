@@ -345,11 +345,15 @@ def test_the_corpus_against_itself_and_against_a_faster_one(on):
     rows = {(r.topic, r.type, r.measure, r.scenes): r for r in report.rows}
     speed = rows["Motion", "vehicle", "speed", "fast"]
     assert speed.distance.value == pytest.approx(2.0, abs=0.01)
+    assert speed.between_means == pytest.approx(2.0, abs=0.01)
     assert rows["Motion", "vehicle", "speed", "same"].distance.value < 0.01
     assert rows["Motion", "vehicle", "speed", "same"].gain.value == pytest.approx(1.0, abs=0.01)
     assert speed.gain is None
     assert speed.halves == pytest.approx(0.0, abs=1e-6)
-    assert rows["Stops of who yields", "vehicle", "gap", "same"].distance is None
+    unknown = rows["Stops of who yields", "vehicle", "gap", "same"]
+    assert unknown.distance is unknown.between_means is None
+    between = [(r.distance, r.between_means) for r in report.rows if r.distance is not None]
+    assert all(least <= d.value + 1e-9 for d, least in between if least is not None)
     assert json.loads(json.dumps(report.to_json(), allow_nan=False))["rows"]
     assert "| vehicle | speed | fast | 2.0" in report.markdown()
     assert report.facts["same: scenes"] == 2

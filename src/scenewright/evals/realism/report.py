@@ -32,6 +32,8 @@ class Row:
     Attributes:
         scenes: name of the set; reference: `corpus` or `taf-bw`, perhaps with a remark.
         distance: between them; None where one of them has no value.
+        between_means: difference of the means [unit]; no distance can be below it. The mean
+            acceleration of vehicles follows from how fast they are at first and at last.
         halves: distance between the two halves of the reference.
         by_chance: mean and 95 % quantile of the distance of as many values of the reference from
             the rest of it: no set of this size can be expected nearer than the mean.
@@ -46,6 +48,7 @@ class Row:
     scenes: str
     reference: str
     distance: Distance | None
+    between_means: float | None
     halves: float | None
     by_chance: tuple[float, float] | None
     gain: Gain | None
@@ -109,6 +112,7 @@ def compare(
             yield Row(
                 topic, kind, measure, UNITS[measure], name, named,
                 distance=distance(sample, ref, draws=draws, rng=rng),
+                between_means=_between_means(sample.values, ref.values),
                 halves=wasserstein(one.values, two.values),
                 by_chance=chance(sample, ref, draws=draws, rng=rng),
                 gain=None if first is None else gain(first, sample, ref, draws=draws, rng=rng),
@@ -116,6 +120,12 @@ def compare(
                 reference_quantiles=_quantiles(ref.values),
             )  # fmt: skip
             first = sample if first is None else first
+
+
+def _between_means(values: FloatArray, reference: FloatArray) -> float | None:
+    if not len(values) or not len(reference):
+        return None
+    return abs(float(values.mean() - reference.mean()))
 
 
 def _quantiles(values: FloatArray) -> tuple[float, ...] | None:
@@ -128,9 +138,9 @@ def _table(topic: str, reference: str, rows: Sequence[Row]) -> str:
     lines = [
         f"### {topic}, against {reference}",
         "",
-        "| class | measure | scenes | W1 | 95 % | n / reference | halves | W1 / halves "
-        "| by chance (95 %) | nearer than first | median, 5–95 % | reference |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+        "| class | measure | scenes | W1 | 95 % | between means | n / reference | halves "
+        "| W1 / halves | by chance (95 %) | nearer than first | median, 5–95 % | reference |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     lines += [_line(row) for row in rows if (row.topic, row.reference) == (topic, reference)]
     return "\n".join(lines)
@@ -144,6 +154,7 @@ def _line(row: Row) -> str:
         row.scenes,
         "–" if d is None else f"{d.value:.3f} {row.unit}",
         "–" if d is None else f"{d.low:.3f}–{d.high:.3f}",
+        "–" if row.between_means is None else f"{row.between_means:.3f}",
         "–" if d is None else f"{d.n} / {d.n_reference}",
         "–" if row.halves is None else f"{row.halves:.3f}",
         "–" if row.share is None else f"{row.share:.1f}",

@@ -143,7 +143,8 @@ def _tempers(
 ) -> Iterator[tuple[float, float | None]]:
     """How soon who gives way starts once the other has left, and how long it stood by then [s].
 
-    As people were seen to do it, or as the PET asked for wants it; last, so that it fits best.
+    As people were seen to do it, or as the PET asked for wants it; else, so that it fits best: at
+    once, beside what was seen, that would take the place of the long standstills.
     """
     wanted, manners = setting.pet_of(clause), setting.manners(clause)
     if wanted is not None:
@@ -156,8 +157,9 @@ def _tempers(
         for _ in range(2):
             seen = drawn(manners.reacts, setting.rng)
             yield float(np.clip(seen, _SOONEST, max(latest, _SOONEST))), lasts
-    react = float(setting.rng.uniform(*_REACTS))
-    yield from [(react, None)] * (3 if manners is None else 2)
+    if manners is None or setting.lenient:
+        react = float(setting.rng.uniform(*_REACTS))
+        yield from [(react, None)] * (3 if manners is None else 2)
 
 
 def _latest_start(a: Actor, hold: Hold, stands: float, zone: Encounter) -> float:

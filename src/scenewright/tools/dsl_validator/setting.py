@@ -29,7 +29,7 @@ class Setting:
     Args:
         candidates, marks: by agent.
         rng: draws among the many placements that serve a clause.
-        lenient: pedestrians may also wait in the middle of the road.
+        lenient: people may also wait in the middle of the road, or as long as fits best.
         clauses: everything that is to hold, as a PET asked for shapes the clause it goes with.
         shortfalls: where nearest misses are noted.
         habits: how people give way here; where nobody knows, they stand a while near the zone.

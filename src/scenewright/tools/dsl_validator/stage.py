@@ -53,7 +53,7 @@ class Stage:
     Args:
         candidates, marks: by agent.
         rng: draws among the many placements that serve a clause.
-        lenient: pedestrians may also wait in the middle of the road.
+        lenient: people may also wait in the middle of the road, or as long as fits best.
         shortfalls: where the nearest miss of every clause is noted.
         habits: how people give way here.
         openings: those who wait at red before anything happens.
