@@ -116,11 +116,26 @@ def test_one_stretch_that_asks_too_much_costs_no_other_its_share():
 def test_even_motion_stays_as_it_is_and_jitter_goes():
     prior = 1.3 * STEP * np.arange(200)
     kept = np.zeros(200, dtype=bool)
-    same = smoothed(prior, prior, kept=kept, over=SMOOTHING["pedestrian"])
+    same = smoothed(prior, prior, kept=kept, over=(SMOOTHING["pedestrian"],) * 2)
     assert same == pytest.approx(prior, abs=1e-6)
     jitter = 0.05 * np.cos(np.pi * np.arange(200))
-    calm = smoothed(prior + jitter, prior, kept=kept, over=SMOOTHING["pedestrian"])
+    calm = smoothed(prior + jitter, prior, kept=kept, over=(SMOOTHING["pedestrian"],) * 2)
     assert np.abs(calm - prior)[20:-20].max() < 0.001
+
+
+def test_people_stop_and_start_more_softly_than_they_walk():
+    prior = stop_and_go(rate=1.6)
+    kept = rates(prior)[0] <= 0.3
+    stands = np.flatnonzero(kept)
+    wave = 0.1 * np.sin(2.0 * np.pi * STEP * np.arange(len(prior)) / 2.0)
+    alike, soft = (
+        smoothed(prior + wave, prior, kept=kept, over=(1.5, near)) for near in (1.5, 3.5)
+    )
+    assert soft[kept] == pytest.approx(prior[kept], abs=1e-6)
+    rough, calm = (np.abs(np.diff(each - prior, 3)) for each in (alike, soft))
+    for near in (slice(stands[0] - 25, stands[0] - 3), slice(stands[-1] + 1, stands[-1] + 23)):
+        assert calm[near].max() < 0.6 * rough[near].max()
+    assert calm[: stands[0] - 60].max() == pytest.approx(rough[: stands[0] - 60].max(), rel=0.1)
 
 
 def test_who_gets_to_the_end_of_its_path_sooner_leaves_sooner():

@@ -43,8 +43,14 @@ LIMITS: dict[AgentClass, Limits] = {
 }
 SMOOTHING: dict[AgentClass, float] = {"vehicle": 3.2, "pedestrian": 1.5}
 """Waves in progress shorter than that [s] lose half of their height or more."""
+AT_STANDS: dict[AgentClass, float] = {"vehicle": 3.2, "pedestrian": 3.5}
+"""The same just before the prior is kept and just after: people stop and start softly."""
+_AROUND = 3.0
+"""For how long that is so [s]."""
 SETTLING = 3.5
 """How long before and after the prior is kept a proposal counts less [s]."""
+_BEGUN = 12
+"""Samples at most of a track that are the prior's because it begins there."""
 _FAINT = 0.02
 """How little it counts next to the prior, beside 1 further off."""
 _FIRM = 1e7
@@ -81,7 +87,8 @@ def feasible(
     share = np.zeros(len(prior))
     if most <= 0.0:
         return prior, share
-    smooth = smoothed(prior + deviation, prior, kept=kept, over=SMOOTHING[kind]) - prior
+    over = (SMOOTHING[kind], AT_STANDS[kind])
+    smooth = smoothed(prior + deviation, prior, kept=kept, over=over) - prior
     # Who gets less gets less than it had, so that counts first which share it would have had.
     broken = np.logical_or.reduce(
         [
@@ -112,20 +119,24 @@ def _to_the_end(s: FloatArray, prior: FloatArray, path: Path) -> FloatArray:
 
 
 def smoothed(
-    proposal: FloatArray, prior: FloatArray, *, kept: BoolArray, over: float
+    proposal: FloatArray, prior: FloatArray, *, kept: BoolArray, over: tuple[float, float]
 ) -> FloatArray:
     """[T] the proposal with little jerk, joined without a kink to the prior where that is kept.
 
     Least squares with a penalty on third differences (Whittaker 1923): s minimises
     sum w (s - y)^2 + k sum (d^3 s)^2, y the prior where it is kept, with a very large weight, else
-    the proposal. A wave of period `over` keeps half its height where k = (2 sin(pi dt / over))^-6.
+    the proposal. A wave of period T keeps half its height where k = (2 sin(pi dt / T))^-6.
+
+    Args:
+        over: such periods [s], far from where the prior is kept and near it.
     """
     from scipy import linalg
 
     n, solve = len(prior), linalg.solveh_banded
     if n < 8:
         return prior
-    penalty = (2.0 * np.sin(np.pi * STEP / over)) ** -6
+    far, near = ((2.0 * np.sin(np.pi * STEP / each)) ** -6 for each in over)
+    penalty = np.where(_about(kept, n - 3), near, far)
     weight = np.where(kept, _FIRM, _FAINT ** (1.0 - _away(kept)))
     third = np.array([-1.0, 3.0, -3.0, 1.0])
     bands = np.zeros((4, n))
@@ -136,6 +147,17 @@ def smoothed(
     target = np.where(kept, prior, proposal)
     found = np.asarray(solve(bands, weight * target, lower=True, check_finite=False))
     return np.where(kept, prior, found)
+
+
+def _about(kept: BoolArray, count: int) -> BoolArray:
+    """[count] third differences that lie just before the prior is kept, or just after it was."""
+    about, width = np.zeros(count, dtype=np.bool_), round(_AROUND / STEP)
+    for turn in np.flatnonzero(np.diff(kept.astype(np.int8))) + 1:
+        # Every track begins as its prior does: who enters has not stood.
+        if turn > _BEGUN:
+            first = max(int(turn) - 2 - width, 0) if kept[turn] else int(turn)
+            about[first : first + width] = True
+    return about
 
 
 def _away(kept: BoolArray) -> FloatArray:
