@@ -116,10 +116,10 @@ def test_one_stretch_that_asks_too_much_costs_no_other_its_share():
 def test_even_motion_stays_as_it_is_and_jitter_goes():
     prior = 1.3 * STEP * np.arange(200)
     kept = np.zeros(200, dtype=bool)
-    same = smoothed(prior, prior, kept=kept, over=(SMOOTHING["pedestrian"],) * 2)
+    same = smoothed(prior, prior, kept=kept, over=SMOOTHING["pedestrian"])
     assert same == pytest.approx(prior, abs=1e-6)
     jitter = 0.05 * np.cos(np.pi * np.arange(200))
-    calm = smoothed(prior + jitter, prior, kept=kept, over=(SMOOTHING["pedestrian"],) * 2)
+    calm = smoothed(prior + jitter, prior, kept=kept, over=SMOOTHING["pedestrian"])
     assert np.abs(calm - prior)[20:-20].max() < 0.001
 
 

@@ -41,12 +41,11 @@ LIMITS: dict[AgentClass, Limits] = {
     "vehicle": Limits(19.5, 2.2, 3.3, 4.5),
     "pedestrian": Limits(2.9, 2.2, 2.2, np.inf),
 }
-SMOOTHING: dict[AgentClass, float] = {"vehicle": 3.2, "pedestrian": 1.5}
-"""Waves in progress shorter than that [s] lose half of their height or more."""
-AT_STANDS: dict[AgentClass, float] = {"vehicle": 3.2, "pedestrian": 3.5}
-"""The same just before the prior is kept and just after: people stop and start softly."""
+SMOOTHING: dict[AgentClass, tuple[float, float]] = {"vehicle": (3.2, 3.2), "pedestrian": (1.5, 3.5)}
+"""Waves in progress shorter than that [s] lose half of their height or more: far from where the
+prior is kept, and just before or after it, as people stop and start more softly than they walk."""
 _AROUND = 3.0
-"""For how long that is so [s]."""
+"""How long before and after it that is [s]."""
 SETTLING = 3.5
 """How long before and after the prior is kept a proposal counts less [s]."""
 _BEGUN = 12
@@ -87,8 +86,7 @@ def feasible(
     share = np.zeros(len(prior))
     if most <= 0.0:
         return prior, share
-    over = (SMOOTHING[kind], AT_STANDS[kind])
-    smooth = smoothed(prior + deviation, prior, kept=kept, over=over) - prior
+    smooth = smoothed(prior + deviation, prior, kept=kept, over=SMOOTHING[kind]) - prior
     # Who gets less gets less than it had, so that counts first which share it would have had.
     broken = np.logical_or.reduce(
         [
