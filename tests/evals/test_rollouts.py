@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import torch
 
+from scenewright.evals.realism.rollout_tasks import Task, tasks
 from scenewright.evals.realism.rollouts import (
     BEFORE_END,
-    Task,
     errors,
     even,
     main,
+    methods,
     rolled,
     splined,
     table,
-    tasks,
 )
 from scenewright.scene.track import Track, vehicle_shape
 from scenewright.tools.recordings import RecordedAgent, Recording
@@ -40,7 +40,8 @@ def recording(seconds: float = 30.0) -> Recording:
 @pytest.mark.parametrize("before_end", BEFORE_END)
 def test_the_end_is_never_told(before_end):
     (task,) = tasks([recording()], before_end=before_end, most=5)
-    for told, goals in zip(task.given, task.goals, strict=True):
+    for told, places in zip(task.given, task.goals, strict=True):
+        goals = np.isfinite(places[:, 0])
         assert not (told | goals)[-before_end:].any()
         assert goals[-1 - before_end]
         assert told.sum() == 9
@@ -48,11 +49,10 @@ def test_the_end_is_never_told(before_end):
 
 def test_even_motion_and_the_spline_are_right_where_they_must_be():
     (task,) = tasks([recording()], before_end=4, most=5)
-    straight = list(errors(task, even(task)))
-    assert straight[0][1:] == pytest.approx((0.0, 0.0), abs=1e-9)
-    assert straight[1][2] > 0.3
-    for _, ade, fde in errors(task, splined(task)):  # a parabola is a cubic
-        assert (ade, fde) == pytest.approx((0.0, 0.0), abs=1e-6)
+    straight = errors(task, even(task))
+    assert straight[0] == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert straight[1, 1] > 0.3
+    assert errors(task, splined(task)) == pytest.approx(0.0, abs=1e-6)  # a parabola is a cubic
 
 
 def test_a_network_that_has_learned_nothing_keeps_even_motion_even():
@@ -60,10 +60,13 @@ def test_a_network_that_has_learned_nothing_keeps_even_motion_even():
     torch.nn.init.zeros_(net.output.weight)
     (task,) = tasks([recording()], before_end=4, most=5)
     (first, second) = errors(task, rolled(net, task))
-    assert first[2] < 0.01
-    assert second[2] < 5.0
-    lines = list(table(net, [recording()], most=5, named="here"))
+    assert first[1] < 0.01
+    assert second[1] < 5.0
+    rows = list(table(methods(net), [recording()], most=5))
+    assert [row.before_end for row in rows] == list(BEFORE_END)
+    lines = [line for row in rows for line in row.lines("here")]
     assert len(lines) == 3 * len(BEFORE_END)
+    assert all(line.count("|") == 9 for line in lines)
 
 
 def test_who_is_too_short_is_seen_and_not_asked_for():
@@ -73,10 +76,18 @@ def test_who_is_too_short_is_seen_and_not_asked_for():
     more = Task(
         np.concatenate([task.xy, short]),
         np.concatenate([task.given, np.isfinite(short[..., 0])]),
-        np.concatenate([task.goals, np.zeros((1, task.xy.shape[1]), dtype=bool)]),
+        np.concatenate([task.goals, np.full_like(short, np.nan)]),
         (*task.kinds, "pedestrian"),
     )
-    assert len(list(errors(more, even(more)))) == 2
+    assert len(errors(more, even(more))) == 2
+
+
+def test_a_recording_that_ends_within_a_scene_is_rolled_out_to_its_end():
+    cut = list(tasks([recording(42.0)], before_end=2, most=5))
+    assert [int(task.there[0].sum()) for task in cut] == [75, 30]
+    (short,) = tasks([recording(8.0)], before_end=2, most=5)
+    assert int(short.there[0].sum()) == 20
+    assert errors(short, splined(short)) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_no_source_is_said_in_one_line(capsys, tmp_path, monkeypatch):

@@ -1,85 +1,48 @@
 """How near the iterated roll-out comes to tracks that nobody was trained on.
 
-`python -m scenewright.evals.realism.rollouts --corpus FILE.npz [--taf-bw FOLDER]`. Scenes of up to
-30 s are cut from the test hours, or from real recordings. Everybody's first 9 steps of 0.4 s are
-given, then a goal on its way every 8 steps, the last at least so long before the track ends; the
-end itself is never given. All agents of a scene are rolled out together to their ends. Beside the
-network stand a cubic spline and even motion through the same places at the same times.
+`python -m scenewright.evals.realism.rollouts --corpus FILE.npz [--taf-bw FOLDER] [--prior-goals]`.
+Scenes of up to 30 s are cut from the test hours, or from real recordings. Everybody's first 9 steps
+of 0.4 s are given, then a goal on its way every 8 steps, the last at least so long before the track
+ends; the end itself is never given. With `--prior-goals` also such goals that lie on the way that
+the prior expects after the beginning, due when the agent is abreast of them; and goals whose times
+are the prior's, too: then nothing but the route is told after the beginning. All agents of a scene
+are rolled out together to their ends. Beside the network stand a cubic spline and even motion
+through the same places at the same times.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.evals.realism.prior_goals import WayOf, bundle_ways, left_out_ways
+from scenewright.evals.realism.rollout_tasks import (
+    COLUMNS,
+    Task,
+    as_the_prior_goes,
+    on_the_priors_way,
+    tasks,
+)
+from scenewright.evals.realism.samples import UNIMPEDED
 from scenewright.scene.base import FloatArray
-from scenewright.tools.recordings import Recording, cut_windows, load_recordings
+from scenewright.scene.track import STEP
+from scenewright.tools.recordings import Recording, load_recordings
 from scenewright.tools.recordings.taf_bw import read_taf_bw
-from scenewright.tools.recordings.windows import BoolArray
+from scenewright.tools.recordings.windows import TRAJNET_EVERY
 
-COLUMNS = 75
-GIVEN, SPACING = 9, 8
-FURTHER = 4
-"""Steps that a track must at least go on for after what is given."""
 LEAD = 1
 """Steps before a goal is due from which the next one counts; chosen on validation hours."""
 BEFORE_END = (2, 4, 8)
 """Steps of 0.4 s from the last goal to the end that are tried."""
+DRAWN = 20
+"""Draws of the prior."""
 _DRAWS = 1000
-
-
-class Task(NamedTuple):
-    """One scene to roll out.
-
-    Attributes:
-        xy: [N, T, 2] true positions [m], NaN where not there; given, goals: [N, T] which are told.
-        kinds: [N] classes.
-    """
-
-    xy: FloatArray
-    given: BoolArray
-    goals: BoolArray
-    kinds: tuple[str, ...]
-
-
-def tasks(recordings: Sequence[Recording], *, before_end: int, most: int) -> Iterator[Task]:
-    """Scenes end to end, evenly chosen if there are more than `most`."""
-    cuts = [
-        (recording, window)
-        for recording in recordings
-        for window in cut_windows(recording, steps=COLUMNS, stride=4 * COLUMNS, least_whole=0)
-    ]
-    chosen = np.unique(np.linspace(0, len(cuts) - 1, min(most, len(cuts))).astype(int))
-    for recording, window in (cuts[k] for k in chosen):
-        agents = [recording.agents[k] for k in window.members]
-        kept = [k for k, agent in enumerate(agents) if agent.subtype != "bicycle"]
-        xy = np.where(window.present[kept][..., None], window.xy[kept], np.nan)
-        marks = [_told(row, before_end) for row in window.present[kept]]
-        if any(goals.any() for _, goals in marks):
-            yield Task(
-                xy,
-                np.array([given for given, _ in marks]),
-                np.array([goals for _, goals in marks]),
-                tuple(agents[k].shape.type for k in kept),
-            )
-
-
-def _told(present: BoolArray, before_end: int) -> tuple[BoolArray, BoolArray]:
-    """[T] what is given of a track, and its goals; a track that is too short is given whole."""
-    given, goals = present.copy(), np.zeros_like(present)
-    first, count = int(np.argmax(present)), int(present.sum())
-    last_goal = first + count - 1 - before_end
-    if count >= GIVEN + FURTHER + before_end:
-        given[first + GIVEN :] = False
-        at = np.append(np.arange(first + GIVEN - 1 + SPACING, last_goal, SPACING), last_goal)
-        goals[at] = True
-    return given, goals
 
 
 def rolled(net: Any, task: Task, *, keep: int | None = None, lead: int = LEAD) -> FloatArray:
@@ -94,14 +57,14 @@ def rolled(net: Any, task: Task, *, keep: int | None = None, lead: int = LEAD) -
     from scenewright.tools.trajnet_refiner.model import CLASSES
     from scenewright.tools.trajnet_refiner.rollout import Waypoints, roll_out
 
-    most = max(1, int(task.goals.sum(axis=1).max()))
+    marked = np.asarray(np.isfinite(task.goals).all(-1))
+    most = max(1, int(marked.sum(axis=1).max()))
     places = np.full((len(task.xy), most, 2), np.nan)
     due = np.full((len(task.xy), most), np.nan)
-    for n, row in enumerate(task.goals):
-        at = np.flatnonzero(row)
-        places[n, : len(at)], due[n, : len(at)] = task.xy[n, at], at
-    there = np.asarray(np.isfinite(task.xy).all(-1))
-    until = there.shape[1] - np.argmax(there[:, ::-1], axis=1)
+    for n in range(len(marked)):
+        at = np.flatnonzero(marked[n])
+        places[n, : len(at)], due[n, : len(at)] = task.goals[n, at], at
+    until = COLUMNS - np.argmax(task.there[:, ::-1], axis=1)
     tell = [torch.from_numpy(a.astype(np.float32))[None] for a in (
         np.where(task.given[..., None], task.xy, np.nan), places, due)]  # fmt: skip
     with torch.no_grad():
@@ -135,51 +98,111 @@ def even(task: Task) -> FloatArray:
 
 def _through(task: Task, curve: Callable[..., FloatArray]) -> FloatArray:
     found = task.xy.copy()
-    for n in np.flatnonzero(task.goals.any(axis=1)):
-        at = np.flatnonzero(task.given[n] | task.goals[n])
-        when = np.flatnonzero(np.isfinite(task.xy[n]).all(-1))
-        found[n, when] = curve(at.astype(np.float64), task.xy[n, at], when.astype(np.float64))
+    places = np.where(task.given[..., None], task.xy, task.goals)
+    for n in task.asked:
+        at = np.flatnonzero(np.isfinite(places[n, :, 0]))
+        when = np.flatnonzero(task.there[n] & ~task.given[n])
+        found[n, when] = curve(at.astype(np.float64), places[n, at], when.astype(np.float64))
     return found
 
 
-def errors(task: Task, found: FloatArray) -> Iterator[tuple[str, float, float]]:
-    """Class, mean and final distance [m] of everybody who was rolled out."""
-    for n in np.flatnonzero(task.goals.any(axis=1)):
-        told = np.isfinite(task.xy[n]).all(-1) & ~task.given[n]
+def errors(task: Task, found: FloatArray) -> FloatArray:
+    """[A, 2] mean and final distance [m] of everybody who was rolled out."""
+    rows = []
+    for n in task.asked:
+        told = task.there[n] & ~task.given[n]
         off = np.hypot(*(found[n, told] - task.xy[n, told]).T)
-        yield task.kinds[n], float(off.mean()), float(off[-1])
+        rows.append((float(off.mean()), float(off[-1])))
+    return np.array(rows).reshape(-1, 2)
+
+
+Method = Callable[[Task], FloatArray]
+Methods = Mapping[str, Method]
+
+
+def methods(net: Any, *, keep: int | None = None, lead: int = LEAD) -> Methods:
+    """The network and its rivals, by name."""
+    return {
+        "refiner": lambda task: rolled(net, task, keep=keep, lead=lead),
+        "spline": splined,
+        "even": even,
+    }
+
+
+class Row(NamedTuple):
+    """What everybody of some tasks was off by.
+
+    Attributes:
+        goals: where they came from; before_end: steps from the last to the end.
+        kinds: [A] classes; off: [A, 2] mean and final distance [m], by method.
+    """
+
+    goals: str
+    before_end: int
+    kinds: tuple[str, ...]
+    off: Mapping[str, FloatArray]
+
+    def lines(self, named: str) -> Iterator[str]:
+        """Lines of the table, by class."""
+        for label in ("vehicle", "pedestrian", "all"):
+            mine = np.array([label in (kind, "all") for kind in self.kinds], dtype=bool)
+            cells = [_cell(off[mine]) for off in self.off.values()]
+            last = f"{self.before_end * 0.4:.1f} s"
+            yield (
+                " | ".join([f"| {named}", self.goals, last, label, str(mine.sum()), *cells]) + " |"
+            )
 
 
 def table(
-    net: Any,
-    recordings: Sequence[Recording],
-    *,
-    most: int,
-    named: str,
-    keep: int | None = None,
-    lead: int = LEAD,
-) -> Iterator[str]:
-    """Lines of the table, by how long before the end the last goal lies."""
+    of: Methods, recordings: Sequence[Recording], *, most: int, way_of: WayOf | None = None
+) -> Iterator[Row]:
+    """The rows of a source: goals on the true ways, and with `way_of` from the priors, too."""
     for before_end in BEFORE_END:
-        rows: dict[tuple[str, str], list[tuple[float, float]]] = {}
-        for task in tasks(recordings, before_end=before_end, most=most):
-            for how, found in (
-                ("refiner", rolled(net, task, keep=keep, lead=lead)),
-                ("spline", splined(task)),
-                ("even", even(task)),
-            ):
-                for kind, ade, fde in errors(task, found):
-                    for label in (kind, "all"):
-                        rows.setdefault((label, how), []).append((ade, fde))
-        for label in ("vehicle", "pedestrian", "all"):
-            cells = [_cell(np.array(rows.get((label, how), [])).reshape(-1, 2))
-                     for how in ("refiner", "spline", "even")]  # fmt: skip
-            count = len(rows.get((label, "refiner"), []))
-            yield (
-                f"| {named} | {before_end * 0.4:.1f} s | {label} | {count} | "
-                + " | ".join(cells)
-                + " |"
-            )
+        scenes = list(tasks(recordings, before_end=before_end, most=most, way_of=way_of))
+        yield _row("true way", before_end, of, scenes)
+        if way_of is not None:
+            yield _row("prior's way", before_end, of, [on_the_priors_way(t) for t in scenes])
+    if way_of is not None:
+        yield from _drawn(of, list(tasks(recordings, before_end=0, most=most, way_of=way_of)))
+
+
+def _row(goals: str, before_end: int, of: Methods, scenes: Sequence[Task]) -> Row:
+    off = {name: [errors(task, method(task)) for task in scenes] for name, method in of.items()}
+    return Row(goals, before_end, _kinds(scenes), {k: _joined(v) for k, v in off.items()})
+
+
+def _drawn(of: Methods, scenes: Sequence[Task]) -> Iterator[Row]:
+    """What draws of the prior are off by on average and at best; of all, and of who is never slow.
+
+    The prior's time law is that of people whom nothing holds up, and knows of no lights or queues.
+    """
+    rng = np.random.default_rng(0)
+    found: dict[str, list[FloatArray]] = {name: [np.zeros((0, DRAWN, 2))] for name in of}
+    for task in scenes:
+        draws = list(as_the_prior_goes(task, size=DRAWN, rng=rng))
+        for name, method in of.items():
+            found[name].append(np.stack([errors(draw, method(draw)) for draw in draws], axis=1))
+    every = {name: np.concatenate(parts) for name, parts in found.items()}
+    kinds = np.array(_kinds(scenes))
+    unheld = np.array([_never_slow(task, n) for task in scenes for n in task.asked], dtype=bool)
+    for who, those in ((" of all", np.ones_like(unheld)), (" of who is never slow", unheld)):
+        for how, of_draws in ((f"mean of {DRAWN} draws", np.mean), ("best of them", np.min)):
+            off = {name: of_draws(values[those], axis=1) for name, values in every.items()}
+            yield Row(f"prior, {how}{who}", 0, tuple(kinds[those]), off)
+
+
+def _never_slow(task: Task, n: int) -> bool:
+    xy = task.xy[n, task.there[n]]
+    speed = np.hypot(*np.diff(xy, axis=0).T) / (TRAJNET_EVERY * STEP)
+    return bool(speed.min() >= UNIMPEDED[task.kinds[n]])
+
+
+def _kinds(scenes: Sequence[Task]) -> tuple[str, ...]:
+    return tuple(task.kinds[n] for task in scenes for n in task.asked)
+
+
+def _joined(parts: Sequence[FloatArray]) -> FloatArray:
+    return np.concatenate([np.zeros((0, 2)), *parts])
 
 
 def _cell(values: FloatArray) -> str:
@@ -204,6 +227,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     words.add_argument("--keep", type=int, help="steps kept before everybody is observed anew")
     words.add_argument("--lead", type=int, default=LEAD,
                        help="steps before a goal is due at which the next one counts")  # fmt: skip
+    words.add_argument("--prior-goals", action="store_true",
+                       help="goals from the priors, too; only who has a route counts")  # fmt: skip
     words.add_argument("--split", choices=("fit", "validation", "test"), default="test")
     told = words.parse_args(argv)
     try:
@@ -224,22 +249,30 @@ def _print(told: argparse.Namespace) -> None:
     if told.weights is None and shipped is None:
         raise InputError(f"{told.intersection} ships no refiner; name --weights")
     net = load_refiner(told.weights) if shipped is None else shipped.net
-    sources = []
-    if told.corpus:
-        hours = load_recordings(told.corpus, split=told.split)
-        sources.append((f"corpus {told.split} hours", hours))
-    if told.taf_bw:
-        sources.append(("taf-bw", read_taf_bw(told.taf_bw).recordings))
+    torch.set_num_threads(1)  # scenes are small: threads only wait for each other
+    sources = list(_sources(told))
     if not sources:
         raise InputError("name a --corpus or a folder of --taf-bw tracks")
-    torch.set_num_threads(1)  # scenes are small: threads only wait for each other
-    print("| tracks | end after last goal | class | n | refiner ADE / FDE | spline | even motion |")
-    print("|---|---|---|---|---|---|---|")
-    for named, recordings in sources:
-        for line in table(
-            net, recordings, most=told.most, named=named, keep=told.keep, lead=told.lead
-        ):
-            print(line, flush=True)
+    of = methods(net, keep=told.keep, lead=told.lead)
+    print("| tracks | goals | end after last goal | class | n | ADE / FDE of the refiner | spline "
+          "| even motion |\n" + "|---" * 8 + "|")  # fmt: skip
+    for named, recordings, way_of in sources:
+        for row in table(of, recordings, most=told.most, way_of=way_of):
+            print(*row.lines(named), sep="\n", flush=True)
+
+
+def _sources(told: argparse.Namespace) -> Iterator[tuple[str, Sequence[Recording], WayOf | None]]:
+    """What is rolled out by name, and where the priors come from."""
+    if told.corpus:
+        hours = load_recordings(told.corpus, split=told.split)
+        ways = bundle_ways(told.intersection) if told.prior_goals else None
+        yield f"corpus {told.split} hours", hours, ways
+    if told.taf_bw:
+        real = read_taf_bw(told.taf_bw)
+        ways = left_out_ways(told.taf_bw) if told.prior_goals else None
+        for site, jitter in real.jitter.items():
+            own = [each for each in real.recordings if each.name.split("/")[0] == site]
+            yield f"taf-bw {site} (jitter {jitter:.3f} m)", own, ways
 
 
 if __name__ == "__main__":

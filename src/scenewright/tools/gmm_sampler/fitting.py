@@ -68,6 +68,7 @@ class Fitted:
         lines: what was done, for people.
         seen: [T, 2] positions of the matched tracks in the map's frame [m].
         matches: of the same tracks.
+        moved: [2] what took each file's positions to the map's frame [m], by the file's name.
     """
 
     priors: Priors
@@ -78,6 +79,7 @@ class Fitted:
     lines: tuple[str, ...]
     seen: tuple[FloatArray, ...]
     matches: tuple[Match, ...]
+    moved: Mapping[str, FloatArray]
 
 
 def fit_tracks(
@@ -114,18 +116,20 @@ def fit_tracks(
         for name, own in sessions.items()
     }
     kinds = {route.id: route.type for route in place.routes}
+    moved = {
+        file.name: _shift(file, origin, track_origin, shift) + base[file.name.rsplit("/", 1)[0]]
+        for file in files
+    }
     by_file: list[tuple[FileTracks, list[tuple[Match, Track]]]] = []
     reasons: Counter[str] = Counter()
     for file in files:
-        moved = _shift(file, origin, track_origin, shift)
-        moved = moved + base[file.name.rsplit("/", 1)[0]]
         found = []
         for subtype, track in file.tracks:
             if subtype == "bicycle":
                 reasons["bicycle"] += 1
                 continue
             kind = "pedestrian" if subtype == "pedestrian" else "vehicle"
-            xy = track.xy + moved
+            xy = track.xy + moved[file.name]
             result = matcher.match(xy, kind)
             if isinstance(result, Match):
                 found.append((result, Track(xy, track.heading, track.start)))
@@ -155,6 +159,7 @@ def fit_tracks(
         tuple(lines),
         tuple(track.xy for _, track in every),
         tuple(match for match, _ in every),
+        moved,
     )
 
 
@@ -226,6 +231,11 @@ def _shift(
     own = track_origin or file.origin
     if own is None or origin is None:
         return np.zeros(2)
+    return between_origins(own, origin)
+
+
+def between_origins(own: tuple[float, float], origin: tuple[float, float]) -> FloatArray:
+    """What takes positions about one origin to those about another [m]; origins in degrees."""
     east = _EARTH * math.cos(math.radians(origin[0])) * math.radians(own[1] - origin[1])
     return np.array([east, _EARTH * math.radians(own[0] - origin[0])])
 
@@ -327,6 +337,29 @@ def heldout_table(
                 (share, int(np.mean(sizes)), float(np.mean(pooled_nll)), float(np.mean(own_nll)))
             )
     return rows
+
+
+def foretelling(
+    place: IntersectionMap, ways: Lines, matches: Sequence[Match]
+) -> dict[str, WaypointPrior]:
+    """By route id, p_wp for tracks of another recording than the matched ones.
+
+    Unlike the priors that scenes are drawn from, these know that recordings differ and that a map
+    may be off (`partial_prior`).
+    """
+    groups = _grouped(matches)
+    pools = pools_of(place, ways, groups)
+    return {
+        route.id: partial_prior(
+            route,
+            ways[route.id],
+            _stacked(groups, route.id, len(ways[route.id])),
+            pool=pools,
+            predictive=True,
+        )
+        for route in place.routes
+        if route.movement != "jaywalking"
+    }
 
 
 def foretold(

@@ -31,8 +31,8 @@ _CURVATURE_WINDOW = 2.0
 def spline_path(waypoints: FloatArray, *, base: FloatArray | None = None) -> Path:
     """The path through waypoints [K, 2], about a base curve [DENSE, 2] where one is given."""
     if base is None:
-        return even_path(_spline_matrix() @ waypoints)
-    return even_path(base + _spline_matrix() @ (waypoints - base[::PER_INTERVAL]))
+        return even_path(spline_matrix() @ waypoints)
+    return even_path(base + spline_matrix() @ (waypoints - base[::PER_INTERVAL]))
 
 
 def paths_of(prior: WaypointPrior, waypoints: FloatArray) -> list[Path]:
@@ -49,13 +49,13 @@ def path_of(prior: WaypointPrior, waypoints: FloatArray, component: int) -> Path
 def dense_curves(waypoints: FloatArray, bases: FloatArray | None) -> FloatArray:
     """[m, DENSE, 2] splines through waypoints [m, K, 2], about base curves or none."""
     if bases is None:
-        return np.asarray(np.einsum("pk,mkd->mpd", _spline_matrix(), waypoints))
+        return np.asarray(np.einsum("pk,mkd->mpd", spline_matrix(), waypoints))
     deviation = waypoints - bases[:, ::PER_INTERVAL]
-    return np.asarray(bases + np.einsum("pk,mkd->mpd", _spline_matrix(), deviation))
+    return np.asarray(bases + np.einsum("pk,mkd->mpd", spline_matrix(), deviation))
 
 
 @lru_cache(maxsize=1)
-def _spline_matrix() -> FloatArray:
+def spline_matrix() -> FloatArray:
     """[DENSE, K] natural cubic spline as a linear map: values at the knots to values between."""
     second = np.zeros((K, K))
     inner = np.arange(1, K - 1)

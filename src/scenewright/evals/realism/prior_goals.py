@@ -1,0 +1,212 @@
+"""Goals for tracks that nobody was fitted on: from p_wp and the time laws, not from the track.
+
+Which route an agent takes is told, as a request tells it; of its track only the beginning. What the
+priors then know of the rest is `given` the beginning: where its way runs, and how it may drive or
+walk along it if nothing holds it up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path as File
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.intersections import load_map
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Candidate, K, Path, TimeLaw
+from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.selection import Slowing
+from scenewright.scene.track import PEDESTRIAN, STEP
+from scenewright.tools.along import poses_along
+from scenewright.tools.gmm_sampler import (
+    Priors,
+    WaypointPrior,
+    load_priors,
+    sample_time_laws,
+    sample_waypoints,
+)
+from scenewright.tools.gmm_sampler.given import given
+from scenewright.tools.gmm_sampler.sample import nll_and_component
+from scenewright.tools.gmm_sampler.spline import SPACING, even_path, path_of
+from scenewright.tools.recordings import RecordedAgent, Recording
+from scenewright.tools.recordings.track_files import FileTracks, read_track_files
+from scenewright.tools.recordings.windows import TRAJNET_EVERY
+from scenewright.tools.time_law import move
+
+if TYPE_CHECKING:
+    from scenewright.tools.gmm_sampler.matching import Matcher
+
+geos: Any = import_module("shapely")
+
+_ANYBODY = PEDESTRIAN
+"""How large an agent is says nothing about how it moves along its way."""
+
+
+class Way(NamedTuple):
+    """What is known of an agent's way without its track.
+
+    Attributes:
+        route: which it takes; prior: p_wp of it, in the frame of the recording [m].
+        priors: that it is one of, for the time laws.
+    """
+
+    route: Route
+    prior: WaypointPrior
+    priors: Priors
+
+
+WayOf = Callable[[Recording, RecordedAgent], Way | None]
+"""The way of an agent of a recording; None where nobody knows its route."""
+
+
+def bundle_ways(intersection: str) -> WayOf:
+    """Ways of a bundle's own corpus; its priors are fitted on the fit hours alone."""
+    priors = load_priors(intersection)
+    routes = {route.id: route for route in load_map(intersection).routes}
+
+    def way(_: Recording, agent: RecordedAgent) -> Way | None:
+        if agent.route is None:
+            return None
+        return Way(routes[agent.route], priors.waypoints[agent.route], priors)
+
+    return way
+
+
+def left_out_ways(folder: File) -> WayOf:
+    """Ways of TAF-BW's recordings, each from priors fitted on all others at the same intersection.
+
+    The priors of `intersections fit`: the map, the other recordings' tracks, the pool for the rest.
+
+    Raises:
+        InputError: the folder holds no map of a site, `<site>_<date>.osm`.
+    """
+    known = {name: made for site in _sites(folder) for name, made in _left_out(folder, site)}
+
+    def way(recording: Recording, agent: RecordedAgent) -> Way | None:
+        return known[recording.name](agent)
+
+    return way
+
+
+def _sites(folder: File) -> list[str]:
+    """The intersections whose tracks lie below a folder, by the name before the date."""
+    files = folder.rglob("vehicle_tracks_*.csv")
+    return sorted({file.parent.name.split("_", 1)[0] for file in files})
+
+
+def _left_out(
+    folder: File, site: str
+) -> Iterator[tuple[str, Callable[[RecordedAgent], Way | None]]]:
+    """By the name of each recording of a site, its agents' ways."""
+    from scenewright.tools.gmm_sampler.fitting import between_origins, fit_tracks, foretelling
+    from scenewright.tools.gmm_sampler.matching import Matcher
+    from scenewright.tools.map_import import import_map
+
+    maps = sorted(folder.rglob(f"{site}_*.osm"))
+    if not maps:
+        raise InputError(
+            f"there is no map {site}_<date>.osm below {folder}; leave out --prior-goals"
+        )
+    made = import_map(maps[-1], name=site, signals="none")
+    place, lines = made.assembled.place, made.assembled.lines
+    files = read_track_files(
+        sorted({f.parent for f in folder.rglob(f"{site}_*/vehicle_tracks_*.csv")})
+    )
+    if len(files) == 1:
+        raise InputError(f"{files[0].name} is the only recording of {site}: none is left to fit on")
+    for file in files:
+        others = [each for each in files if each is not file]
+        fitted = fit_tracks(place, lines, others, origin=made.origin)
+        beside = [fitted.moved[each.name] for each in others if _session(each) == _session(file)]
+        moved = beside[0] if beside else np.zeros(2)
+        if not beside and made.origin is not None and file.origin is not None:
+            moved = between_origins(file.origin, made.origin)
+        priors = replace(fitted.priors, waypoints=foretelling(place, lines, fitted.matches))
+        yield _recording_name(file), _matched(Matcher(place, lines), place, priors, moved)
+
+
+def _session(file: FileTracks) -> str:
+    return file.name.rsplit("/", 1)[0]
+
+
+def _recording_name(file: FileTracks) -> str:
+    """`<site>_<date>/NNN`, as `read_taf_bw` names what it reads from this file."""
+    return f"{_session(file)}/{File(file.name).stem[-3:]}"
+
+
+def _matched(
+    matcher: Matcher, place: IntersectionMap, priors: Priors, moved: FloatArray
+) -> Callable[[RecordedAgent], Way | None]:
+    routes = {route.id: route for route in place.routes}
+
+    def way(agent: RecordedAgent) -> Way | None:
+        from scenewright.tools.gmm_sampler.matching import Match
+
+        found = matcher.match(agent.track.xy + moved, agent.shape.type)
+        if not isinstance(found, Match) or found.route not in priors.waypoints:
+            return None
+        prior = priors.waypoints[found.route]
+        there = replace(prior, means=prior.means - np.tile(moved, K), base=prior.base - moved)
+        return Way(routes[found.route], there, priors)
+
+    return way
+
+
+def abreast(way: Way, seen: FloatArray, xy: FloatArray) -> FloatArray:
+    """[n, 2] where the way that the prior expects comes nearest to places [n, 2].
+
+    Args:
+        seen: [m, 2] the beginning of the track [m].
+    """
+    rest = given(way.prior, seen)
+    likeliest = int(rest.weights.argmax())
+    path = path_of(rest, rest.means[likeliest].reshape(K, 2), likeliest)
+    return poses_along(path, _along(path, xy))[:, :2]
+
+
+def driven(
+    way: Way, seen: FloatArray, *, steps: int, size: int, rng: np.random.Generator
+) -> FloatArray:
+    """[size, steps, 2] draws of how it goes on, every 0.4 s; NaN once it has left the map.
+
+    A way is drawn given the beginning, then a time law; from the last place seen, and from the
+    speed there, it goes on unheld.
+
+    Args:
+        seen: [m, 2] the beginning of the track, every 0.4 s [m].
+    """
+    rest = given(way.prior, seen)
+    waypoints = sample_waypoints(rest, rng, size=size)
+    _, component = nll_and_component(rest, waypoints)
+    laws = sample_time_laws(way.priors, way.route.id, rng, size=size)
+    speed = float(np.hypot(*(seen[-1] - seen[-2]))) / (TRAJNET_EVERY * STEP)
+    drawn = np.full((size, steps, 2), np.nan)
+    for k in range(size):
+        path = path_of(rest, waypoints[k], int(component[k]))
+        s = _onward(way.route, path, laws[k], float(_along(path, seen[-1:])[0]), speed)
+        places = poses_along(path, s[:steps])[:, :2]
+        drawn[k, : len(places)] = places
+    return drawn
+
+
+def _onward(route: Route, path: Path, law: TimeLaw, begin: float, speed: float) -> FloatArray:
+    """Arc length [m] at the next steps of 0.4 s, from a place and speed on until the path ends."""
+    if begin > path.length - 2 * SPACING:
+        return np.zeros(0)
+    rest = even_path(
+        poses_along(path, np.append(np.arange(begin, path.length, SPACING), path.length))[:, :2]
+    )
+    candidate = Candidate(route, np.zeros((K, 2)), rest, 0.0, law, 0.0, _ANYBODY, None)
+    motion = move(candidate, slowings=(Slowing(0.0, speed, law.braking),))
+    return begin + motion.s[TRAJNET_EVERY::TRAJNET_EVERY]
+
+
+def _along(path: Path, xy: FloatArray) -> FloatArray:
+    """[n] arc length [m] at which a path comes nearest to places [n, 2]."""
+    located = geos.line_locate_point(geos.LineString(path.xy), geos.points(xy))
+    return np.asarray(located, dtype=np.float64)
