@@ -9,7 +9,8 @@ import pytest
 
 import map_files
 from scenewright.errors import InputError
-from scenewright.evals.realism.prior_goals import abreast, bundle_ways, driven, left_out_ways
+from scenewright.evals.realism.left_out import left_out_ways
+from scenewright.evals.realism.prior_goals import abreast, bundle_ways, driven
 from scenewright.evals.realism.rollout_tasks import (
     SPACING,
     as_the_prior_goes,

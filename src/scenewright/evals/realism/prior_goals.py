@@ -7,19 +7,16 @@ walk along it if nothing holds it up.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable
 from importlib import import_module
-from pathlib import Path as File
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenewright.errors import InputError
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, K, Path, TimeLaw
-from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.map import Route
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import PEDESTRIAN, STEP
 from scenewright.tools.along import poses_along
@@ -34,12 +31,8 @@ from scenewright.tools.gmm_sampler.given import given
 from scenewright.tools.gmm_sampler.sample import nll_and_component
 from scenewright.tools.gmm_sampler.spline import SPACING, even_path, path_of
 from scenewright.tools.recordings import RecordedAgent, Recording
-from scenewright.tools.recordings.track_files import FileTracks, read_track_files
 from scenewright.tools.recordings.windows import TRAJNET_EVERY
 from scenewright.tools.time_law import move
-
-if TYPE_CHECKING:
-    from scenewright.tools.gmm_sampler.matching import Matcher
 
 geos: Any = import_module("shapely")
 
@@ -73,86 +66,6 @@ def bundle_ways(intersection: str) -> WayOf:
         if agent.route is None:
             return None
         return Way(routes[agent.route], priors.waypoints[agent.route], priors)
-
-    return way
-
-
-def left_out_ways(folder: File) -> WayOf:
-    """Ways of TAF-BW's recordings, each from priors fitted on all others at the same intersection.
-
-    The priors of `intersections fit`: the map, the other recordings' tracks, the pool for the rest.
-
-    Raises:
-        InputError: the folder holds no map of a site, `<site>_<date>.osm`.
-    """
-    known = {name: made for site in _sites(folder) for name, made in _left_out(folder, site)}
-
-    def way(recording: Recording, agent: RecordedAgent) -> Way | None:
-        return known[recording.name](agent)
-
-    return way
-
-
-def _sites(folder: File) -> list[str]:
-    """The intersections whose tracks lie below a folder, by the name before the date."""
-    files = folder.rglob("vehicle_tracks_*.csv")
-    return sorted({file.parent.name.split("_", 1)[0] for file in files})
-
-
-def _left_out(
-    folder: File, site: str
-) -> Iterator[tuple[str, Callable[[RecordedAgent], Way | None]]]:
-    """By the name of each recording of a site, its agents' ways."""
-    from scenewright.tools.gmm_sampler.fitting import between_origins, fit_tracks, foretelling
-    from scenewright.tools.gmm_sampler.matching import Matcher
-    from scenewright.tools.map_import import import_map
-
-    maps = sorted(folder.rglob(f"{site}_*.osm"))
-    if not maps:
-        raise InputError(
-            f"there is no map {site}_<date>.osm below {folder}; leave out --prior-goals"
-        )
-    made = import_map(maps[-1], name=site, signals="none")
-    place, lines = made.assembled.place, made.assembled.lines
-    files = read_track_files(
-        sorted({f.parent for f in folder.rglob(f"{site}_*/vehicle_tracks_*.csv")})
-    )
-    if len(files) == 1:
-        raise InputError(f"{files[0].name} is the only recording of {site}: none is left to fit on")
-    for file in files:
-        others = [each for each in files if each is not file]
-        fitted = fit_tracks(place, lines, others, origin=made.origin)
-        beside = [fitted.moved[each.name] for each in others if _session(each) == _session(file)]
-        moved = beside[0] if beside else np.zeros(2)
-        if not beside and made.origin is not None and file.origin is not None:
-            moved = between_origins(file.origin, made.origin)
-        priors = replace(fitted.priors, waypoints=foretelling(place, lines, fitted.matches))
-        yield _recording_name(file), _matched(Matcher(place, lines), place, priors, moved)
-
-
-def _session(file: FileTracks) -> str:
-    return file.name.rsplit("/", 1)[0]
-
-
-def _recording_name(file: FileTracks) -> str:
-    """`<site>_<date>/NNN`, as `read_taf_bw` names what it reads from this file."""
-    return f"{_session(file)}/{File(file.name).stem[-3:]}"
-
-
-def _matched(
-    matcher: Matcher, place: IntersectionMap, priors: Priors, moved: FloatArray
-) -> Callable[[RecordedAgent], Way | None]:
-    routes = {route.id: route for route in place.routes}
-
-    def way(agent: RecordedAgent) -> Way | None:
-        from scenewright.tools.gmm_sampler.matching import Match
-
-        found = matcher.match(agent.track.xy + moved, agent.shape.type)
-        if not isinstance(found, Match) or found.route not in priors.waypoints:
-            return None
-        prior = priors.waypoints[found.route]
-        there = replace(prior, means=prior.means - np.tile(moved, K), base=prior.base - moved)
-        return Way(routes[found.route], there, priors)
 
     return way
 

@@ -21,7 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.evals.realism.prior_goals import WayOf, bundle_ways, left_out_ways
+from scenewright.evals.realism.left_out import left_out_ways
+from scenewright.evals.realism.prior_goals import WayOf, bundle_ways
 from scenewright.evals.realism.rollout_tasks import (
     COLUMNS,
     Task,

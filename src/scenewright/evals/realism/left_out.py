@@ -1,0 +1,114 @@
+"""Ways of real tracks, from priors fitted on every other recording of their intersection."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.evals.realism.prior_goals import Way, WayOf
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import K
+from scenewright.scene.map import IntersectionMap
+from scenewright.tools.gmm_sampler import Priors, WaypointPrior
+from scenewright.tools.gmm_sampler.derived import Lines
+from scenewright.tools.gmm_sampler.fitting import between_origins, fit_tracks, foretelling
+from scenewright.tools.gmm_sampler.matching import Match, Matcher
+from scenewright.tools.map_import import import_map
+from scenewright.tools.recordings import RecordedAgent, Recording
+from scenewright.tools.recordings.track_files import FileTracks, read_track_files
+
+
+class _Site(NamedTuple):
+    """One intersection: its map, with the latitude and longitude of its origin, and its tracks."""
+
+    place: IntersectionMap
+    lines: Lines
+    origin: tuple[float, float] | None
+    files: tuple[FileTracks, ...]
+
+
+def left_out_ways(folder: Path) -> WayOf:
+    """Ways of TAF-BW's recordings, each from priors fitted on all others at the same intersection.
+
+    The priors of `intersections fit`, as they foretell another recording: the map, the other
+    recordings' tracks, the pool for the rest. The map is the newest `<site>_<date>.osm`.
+
+    Raises:
+        InputError: a site has no map below the folder, or a single recording.
+    """
+    known = {
+        _name(file): _ways(site, file)
+        for site in (_read(folder, name) for name in _sites(folder))
+        for file in site.files
+    }
+
+    def way(recording: Recording, agent: RecordedAgent) -> Way | None:
+        return known[recording.name](agent)
+
+    return way
+
+
+def _sites(folder: Path) -> Iterator[str]:
+    """The intersections whose tracks lie below a folder, by what stands before the date."""
+    files = folder.rglob("vehicle_tracks_*.csv")
+    yield from sorted({file.parent.name.split("_", 1)[0] for file in files})
+
+
+def _read(folder: Path, site: str) -> _Site:
+    maps = sorted(folder.rglob(f"{site}_*.osm"))
+    if not maps:
+        raise InputError(
+            f"there is no map {site}_<date>.osm below {folder}; leave out --prior-goals"
+        )
+    tracks = folder.rglob(f"{site}_*/vehicle_tracks_*.csv")
+    files = read_track_files(sorted({file.parent for file in tracks}))
+    if len(files) == 1:
+        raise InputError(f"{files[0].name} is the only recording of {site}: none is left to fit on")
+    made = import_map(maps[-1], name=site, signals="none")
+    return _Site(made.assembled.place, made.assembled.lines, made.origin, tuple(files))
+
+
+def _session(file: FileTracks) -> str:
+    return file.name.rsplit("/", 1)[0]
+
+
+def _name(file: FileTracks) -> str:
+    """`<site>_<date>/NNN`, as `read_taf_bw` names what it reads from this file."""
+    return f"{_session(file)}/{Path(file.name).stem[-3:]}"
+
+
+def _ways(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Way | None]:
+    """The ways of a recording's agents; which route each took is told by its whole track."""
+    others = [each for each in site.files if each is not file]
+    fitted = fit_tracks(site.place, site.lines, others, origin=site.origin)
+    priors = replace(fitted.priors, waypoints=foretelling(site.place, site.lines, fitted.matches))
+    beside = [fitted.moved[each.name] for each in others if _session(each) == _session(file)]
+    moved = beside[0] if beside else _unregistered(site, file)
+    matcher = Matcher(site.place, site.lines)
+    routes = {route.id: route for route in site.place.routes}
+
+    def way(agent: RecordedAgent) -> Way | None:
+        found = matcher.match(agent.track.xy + moved, agent.shape.type)
+        if not isinstance(found, Match):
+            return None
+        return Way(routes[found.route], _shifted(priors, found.route, moved), priors)
+
+    return way
+
+
+def _unregistered(site: _Site, file: FileTracks) -> FloatArray:
+    """What origins alone say takes a recording to the map's frame [m]."""
+    if file.origin is None or site.origin is None:
+        return np.zeros(2)
+    return between_origins(file.origin, site.origin)
+
+
+def _shifted(priors: Priors, route: str, moved: FloatArray) -> WaypointPrior:
+    """p_wp of a route in the frame of a recording that `moved` takes to the map's."""
+    prior = priors.waypoints[route]
+    return replace(prior, means=prior.means - np.tile(moved, K), base=prior.base - moved)
