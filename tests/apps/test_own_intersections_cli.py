@@ -14,7 +14,6 @@ from rerun.chunk import RrdReader
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 import map_files
-
 from scenewright.apps.cli import main
 from scenewright.graph.run import ground_of
 from scenewright.intersections import check_bundle, list_intersections, load_map

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -142,6 +143,21 @@ def test_a_recordings_prior_is_fitted_on_the_others_alone(site):
     after = means(folder)
     assert np.array_equal(before[f"{SITE}/002"], after[f"{SITE}/002"])
     assert np.abs(before[f"{SITE}/000"] - after[f"{SITE}/000"]).max() > 0.1
+
+
+def test_a_recording_found_twice_is_refused_as_none_would_be_left_out(site):
+    folder, _ = site
+    (folder / "copy").mkdir()
+    shutil.copytree(folder / SITE, folder / "copy" / SITE)
+    with pytest.raises(InputError, match="twice"):
+        left_out_ways(folder)
+
+
+def test_a_corpus_of_another_intersection_is_one_clear_line():
+    there = recording()
+    foreign = replace(there.agents[0], route="vehicle:up>down:straight")
+    with pytest.raises(InputError, match="not of amsterdam_120"):
+        bundle_ways("amsterdam_120")(there, foreign)
 
 
 def test_a_site_without_a_map_or_with_one_recording_is_one_clear_line(site):

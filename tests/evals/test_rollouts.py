@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -94,3 +96,28 @@ def test_no_source_is_said_in_one_line(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path))
     assert main(["--intersection", "nowhere"]) == 2
     assert "nowhere" in capsys.readouterr().err
+
+
+def test_a_scene_of_bicycles_alone_holds_nothing_to_roll_out():
+    ridden = recording()
+    riders = tuple(replace(agent, subtype="bicycle") for agent in ridden.agents)
+    assert not list(tasks([replace(ridden, agents=riders)], before_end=2, most=5))
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--weights", "nowhere.safetensors"], "cannot read nowhere.safetensors"),
+        (["--prior-goals", "--split", "fit"], "leave out --split"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(words, reason, capsys):
+    assert main(words) == 2
+    assert reason in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("word", ["--most", "--keep"])
+def test_counts_begin_at_one(word, capsys):
+    with pytest.raises(SystemExit):
+        main([word, "0"])
+    assert "a whole number from 1" in capsys.readouterr().err

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given as drawn
@@ -78,3 +80,23 @@ def test_whatever_is_seen_doubt_shrinks_and_weights_stay_a_mixture(begin, way, b
     assert rest.weights.sum() == pytest.approx(1.0)
     assert np.isfinite(rest.means).all()
     assert (spread_of(rest) <= spread_of(prior) + 1e-9).all()
+
+
+def test_who_stands_tells_no_more_than_its_place():
+    prior, place = straight(0.0), np.array([[30.0, 1.0]])
+    rng = np.random.default_rng(2)
+    still = place + rng.normal(0.0, 0.05, (40, 2))
+    still[0] = place[0]
+    assert spread_of(given(prior, still)) == pytest.approx(spread_of(given(prior, place)))
+
+
+def test_lanes_that_begin_later_are_not_likelier_for_having_been_seen_less():
+    """A component whose curve begins beyond what was seen must not win for want of evidence."""
+    both = straight(0.0, 3.5)
+    base = both.base.copy()
+    base[1, :, 0] = np.linspace(30.0, 90.0, DENSE)
+    late = replace(both, base=base, means=base[:, ::PER_INTERVAL].reshape(2, DIMENSIONS))
+    seen = np.column_stack([np.linspace(5.0, 45.0, 9), np.full(9, 2.0)])
+    beyond = seen[seen[:, 0] > 30.0]
+    assert given(late, seen).weights == pytest.approx(given(late, beyond).weights)
+    assert given(late, seen).weights[1] > 0.5

@@ -3,10 +3,10 @@
 import importlib.util
 import types
 
-import map_files
 import numpy as np
 import pytest
 
+import map_files
 from scenewright import synthesize
 from scenewright.errors import Rejected
 from scenewright.scene.relations import pattern_named

@@ -3,10 +3,10 @@
 import os
 from pathlib import Path
 
-import map_files
 import numpy as np
 import pytest
 
+import map_files
 from scenewright.tools.map_import.lanelet2 import _chained, _elements, _lanelets, _metres, _middle
 
 TAF = os.environ.get("SCENEWRIGHT_TAF_BW")

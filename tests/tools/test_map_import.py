@@ -6,11 +6,11 @@ import os
 import re
 from pathlib import Path
 
-import map_files
 import numpy as np
 import pytest
 import shapely
 
+import map_files
 from scenewright.errors import InputError
 from scenewright.tools.map_import import import_map
 from scenewright.tools.map_import.legs import compass_bearing, turn_by_name

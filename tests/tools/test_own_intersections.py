@@ -2,10 +2,10 @@
 
 import json
 
-import map_files
 import numpy as np
 import pytest
 
+import map_files
 from scenewright.errors import InputError
 from scenewright.intersections import FORMAT, bundle_folder, check_bundle, load_map
 from scenewright.scene.candidates import K

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,12 @@ from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.gmm_sampler import Priors, WaypointPrior
 from scenewright.tools.gmm_sampler.derived import Lines
-from scenewright.tools.gmm_sampler.fitting import between_origins, fit_tracks, foretelling
+from scenewright.tools.gmm_sampler.fitting import (
+    Fitted,
+    between_origins,
+    fit_tracks,
+    foretelling,
+)
 from scenewright.tools.gmm_sampler.matching import Match, Matcher
 from scenewright.tools.map_import import import_map
 from scenewright.tools.recordings import RecordedAgent, Recording
@@ -39,34 +44,39 @@ def left_out_ways(folder: Path) -> WayOf:
     recordings' tracks, the pool for the rest. The map is the newest `<site>_<date>.osm`.
 
     Raises:
-        InputError: a site has no map below the folder, or a single recording.
+        InputError: a site has no map below the folder, two recordings of one name, a single one, or
+            one whose fellows do not lie on the map.
     """
     known = {
         _name(file): _ways(site, file)
-        for site in (_read(folder, name) for name in _sites(folder))
+        for site in (_read(folder, *each) for each in _sites(folder).items())
         for file in site.files
     }
 
     def way(recording: Recording, agent: RecordedAgent) -> Way | None:
-        return known[recording.name](agent)
+        found = known.get(recording.name)
+        return None if found is None else found(agent)
 
     return way
 
 
-def _sites(folder: Path) -> Iterator[str]:
-    """The intersections whose tracks lie below a folder, by what stands before the date."""
-    files = folder.rglob("vehicle_tracks_*.csv")
-    yield from sorted({file.parent.name.split("_", 1)[0] for file in files})
+def _sites(folder: Path) -> dict[str, list[Path]]:
+    """The folders with tracks below a folder, by what stands before the date in their names."""
+    found: dict[str, list[Path]] = {}
+    for session in sorted({file.parent for file in folder.rglob("vehicle_tracks_*.csv")}):
+        found.setdefault(session.name.split("_", 1)[0], []).append(session)
+    return found
 
 
-def _read(folder: Path, site: str) -> _Site:
+def _read(folder: Path, site: str, sessions: Sequence[Path]) -> _Site:
     maps = sorted(folder.rglob(f"{site}_*.osm"))
     if not maps:
         raise InputError(
             f"there is no map {site}_<date>.osm below {folder}; leave out --prior-goals"
         )
-    tracks = folder.rglob(f"{site}_*/vehicle_tracks_*.csv")
-    files = read_track_files(sorted({file.parent for file in tracks}))
+    files = read_track_files(sessions)
+    if len({_name(file) for file in files}) < len(files):
+        raise InputError(f"{folder} holds recordings of {site} twice: none would be left out")
     if len(files) == 1:
         raise InputError(f"{files[0].name} is the only recording of {site}: none is left to fit on")
     made = import_map(maps[-1], name=site, signals="none")
@@ -85,10 +95,14 @@ def _name(file: FileTracks) -> str:
 def _ways(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Way | None]:
     """The ways of a recording's agents; which route each took is told by its whole track."""
     others = [each for each in site.files if each is not file]
-    fitted = fit_tracks(site.place, site.lines, others, origin=site.origin)
+    fitted = _fitted(site, file, others)
     priors = replace(fitted.priors, waypoints=foretelling(site.place, site.lines, fitted.matches))
-    beside = [fitted.moved[each.name] for each in others if _session(each) == _session(file)]
-    moved = beside[0] if beside else _unregistered(site, file)
+    registered = [
+        fitted.moved[each.name] - _unregistered(site, each)
+        for each in others
+        if _session(each) == _session(file)
+    ]
+    moved = _unregistered(site, file) + (registered[0] if registered else 0.0)
     matcher = Matcher(site.place, site.lines)
     routes = {route.id: route for route in site.place.routes}
 
@@ -99,6 +113,16 @@ def _ways(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Way | None
         return Way(routes[found.route], _shifted(priors, found.route, moved), priors)
 
     return way
+
+
+def _fitted(site: _Site, file: FileTracks, others: Sequence[FileTracks]) -> Fitted:
+    try:
+        return fit_tracks(site.place, site.lines, others, origin=site.origin)
+    except InputError:
+        raise InputError(
+            f"no track of the other recordings lies on the map of {site.place.name}, so there is "
+            f"no prior for {file.name}; leave out --prior-goals"
+        ) from None
 
 
 def _unregistered(site: _Site, file: FileTracks) -> FloatArray:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from scenewright.errors import InputError
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, K, Path, TimeLaw
@@ -58,13 +59,19 @@ WayOf = Callable[[Recording, RecordedAgent], Way | None]
 
 
 def bundle_ways(intersection: str) -> WayOf:
-    """Ways of a bundle's own corpus; its priors are fitted on the fit hours alone."""
+    """Ways of a bundle's own corpus; its priors know nothing of the test hours.
+
+    Raises:
+        InputError: unknown bundle, or, when asked, a track on a route that it does not have.
+    """
     priors = load_priors(intersection)
     routes = {route.id: route for route in load_map(intersection).routes}
 
     def way(_: Recording, agent: RecordedAgent) -> Way | None:
         if agent.route is None:
             return None
+        if agent.route not in routes:
+            raise InputError(f"the corpus is not of {intersection}: that has no {agent.route!r}")
         return Way(routes[agent.route], priors.waypoints[agent.route], priors)
 
     return way
@@ -87,8 +94,8 @@ def driven(
 ) -> FloatArray:
     """[size, steps, 2] draws of how it goes on, every 0.4 s; NaN once it has left the map.
 
-    A way is drawn given the beginning, then a time law; from the last place seen, and from the
-    speed there, it goes on unheld.
+    A way is drawn given the beginning, then a time law; from the last place seen it goes on unheld,
+    as fast as there if the law and the way's curves allow.
 
     Args:
         seen: [m, 2] the beginning of the track, every 0.4 s [m].

@@ -89,8 +89,8 @@ def _task(recording: Recording, window: Window, before_end: int, way_of: WayOf |
                 for n, k in enumerate(kept)]  # fmt: skip
         marks = [mark if way else (row, np.zeros_like(row))
                  for mark, way, row in zip(marks, ways, there, strict=True)]  # fmt: skip
-    given = np.array([mark[0] for mark in marks]).reshape(there.shape)
-    goals = np.array([mark[1] for mark in marks]).reshape(there.shape)
+    given = np.array([mark[0] for mark in marks], dtype=bool).reshape(there.shape)
+    goals = np.array([mark[1] for mark in marks], dtype=bool).reshape(there.shape)
     kinds = tuple(members[k].shape.type for k in kept)
     return Task(xy, given, np.where(goals[..., None], xy, np.nan), kinds, tuple(ways))
 
@@ -117,7 +117,10 @@ def on_the_priors_way(task: Task) -> Task:
 
 
 def as_the_prior_goes(task: Task, *, size: int, rng: np.random.Generator) -> Iterator[Task]:
-    """Draws of the same task: where the prior is every `SPACING` steps, and at the end."""
+    """Draws of the same task: where the prior is every `SPACING` steps, and at the last.
+
+    That is at the end of the track, or before the prior has left the map.
+    """
     drawn = {}
     for n in task.asked:
         steps = int((task.there[n] & ~task.given[n]).sum())
@@ -127,10 +130,9 @@ def as_the_prior_goes(task: Task, *, size: int, rng: np.random.Generator) -> Ite
         goals = np.full_like(task.goals, np.nan)
         for n, places in drawn.items():
             begin = int(np.flatnonzero(task.there[n] & ~task.given[n])[0])
-            at = np.unique(
-                np.append(np.arange(SPACING - 1, len(places[k]), SPACING), len(places[k]) - 1)
-            )
-            goals[n, begin + at] = places[k, at]
+            there = int(np.isfinite(places[k, :, 0]).sum())
+            at = np.append(np.arange(SPACING - 1, there - 1, SPACING), there - 1)
+            goals[n, begin + at[at >= 0]] = places[k, at[at >= 0]]
         yield task._replace(goals=goals)
 
 

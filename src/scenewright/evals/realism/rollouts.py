@@ -5,9 +5,10 @@ Scenes of up to 30 s are cut from the test hours, or from real recordings. Every
 of 0.4 s are given, then a goal on its way every 8 steps, the last at least so long before the track
 ends; the end itself is never given. With `--prior-goals` also such goals that lie on the way that
 the prior expects after the beginning, due when the agent is abreast of them; and goals whose times
-are the prior's, too: then nothing but the route is told after the beginning. All agents of a scene
-are rolled out together to their ends. Beside the network stand a cubic spline and even motion
-through the same places at the same times.
+are the prior's, too: then nothing but the route and the time of the end is told after the
+beginning. All agents of a scene are rolled out together to their ends; who is there too shortly,
+or has no route with `--prior-goals`, is seen all along. Beside the network stand a cubic spline and
+even motion through the same places at the same times.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from scenewright.evals.realism.samples import UNIMPEDED
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.recordings import Recording, load_recordings
-from scenewright.tools.recordings.taf_bw import read_taf_bw
+from scenewright.tools.recordings.taf_bw import SMOOTHING, read_taf_bw
 from scenewright.tools.recordings.windows import TRAJNET_EVERY
 
 LEAD = 1
@@ -216,6 +217,12 @@ def _cell(values: FloatArray) -> str:
     return f"{ade:.2f} / {fde:.2f} [{low:.2f}, {high:.2f}]"
 
 
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"a whole number from 1, not {text!r}")
+    return int(text)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the table."""
     words = argparse.ArgumentParser(prog="python -m scenewright.evals.realism.rollouts",
@@ -224,9 +231,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     words.add_argument("--weights", type=Path, help="the bundle's if none are named")
     words.add_argument("--corpus", type=Path, help="file of `intersections corpus`")
     words.add_argument("--taf-bw", type=Path, help="folder of real tracks")
-    words.add_argument("--most", type=int, default=60, help="scenes of each source")
-    words.add_argument("--keep", type=int, help="steps kept before everybody is observed anew")
-    words.add_argument("--lead", type=int, default=LEAD,
+    words.add_argument("--smoothing", type=float, default=SMOOTHING,
+                       help="of real positions before anything else [s]")  # fmt: skip
+    words.add_argument("--most", type=_count, default=60, help="scenes of each source")
+    words.add_argument("--keep", type=_count, help="steps kept before everybody is observed anew")
+    words.add_argument("--lead", type=int, choices=range(12), default=LEAD,
                        help="steps before a goal is due at which the next one counts")  # fmt: skip
     words.add_argument("--prior-goals", action="store_true",
                        help="goals from the priors, too; only who has a route counts")  # fmt: skip
@@ -244,12 +253,13 @@ def _print(told: argparse.Namespace) -> None:
     import torch
 
     from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
-    from scenewright.tools.trajnet_refiner.store import load_refiner
 
+    if told.prior_goals and told.split != "test":
+        raise InputError("the corpus' priors know the hours of that split; leave out --split")
     shipped = None if told.weights else bundled_refiner(told.intersection)
     if told.weights is None and shipped is None:
         raise InputError(f"{told.intersection} ships no refiner; name --weights")
-    net = load_refiner(told.weights) if shipped is None else shipped.net
+    net = _read(told.weights) if shipped is None else shipped.net
     torch.set_num_threads(1)  # scenes are small: threads only wait for each other
     sources = list(_sources(told))
     if not sources:
@@ -262,6 +272,15 @@ def _print(told: argparse.Namespace) -> None:
             print(*row.lines(named), sep="\n", flush=True)
 
 
+def _read(weights: Path) -> Any:
+    from scenewright.tools.trajnet_refiner.store import load_refiner
+
+    try:
+        return load_refiner(weights)
+    except OSError as fault:
+        raise InputError(f"cannot read {weights}: {fault.strerror or fault}") from None
+
+
 def _sources(told: argparse.Namespace) -> Iterator[tuple[str, Sequence[Recording], WayOf | None]]:
     """What is rolled out by name, and where the priors come from."""
     if told.corpus:
@@ -269,7 +288,7 @@ def _sources(told: argparse.Namespace) -> Iterator[tuple[str, Sequence[Recording
         ways = bundle_ways(told.intersection) if told.prior_goals else None
         yield f"corpus {told.split} hours", hours, ways
     if told.taf_bw:
-        real = read_taf_bw(told.taf_bw)
+        real = read_taf_bw(told.taf_bw, smoothing=told.smoothing)
         ways = left_out_ways(told.taf_bw) if told.prior_goals else None
         for site, jitter in real.jitter.items():
             own = [each for each in real.recordings if each.name.split("/")[0] == site]

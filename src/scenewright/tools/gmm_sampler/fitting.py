@@ -51,9 +51,9 @@ _LEAST_OFFSETS = 30
 _FARTHEST_SHIFT = 3.0
 
 Matched = Mapping[str, Mapping[int, list[FloatArray]]]
+"""Offsets [K] of tracks, by route and line."""
 Lanes = Mapping[str, Sequence[FloatArray]]
 """By turn, for each lane of a place without a map [n, K] offsets from its middle [m]."""
-"""Offsets [K] of tracks, by route and line."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """p_wp of the rest of a way, given the part of it that was seen.
 
-How far to the left of a component's mean curve a path runs is linear in its waypoints (paper
-Eq. 3), so a mixture of Gaussians stays one when some of it is seen, and what follows is exact.
+How far to the left of a component's mean curve a path runs is, to first order, linear in its
+waypoints (paper Eq. 3), so a mixture of Gaussians stays one when some of it is seen.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
@@ -17,22 +18,27 @@ from scenewright.tools.gmm_sampler.spline import DENSE, dense_curves, spline_mat
 
 NOISE = 0.10
 """How far a position that was seen lies off a spline through waypoints [m]."""
+APART = 0.5
+"""Positions closer than this to the last that counts say nothing more [m]: who stands is seen at
+one place, however long."""
 
 
 def given(prior: WaypointPrior, seen: FloatArray) -> WaypointPrior:
     """The prior of a route once some positions of an agent are known.
 
     Only how far they lie to the left of the mean curves counts: how far along they are is a matter
-    of when. Positions before the first waypoint or beyond the last say nothing.
+    of when. Positions before the first waypoint of a component or beyond its last say nothing: all
+    are weighed by the same.
 
     Args:
-        seen: [n, 2] positions on the way [m].
+        seen: [n, 2] positions on the way, in the order of time [m].
 
     Returns:
         The same components, their weights, means, covariances and mean curves as the positions
         leave them.
     """
-    updated = [_component(prior, c, seen) for c in range(len(prior.weights))]
+    telling = _telling(prior, seen)
+    updated = [_component(prior, c, telling) for c in range(len(prior.weights))]
     means = np.array([mean for mean, _, _ in updated])
     logs = np.log(prior.weights) + np.array([evidence for _, _, evidence in updated])
     weights = np.exp(logs - logs.max())
@@ -44,6 +50,24 @@ def given(prior: WaypointPrior, seen: FloatArray) -> WaypointPrior:
         cholesky=np.linalg.cholesky(np.array([spread for _, spread, _ in updated])),
         base=prior.base + dense_curves(shift, None),
     )
+
+
+def _telling(prior: WaypointPrior, seen: FloatArray) -> FloatArray:
+    """[m, 2] the positions that lie apart and beside every component's mean curve."""
+    kept: list[FloatArray] = []
+    for place in seen:
+        if not kept or float(np.hypot(*(place - kept[-1]))) >= APART:
+            kept.append(place)
+    apart = np.array(kept).reshape(-1, 2)
+    nearest = np.array([_nearest(base, apart) for base in prior.base])
+    inside = ((nearest > 0) & (nearest < DENSE - 1)).all(axis=0)
+    return np.asarray(apart[inside])
+
+
+def _nearest(base: FloatArray, seen: FloatArray) -> NDArray[np.intp]:
+    """[n] the point of a curve [DENSE, 2] that is nearest to each position."""
+    away = np.hypot(*(seen[:, None] - base[None]).transpose(2, 0, 1))
+    return np.asarray(away.argmin(axis=1))
 
 
 def _component(
@@ -68,12 +92,10 @@ def _beside(base: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray]
 
     Each is measured where the curve [DENSE, 2] is nearest.
     """
-    nearest = np.hypot(*(seen[:, None] - base[None]).transpose(2, 0, 1)).argmin(axis=1)
-    inside = (nearest > 0) & (nearest < DENSE - 1)
-    nearest, points = nearest[inside], seen[inside]
+    nearest = _nearest(base, seen)
     ahead = np.gradient(base, axis=0)[nearest]
     ahead /= np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
     normal = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    left = ((points - base[nearest]) * normal).sum(axis=1)
+    left = ((seen - base[nearest]) * normal).sum(axis=1)
     rows = np.einsum("nk,nd->nkd", spline_matrix()[nearest], normal)
     return left, rows.reshape(len(left), DIMENSIONS)

@@ -51,7 +51,8 @@ class RealTracks:
     Attributes:
         recordings: one per file of tracks; no splits, no signals.
         removed: what cleaning took away, by site and date.
-        jitter: of the positions before smoothing [m], the upper quartile, by site and date.
+        jitter: of the positions before smoothing [m], the upper quartile, by site and date; sites
+            where nobody moves are not in it.
     """
 
     recordings: tuple[Recording, ...]
@@ -61,7 +62,8 @@ class RealTracks:
     @property
     def fine(self) -> tuple[Recording, ...]:
         """The recordings whose positions are good enough for accelerations."""
-        return tuple(r for r in self.recordings if self.jitter[r.name.split("/")[0]] <= FINE)
+        good = {site for site, jitter in self.jitter.items() if jitter <= FINE}
+        return tuple(r for r in self.recordings if r.name.split("/")[0] in good)
 
 
 def read_taf_bw(folder: Path, *, smoothing: float = SMOOTHING) -> RealTracks:
@@ -83,7 +85,8 @@ def read_taf_bw(folder: Path, *, smoothing: float = SMOOTHING) -> RealTracks:
         made, taken = _recording(f"{site}/{file.stem[-3:]}", seen, smoothing)
         recordings.append(made)
         removed[site] = removed.get(site, Removed()) + taken
-    levels = {site: float(np.quantile(np.concatenate(n), 0.75)) for site, n in noise.items()}
+    moving = {site: np.concatenate([np.zeros(0), *parts]) for site, parts in noise.items()}
+    levels = {site: float(np.quantile(n, 0.75)) for site, n in moving.items() if len(n)}
     return RealTracks(tuple(recordings), removed, levels)
 
 
