@@ -145,6 +145,21 @@ def test_a_recordings_prior_is_fitted_on_the_others_alone(site):
     assert np.abs(before[f"{SITE}/000"] - after[f"{SITE}/000"]).max() > 0.1
 
 
+def test_recordings_of_one_session_are_moved_alike_about_origins_of_their_own(site):
+    """Two origins of the same place: the same way, in either frame."""
+    folder, line = site
+    lat, lon = map_files.ORIGIN
+    north = 7.0
+    there = [lat, lat, lat + north / 6_378_137.0 * 180.0 / np.pi]
+    rows = "".join(f"{n:03d},{at:.12f},{lon},12:00:00\n" for n, at in enumerate(there))
+    (folder / SITE / "meta_data.csv").write_text("id,originLat,originLon,startTime\n" + rows)
+    write(folder / SITE, 2, line - (0.0, north), 0.4)
+    found = means(folder)
+    moved = (found[f"{SITE}/002"] - found[f"{SITE}/000"]).reshape(-1, 2)
+    assert moved[:, 1] == pytest.approx(-north, abs=0.2)
+    assert np.abs(moved[:, 0]).max() < 0.2
+
+
 def test_a_recording_found_twice_is_refused_as_none_would_be_left_out(site):
     folder, _ = site
     (folder / "copy").mkdir()

@@ -289,6 +289,15 @@ def test_real_tracks_are_read_cleaned_and_told_apart_by_their_jitter(files):
     assert kinematics(kept["car"].track.xy).speed == pytest.approx(8.0)
 
 
+def test_a_site_where_nobody_moves_is_read_and_is_not_fine(files):
+    empty = files / "tracks" / "k731_2020-01-01"
+    empty.mkdir()
+    (empty / "vehicle_tracks_000.csv").write_text(HEADER)
+    real = read_taf_bw(files)
+    assert "k731_2020-01-01" not in real.jitter
+    assert [r.name for r in real.fine] == ["k729_2022-03-16/000"]
+
+
 def test_what_is_no_real_track_is_one_clear_line(files, tmp_path):
     with pytest.raises(InputError, match="no vehicle_tracks"):
         read_taf_bw(tmp_path / "nowhere")
