@@ -18,9 +18,9 @@ from scenewright.tools.gmm_sampler import Priors, WaypointPrior
 from scenewright.tools.gmm_sampler.derived import Lines
 from scenewright.tools.gmm_sampler.fitting import (
     Fitted,
-    between_origins,
     fit_tracks,
     foretelling,
+    frame_shift,
 )
 from scenewright.tools.gmm_sampler.matching import Match, Matcher
 from scenewright.tools.map_import import import_map
@@ -83,13 +83,9 @@ def _read(folder: Path, site: str, sessions: Sequence[Path]) -> _Site:
     return _Site(made.assembled.place, made.assembled.lines, made.origin, tuple(files))
 
 
-def _session(file: FileTracks) -> str:
-    return file.name.rsplit("/", 1)[0]
-
-
 def _name(file: FileTracks) -> str:
     """`<site>_<date>/NNN`, as `read_taf_bw` names what it reads from this file."""
-    return f"{_session(file)}/{Path(file.name).stem[-3:]}"
+    return f"{file.session}/{Path(file.name).stem[-3:]}"
 
 
 def _ways(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Way | None]:
@@ -98,11 +94,11 @@ def _ways(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Way | None
     fitted = _fitted(site, file, others)
     priors = replace(fitted.priors, waypoints=foretelling(site.place, site.lines, fitted.matches))
     registered = [
-        fitted.moved[each.name] - _unregistered(site, each)
+        fitted.moved[each.name] - frame_shift(each, site.origin)
         for each in others
-        if _session(each) == _session(file)
+        if each.session == file.session
     ]
-    moved = _unregistered(site, file) + (registered[0] if registered else 0.0)
+    moved = frame_shift(file, site.origin) + (registered[0] if registered else 0.0)
     matcher = Matcher(site.place, site.lines)
     routes = {route.id: route for route in site.place.routes}
 
@@ -123,13 +119,6 @@ def _fitted(site: _Site, file: FileTracks, others: Sequence[FileTracks]) -> Fitt
             f"no track of the other recordings lies on the map of {site.place.name}, so there is "
             f"no prior for {file.name}; leave out --prior-goals"
         ) from None
-
-
-def _unregistered(site: _Site, file: FileTracks) -> FloatArray:
-    """What origins alone say takes a recording to the map's frame [m]."""
-    if file.origin is None or site.origin is None:
-        return np.zeros(2)
-    return between_origins(file.origin, site.origin)
 
 
 def _shifted(priors: Priors, route: str, moved: FloatArray) -> WaypointPrior:

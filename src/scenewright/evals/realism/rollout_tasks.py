@@ -44,9 +44,14 @@ class Task(NamedTuple):
         return np.asarray(np.isfinite(self.xy).all(-1))
 
     @property
+    def sought(self) -> BoolArray:
+        """[N, T] where who is rolled out is to be found."""
+        return self.there & ~self.given
+
+    @property
     def asked(self) -> IntArray:
         """Who is rolled out."""
-        return np.flatnonzero((self.there & ~self.given).any(axis=1))
+        return np.flatnonzero(self.sought.any(axis=1))
 
 
 def tasks(
@@ -123,13 +128,13 @@ def as_the_prior_goes(task: Task, *, size: int, rng: np.random.Generator) -> Ite
     """
     drawn = {}
     for n in task.asked:
-        steps = int((task.there[n] & ~task.given[n]).sum())
+        steps = int(task.sought[n].sum())
         seen = task.xy[n, task.given[n]]
         drawn[n] = driven(_way(task, n), seen, steps=steps, size=size, rng=rng)
     for k in range(size):
         goals = np.full_like(task.goals, np.nan)
         for n, places in drawn.items():
-            begin = int(np.flatnonzero(task.there[n] & ~task.given[n])[0])
+            begin = int(np.argmax(task.sought[n]))
             there = int(np.isfinite(places[k, :, 0]).sum())
             at = np.append(np.arange(SPACING - 1, there - 1, SPACING), there - 1)
             goals[n, begin + at[at >= 0]] = places[k, at[at >= 0]]

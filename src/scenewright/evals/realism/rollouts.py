@@ -103,7 +103,7 @@ def _through(task: Task, curve: Callable[..., FloatArray]) -> FloatArray:
     places = np.where(task.given[..., None], task.xy, task.goals)
     for n in task.asked:
         at = np.flatnonzero(np.isfinite(places[n, :, 0]))
-        when = np.flatnonzero(task.there[n] & ~task.given[n])
+        when = np.flatnonzero(task.sought[n])
         found[n, when] = curve(at.astype(np.float64), places[n, at], when.astype(np.float64))
     return found
 
@@ -112,8 +112,7 @@ def errors(task: Task, found: FloatArray) -> FloatArray:
     """[A, 2] mean and final distance [m] of everybody who was rolled out."""
     rows = []
     for n in task.asked:
-        told = task.there[n] & ~task.given[n]
-        off = np.hypot(*(found[n, told] - task.xy[n, told]).T)
+        off = np.hypot(*(found[n] - task.xy[n])[task.sought[n]].T)
         rows.append((float(off.mean()), float(off[-1])))
     return np.array(rows).reshape(-1, 2)
 

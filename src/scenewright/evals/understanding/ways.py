@@ -18,7 +18,7 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
 from scenewright.tools.gmm_sampler.priors import HOURS, TimeLawPrior
-from scenewright.tools.gmm_sampler.spline import PER_INTERVAL, dense_curves, even_path
+from scenewright.tools.gmm_sampler.spline import PER_INTERVAL, even_path, spline_matrix
 from scenewright.tools.ground import Ground
 from scenewright.tools.landmarks import landmarks
 
@@ -94,7 +94,7 @@ def _ways(kind: AgentClass, routes: list[Route], priors: Priors, ground: Ground)
     of = [r for r, way in enumerate(sets) for _ in way.weights]
     curve = np.concatenate([way.base for way in sets])[:, ::_THIN]
     cholesky = np.concatenate([way.cholesky for way in sets])
-    knots = dense_curves(np.eye(K)[:, :, None].repeat(2, axis=2), None)[:, ::_THIN, 0].T
+    knots = spline_matrix()[::_THIN]
     s, heading, curvature = _shape_of(curve)
     normal = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
     rows = np.einsum("pk,cpd->cpkd", knots, normal).reshape(*curve.shape[:2], 2 * K)
@@ -106,7 +106,7 @@ def _ways(kind: AgentClass, routes: list[Route], priors: Priors, ground: Ground)
     rates = np.stack([_rate(priors, routes[r].id) for r in of], axis=1)
     return Ways(
         kind, tuple(routes[r] for r in of), np.log((rates + 1e-3) * weights), curve, s, heading,
-        curvature, normal, np.asarray(knots), across, turn, cholesky,
+        curvature, normal, knots, across, turn, cholesky,
         np.array([line for line, _ in marks]), tuple(group for _, group in marks),
         _bends(s, curvature, laws),
         *(np.stack([getattr(law, name) for law in laws])

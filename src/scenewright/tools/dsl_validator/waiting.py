@@ -189,12 +189,8 @@ def seen_under(
     at a light that was red before. A scene shows as many under every offset; under one that brings
     a queue there are more to show.
     """
-    groups = Counter(signal_group(route, on=on) for route in crowd)
-    seen = np.full(len(offsets), duration * max(groups.total(), 1))
-    for group, count in groups.items():
-        if group is not None:
-            seen += count * red_for(program, group, offsets)
-    return seen
+    people = list(crowd)
+    return duration * max(len(people), 1) + _red_of_all(program, offsets, people, on=on)
 
 
 def queues_left(
@@ -211,13 +207,22 @@ def queues_left(
     more set off in the scene than come to stand; over all moments of a programme it is 0.
     """
     drivers = [route for route in crowd if route.type == "vehicle"]
-    groups = Counter(signal_group(route, on=on) for route in drivers)
-    left = np.zeros(len(offsets))
+    begin, end = (
+        _red_of_all(program, moments, drivers, on=on) for moments in (offsets, offsets + duration)
+    )
+    return np.asarray((end - begin) / max(len(drivers), 1))
+
+
+def _red_of_all(
+    program: SignalProgram, offsets: FloatArray, crowd: Iterable[Route], *, on: IntersectionMap
+) -> FloatArray:
+    """[N] for how long the lights of a crowd have not been green, summed over its members [s]."""
+    groups = Counter(signal_group(route, on=on) for route in crowd)
+    red = np.zeros(len(offsets))
     for group, count in groups.items():
         if group is not None:
-            grown = red_for(program, group, offsets + duration) - red_for(program, group, offsets)
-            left += count / len(drivers) * grown
-    return left
+            red += count * red_for(program, group, offsets)
+    return red
 
 
 def passes_on_green(actor: Actor, moment: Moment, enters: float) -> bool:

@@ -110,14 +110,14 @@ def fit_tracks(
     lines: list[str] = []
     sessions: dict[str, list[FileTracks]] = defaultdict(list)
     for file in files:
-        sessions[file.name.rsplit("/", 1)[0]].append(file)
+        sessions[file.session].append(file)
     base = {
         name: _registered(name, own, matcher, origin, track_origin, shift, lines)
         for name, own in sessions.items()
     }
     kinds = {route.id: route.type for route in place.routes}
     moved = {
-        file.name: _shift(file, origin, track_origin, shift) + base[file.name.rsplit("/", 1)[0]]
+        file.name: frame_shift(file, origin, track_origin, shift) + base[file.session]
         for file in files
     }
     by_file: list[tuple[FileTracks, list[tuple[Match, Track]]]] = []
@@ -181,7 +181,7 @@ def _registered(
     for _ in range(4):
         normals, offsets = [], []
         for file in files:
-            own = _shift(file, origin, track_origin, shift) + moved
+            own = frame_shift(file, origin, track_origin, shift) + moved
             for subtype, track in file.tracks:
                 found = (
                     matcher.match(track.xy + own, "vehicle")
@@ -219,23 +219,18 @@ def _counted(every: Sequence[tuple[Match, Track]], reasons: Counter[str]) -> str
     )
 
 
-def _shift(
+def frame_shift(
     file: FileTracks,
     origin: tuple[float, float] | None,
-    track_origin: tuple[float, float] | None,
-    shift: tuple[float, float] | None,
+    track_origin: tuple[float, float] | None = None,
+    shift: tuple[float, float] | None = None,
 ) -> FloatArray:
-    """What takes positions of a file to the map's frame [m]."""
+    """What is stated to take positions of a file to the map's frame [m]; see `fit_tracks`."""
     if shift is not None:
         return np.array(shift)
     own = track_origin or file.origin
     if own is None or origin is None:
         return np.zeros(2)
-    return between_origins(own, origin)
-
-
-def between_origins(own: tuple[float, float], origin: tuple[float, float]) -> FloatArray:
-    """What takes positions about one origin to those about another [m]; origins in degrees."""
     east = _EARTH * math.cos(math.radians(origin[0])) * math.radians(own[1] - origin[1])
     return np.array([east, _EARTH * math.radians(own[0] - origin[0])])
 
@@ -279,14 +274,25 @@ def _priors(
 ) -> Priors:
     pools = pools_of(place, ways, groups, elsewhere)
     derived = derived_priors(place, ways)
-    fitted = {
+    fitted = _waypoints(place, ways, groups, pools, predictive=False)
+    return replace(derived, waypoints={**derived.waypoints, **fitted})
+
+
+def _waypoints(
+    place: IntersectionMap, ways: Lines, groups: Matched, pools: Pool, *, predictive: bool
+) -> dict[str, WaypointPrior]:
+    """By route id, p_wp of those that were matched or could have been."""
+    return {
         route.id: partial_prior(
-            route, ways[route.id], _stacked(groups, route.id, len(ways[route.id])), pool=pools
+            route,
+            ways[route.id],
+            _stacked(groups, route.id, len(ways[route.id])),
+            pool=pools,
+            predictive=predictive,
         )
         for route in place.routes
         if route.movement != "jaywalking"
     }
-    return replace(derived, waypoints={**derived.waypoints, **fitted})
 
 
 def heldout_table(
@@ -348,18 +354,7 @@ def foretelling(
     may be off (`partial_prior`).
     """
     groups = _grouped(matches)
-    pools = pools_of(place, ways, groups)
-    return {
-        route.id: partial_prior(
-            route,
-            ways[route.id],
-            _stacked(groups, route.id, len(ways[route.id])),
-            pool=pools,
-            predictive=True,
-        )
-        for route in place.routes
-        if route.movement != "jaywalking"
-    }
+    return _waypoints(place, ways, groups, pools_of(place, ways, groups), predictive=True)
 
 
 def foretold(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.tools.gmm_sampler.priors import DIMENSIONS, WaypointPrior
-from scenewright.tools.gmm_sampler.spline import DENSE, dense_curves, spline_matrix
+from scenewright.tools.gmm_sampler.spline import DENSE, dense_curves, spline_matrix, tangents
 
 NOISE = 0.10
 """How far a position that was seen lies off a spline through waypoints [m]."""
@@ -93,8 +93,7 @@ def _beside(base: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray]
     Each is measured where the curve [DENSE, 2] is nearest.
     """
     nearest = _nearest(base, seen)
-    ahead = np.gradient(base, axis=0)[nearest]
-    ahead /= np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
+    ahead = tangents(base)[nearest]
     normal = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     left = ((seen - base[nearest]) * normal).sum(axis=1)
     rows = np.einsum("nk,nd->nkd", spline_matrix()[nearest], normal)

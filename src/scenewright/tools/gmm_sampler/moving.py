@@ -25,7 +25,7 @@ from scenewright.tools.gmm_sampler.priors import (
     load_priors,
 )
 from scenewright.tools.gmm_sampler.sample import sample_waypoints
-from scenewright.tools.gmm_sampler.spline import DENSE, PER_INTERVAL
+from scenewright.tools.gmm_sampler.spline import DENSE, PER_INTERVAL, tangents
 
 SHIPPED = "amsterdam_120"
 """The intersection whose tracks fill the pool where one's own do not."""
@@ -64,10 +64,8 @@ def centreline(line: FloatArray) -> Centreline:
     """A polyline [P, 2] as a reference line."""
     dense = at_equal_length(line, DENSE)
     knots = dense[::PER_INTERVAL]
-    ahead = np.gradient(dense, axis=0)[::PER_INTERVAL]
-    ahead /= np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
     turn = np.zeros((DIMENSIONS, DIMENSIONS))
-    for k, (c, s) in enumerate(ahead):
+    for k, (c, s) in enumerate(tangents(dense)[::PER_INTERVAL]):
         turn[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = ((c, -s), (s, c))
     return Centreline(dense, knots, turn)
 

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from scenewright.compiled import compiled
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import K, Path
 from scenewright.tools.gmm_sampler.priors import WaypointPrior
 from scenewright.tools.gmm_sampler.sample import component_log_densities
@@ -54,6 +54,12 @@ def dense_curves(waypoints: FloatArray, bases: FloatArray | None) -> FloatArray:
     return np.asarray(bases + np.einsum("pk,mkd->mpd", spline_matrix(), deviation))
 
 
+def tangents(curve: FloatArray) -> FloatArray:
+    """[P, 2] unit vectors along a curve [P, 2], at its points."""
+    ahead = np.gradient(curve, axis=0)
+    return np.asarray(ahead / np.maximum(np.hypot(*ahead.T), 1e-9)[:, None])
+
+
 @lru_cache(maxsize=1)
 def spline_matrix() -> FloatArray:
     """[DENSE, K] natural cubic spline as a linear map: values at the knots to values between."""
@@ -68,7 +74,7 @@ def spline_matrix() -> FloatArray:
     t = (at - knot)[:, None]
     straight = (1 - t) * np.eye(K)[knot] + t * np.eye(K)[knot + 1]
     bent = ((1 - t) ** 3 - (1 - t)) * bend[knot] + (t**3 - t) * bend[knot + 1]
-    return np.asarray(straight + bent / 6.0)
+    return frozen(straight + bent / 6.0)
 
 
 def even_path(curve: FloatArray) -> Path:

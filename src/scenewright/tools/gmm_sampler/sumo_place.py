@@ -15,6 +15,7 @@ import numpy as np
 
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
+from scenewright.tools.gmm_sampler.spline import tangents
 from scenewright.tools.gmm_sampler.sumo_network import (
     converted,
     edge_id,
@@ -122,8 +123,7 @@ def _edges(lanes: Mapping[Compass, _Numbered], place: IntersectionMap) -> Iterat
 def _beside(lane: Lanelet, inwards: bool, left_hand: bool) -> FloatArray:
     """[P, 2] the middle of the sidewalk along the outermost lane."""
     line = np.array(_prolonged(lane, inwards))
-    ahead = np.gradient(line, axis=0)
-    ahead /= np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
+    ahead = tangents(line)
     kerbwards = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1) * (-1.0 if left_hand else 1.0)
     return np.asarray(line + (lane.width + SIDEWALK) / 2 * kerbwards)
 

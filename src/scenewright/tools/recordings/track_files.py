@@ -71,6 +71,11 @@ class FileTracks:
     origin: tuple[float, float] | None
     span: float
 
+    @property
+    def session(self) -> str:
+        """What files of one recording have in common: the name up to its last slash."""
+        return self.name.rsplit("/", 1)[0]
+
 
 def read_track_files(
     paths: Sequence[str | Path],
