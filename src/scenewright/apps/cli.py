@@ -117,6 +117,10 @@ def make(
     force: Annotated[
         bool, typer.Option("--force", help="Write into a folder that holds other files, too.")
     ] = False,
+    lenient: Annotated[
+        bool,
+        typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
+    ] = False,
     gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False,
     no_picture: Annotated[bool, typer.Option("--no-picture", help="No scene.png.")] = False,
     no_recording: Annotated[bool, typer.Option("--no-recording", help="No scene.rrd.")] = False,
@@ -139,6 +143,7 @@ def make(
         picture=not no_picture,
         recording=not no_recording,
         gif=gif,
+        lenient=lenient,
     )
     with progress(quiet=quiet) as tell:
         made = make_scene(request, tell=tell)

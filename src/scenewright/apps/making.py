@@ -41,6 +41,7 @@ class Request:
     picture: bool
     recording: bool
     gif: bool
+    lenient: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +136,7 @@ def _synthesize(request: Request, tell: Tell) -> Scene:
         seed=request.seed,
         refiner=request.refiner,
         selection=request.selection,
+        lenient=request.lenient,
         tell=tell,
     )
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from itertools import pairwise
 
 from scenewright.apps.console import one_line
+from scenewright.scene.account import SaidRecord, SaidSpan, list_manner, list_unrealised
 from scenewright.scene.base import Point
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.map import IntersectionMap, Lanelet
@@ -27,7 +29,18 @@ def summary(scene: SceneRecord, proof: Proof, on: IntersectionMap) -> list[str]:
     lines = [happening(event, scene, on) for event in proof.events]
     if not lines:
         lines = ["nothing happens: no collision, near miss or yielding"]
-    return [verdict(proof), *(f"  {line}" for line in lines), f"  {_crowd(scene)}"]
+    told = [verdict(proof), *(f"  {line}" for line in lines), f"  {_crowd(scene)}"]
+    return [*told, *(f"  {line}" for line in unshown(proof.said))]
+
+
+def unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
+    """The words of the instruction that tracks do not show, a line for each kind."""
+    kinds = (("left out", list_unrealised(said)), ("without effect on tracks", list_manner(said)))
+    return [
+        f"{title}: {', '.join(repr(one_line(each, limit=80)) for each in words)}"
+        for title, words in kinds
+        if words
+    ]
 
 
 def verdict(proof: Proof) -> str:

@@ -106,6 +106,7 @@ def synthesize(
     pinned: Pins | None = None,
     budgets: Budgets | None = None,
     recall: Recall | None = None,
+    lenient: bool = False,
     tell: Tell | None = None,
 ) -> Scene:
     """A verified scene for an instruction in plain language.
@@ -125,6 +126,7 @@ def synthesize(
         pinned: agents of an earlier version that stay as they are.
         budgets: how often each retry edge may be taken.
         recall: finds accepted answers to requests like this one, for prompts.
+        lenient: leave out words that cannot be realised, and list them, instead of refusing.
         tell: called with (stage, line) as the run goes.
 
     Raises:
@@ -153,6 +155,7 @@ def synthesize(
         selection=selection,
         budgets=budgets or Budgets(),
         recall=recall or nothing_recalled,
+        lenient=lenient,
         tell=note,
         account=calls.append,
     )

@@ -46,6 +46,7 @@ class RunContext:
         tell: called with a short line whenever a stage has something to say.
         account: called with what every answer of a model has cost.
         recall: finds accepted answers to requests like this one, for prompts.
+        lenient: words that cannot be realised are left out and listed, not refused.
     """
 
     backend: Backend
@@ -61,6 +62,7 @@ class RunContext:
     tell: Callable[[str, str], None] = lambda _stage, _message: None
     account: Callable[[Call], None] = lambda _call: None
     recall: Recall = nothing_recalled
+    lenient: bool = False
 
     @property
     def intersection(self) -> IntersectionMap:

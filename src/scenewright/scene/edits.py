@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError
 
 from scenewright.errors import Rejected
+from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import (
@@ -215,7 +216,34 @@ def edited(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
         raise _refused(f"{where}: {first['msg']}" if where else str(first["msg"])) from error
-    return graph
+    return graph.model_copy(update={"said": tuple(e for e in graph.said if _still_holds(e, graph))})
+
+
+def _still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
+    """Whether what earlier words became is still in the graph."""
+    agents = {each.id: each for each in graph.agents}
+    if any(name not in agents for name in entry.agents):
+        return False
+    named = [agents[name] for name in entry.agents]
+    match entry.became:
+        case "entry" | "exit" | "movement" | "crosswalk":
+            return all(getattr(agent, entry.became) == entry.value for agent in named)
+        case "agent":
+            kinds = {kind for agent in named for kind in (agent.type, agent.subtype)}
+            return entry.value is None or entry.value in kinds
+        case "runs_red":
+            return all(agent.runs_red for agent in named)
+        case "relation":
+            return any(
+                edge.type == entry.value and {edge.from_, edge.to} == set(entry.agents)
+                for edge in graph.relations
+            )
+        case "time_of_day" | "density":
+            return bool(getattr(graph.context, entry.became) == entry.value)
+        case "normal" | "denied" | "cause" | "background" | "tie" | "measure" | "impact_point":
+            return False
+        case _:
+            return True
 
 
 def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from scenewright.scene.account import SaidRecord
 from scenewright.scene.base import Model, Point
 from scenewright.scene.social import CollisionKind
 
@@ -65,6 +66,7 @@ class Proof(Model):
         interference: certificate of no other interaction, its violations (empty = holds).
         implausible: violations of SEMANTICS section 5.
         signal_violations: red crossings by agents that nobody named as violators.
+        said: what the words of the instruction became, with the evidence for it.
     """
 
     schema_version: Literal[1] = 1
@@ -75,4 +77,5 @@ class Proof(Model):
     interference: tuple[Finding, ...] = ()
     implausible: tuple[Finding, ...] = ()
     signal_violations: tuple[Finding, ...] = ()
+    said: tuple[SaidRecord, ...] = ()
     figures: dict[str, Any] = Field(default_factory=dict)

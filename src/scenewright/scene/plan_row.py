@@ -4,46 +4,57 @@ from __future__ import annotations
 
 from typing import Any
 
+from scenewright.scene.account import list_unrealised
 from scenewright.scene.events import EVENT_OF_RELATION
-from scenewright.scene.social import AgentNode, Plan, Refusal, SceneContext
+from scenewright.scene.social import AgentNode, Plan, Refusal, SceneContext, SocialGraph
 
 
 def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
-    """The plan as {"id", "agents", "relations", "context", "refused", "reason"}.
+    """The plan as {"id", "agents", "relations", "context", "refused", "reason", ...}.
 
     Relation types are collision | yielding | near_miss | follow | normal; a scene without a
-    relation has one row `normal` with from and to null; a refusal has no agents and no relations.
+    relation has one row `normal` with from and to null; a refusal has no agents and no relations,
+    but, under `did_you_mean`, sentences that would be understood. `said` is the account of words,
+    `unrealised` lists those of them that no scene can show. A range of time is [from, to].
     """
     if isinstance(plan, Refusal):
-        return _row(row_id, [], [], SceneContext(), reason=plan.reason)
-    agents = [_agent(agent) for agent in plan.agents]
+        row = _row(row_id, SocialGraph(agents=()), relations=[], reason=plan.reason)
+        return {**row, "did_you_mean": list(plan.did_you_mean)}
     relations: list[dict[str, Any]] = [
         {"type": EVENT_OF_RELATION[edge.type], "from": edge.from_, "to": edge.to}
         for edge in plan.relations
     ]
     normal = [{"type": "normal", "from": None, "to": None}]
-    return _row(row_id, agents, relations or normal, plan.context, reason=None)
+    return {**_row(row_id, plan, relations=relations or normal, reason=None), "did_you_mean": []}
 
 
 def _row(
-    row_id: str,
-    agents: list[dict[str, Any]],
-    relations: list[dict[str, Any]],
-    context: SceneContext,
-    *,
-    reason: str | None,
+    row_id: str, plan: SocialGraph, *, relations: list[dict[str, Any]], reason: str | None
 ) -> dict[str, Any]:
     return {
         "id": row_id,
-        "agents": agents,
+        "agents": [_agent(agent) for agent in plan.agents],
         "relations": relations,
-        "context": context.model_dump(mode="json"),
+        "context": _context(plan.context),
         "refused": reason is not None,
         "reason": reason,
+        "said": [each.model_dump(mode="json") for each in plan.said],
+        "unrealised": list(list_unrealised(plan.said)),
     }
 
 
 def _agent(agent: AgentNode) -> dict[str, Any]:
     return agent.model_dump(
-        mode="json", include={"id", "type", "entry", "exit", "movement", "crosswalk"}
+        mode="json", include={"id", "type", "subtype", "entry", "exit", "movement", "crosswalk"}
     )
+
+
+def _context(context: SceneContext) -> dict[str, Any]:
+    """The context; numbers of the background also under the plural keys that rows once had."""
+    time, counts = context.time_of_day, context.background
+    span = time.split("-") if time is not None and "-" in time else time
+    numbers = None
+    if counts is not None:
+        cars, people = counts.vehicles, counts.pedestrians
+        numbers = {"vehicle": cars, "pedestrian": people, "vehicles": cars, "pedestrians": people}
+    return {"density": context.density, "time_of_day": span, "background": numbers}

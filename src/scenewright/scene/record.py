@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from scenewright.scene.account import SaidRecord
 from scenewright.scene.base import AgentClass, Colour, Compass, Model, Movement, Point
 from scenewright.scene.events import EventZone
 from scenewright.scene.social import Cause, EntrySide, ImpactPoint
@@ -132,6 +133,7 @@ class SceneRecord(Model):
     relations: tuple[RelationRecord, ...] = ()
     ties: tuple[TieRecord, ...] = ()
     signals: tuple[SignalRecord, ...] = ()
+    said: tuple[SaidRecord, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON with the file's key names."""

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
@@ -113,12 +114,14 @@ class SocialGraph(Model):
 
     Attributes:
         ties: entries that the text fixes by one another, such as those of oncoming vehicles.
+        said: what the words of the instruction became.
     """
 
-    agents: tuple[AgentNode, ...] = Field(max_length=8)
-    relations: tuple[RelationEdge, ...] = Field(default=(), max_length=6)
+    agents: tuple[AgentNode, ...] = Field(max_length=12)
+    relations: tuple[RelationEdge, ...] = Field(default=(), max_length=12)
     ties: tuple[EntryTie, ...] = Field(default=(), max_length=12)
     context: SceneContext = SceneContext()
+    said: tuple[SaidSpan, ...] = Field(default=(), max_length=200)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -144,10 +147,15 @@ class SocialGraph(Model):
 
 
 class Refusal(Model):
-    """The planner's no: why the text cannot become a scene."""
+    """The planner's no: why the text cannot become a scene.
+
+    Attributes:
+        did_you_mean: sentences near it that would be understood, the nearest first.
+    """
 
     code: Literal["out_of_scope", "contradictory", "impossible"]
     reason: str
+    did_you_mean: tuple[str, ...] = Field(default=(), max_length=3)
 
 
 Plan = SocialGraph | Refusal

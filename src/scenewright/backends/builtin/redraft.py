@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from scenewright.backends.builtin import edits as grammar_of_edits
-from scenewright.backends.builtin import planner
+from scenewright.backends.builtin import grammar_plan, graph_making
 from scenewright.backends.builtin.clauses import Reader
 from scenewright.backends.builtin.clock import Clock, read_clock
 from scenewright.backends.builtin.context import read_context
@@ -118,7 +118,7 @@ class _Base:
         self._refit()
         if not draft.agents and (draft.context.vehicles, draft.context.pedestrians) == (0, 0):
             raise Refused("impossible", "Then nobody would be left; add somebody first.")
-        planner._finish(draft)
+        graph_making.finish_draft(draft)
 
     def _read(self, plain: str, chunks: Sequence[Chunk], people: People) -> None:
         draft = self._draft
@@ -134,9 +134,9 @@ class _Base:
             agent.crosswalk = None
         reader = Reader(draft, editing=True)
         reader.read(items)
-        planner._failed_yields(draft, reader)
+        grammar_plan.settle_failed_yields(draft, reader)
         if "late_brake" in reader.said:
-            planner._cause(draft, "late_brake")
+            graph_making.set_cause(draft, "late_brake")
         grammar_of_edits._relations(draft, earlier, rest, known=agents)
 
     def _label(self, items: Sequence[Item], people: People) -> None:
@@ -178,7 +178,7 @@ class _Base:
             if id(agent) not in ids:
                 ids[id(agent)] = free_name(agent.type, taken)
                 taken.add(ids[id(agent)])
-        nodes = [planner._node(agent, ids[id(agent)]) for agent in self._draft.agents]
+        nodes = [graph_making.make_node(agent, ids[id(agent)]) for agent in self._draft.agents]
         tied = [
             EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
             for agent, other, side in ties(self._draft)
@@ -203,7 +203,7 @@ class _Base:
 
     def _edge(self, relation: RelationDraft, ids: Mapping[int, str], clock: Clock) -> RelationEdge:
         before = next((edge for draft, edge in self._edges if draft is relation), None)
-        made = planner._edge(relation, dict(ids), self._draft)
+        made = graph_making.make_edge(relation, dict(ids), self._draft)
         if before is None:
             return made
         update: dict[str, object] = {
@@ -225,7 +225,7 @@ class _Base:
             "time_of_day": context.time_of_day,
         }
         if context.vehicles is not None or context.pedestrians is not None:
-            update["background"] = planner._context(self._draft).background
+            update["background"] = graph_making.make_context(self._draft).background
         return self._before.context.model_copy(update=update)
 
 

@@ -156,7 +156,9 @@ def _counts(background: Row | None) -> tuple[int | None, int | None]:
     return known.get("vehicles"), known.get("pedestrians")
 
 
-def _time_fits(label: str | list[str] | None, time: str | None) -> bool:
+def _time_fits(label: str | list[str] | None, time: str | list[str] | None) -> bool:
+    if isinstance(time, list):
+        time = "-".join(time)
     if label is None or time is None:
         return label is time
     if isinstance(label, list):

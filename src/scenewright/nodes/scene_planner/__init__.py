@@ -85,7 +85,24 @@ def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
     plan = ask_for_plan(context.backend, question, ways)
     if isinstance(plan, Refusal):
         raise Rejected(Rejection(stage="scene_planner", code=_CODES[plan.code], detail=plan.reason))
+    if not context.lenient:
+        _refuse_unrealised(plan)
     return plan
+
+
+def _refuse_unrealised(plan: SocialGraph) -> None:
+    """Words that nothing in a scene can stand for are refused, not dropped (SEMANTICS 8)."""
+    left_out = [each for each in plan.said if each.became == "nothing"]
+    if left_out:
+        words = "; ".join(f"'{each.words}' ({each.note or 'not modelled'})" for each in left_out)
+        raise Rejected(
+            Rejection(
+                stage="scene_planner",
+                code="out_of_scope",
+                detail=f"This cannot be part of a scene: {words}. Leave it out, or allow that "
+                "with --lenient.",
+            )
+        )
 
 
 def ask_for_plan(backend: Backend, question: Question, ways: Sequence[Way]) -> Plan:

@@ -6,6 +6,7 @@ import hashlib
 from typing import Any
 
 from scenewright.memory.state import Tracks
+from scenewright.scene.account import number_agents
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
@@ -61,6 +62,7 @@ def assemble(
             for each in graph.ties
         ),
         signals=_signals(selection, on),
+        said=number_agents(graph.said, numbers),
     )
 
 

@@ -16,6 +16,7 @@ from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, RelationRecord, SceneRecord
 from scenewright.scene.track import Shape, Track
+from scenewright.tools.relation_checker.account import check_account
 from scenewright.tools.relation_checker.certificate import (
     Roles,
     interference,
@@ -92,8 +93,10 @@ def _proof(
     incidental = [k for k, e in enumerate(seen.events)
                   if k not in matched and is_incidental(e, roles)]  # fmt: skip
     events = tuple(e for k, e in enumerate(seen.events) if k not in incidental)
+    said, unsaid = check_account(scene, seen.events, seen, intersection)
     missing = (
         *missing,
+        *unsaid,
         *false_labels(scene, events, lit=bool(intersection and scene.signals)),
         *(false_journeys(scene, seen.movers, intersection) if intersection else ()),
         *_not_as_tied(scene, seen, intersection),
@@ -110,7 +113,7 @@ def _proof(
         events=events,
         incidental=tuple(seen.events[k] for k in incidental),
         missing=missing, interference=unasked, implausible=motion, signal_violations=red,
-        figures=_figures(scene, seen, intersection),
+        said=said, figures=_figures(scene, seen, intersection),
     )  # fmt: skip
 
 

@@ -1,0 +1,218 @@
+"""The second reading of an instruction: by a grammar of short plain orders and shorthand.
+
+Text goes through `normalise` (tokens), `idioms` and `shorthand` (plainer words), `clock` (figures),
+`lexicon` (tagged chunks), `grammar` (modifiers), `mentions` (noun phrases), `clauses` (agents,
+relations), `context` and `entail`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+
+from scenewright.backends.builtin import edits
+from scenewright.backends.builtin.clauses import Reader
+from scenewright.backends.builtin.clock import read_clock
+from scenewright.backends.builtin.context import read_context
+from scenewright.backends.builtin.draft import Draft, Refused, RelationDraft, Site
+from scenewright.backends.builtin.grammar import modifiers
+from scenewright.backends.builtin.graph_making import (
+    finish_draft,
+    make_graph,
+    place_impacts,
+    set_cause,
+)
+from scenewright.backends.builtin.impacts import brakes_hard, read_impacts
+from scenewright.backends.builtin.lexicon import Chunk, lexicon
+from scenewright.backends.builtin.mentions import noun_phrases
+from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.scope import (
+    check_language,
+    check_scope,
+    check_text,
+    nothing_planned,
+)
+from scenewright.backends.builtin.shorthand import denied, expand
+from scenewright.backends.builtin.unread import check_read
+from scenewright.scene.social import (
+    Plan,
+    Refusal,
+)
+
+_NOTHING = (
+    "nothing happens",
+    "no incident",
+    "without incident",
+    "without any incident",
+    "no event",
+)
+
+
+def read_by_grammar(text: str, previous: str | None, site: Site) -> Plan:
+    """The social graph that the grammar reads in a text, or why it reads none."""
+    try:
+        return make_graph(_understand(text, previous, site))
+    except Refused as verdict:
+        return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
+
+
+def _understand(text: str, previous: str | None, site: Site) -> Draft:
+    base = None
+    if previous is not None and previous.strip() and edits.is_edit(text):
+        base = _base(previous)
+    if base is not None:
+        draft = _edited(text, base)
+        draft.site = site
+        return finish_draft(draft)
+    draft, reader = _draft(text)
+    draft.site = site
+    finish_draft(draft)
+    check_read(draft, reader)
+    return draft
+
+
+def _base(previous: str) -> Draft | None:
+    try:
+        return _draft(previous)[0]
+    except Refused:
+        return None
+
+
+def _draft(text: str) -> tuple[Draft, Reader]:
+    """What a full instruction says, before entailments."""
+    check_text(text)
+    plain, impacts = read_impacts(expand(clean(text)))
+    check_language(text, tokenise(plain))
+    without_figures, clock = read_clock(plain)
+    chunks = lexicon().chunks(tokenise(without_figures))
+    check_scope(plain, chunks, measured=clock.pet is not None or clock.ttc is not None)
+    draft = Draft(
+        normal=any(chunk.has("NORMAL") and chunk.tags["NORMAL"] == "normal" for chunk in chunks)
+    )
+    reader = _read(draft, chunks, without_figures)
+    read_context(draft, chunks, clock)
+    _told_by_figures(draft, chunks)
+    if brakes_hard(plain):
+        _brakes(draft)
+    place_impacts(draft, impacts)
+    _settle_normal(draft, reader, chunks)
+    _check_denied(draft, denied(plain))
+    if draft.agents and any(chunk.has("EMPTY") for chunk in chunks):
+        raise Refused(
+            "contradictory", "The scene cannot be empty and hold agents; drop one of the two."
+        )
+    return draft, reader
+
+
+def _edited(text: str, base: Draft) -> Draft:
+    check_text(text)
+    whole = expand(clean(text))
+    check_language(text, tokenise(whole))
+    plain, clock = read_clock(whole)
+    chunks = lexicon().chunks(tokenise(plain))
+    check_scope(whole, chunks, editing=True)
+    draft = deepcopy(base)
+    edits.apply(draft, chunks, lambda words: _read(draft, words, plain, editing=True), clock)
+    return draft
+
+
+def _read(draft: Draft, chunks: Sequence[Chunk], text: str, *, editing: bool = False) -> Reader:
+    reader = Reader(draft, editing=editing)
+    reader.read(noun_phrases(modifiers(chunks), text=text))
+    settle_failed_yields(draft, reader)
+    if "late_brake" in reader.said:
+        _too_late(draft)
+        set_cause(draft, "late_brake")
+    return reader
+
+
+def _told_by_figures(draft: Draft, chunks: Sequence[Chunk]) -> None:
+    """A PET or TTC alone asks for a near miss, "truck versus pedestrian" for a collision."""
+    if draft.relations or draft.normal or draft.denied - {"collide_at"} or len(draft.agents) != 2:
+        return
+    measured = draft.context.pet is not None or draft.context.ttc is not None
+    versus = any(chunk.text in {"vs", "versus"} for chunk in chunks) and not draft.denied
+    if measured or versus:
+        type_ = "near_miss" if measured else "collide_at"
+        first, second = draft.agents
+        draft.relations.append(RelationDraft(type_, first, second))
+
+
+def _too_late(draft: Draft) -> None:
+    """ "cannot stop in time" means a collision where the text names no other event."""
+    if not draft.relations and not draft.normal and not draft.denied and len(draft.agents) == 2:
+        draft.relations.append(RelationDraft("collide_at", draft.agents[1], draft.agents[0]))
+
+
+def settle_failed_yields(draft: Draft, reader: Reader) -> None:
+    """A yield denied: contradicts the same yield, and alone amounts to a near miss."""
+    for edge in reader.failed:
+        same = [r for r in draft.relations if r.pair() == edge.pair()]
+        if any(
+            r.type == edge.type and (r.type != "yield_to" or r.from_ is edge.from_) for r in same
+        ):
+            raise Refused(
+                "contradictory",
+                "The text both asks for an event and denies it; keep one of the two.",
+            )
+    denied = [edge for edge in reader.failed if edge.type == "yield_to"]
+    if denied and not draft.relations and not draft.normal:
+        draft.relations.append(RelationDraft("near_miss", denied[0].from_, denied[0].to))
+
+
+def _settle_normal(draft: Draft, reader: Reader, chunks: Sequence[Chunk]) -> None:
+    if draft.denied & {relation.type for relation in draft.relations}:
+        raise Refused(
+            "contradictory", "The text both asks for an event and denies it; keep one of the two."
+        )
+    event = any(relation.type in {"collide_at", "near_miss"} for relation in draft.relations)
+    if event and any(chunk.has("NORMAL") and chunk.text.startswith(_NOTHING) for chunk in chunks):
+        raise Refused(
+            "contradictory", "The text both asks for an event and denies it; keep one of the two."
+        )
+    if draft.relations:
+        _drop_generic(draft)
+        return
+    _drop_generic(draft)
+    for group in list(reader.counted):
+        if not any(a.entry or a.exit or a.movement for a in group):
+            reader.to_background(group)
+    said = draft.normal or draft.denied or draft.agents
+    context = draft.context
+    traffic = any(
+        chunk.tags.get("AGENT") == "traffic" or chunk.has("TRAFFIC_NOUN") for chunk in chunks
+    )
+    counted = context.vehicles is not None or context.pedestrians is not None
+    if not said and not (traffic and (context.density or context.time_of_day)) and not counted:
+        raise nothing_planned()
+
+
+def _check_denied(draft: Draft, none: frozenset[str]) -> None:
+    """ "no vehicles at all in which a truck ...": the text denies what it then tells."""
+    events = "event" in none and bool(draft.relations)
+    if events or any(agent.type in none for agent in draft.agents):
+        raise Refused(
+            "contradictory", "The text both asks for something and denies it; keep one of the two."
+        )
+
+
+def _drop_generic(draft: Draft) -> None:
+    """ "cars and people move on as usual" names nobody in particular."""
+    bound = [agent for edge in draft.relations for agent in (edge.from_, edge.to)]
+    draft.agents[:] = [
+        agent
+        for agent in draft.agents
+        if agent in bound
+        or not agent.generic
+        or agent.entry
+        or agent.exit
+        or agent.movement
+        or agent.crosswalk
+    ]
+
+
+def _brakes(draft: Draft) -> None:
+    """A near miss with hard braking is caused by it."""
+    for relation in draft.relations:
+        if relation.type == "near_miss" and not (relation.from_.runs_red or relation.to.runs_red):
+            relation.cause = relation.cause or "late_brake"

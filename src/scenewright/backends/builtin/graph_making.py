@@ -1,0 +1,179 @@
+"""From a draft to the social graph: what follows, what cannot be, ids and fields."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
+from scenewright.backends.builtin.entail import entail
+from scenewright.backends.builtin.impacts import Impacts
+from scenewright.backends.builtin.phrases import cast
+from scenewright.backends.builtin.ties import name_turns_across, ties
+from scenewright.scene.social import (
+    AgentNode,
+    Background,
+    EntryTie,
+    RelationEdge,
+    SceneContext,
+    SocialGraph,
+)
+
+_FASTEST, _LONGEST = 20.0, 8.0
+"""Speed [m/s], and PET and TTC [s], that may be asked for."""
+
+_SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
+NO_TRAFFIC = (
+    "The text describes no traffic scene; say which vehicles or pedestrians do what at the "
+    "intersection."
+)
+
+
+def finish_draft(draft: Draft) -> Draft:
+    """The draft with all that follows from it; Refused where it cannot be."""
+    _one_event_per_pair(draft)
+    for relation in draft.relations:
+        cast(relation, draft.site)
+    entail(draft)
+    name_turns_across(draft)
+    if any(agent.runs_red for agent in draft.agents):
+        set_cause(draft, "red_light_run")
+    for relation in draft.relations:
+        _orient(relation)
+    speed = draft.context.speed
+    if speed is not None and speed > _FASTEST:
+        raise Refused(
+            "impossible",
+            f"{speed:.0f} m/s is too fast here; ask for at most {_FASTEST:.0f} m/s (72 km/h).",
+        )
+    for name, seconds in (("PET", draft.context.pet), ("TTC", draft.context.ttc)):
+        if seconds is not None and seconds > _LONGEST:
+            raise Refused(
+                "impossible",
+                f"A {name} of {seconds:g} s is no encounter; ask for at most {_LONGEST:g} s.",
+            )
+    empty = draft.context.vehicles == 0 and draft.context.pedestrians == 0
+    if not draft.agents and empty:
+        raise Refused("out_of_scope", NO_TRAFFIC)
+    return draft
+
+
+def _one_event_per_pair(draft: Draft) -> None:
+    """Collision, else yielding, else near miss (SEMANTICS 4); a follow may come before any."""
+    for relation in list(draft.relations):
+        types = {r.type for r in draft.relations if r.pair() == relation.pair()}
+        if {"collide_at", "yield_to"} <= types:
+            raise Refused(
+                "contradictory",
+                "An agent cannot yield to another and hit it in one encounter; keep "
+                "one of the two.",
+            )
+        softened = relation.type == "yield_to" and relation.soft and "near_miss" in types
+        overruled = relation.type == "near_miss" and types & {"collide_at", "yield_to"}
+        if softened or overruled:
+            draft.relations.remove(relation)
+
+
+def set_cause(draft: Draft, cause: str) -> None:
+    """The relations that running red or late braking brings about owe it to that."""
+    for relation in draft.relations:
+        ran = relation.from_.runs_red or relation.to.runs_red or cause == "late_brake"
+        made_to_yield = relation.type == "yield_to" and relation.to.runs_red
+        if relation.type in {"collide_at", "near_miss"} and ran:
+            relation.cause = relation.cause or cause
+        elif made_to_yield and cause == "red_light_run":
+            relation.cause = cause
+
+
+def place_impacts(draft: Draft, impacts: Impacts) -> None:
+    """Points of impact belong to the one collision there is; pedestrians have none."""
+    collisions = [each for each in draft.relations if each.type == "collide_at"]
+    if len(collisions) != 1:
+        return
+    (hit,) = collisions
+    vehicles = [agent for agent in (hit.from_, hit.to) if agent.type == "vehicle"]
+    if len(vehicles) == 2:
+        hit.point_from, hit.point_to = impacts.striking, impacts.struck
+    elif vehicles == [hit.from_]:
+        hit.point_from = impacts.striking
+    else:  # "a pedestrian walks into the side of a bus"; the vehicle will be `from`
+        hit.point_to = impacts.struck
+
+
+def _orient(relation: RelationDraft) -> None:
+    """The vehicle strikes the pedestrian, whoever is the subject of the sentence."""
+    if relation.type in {"collide_at", "near_miss"} and relation.from_.type == "pedestrian":
+        relation.from_, relation.to = relation.to, relation.from_
+        relation.point_from, relation.point_to = relation.point_to, relation.point_from
+
+
+def make_graph(draft: Draft) -> SocialGraph:
+    """The social graph of a finished draft."""
+    ids = name_agents(draft.agents)
+    nodes = tuple(make_node(agent, ids[id(agent)]) for agent in draft.agents)
+    edges = tuple(make_edge(relation, ids, draft) for relation in draft.relations)
+    tied = tuple(
+        EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
+        for agent, other, side in ties(draft)
+    )
+    return SocialGraph(agents=nodes, relations=edges, ties=tied, context=make_context(draft))
+
+
+def name_agents(agents: Sequence[AgentDraft]) -> dict[int, str]:
+    """Identity of a draft -> the name of its agent in the social graph."""
+    counts = {"vehicle": 0, "pedestrian": 0}
+    result: dict[int, str] = {}
+    for agent in agents:
+        counts[agent.type] += 1
+        result[id(agent)] = f"{agent.type}-{counts[agent.type]}"
+    return result
+
+
+def make_node(agent: AgentDraft, name: str) -> AgentNode:
+    """The vertex of a draft."""
+    return AgentNode.model_validate(
+        {
+            "id": name,
+            "type": agent.type,
+            "subtype": agent.subtype if agent.subtype in _SUBTYPES else None,
+            "entry": agent.entry,
+            "exit": agent.exit,
+            "movement": agent.movement,
+            "crosswalk": agent.crosswalk,
+            "runs_red": agent.runs_red,
+        }
+    )
+
+
+def make_edge(relation: RelationDraft, ids: dict[int, str], draft: Draft) -> RelationEdge:
+    """The edge of a draft, with the severity that the text asks for."""
+    context = draft.context
+    collision, miss = relation.type == "collide_at", relation.type == "near_miss"
+    return RelationEdge.model_validate(
+        {
+            "type": relation.type,
+            "from": ids[id(relation.from_)],
+            "to": ids[id(relation.to)],
+            "kind": relation.kind if collision else None,
+            "cause": relation.cause,
+            "pattern": relation.pattern,
+            "target_pet": context.pet if not collision else None,
+            "target_ttc": context.ttc if miss else None,
+            "impact_speed": (context.speed or None) if collision else None,
+            "point_from": relation.point_from if collision else None,
+            "point_to": relation.point_to if collision else None,
+        }
+    )
+
+
+def make_context(draft: Draft) -> SceneContext:
+    """The context of a draft."""
+    context = draft.context
+    counts = {"vehicles": context.vehicles, "pedestrians": context.pedestrians}
+    known = any(count is not None for count in counts.values())
+    return SceneContext.model_validate(
+        {
+            "density": context.density,
+            "time_of_day": context.time_of_day,
+            "background": Background(**counts) if known else None,
+        }
+    )

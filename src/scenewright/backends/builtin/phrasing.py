@@ -1,0 +1,105 @@
+"""Plain sentences for a social graph, as the planner itself understands them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scenewright.scene.social import AgentNode, RelationEdge, SceneContext, SocialGraph
+
+_VERBS = {
+    "collide_at": "collides with", "near_miss": "narrowly misses", "yield_to": "yields to",
+    "follow": "follows",
+}  # fmt: skip
+_KINDS = {
+    "rear_end": "rear-ends", "sideswipe": "sideswipes", "head_on": "collides head-on with",
+    "angle": "T-bones",
+}  # fmt: skip
+_TIES = {
+    "opposite": "oncoming to", "left": "from the left of", "right": "from the right of",
+    "same": "from the same approach as", "lateral": "on the cross street of",
+    "other": "from another approach than",
+}  # fmt: skip
+_MOVEMENTS = {
+    "straight": "goes straight", "left": "turns left", "right": "turns right",
+    "uturn": "makes a U-turn", "crossing": "crosses", "jaywalking": "jaywalks",
+}  # fmt: skip
+_DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
+
+
+def describe_graph(graph: SocialGraph) -> str:
+    """The graph in plain English, one short sentence for each agent and each relation."""
+    names = _names(graph)
+    sentences = [_describe_agent(agent, names[agent.id]) for agent in graph.agents]
+    sentences += [_describe_relation(edge, names) for edge in graph.relations]
+    sentences += [
+        f"{names[tie.agent]} comes {_TIES[tie.side]} {names[tie.of]}"
+        for tie in graph.ties
+        if graph.agent(tie.agent).entry is None or graph.agent(tie.of).entry is None
+    ]
+    if not graph.relations:
+        sentences.append("nothing happens")
+    sentences += _describe_context(graph.context)
+    return ". ".join(each[0].upper() + each[1:] for each in sentences) + "."
+
+
+def _names(graph: SocialGraph) -> dict[str, str]:
+    """ "the car", or "car 1" and "car 2" where there are several of a kind."""
+    nouns = {agent.id: agent.subtype or agent.type for agent in graph.agents}
+    found: dict[str, str] = {}
+    counts: dict[str, int] = {}
+    for name, noun in nouns.items():
+        counts[noun] = counts.get(noun, 0) + 1
+        alone = list(nouns.values()).count(noun) == 1
+        found[name] = f"the {noun}" if alone else f"{noun} {counts[noun]}"
+    return found
+
+
+def _describe_agent(agent: AgentNode, name: str) -> str:
+    subject = name.replace("the ", "a ", 1)
+    told = list(_ways(agent))
+    return f"{subject} {' and '.join(told)}" if told else f"there is {subject}"
+
+
+def _ways(agent: AgentNode) -> Iterator[str]:
+    walks = agent.type == "pedestrian"
+    if agent.crosswalk is not None and agent.movement != "jaywalking":
+        way = f"crosses on the {agent.crosswalk} crosswalk"
+        yield way + (f" from the {agent.entry}" if agent.entry else "")
+    elif walks and agent.movement is not None:
+        yield _MOVEMENTS[agent.movement] + (f" from the {agent.entry}" if agent.entry else "")
+    elif agent.entry is not None:
+        yield f"comes from the {agent.entry}"
+    if not walks and agent.movement is not None:
+        yield _MOVEMENTS[agent.movement]
+    elif not walks and agent.exit is not None:
+        yield f"leaves to the {agent.exit}"
+    if agent.runs_red:
+        yield "runs the red light"
+
+
+def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:
+    verb = _KINDS.get(edge.kind or "", _VERBS[edge.type])
+    words = f"{names[edge.from_]} {verb} {names[edge.to]}"
+    if edge.target_pet is not None:
+        words += f" with a PET of {edge.target_pet:g} s"
+    if edge.target_ttc is not None:
+        words += f" with a TTC of {edge.target_ttc:g} s"
+    if edge.impact_speed is not None:
+        words += f" at an impact speed of {edge.impact_speed:g} m/s"
+    return words
+
+
+def _describe_context(context: SceneContext) -> Iterator[str]:
+    if context.time_of_day is not None:
+        first, _, last = context.time_of_day.partition("-")
+        yield f"it is between {first} and {last}" if last else f"it is {first}"
+    if context.density is not None:
+        yield f"the traffic is {_DENSITY[context.density]}"
+    counts = context.background
+    if counts is not None:
+        parts = [
+            f"{number or 'no'} background {noun}s"
+            for number, noun in ((counts.vehicles, "vehicle"), (counts.pedestrians, "pedestrian"))
+            if number is not None
+        ]
+        yield f"there are {' and '.join(parts)}"

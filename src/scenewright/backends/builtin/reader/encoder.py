@@ -1,0 +1,123 @@
+"""The trained encoder in numpy: int8 weights from a safetensors file, float32 arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+Ints = NDArray[np.int64]
+HEADS = 12
+_SCALE = ".scale"
+
+
+class Encoder:
+    """A MiniLM encoder and its heads; unchanged after loading, so threads may share it."""
+
+    def __init__(self, weights: Mapping[str, NDArray[Any]]) -> None:
+        tables = {"word.weight", "position.weight"}
+        self._tables = {name: weights[name] for name in tables}
+        self._scales = {name: weights[name + _SCALE] for name in tables}
+        self._weights = {
+            name: _dequantize(weights, name)
+            for name in weights
+            if name not in tables and not name.endswith(_SCALE)
+        }
+        self._layers = 1 + max(int(n.split(".")[1]) for n in weights if n.startswith("layers."))
+
+    def encode(self, ids: Ints, parts: Ints) -> Floats:
+        """Token representations [tokens, width] of one text; `parts` is 1 in an edit's change."""
+        x = self._rows("word.weight", ids) + self._rows("position.weight", np.arange(len(ids)))
+        x = self._norm(x + self._weights["part.weight"][parts], "norm")
+        for index in range(self._layers):
+            x = self._layer(x, f"layers.{index}.")
+        return x
+
+    def head(self, name: str, x: Floats) -> Floats:
+        """Log-probabilities of a two-layer head, such as `tags`, for rows of representations."""
+        return _log_softmax(self.linear(_gelu(self.linear(x, f"{name}.0")), f"{name}.3"))
+
+    def represent(self, x: Floats, spans: Ints, labels: Ints) -> Floats:
+        """Mean token of each span [n, 2] (first, last token) plus its label's vector."""
+        means = np.stack([x[first : last + 1].mean(0) for first, last in spans])
+        return np.asarray(means + self._weights["label.weight"][labels], np.float32)
+
+    def members(self, which: Ints) -> Floats:
+        """Vectors that tell the members of a group apart; 0: not in a group."""
+        return self._weights["member.weight"][which]
+
+    def score_links(self, spans: Floats, users: Floats, distances: Ints) -> Floats:
+        """Log-probabilities of LINKS for pairs of span and road user, [n, 3]."""
+        summed = self.linear(spans, "span_in") + self.linear(users, "user_in")
+        summed = _gelu(summed + self._weights["distance.weight"][distances])
+        gated = self.linear(spans, "span_gate") * self.linear(users, "user_gate")
+        return _log_softmax(self.linear(np.concatenate([summed, gated], -1), "link"))
+
+    def linear(self, x: Floats, name: str) -> Floats:
+        """The affine map of that name."""
+        product = x @ self._weights[f"{name}.weight"].T
+        return np.asarray(product + self._weights[f"{name}.bias"], np.float32)
+
+    def _layer(self, x: Floats, at: str) -> Floats:
+        tokens, width = x.shape
+        query, key, value = (
+            part.reshape(tokens, HEADS, width // HEADS).transpose(1, 0, 2)
+            for part in np.split(self.linear(x, at + "qkv"), 3, axis=1)
+        )
+        seen = (
+            _softmax(query @ key.transpose(0, 2, 1) / np.sqrt(np.float32(width // HEADS))) @ value
+        )
+        merged = seen.transpose(1, 0, 2).reshape(tokens, width)
+        x = self._norm(x + self.linear(merged, at + "out"), at + "norm1")
+        inner = self.linear(_gelu(self.linear(x, at + "up")), at + "down")
+        return self._norm(x + inner, at + "norm2")
+
+    def _norm(self, x: Floats, name: str) -> Floats:
+        x = x - x.mean(-1, keepdims=True)
+        x = x / np.sqrt((x * x).mean(-1, keepdims=True) + 1e-12)
+        return x * self._weights[f"{name}.weight"] + self._weights[f"{name}.bias"]
+
+    def _rows(self, name: str, which: Ints) -> Floats:
+        rows = self._tables[name][which].astype(np.float32)
+        return np.asarray(rows * self._scales[name][which][:, None], np.float32)
+
+
+def _dequantize(weights: Mapping[str, NDArray[Any]], name: str) -> Floats:
+    value = weights[name].astype(np.float32)
+    scale = weights.get(name + _SCALE)
+    return value if scale is None else np.asarray(value * scale[:, None], np.float32)
+
+
+def quantize(value: Floats) -> tuple[NDArray[np.int8], Floats]:
+    """A matrix as int8 with one scale for each row, the largest value of a row being 127."""
+    scale = np.maximum(np.abs(value).max(1), 1e-12) / 127
+    return np.round(value / scale[:, None]).astype(np.int8), scale.astype(np.float32)
+
+
+def _gelu(x: Floats) -> Floats:
+    inner = np.float32(0.7978845608) * (x + np.float32(0.044715) * x * x * x)
+    return np.asarray(np.float32(0.5) * x * (1 + np.tanh(inner)), np.float32)
+
+
+def _softmax(x: Floats) -> Floats:
+    raised = np.exp(x - x.max(-1, keepdims=True))
+    return np.asarray(raised / raised.sum(-1, keepdims=True), np.float32)
+
+
+def _log_softmax(x: Floats) -> Floats:
+    x = x - x.max(-1, keepdims=True)
+    return np.asarray(x - np.log(np.exp(x).sum(-1, keepdims=True)), np.float32)
+
+
+@lru_cache(maxsize=1)
+def load_encoder() -> Encoder:
+    """The encoder of the package."""
+    from safetensors.numpy import load
+
+    data = files("scenewright.backends.builtin.reader").joinpath("reader.safetensors").read_bytes()
+    return Encoder(load(data))

@@ -1,0 +1,621 @@
+"""From a reading to a draft of the scene: directions, measures and times resolved by rule."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+from scenewright.backends.builtin.clock import read_clock, read_time_words
+from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft, Site
+from scenewright.backends.builtin.reader.annotation import (
+    EVENTS,
+    MENTIONS,
+    SEPARATOR,
+    SIDES,
+)
+from scenewright.backends.builtin.reader.measures import Measure, measure_in
+from scenewright.backends.builtin.reader.numbers import number_in
+from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
+from scenewright.scene.account import Became, SaidSpan
+
+OPPOSITE = {
+    "north": "south", "south": "north", "east": "west", "west": "east",
+    "northeast": "southwest", "southwest": "northeast",
+    "northwest": "southeast", "southeast": "northwest",
+}  # fmt: skip
+RELATIONS = {"hit": "collide_at", "near": "near_miss", "yield": "yield_to", "follow": "follow"}
+_KINDS = {"rear": "rear_end", "side": "sideswipe", "head": "head_on", "tbone": "angle"}
+_RELATIVE = {
+    "opp": "opposite", "left": "of_left", "right": "of_right", "same": "same",
+    "lateral": "lateral", "other": "other", "exit": "exit_crosswalk", "entry": "entry_crosswalk",
+}  # fmt: skip
+_UNKNOWN_CLASS = {
+    "cyc": "Bicycles are not a class of this generator",
+    "scoot": "Scooters, skateboards and the like are not a class of this generator",
+    "obj": "Objects that stand are not a class of this generator",
+    "other": "This agent is not a class of this generator",
+}
+_BEYOND = {
+    "weather": "weather is not modelled", "act": "this is not among the things agents can do",
+    "sight": "who sees whom is not modelled", "broken": "defects are not modelled",
+    "thing": "this object is not modelled", "speed": "speeds cannot be asked for",
+    "headway": "headways cannot be asked for", "gap": "distances cannot be asked for",
+    "dist": "distances cannot be asked for", "wait": "waiting times cannot be asked for",
+    "when": "the time of the event cannot be asked for", "turn": "a turn needs its side",
+    "decel": "braking rates cannot be asked for", "accel": "accelerations cannot be asked for",
+    "first": "who passes first cannot be asked for",
+}  # fmt: skip
+_MOST_BACKGROUND = 20
+_LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?:/?[Bb])?(?![A-Za-z'’])")
+_NAME = re.compile(r"(?<![a-z])(north|south|east|west)(?:-?(east|west))?", re.IGNORECASE)
+_INITIAL = {"n": "north", "e": "east", "s": "south", "w": "west"}
+_MARKED = re.compile(r"walk|zebra|crossing|\bcw\b|xing", re.IGNORECASE)
+_NOBODY = re.compile(
+    r"\b(?:nobody|no-?one|nothing|empty|alone|deserted|sole|only)\b", re.IGNORECASE
+)
+_SIDEWALK = re.compile(r"sidewalk|pavement|footpath|kerb|curb", re.IGNORECASE)
+_JAYWALKER = re.compile(r"jay-?walk", re.IGNORECASE)
+NO_TRAFFIC = (
+    "The text describes no traffic scene; say which vehicles or pedestrians do what at the "
+    "intersection."
+)
+NOT_ENGLISH = (
+    "The text is not English as far as the planner can tell; describe the scene in English."
+)
+
+
+@dataclass(frozen=True)
+class AccountEntry:
+    """What a span became, with road users still by number."""
+
+    span: ReadSpan
+    became: Became
+    users: tuple[int, ...] = ()
+    value: str | None = None
+    note: str | None = None
+
+
+@dataclass
+class Interpretation:
+    """A draft, the road users by number, and what every span became.
+
+    Attributes:
+        braking: who brakes hard; times: the spans that say the time of day.
+        changing: whether the spans that come next change an earlier instruction; retimed: whether
+            such a span has said a time.
+    """
+
+    draft: Draft
+    users: dict[int, AgentDraft] = field(default_factory=dict)
+    entries: list[AccountEntry] = field(default_factory=list)
+    denied: list[ReadSpan] = field(default_factory=list)
+    braking: set[int] = field(default_factory=set)
+    times: list[ReadSpan] = field(default_factory=list)
+    changing: bool = False
+    retimed: bool = False
+
+    def enter(
+        self,
+        span: ReadSpan,
+        became: Became,
+        users: Iterable[int] = (),
+        value: str | None = None,
+        note: str | None = None,
+    ) -> None:
+        """Add what a span became to the account."""
+        self.entries.append(AccountEntry(span, became, tuple(users), value, note))
+
+    def agents_of(self, numbers: Iterable[int]) -> list[AgentDraft]:
+        """The road users of these numbers that are in the scene."""
+        return [self.users[number] for number in numbers if number in self.users]
+
+    def account(self, names: dict[int, str], offset: int = 0) -> tuple[SaidSpan, ...]:
+        """The account with agents by name.
+
+        Args:
+            names: id of a draft -> name in the social graph.
+            offset: where the instruction begins in the text that was read; what comes before it
+                belongs to an earlier instruction.
+        """
+        return tuple(
+            SaidSpan(
+                start=each.span.start - offset,
+                end=each.span.end - offset,
+                words=each.span.words,
+                became=each.became,
+                agents=tuple(
+                    names[id(self.users[number])]
+                    for number in each.users
+                    if number in self.users and id(self.users[number]) in names
+                ),
+                value=each.value,
+                note=each.note,
+            )
+            for each in sorted(self.entries, key=lambda entry: entry.span.start)
+            if each.span.start >= offset
+        )
+
+
+Rule = Callable[[Interpretation, ReadSpan], None]
+
+
+def interpret(reading: Reading, site: Site) -> Interpretation:
+    """The draft of a scene that a reading says.
+
+    Raises:
+        Refused: what was read cannot be a scene: a class that is not there, an unknown number.
+    """
+    if reading.kind == "foreign":
+        raise Refused("out_of_scope", NOT_ENGLISH)
+    if reading.kind == "off" or not reading.spans:
+        raise Refused("out_of_scope", NO_TRAFFIC)
+    result = Interpretation(Draft(site=site))
+    change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
+    _introduce(result, reading)
+    for span in sorted(reading.spans, key=lambda each: each.start):
+        if 0 <= change < span.start and not result.changing:
+            _settle(result)
+            result.changing = True
+        _apply(result, span)
+    _settle(result)
+    return result
+
+
+def _introduce(result: Interpretation, reading: Reading) -> None:
+    """A draft for every road user; those of other classes are refused by name."""
+    active = {
+        user
+        for span in reading.spans
+        if span.tag in (*EVENTS, "cross", "jay", "cw") and not span.negated
+        for user in (*span.subjects, *span.objects)
+    }
+    eventful = {
+        user
+        for span in reading.spans
+        if span.tag in EVENTS
+        for user in (*span.subjects, *span.objects)
+    }
+    for number, index in reading.users.items():
+        span = reading.spans[index]
+        if span.negated:
+            _deny_class(result, span)
+        elif span.tag not in ("veh", "ped") and number not in eventful:
+            result.enter(span, "nothing", note=_UNKNOWN_CLASS[span.tag].lower())
+        elif span.tag not in ("veh", "ped"):
+            raise Refused(
+                "out_of_scope",
+                f"{_UNKNOWN_CLASS[span.tag]} ({span.words}); use vehicles and pedestrians.",
+            )
+        elif span.value == "many" and number not in active:
+            result.enter(span, "density", value="ordinary traffic")
+        elif span.value == "many":
+            raise Refused(
+                "out_of_scope",
+                f"How many '{span.words}' are is not said; say a number, such as two.",
+            )
+        else:
+            _add_user(result, number, span)
+
+
+def _add_user(result: Interpretation, number: int, span: ReadSpan) -> None:
+    agent = AgentDraft(type="vehicle" if span.tag == "veh" else "pedestrian", head=span.words)
+    agent.subtype = subtype_in(span.words) if span.tag == "veh" else None
+    if span.tag == "ped" and _JAYWALKER.search(span.words):
+        agent.movement = "jaywalking"
+    result.users[number] = agent
+    result.draft.agents.append(agent)
+    result.enter(span, "agent", (number,), agent.subtype or agent.type)
+
+
+def _deny_class(result: Interpretation, span: ReadSpan) -> None:
+    context = result.draft.context
+    if span.tag == "veh":
+        context.vehicles = 0
+    elif span.tag == "ped":
+        context.pedestrians = 0
+    result.enter(span, "background" if span.tag in ("veh", "ped") else "denied", value="0")
+
+
+def _apply(result: Interpretation, span: ReadSpan) -> None:
+    """Write what one span says into the draft."""
+    if span.tag not in MENTIONS:
+        _RULES.get(span.tag, _leave_out)(result, span)
+
+
+def _note(became: Became) -> Rule:
+    """The rule for spans that change nothing in the draft."""
+
+    def enter(result: Interpretation, span: ReadSpan) -> None:
+        result.enter(span, became, span.subjects)
+
+    return enter
+
+
+def _brake(result: Interpretation, span: ReadSpan) -> None:
+    result.braking |= set(span.subjects)
+    result.enter(span, "cause", span.subjects, "late_brake")
+
+
+def _refuse_condition(_: Interpretation, span: ReadSpan) -> None:
+    raise Refused(
+        "out_of_scope", f"'{span.words}' leaves open what happens; say it as it should be."
+    )
+
+
+def _refuse_place(_: Interpretation, span: ReadSpan) -> None:
+    raise Refused(
+        "out_of_scope",
+        f"Scenes take place at one intersection, not at '{span.words}'; move it there.",
+    )
+
+
+def _leave_out(result: Interpretation, span: ReadSpan) -> None:
+    if span.tag == "act" and _SIDEWALK.search(span.words) and not span.negated:
+        raise Refused(
+            "impossible",
+            f"Vehicles stay on the road here ('{span.words}'); move the vehicle to the road.",
+        )
+    note = _BEYOND.get(span.tag, "this is not modelled")
+    result.enter(span, "nothing", span.subjects, note=note)
+
+
+def side_of(span: ReadSpan) -> str | None:
+    """The compass name in the words of a span, else the one that the encoder sees there."""
+    if match := _NAME.search(span.words):
+        return (match[1] + (match[2] or "")).lower()
+    if match := _LETTER.search(span.words):
+        return _INITIAL[match[1].lower()]
+    return _INITIAL[span.side.lower()] if span.side else None
+
+
+_GIVES_WAY = {
+    "entry": ("exit",), "exit": ("movement",), "movement": ("exit",),
+    "crosswalk": ("entry", "exit"),
+}  # fmt: skip
+"""What an edit of one field leaves open, since both together need not go."""
+
+
+def _put(result: Interpretation, agent: AgentDraft, name: str, value: str, words: str) -> None:
+    old = getattr(agent, name)
+    if result.changing and old != value and name not in agent.edited:
+        if name == "entry":
+            agent.relatives = []
+        for other in _GIVES_WAY[name]:
+            if other not in agent.edited:
+                setattr(agent, other, None)
+        agent.edited.add(name)
+    elif old is not None and old != value:
+        raise Refused(
+            "contradictory",
+            f"The {agent.type} would have both {name} {old} and {name} {value} ('{words}'); keep "
+            "one of them.",
+        )
+    setattr(agent, name, value)
+
+
+def _place(result: Interpretation, span: ReadSpan) -> None:
+    """Where agents come from, go to, head, or cross."""
+    if span.negated:
+        result.denied.append(span)
+        return
+    if span.value in _RELATIVE:
+        _place_relatively(result, span)
+        return
+    side = side_of(span)
+    if side is None:
+        result.enter(span, "nothing", span.subjects, note="no leg of the map has this name")
+        return
+    for number in span.subjects:
+        agent = result.users.get(number)
+        if agent is not None:
+            _write_side(result, number, agent, span, side)
+
+
+def _write_side(
+    result: Interpretation, number: int, agent: AgentDraft, span: ReadSpan, side: str
+) -> None:
+    walks = agent.type == "pedestrian"
+    name: Became = "exit" if span.tag == "to" else "entry"
+    if span.tag == "cw" and walks:
+        name = "crosswalk"
+        agent.movement = agent.movement or "crossing"
+        agent.marked = agent.marked or _MARKED.search(span.words) is not None
+    elif span.tag == "heading" and (walks or agent.entry not in (None, OPPOSITE[side])):
+        name = "exit"
+        if walks and agent.entry is None:
+            agent.entry = OPPOSITE[side]
+    elif span.tag == "heading":
+        side = OPPOSITE[side]
+    _put(result, agent, name, side, span.words)
+    result.enter(span, name, (number,), side)
+
+
+def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
+    word = _RELATIVE[str(span.value)]
+    others: Sequence[AgentDraft | None] = result.agents_of(span.objects) or (None,)
+    for agent in result.agents_of(span.subjects):
+        for other in others:
+            if agent is not other:
+                agent.relatives.append((word, other))
+        if agent.type == "pedestrian" and span.tag == "cw":
+            agent.movement = agent.movement or "crossing"
+    result.enter(span, "tie", (*span.subjects, *span.objects), word)
+
+
+def _move(result: Interpretation, span: ReadSpan) -> None:
+    if span.negated:
+        result.denied.append(span)
+        return
+    name = {"cross": "crossing", "jay": "jaywalking"}.get(span.tag, span.tag)
+    walks = name in ("crossing", "jaywalking")
+    for number in span.subjects:
+        agent = result.users.get(number)
+        if agent is None or walks != (agent.type == "pedestrian"):
+            continue
+        if not walks:
+            _put(result, agent, "movement", name, span.words)
+        elif agent.movement != "jaywalking" or result.changing:
+            agent.movement = name
+            if name == "jaywalking" and result.changing:
+                agent.crosswalk = None
+        result.enter(span, "movement", (number,), name)
+
+
+def _run_red(result: Interpretation, span: ReadSpan) -> None:
+    if span.negated:
+        result.denied.append(span)
+        return
+    for number in span.subjects:
+        agent = result.users.get(number)
+        if agent is not None:
+            agent.runs_red = True
+            result.enter(span, "runs_red", (number,))
+
+
+def _relate(result: Interpretation, span: ReadSpan) -> None:
+    if span.negated:
+        result.denied.append(span)
+        return
+    users = result.users
+    pairs = [
+        (a, b) for a in span.subjects for b in span.objects if a in users and b in users and a != b
+    ]
+    if not pairs:
+        raise Refused(
+            "out_of_scope",
+            f"The text says '{span.words}', but not who does it to whom; say which road user "
+            "collides with, nearly hits, gives way to or follows which other.",
+        )
+    for first, second in pairs:
+        edge = RelationDraft(RELATIONS[span.tag], users[first], users[second])
+        edge.kind = _KINDS.get(span.value or "")
+        _add_relation(result, edge)
+        result.enter(span, "relation", (first, second), edge.type)
+
+
+def _add_relation(result: Interpretation, edge: RelationDraft) -> None:
+    """One more relation; in a change it takes the place of what the two did before."""
+    relations = result.draft.relations
+    if result.changing:
+        relations[:] = [each for each in relations if each.pair() != edge.pair()]
+    same = [each for each in relations if each.type == edge.type and each.pair() == edge.pair()]
+    if same:
+        same[0].kind = same[0].kind or edge.kind
+    else:
+        relations.append(edge)
+
+
+def _edit(result: Interpretation, span: ReadSpan) -> None:
+    """Remove agents, swap roles, or change what an agent is."""
+    draft, agents = result.draft, result.agents_of((*span.subjects, *span.objects))
+    if span.tag == "drop":
+        draft.agents[:] = [each for each in draft.agents if each not in agents]
+        draft.relations[:] = [
+            e for e in draft.relations if e.from_ not in agents and e.to not in agents
+        ]
+    elif span.tag == "swap":
+        for edge in draft.relations:
+            if not agents or {id(edge.from_), id(edge.to)} <= {id(each) for each in agents}:
+                edge.from_, edge.to = edge.to, edge.from_
+    else:
+        for agent in result.agents_of(span.subjects):
+            agent.subtype = subtype_in(span.words) if agent.type == "vehicle" else None
+            agent.head = span.words
+    result.enter(span, "agent", span.subjects, span.tag)
+
+
+_STEPS: dict[str, dict[str | None, str]] = {
+    "up": {None: "high", "low": "medium", "medium": "high", "high": "high"},
+    "down": {None: "low", "low": "low", "medium": "low", "high": "medium"},
+}
+
+
+def _set_context(result: Interpretation, span: ReadSpan) -> None:
+    context = result.draft.context
+    if span.tag == "density":
+        _set_density(result, span)
+    elif span.tag == "normal":
+        result.draft.normal = not span.negated
+        result.enter(span, "normal")
+    else:
+        number = 0 if span.negated else number_in(span.words)
+        if number is None and _NOBODY.search(span.words):
+            number = 0
+        if number is not None and number > _MOST_BACKGROUND:
+            raise Refused(
+                "out_of_scope", f"'{span.words}' are more than the 20 that a scene can hold."
+            )
+        if span.tag != "bgped" and number is not None:
+            context.vehicles = number
+        if span.tag != "bgveh" and number is not None:
+            context.pedestrians = number
+        result.enter(span, "background", value=None if number is None else str(number))
+
+
+def _set_density(result: Interpretation, span: ReadSpan) -> None:
+    context = result.draft.context
+    value = str(span.value)
+    if span.negated:
+        value = {"low": "high", "high": "low"}.get(value, value)
+    steps = _STEPS.get(value)
+    value = value if steps is None else steps[context.density]
+    if not result.changing and {context.density, value} == {"low", "high"}:
+        raise Refused("contradictory", "The traffic cannot be both busy and quiet; keep one.")
+    context.density = value
+    result.enter(span, "density", value=value)
+
+
+def _set_time(result: Interpretation, span: ReadSpan) -> None:
+    """The time that all the words for it agree on."""
+    if span.negated:
+        raise Refused("out_of_scope", f"'{span.words}' says which time it is not; say which it is.")
+    if result.changing and not result.retimed:
+        result.times, result.retimed = [], True
+    result.times.append(span)
+    low = " , ".join(each.words.lower() for each in result.times)
+    names, (_, clock) = time_words_in(low), read_clock(low)
+    time = _agreed_time(_specific(names), clock.time) if names or clock.time else None
+    if time is None:
+        result.enter(span, "nothing", note="no time of day that is known")
+        return
+    result.draft.context.time_of_day = time
+    result.enter(span, "time_of_day", value=time)
+
+
+def _agreed_time(names: list[str], clock: str | None) -> str | None:
+    """The clock time in the half of the day that the words name: "half past six, evening"."""
+    try:
+        return read_time_words(names, clock=clock)
+    except Refused:
+        if clock is None:
+            raise
+    later = re.sub(r"\b(\d\d):", lambda m: f"{(int(m[1]) + 12) % 24:02d}:", clock)
+    try:
+        return read_time_words(names, clock=later)
+    except Refused:
+        if {"morning", "night"} & set(names) and clock < "06:00":
+            return clock
+        raise
+
+
+def _specific(names: list[str]) -> list[str]:
+    """ "rush hour ... in the morning" is the morning rush."""
+    if "rush hour" in names and "morning" in names:
+        return ["morning rush"]
+    if "rush hour" in names and {"evening", "afternoon"} & set(names):
+        return ["evening rush"]
+    return names
+
+
+def _measure(result: Interpretation, span: ReadSpan) -> None:
+    context, measure = result.draft.context, measure_in(span.words)
+    if measure is None:
+        result.enter(span, "manner", span.subjects)
+    elif span.tag == "impact" and measure.unit == "m/s":
+        context.speed = measure.value
+        result.enter(span, "measure", value=f"impact_speed {measure.value:.4g} m/s")
+    elif _in_seconds(measure) and span.tag in ("pet", "gap") and not _follows_only(result):
+        context.pet = measure.value
+        result.enter(span, "measure", value=f"pet {measure.value:.4g} s")
+    elif _in_seconds(measure) and span.tag == "ttc":
+        context.ttc = measure.value
+        result.enter(span, "measure", value=f"ttc {measure.value:.4g} s")
+    else:
+        result.enter(span, "nothing", span.subjects, note=_BEYOND.get(span.tag, "not modelled"))
+
+
+def _in_seconds(measure: Measure) -> bool:
+    return measure.unit in ("s", "")
+
+
+def _follows_only(result: Interpretation) -> bool:
+    relations = result.draft.relations
+    return bool(relations) and all(edge.type == "follow" for edge in relations)
+
+
+def _settle(result: Interpretation) -> None:
+    """Braking becomes a cause, and what is denied is held against what is said."""
+    for user in result.braking:
+        agent = result.users.get(user)
+        for edge in result.draft.relations:
+            if edge.type in ("near_miss", "collide_at") and agent in (edge.from_, edge.to):
+                edge.cause = "late_brake"
+    for span in result.denied:
+        if span.tag in RELATIONS:
+            _deny_event(result, span)
+        else:
+            _deny_way(result, span)
+    result.denied = []
+
+
+def _deny_event(result: Interpretation, span: ReadSpan) -> None:
+    """A denied event contradicts the same event; a yield that fails, alone, is a near miss."""
+    draft, kind = result.draft, RELATIONS[span.tag]
+    involved = result.agents_of((*span.subjects, *span.objects))
+    same = [
+        edge
+        for edge in draft.relations
+        if edge.type == kind and all(agent in (edge.from_, edge.to) for agent in involved)
+    ]
+    result.enter(span, "denied", (*span.subjects, *span.objects), kind)
+    if result.changing:
+        draft.relations[:] = [edge for edge in draft.relations if edge not in same]
+    elif any(span.tag != "yield" or edge.from_ is involved[0] for edge in same if involved) or (
+        same and not involved
+    ):
+        raise Refused(
+            "contradictory", "The text both asks for an event and denies it; keep one of the two."
+        )
+    if span.tag == "yield" and len(involved) >= 2 and not result.changing:
+        for other in involved[1:]:
+            pair = frozenset((id(involved[0]), id(other)))
+            if not any(edge.pair() == pair for edge in draft.relations):
+                draft.relations.append(RelationDraft("near_miss", involved[0], other))
+    draft.denied.add(kind)
+
+
+def _deny_way(result: Interpretation, span: ReadSpan) -> None:
+    """ "Not from the north": harmless beside where it does come from, else it leaves that open."""
+    names = {"from": "entry", "heading": "entry", "to": "exit", "cw": "crosswalk"}
+    name = names.get(span.tag, "movement")
+    agents = result.agents_of(span.subjects)
+    if span.tag == "red":
+        for agent in agents:
+            agent.runs_red = False
+        result.enter(span, "signals", span.subjects)
+    elif span.tag in ("cw", "cross") and agents and span.tag not in SIDES[:3]:
+        known = all(a.movement == "jaywalking" or a.crosswalk is not None for a in agents)
+        if not known:
+            for agent in agents:
+                agent.movement = "jaywalking"
+        result.enter(span, "movement", span.subjects)
+    elif agents and all(getattr(agent, name) is not None for agent in agents):
+        result.enter(span, "retracted", span.subjects)
+    else:
+        raise Refused(
+            "out_of_scope", f"'{span.words}' says what is not so; say which way it goes instead."
+        )
+
+
+_RULES: dict[str, Rule] = {
+    **dict.fromkeys(("from", "to", "heading", "cw"), _place),
+    **dict.fromkeys(("left", "right", "straight", "uturn", "cross", "jay"), _move),
+    **dict.fromkeys(EVENTS, _relate),
+    **dict.fromkeys(("density", "normal", "bgveh", "bgped", "bgall"), _set_context),
+    **dict.fromkeys(("impact", "pet", "ttc", "gap"), _measure),
+    **dict.fromkeys(("drop", "swap", "becomes"), _edit),
+    **dict.fromkeys(("manner", "pace"), _note("manner")),
+    "time": _set_time,
+    "red": _run_red,
+    "brake": _brake,
+    "cond": _refuse_condition,
+    "place": _refuse_place,
+    "ref": _note("agent"),
+    "del": _note("retracted"),
+    "point": _note("impact_point"),
+    "light": _note("signals"),
+    "road": _note("road"),
+}
+"""What is done with a span, by its tag; all others are left out, and said to be."""

@@ -1,0 +1,92 @@
+"""The learned reading of an instruction as a plan with its account of words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scenewright.backends.builtin.draft import Draft, Refused, Site
+from scenewright.backends.builtin.graph_making import (
+    finish_draft,
+    make_graph,
+    name_agents,
+    place_impacts,
+)
+from scenewright.backends.builtin.impacts import read_impacts
+from scenewright.backends.builtin.reader.annotation import SEPARATOR
+from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
+from scenewright.backends.builtin.reader.reading import Reading, read_text
+from scenewright.scene.social import Plan, Refusal
+
+
+@dataclass(frozen=True)
+class LearnedPlan:
+    """A plan, what it was made of, and how sure the reading is.
+
+    Attributes:
+        confidence: the least probability of a choice that the plan rests on.
+    """
+
+    plan: Plan
+    reading: Reading
+    interpretation: Interpretation | None
+    confidence: float
+
+
+def read_plan(text: str, *, previous: str | None = None, site: Site | None = None) -> LearnedPlan:
+    """The plan that the encoder reads in a text (paper 3.1, SEMANTICS 2-4 and 8)."""
+    reading = _read(text, previous)
+    return plan_reading(reading, site or Site(), text)
+
+
+def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
+    """The plan that follows from a reading by rule."""
+    spans = [span.confidence for span in reading.spans if span.tag not in ("manner", "ref")]
+    confidence = min([reading.kind_confidence, *spans])
+    try:
+        interpretation = interpret(reading, site)
+        draft = _settle(interpretation, text)
+        finished = finish_draft(draft)
+        offset = reading.text.find(SEPARATOR) + len(SEPARATOR) if reading.kind == "edit" else 0
+        said = interpretation.account(name_agents(finished.agents), offset)
+        plan: Plan = make_graph(finished).model_copy(update={"said": said})
+    except Refused as verdict:
+        refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
+        return LearnedPlan(refusal, reading, None, confidence)
+    return LearnedPlan(plan, reading, interpretation, confidence)
+
+
+def _read(text: str, previous: str | None) -> Reading:
+    """The reading of a text alone, or of the change that it makes to a previous one."""
+    alone = read_text(text)
+    if previous is None or not previous.strip() or _stands_alone(alone):
+        return alone
+    joint = read_text(text, previous=previous)
+    return Reading(joint.text, "edit", joint.kind_confidence, joint.spans, joint.users)
+
+
+def _stands_alone(reading: Reading) -> bool:
+    """Whether a text introduces two road users to one another, or is no change at all."""
+    if reading.kind in ("off", "foreign"):
+        return True
+    events = ("hit", "near", "yield", "follow")
+    return len(reading.users) >= 2 and any(
+        span.tag in events and span.subjects and span.objects for span in reading.spans
+    )
+
+
+def _settle(interpretation: Interpretation, text: str) -> Draft:
+    """Nothing is planned without an agent, an event or a context; impacts are placed."""
+    draft = interpretation.draft
+    context = draft.context
+    if draft.normal and draft.relations:
+        draft.normal = False
+    said = draft.agents or draft.normal or draft.denied or context.density or context.time_of_day
+    if not said and context.vehicles is None and context.pedestrians is None:
+        raise Refused(
+            "out_of_scope",
+            "The text describes no traffic scene; say which vehicles or pedestrians do "
+            "what at the intersection.",
+        )
+    _, impacts = read_impacts(text.lower())
+    place_impacts(draft, impacts)
+    return draft

@@ -1,0 +1,78 @@
+"""Measures in words: a number with a unit, in SI units."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from scenewright.backends.builtin.reader.numbers import TO_TWENTY
+
+_FRACTIONS = {"half": 0.5, "quarter": 0.25, "three quarters": 0.75}
+_FIGURE = re.compile(r"(\d+(?:[.,]\d+)?)")
+_WORDS = {word: float(number) for number, word in enumerate(TO_TWENTY)} | {
+    "thirty": 30.0,
+    "forty": 40.0,
+    "fifty": 50.0,
+    "sixty": 60.0,
+    "seventy": 70.0,
+    "eighty": 80.0,
+}
+_SPELT = re.compile(r"\b(" + "|".join(_WORDS) + r")(?:[- ](" + "|".join(_WORDS) + r"))?\b")
+_PER_SECOND = (
+    (re.compile(r"km\s*/?\s*h|kph|kmh|kilomet\w+ (?:an|per) hour|\bklicks|\bk's\b"), 1 / 3.6),
+    (re.compile(r"\bmph\b|miles? (?:an|per) hour|mph"), 0.44704),
+    (re.compile(r"m\s*/\s*s(?!\s*(?:2|²|\^))|met\w+ (?:a|per) second|mps\b"), 1.0),
+)
+_METRES = (
+    (re.compile(r"\bcm\b|centimet|(?<=\d)cm"), 0.01),
+    (re.compile(r"\bft\b|feet|foot|(?<=\d)ft"), 0.3048),
+    (re.compile(r"inch|(?<=\d)\""), 0.0254),
+    (re.compile(r"\bm\b|met(?:re|er)s?\b|(?<=\d)m\b"), 1.0),
+)
+_ONE_UNIT = re.compile(r"\ban? (?:second|met(?:re|er)|foot|inch|heartbeat)")
+_ACCELERATION = re.compile(r"m\s*/?\s*s\s*(?:2|²|\^2)|met\w+ per second squared")
+_GRAVITY = re.compile(r"(?<=\d)\s*g\b")
+_MILLISECONDS = re.compile(r"\bms\b|(?<=\d)ms\b|millisecond")
+_SECONDS = re.compile(r"(?<![a-z/])s(?:ecs?|econds?)?\b|(?<=\d)s\b|heartbeat", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A value in SI units; `unit` is m/s, m, s, m/s2, or empty where none is said."""
+
+    value: float
+    unit: str
+
+
+def measure_in(words: str) -> Measure | None:
+    """The measure that some words hold; None without a number."""
+    low = words.lower()
+    number = _number(low)
+    if number is None:
+        return None
+    if _ACCELERATION.search(low):
+        return Measure(number, "m/s2")
+    if _GRAVITY.search(low):
+        return Measure(number * 9.81, "m/s2")
+    for pattern, factor in _PER_SECOND:
+        if pattern.search(low):
+            return Measure(number * factor, "m/s")
+    if _MILLISECONDS.search(low):
+        return Measure(number / 1000, "s")
+    for pattern, factor in _METRES:
+        if pattern.search(low):
+            return Measure(number * factor, "m")
+    return Measure(number, "s" if _SECONDS.search(low) else "")
+
+
+def _number(low: str) -> float | None:
+    if match := _FIGURE.search(low):
+        value = float(match[1].replace(",", "."))
+        return value + (0.5 if "and a half" in low else 0.0)
+    for words, value in _FRACTIONS.items():
+        if words in low and "and a half" not in low:
+            return value
+    if match := _SPELT.search(low):
+        tens = _WORDS[match[1]] + (_WORDS[match[2]] if match[2] else 0.0)
+        return tens + (0.5 if "and a half" in low else 0.0)
+    return 1.0 if _ONE_UNIT.search(low) else None

@@ -1,0 +1,46 @@
+"""Numbers in words and figures."""
+
+from __future__ import annotations
+
+import re
+
+TO_TWENTY = (
+    "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten",
+    "eleven", "twelve", "thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen",
+    "nineteen", "twenty",
+)  # fmt: skip
+_WORDS = {
+    word: number
+    for number, word in enumerate(TO_TWENTY)
+} | {
+    "no": 0, "none": 0, "without": 0, "nil": 0, "single": 1, "lone": 1, "a couple": 2, "couple": 2,
+    "pair": 2, "both": 2, "twin": 2, "twins": 2, "duo": 2, "trio": 3, "half a dozen": 6,
+    "half-dozen": 6, "a dozen": 12, "dozen": 12, "thirty": 30, "forty": 40, "fifty": 50,
+    "hundred": 100,
+}  # fmt: skip
+_NUMBER = re.compile(
+    r"(?<![\w.])(?:(\d{1,3})(?![\w.,:]*\d)|("
+    + "|".join(sorted(map(re.escape, _WORDS), key=len, reverse=True))
+    + r")(?![a-z]))",
+    re.IGNORECASE,
+)
+_LABEL = re.compile(
+    r"(?:vehicle|car|unit|driver|ped(?:estrian)?|v|p|u|no\.?|number|#)\s*#?\d+\b", re.IGNORECASE
+)
+
+
+def number_in(words: str) -> int | None:
+    """The first number in some words; None if there is none."""
+    match = _NUMBER.search(words)
+    if match is None:
+        return None
+    return int(match[1]) if match[1] else _WORDS[match[2].lower()]
+
+
+def count_in(words: str) -> int | None:
+    """How many road users the words of a mention count; None where they count none.
+
+    The number of "vehicle 2" is a name.
+    """
+    found = number_in(_LABEL.sub(" ", words))
+    return found if found else None

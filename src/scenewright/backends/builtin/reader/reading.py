@@ -1,0 +1,271 @@
+"""What the encoder reads in a text: spans with labels, whose they are, and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenewright.backends.builtin.reader.annotation import (
+    EVENTS,
+    KINDS,
+    MENTIONS,
+    SEPARATOR,
+    AnnotatedText,
+)
+from scenewright.backends.builtin.reader.encoder import Encoder, Floats, load_encoder
+from scenewright.backends.builtin.reader.labels import (
+    COMPASS,
+    LABELS,
+    MOST_MEMBERS,
+    is_mention,
+    names_side,
+    split_label,
+)
+from scenewright.backends.builtin.reader.numbers import count_in
+from scenewright.backends.builtin.reader.tokens import bucket_distance, load_tokenizer
+
+_RELATIVE = {"opp", "left", "right", "same", "lateral", "other", "exit", "entry"}
+_UNOWNED = frozenset(
+    (
+        *("density", "time", "bgveh", "bgped", "bgall", "normal", "weather", "place", "broken"),
+        *("cond", "thing", "manner", "del", "when", "act", "pace", "sight", "wait", "dist"),
+        *("speed", "impact", "pet", "ttc", "gap", "headway", "light", "point", "decel", "accel"),
+    )
+)
+"""Tags that may be said of nobody in particular."""
+
+_VEHICLE_ONLY = frozenset({"left", "right", "straight", "uturn"})
+
+
+@dataclass(frozen=True)
+class ReadSpan:
+    """Words and what the encoder takes them to say.
+
+    Attributes:
+        start, end: characters; words: the text between them.
+        tag, value, negated: as in `annotation.Span`.
+        side: the compass direction that the encoder sees in the words, where the tag has one.
+        subjects, objects: road users by number, from 1.
+        confidence: the least probability of the choices made for this span.
+    """
+
+    start: int
+    end: int
+    words: str
+    tag: str
+    value: str | None
+    negated: bool
+    side: str | None
+    subjects: tuple[int, ...]
+    objects: tuple[int, ...]
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The spans of a text; `kind` is one of KINDS, `kind_confidence` its probability.
+
+    Attributes:
+        users: number -> class tag, with the number of the span that introduces it.
+        gaps: words outside of all spans, with the probability that they say nothing.
+    """
+
+    text: str
+    kind: str
+    kind_confidence: float
+    spans: tuple[ReadSpan, ...]
+    users: dict[int, int]
+
+
+@dataclass(frozen=True)
+class _TokenSpan:
+    first: int
+    last: int
+    label: int
+    confidence: float
+
+
+def read_text(text: str, *, previous: str | None = None, encoder: Encoder | None = None) -> Reading:
+    """Read an instruction, or a change to a previous one.
+
+    Raises:
+        ValueError: more tokens than the encoder has positions.
+    """
+    encoder = encoder or load_encoder()
+    whole = text if previous is None else f"{previous}{SEPARATOR}{text}"
+    encoding = load_tokenizer().encode(whole)
+    if len(encoding.ids) > 510:
+        raise ValueError("the text is too long")
+    cut = len(previous) if previous is not None else len(whole)
+    parts = np.array([int(start > cut) for start, _ in encoding.offsets], dtype=np.int64)
+    x = encoder.encode(np.array(encoding.ids, dtype=np.int64), parts)
+    kinds = np.exp(encoder.head("kind", x[:1])[0])
+    found = _find_spans(np.asarray(encoder.head("tags", x)), encoding)
+    spans, users = _describe(encoder, x, found, encoding, whole)
+    kind = int(kinds.argmax())
+    return Reading(whole, KINDS[kind], float(kinds[kind]), spans, users)
+
+
+def _find_spans(scores: Floats, encoding: Any) -> list[_TokenSpan]:
+    """The likeliest labels of all tokens in which no span goes on that has not begun (Viterbi)."""
+    inside = np.arange(2, scores.shape[1], 2)
+    best, back = np.full_like(scores, -np.inf), np.zeros(scores.shape, dtype=np.int64)
+    best[0] = scores[0]
+    best[0, inside] = -np.inf
+    for at in range(1, len(scores)):
+        last = int(best[at - 1].argmax())
+        best[at], back[at] = best[at - 1, last] + scores[at], last
+        begun, going = best[at - 1, inside - 1], best[at - 1, inside]
+        best[at, inside] = np.maximum(begun, going) + scores[at, inside]
+        back[at, inside] = np.where(begun >= going, inside - 1, inside)
+    path = [int(best[-1].argmax())]
+    for at in range(len(scores) - 1, 0, -1):
+        path.append(int(back[at, path[-1]]))
+    return _gather(path[::-1], np.exp(scores), encoding)
+
+
+def _gather(path: list[int], chances: Floats, encoding: Any) -> list[_TokenSpan]:
+    spans: list[_TokenSpan] = []
+    for at, tag in enumerate(path):
+        start, end = encoding.offsets[at]
+        if tag == 0 or end == start:
+            continue
+        label = (tag - 1) // 2
+        sure = float(chances[at, 1 + 2 * label] + chances[at, 2 + 2 * label])
+        if tag % 2 == 0 and spans and spans[-1].last == at - 1 and spans[-1].label == label:
+            before = spans.pop()
+            spans.append(_TokenSpan(before.first, at, label, min(sure, before.confidence)))
+        else:
+            spans.append(_TokenSpan(at, at, label, sure))
+    return spans
+
+
+def _describe(
+    encoder: Encoder, x: Floats, found: list[_TokenSpan], encoding: Any, text: str
+) -> tuple[tuple[ReadSpan, ...], dict[int, int]]:
+    if not found:
+        return (), {}
+    places = np.array([(each.first, each.last) for each in found])
+    spans = encoder.represent(x, places, np.array([each.label for each in found]))
+    negated = np.exp(encoder.head("negated", spans))[:, 1]
+    sides, counts = np.exp(encoder.head("side", spans)), np.exp(encoder.head("count", spans))
+    words = [_words(each, encoding, text) for each in found]
+    members: list[tuple[int, int]] = []  # span, member (0: alone)
+    users: dict[int, int] = {}
+    for at, each in enumerate(found):
+        label = LABELS[each.label]
+        if is_mention(label):
+            size = 1 if label.endswith("=many") else _size(words[at][2], counts[at])
+            for member in range(1, size + 1):
+                users[len(members) + 1] = at
+                members.append((at, member if size > 1 else 0))
+    links = _score_links(encoder, spans, found, members)
+    result = []
+    for at, each in enumerate(found):
+        label = LABELS[each.label]
+        tag, value = split_label(label)
+        start, end, said = words[at]
+        if is_mention(label):
+            who = tuple(user for user, span in users.items() if span == at)
+            whom: tuple[int, ...] = ()
+            sure = 1.0
+        else:
+            who, whom, sure = _choose(links[at], tag, value, members, found)
+        side = COMPASS[int(sides[at].argmax())] if names_side(label) else None
+        denied = bool(negated[at] > 0.5)
+        sure = min(sure, each.confidence, float(max(negated[at], 1 - negated[at])))
+        result.append(
+            ReadSpan(start, end, said, tag, value, denied, side, who, whom, round(sure, 4))
+        )
+    return tuple(result), users
+
+
+def _words(span: _TokenSpan, encoding: Any, text: str) -> tuple[int, int, str]:
+    """Characters of a span, widened to whole words."""
+    start, end = encoding.offsets[span.first][0], encoding.offsets[span.last][1]
+    tokens = encoding.tokens
+    first, last = span.first, span.last
+    while tokens[first].startswith("##"):
+        first -= 1
+        start = encoding.offsets[first][0]
+    while last + 1 < len(tokens) and tokens[last + 1].startswith("##"):
+        last += 1
+        end = encoding.offsets[last][1]
+    return start, end, text[start:end]
+
+
+def _size(words: str, chances: Floats) -> int:
+    """How many road users a mention introduces: the number in its words, else what is likeliest."""
+    said = count_in(words)
+    return said if said is not None and said <= MOST_MEMBERS else int(chances.argmax()) + 1
+
+
+def _score_links(
+    encoder: Encoder, spans: Floats, found: list[_TokenSpan], members: list[tuple[int, int]]
+) -> Floats:
+    """Probabilities [spans, road users, LINKS]."""
+    if not members:
+        return np.zeros((len(found), 0, 3), np.float32)
+    mentions = np.array([span for span, _ in members])
+    users = spans[mentions] + encoder.members(np.array([member for _, member in members]))
+    n, m = len(found), len(members)
+    left, right = np.repeat(np.arange(n), m), np.tile(np.arange(m), n)
+    distances = [
+        bucket_distance(found[a].first - found[members[b][0]].first)
+        for a, b in zip(left, right, strict=True)
+    ]
+    scores = encoder.score_links(spans[left], users[right], np.array(distances))
+    return np.exp(scores).reshape(n, m, 3)
+
+
+def _choose(
+    chances: Floats,
+    tag: str,
+    value: str | None,
+    members: list[tuple[int, int]],
+    found: list[_TokenSpan],
+) -> tuple[tuple[int, ...], tuple[int, ...], float]:
+    """Subjects and objects of a span, at least one where its tag needs one."""
+    if not members:
+        return (), (), 1.0
+    chances = chances.copy()
+    if tag in _VEHICLE_ONLY:
+        for user, (span, _) in enumerate(members):
+            if LABELS[found[span].label].startswith("ped"):
+                chances[user] = (1.0, 0.0, 0.0)
+    picked = chances.argmax(1)
+    sure = float(chances.max(1).min())
+    if tag not in _UNOWNED and not (picked == 1).any():
+        free = int(chances[:, 1].argmax())
+        sure = min(sure, float(chances[free, 1]))
+        picked[free] = 1
+    if (tag in EVENTS or value in _RELATIVE) and not (picked == 2).any() and len(members) > 1:
+        rest = np.where(picked == 1, -1.0, chances[:, 2])
+        free = int(rest.argmax())
+        if rest[free] >= 0:
+            sure = min(sure, float(chances[free, 2]))
+            picked[free] = 2
+    who = tuple(int(user) + 1 for user in np.flatnonzero(picked == 1))
+    whom = tuple(int(user) + 1 for user in np.flatnonzero(picked == 2))
+    return who, whom, sure
+
+
+def reading_of(annotated: AnnotatedText) -> Reading:
+    """The reading that an annotation is, as if the encoder had read it without doubt."""
+    spans = tuple(
+        ReadSpan(
+            each.start, each.end, annotated.text[each.start : each.end], each.tag, each.value,
+            each.negated, each.value if each.value in COMPASS else None, each.subjects,
+            each.objects, 1.0,
+        )
+        for each in annotated.spans
+    )  # fmt: skip
+    users = {
+        user: at
+        for at, each in enumerate(annotated.spans)
+        if each.tag in MENTIONS
+        for user in each.subjects
+    }
+    return Reading(annotated.text, annotated.kind, 1.0, spans, users)

@@ -1,0 +1,80 @@
+"""Closed lists of words that rules read better than a network: vehicles and times of day."""
+
+from __future__ import annotations
+
+import re
+
+_SUBTYPES = (
+    (
+        "bus",
+        r"\b(?:mini|school |city |tour )?bus(?:es)?\b|\bcoach(?:es)?\b|double-?decker|\bomnibus",
+    ),
+    (
+        "motorcycle",
+        r"motor ?-?(?:cycle|bike)|\bmoped|\bvespa|\bbiker|\bmotorcyclist|\bharley|"
+        r"\bdirt bike|\bscooter",
+    ),
+    (
+        "truck",
+        r"\b(?:truck|lorr(?:y|ies)|hgv|semi|tractor[- ]trailer|eighteen|18-?wheeler|ambulance|"
+        r"fire engine|firetruck|tanker|dump|flatbed|artic|juggernaut|big rig|rig|tipper|gritter|"
+        r"street sweeper|mixer|dustcart|bin wagon|trucker)(?:s|es)?\b|firetruck|"
+        r"(?:delivery|moving|removal) van",
+    ),
+    (
+        "car",
+        r"\b(?:cars?|taxis?|cabs?|van|vans|suvs?|sedans?|hatchbacks?|minivans?|pick-?ups?|estate|"
+        r"saloon|coupe|convertible|jeep|limo(?:usine)?|auto|police|patrol|cruiser|cabbie|uber|"
+        r"toyota|ford|honda|bmw|audi|tesla|volvo|kia|nissan|mercedes|vw|golf|prius|fiat|"
+        r"crossover|wagon|roadster|hearse|camper)\b",
+    ),
+)
+_COMPILED = tuple((name, re.compile(pattern, re.IGNORECASE)) for name, pattern in _SUBTYPES)
+_PICKUP = re.compile(r"\bpick-?up(?: truck)?s?\b", re.IGNORECASE)
+_TIMES = (
+    ("dawn", r"\bdawn|sunrise|daybreak|sun-?up|first light|cock-?crow"),
+    ("early morning", r"early (?:in the )?morning|early am\b|first thing|morning,? early|crack of"),
+    (
+        "morning rush",
+        r"(?:morning|am|a\.m\.)[- ](?:rush|peak|commut)|(?:rush|peak)[^,;]*morning|morning traffic|"
+        r"school run|rush hour am",
+    ),
+    ("mid-morning", r"mid-?morning|late morning"),
+    (
+        "evening rush",
+        r"(?:evening|afternoon|pm|p\.m\.)[- ](?:rush|peak|commut)|(?:rush|peak)[^,;]*"
+        r"(?:evening|afternoon)|after-?work",
+    ),
+    ("rush hour", r"\b(?:rush|peak)[- ]?(?:hour|time|traffic|period)|\brush\b|commut"),
+    ("early afternoon", r"early (?:in the )?afternoon"),
+    ("late afternoon", r"late (?:in the )?afternoon"),
+    ("afternoon", r"\bafternoon|\barvo\b"),
+    ("lunch", r"\blunch"),
+    ("midnight", r"\bmidnight|witching hour"),
+    ("noon", r"\bnoon|mid-?day|high noon"),
+    ("dusk", r"\bdusk|sunset|sundown|twilight|nightfall|gloaming|getting dark"),
+    ("early evening", r"early (?:in the )?evening"),
+    ("late evening", r"late (?:in the )?evening"),
+    ("evening", r"\bevening"),
+    ("late night", r"\blate\b[^,;]*night|dead of (?:the )?night|late at night|after dark"),
+    ("small hours", r"small hours|wee hours"),
+    ("night", r"\bnight|nocturnal|\bdark(?:ness)?\b"),
+    ("morning", r"\bmorning|\bforenoon"),
+)
+
+
+def subtype_in(words: str) -> str | None:
+    """The subtype of vehicle that some words name; None where they leave it open."""
+    if _PICKUP.search(words):
+        return "car"
+    return next((name for name, pattern in _COMPILED if pattern.search(words)), None)
+
+
+def time_words_in(low: str) -> list[str]:
+    """Names of times of day (`clock.WORD_RANGES`) in lower-case words, the most specific first."""
+    found: list[str] = []
+    for name, pattern in _TIMES:
+        if re.search(pattern, low):
+            found.append(name)
+            low = re.sub(pattern, " ", low)
+    return found

@@ -1,0 +1,1 @@
+"""Training of the learned reader; needs torch, which reading does not."""

@@ -1,0 +1,173 @@
+"""Train the reader on annotated instructions: resumable, on CPU, the same for the same seed."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import random
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn.functional import cross_entropy
+
+from scenewright.backends.builtin.reader.annotation import AnnotatedText, parse_annotation
+from scenewright.backends.builtin.training.augmentation import augment, collect_spans
+from scenewright.backends.builtin.training.batches import Batch, encode_row, make_batch
+from scenewright.backends.builtin.training.model import ReaderNetwork, load_minilm
+
+BATCH, WINDOW = 32, 20
+"""Rows of a step; batches that are sorted by length together."""
+
+ENCODER_RATE, HEAD_RATE = 2.5e-4, 1e-3
+
+
+def read_corpus(paths: Sequence[Path]) -> list[AnnotatedText]:
+    """The annotated rows of some files; blank lines and lines that begin with # are left out."""
+    return [
+        parse_annotation(line.strip())
+        for path in paths
+        for line in path.read_text("utf-8").splitlines()
+        if line.strip() and not line.startswith("#")
+    ]
+
+
+def total_loss(network: ReaderNetwork, batch: Batch) -> Tensor:
+    """The sum of the losses of tags, links and span attributes, each a mean over its items."""
+    x = network.encode(batch.ids, batch.parts, batch.mask)
+    tags = network.tags(x).float()
+    flat = batch.tags.view(-1)
+    loss = cross_entropy(tags.view(len(flat), -1), flat, ignore_index=-1, label_smoothing=0.02) * 6
+    loss = loss + 0.3 * cross_entropy(network.kind(x[:, 0]).float(), batch.kinds)
+    if not len(batch.spans):
+        return loss
+    spans = network.represent(x, batch.spans, batch.span_labels)
+    loss = loss + 0.5 * cross_entropy(network.negated(spans).float(), batch.negated)
+    if len(batch.sided):
+        loss = loss + 0.3 * cross_entropy(network.side(spans[batch.sided]).float(), batch.sides)
+    if len(batch.counted):
+        counts = network.count(spans[batch.counted]).float()
+        loss = loss + 0.3 * cross_entropy(counts, batch.counts)
+    if len(batch.pairs):
+        users = spans[batch.pairs[:, 1]] + network.member(batch.pairs[:, 2]).to(spans.dtype)
+        scores = network.score_links(spans[batch.pairs[:, 0]], users, batch.distances).float()
+        loss = loss + 3 * cross_entropy(scores, batch.links, label_smoothing=0.01)
+    return loss
+
+
+def draw_batches(rows: Sequence[AnnotatedText], tokenizer: Any, seed: int) -> Iterator[Batch]:
+    """Batches of varied rows without end; every row once before any comes again."""
+    rng, bank = random.Random(seed), collect_spans(rows)
+    order: list[int] = []
+    while True:
+        while len(order) < BATCH * WINDOW:
+            order += rng.sample(range(len(rows)), len(rows))
+        taken, order = order[: BATCH * WINDOW], order[BATCH * WINDOW :]
+        varied = sorted((augment(rows[at], rng, bank) for at in taken), key=lambda r: len(r.text))
+        groups = [varied[at : at + BATCH] for at in range(0, len(varied), BATCH)]
+        rng.shuffle(groups)
+        for group in groups:
+            yield make_batch([encode_row(r, tokenizer) for r in group], [r.text for r in group])
+
+
+def fit(
+    rows: Sequence[AnnotatedText],
+    folder: Path,
+    out: Path,
+    *,
+    steps: int,
+    seed: int = 0,
+    dropout: float = 0.1,
+    start: Path | None = None,
+) -> ReaderNetwork:
+    """Train for so many steps, saving to `out` every 200, and go on from there if it exists.
+
+    Args:
+        folder: with all-MiniLM-L6-v2's model.safetensors and tokenizer.json.
+        start: weights to begin from instead of MiniLM's.
+    """
+    from tokenizers import Tokenizer
+
+    torch.manual_seed(seed)
+    tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
+    tokenizer.no_padding()
+    tokenizer.no_truncation()
+    network = ReaderNetwork(dropout)
+    load_minilm(network, folder)
+    if start is not None:
+        network.load_state_dict(torch.load(start, weights_only=True)["network"])
+    network.train()
+    optimizer, schedule = _optimizer(network, steps)
+    done = _resume(out, network, optimizer, schedule)
+    batches, average, began = draw_batches(rows, tokenizer, seed + done), None, time.time()
+    for step in range(done + 1, steps + 1):
+        with torch.autocast("cpu", torch.bfloat16):
+            loss = total_loss(network, next(batches))
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        optimizer.step()
+        schedule.step()
+        average = loss.item() if average is None else 0.97 * average + 0.03 * loss.item()
+        if step % 50 == 0:
+            print(
+                f"step {step} of {steps}: loss {average:.3f}, {time.time() - began:.0f} s",
+                flush=True,
+            )
+        if step % 200 == 0 or step == steps:
+            _save(out, network, optimizer, schedule, step)
+    return network.eval()
+
+
+def _optimizer(network: ReaderNetwork, steps: int) -> tuple[Any, Any]:
+    trained = [(n, p) for n, p in network.named_parameters() if p.requires_grad]
+    encoder = [p for n, p in trained if n.startswith(("layers.", "norm", "part"))]
+    heads = [p for n, p in trained if not n.startswith(("layers.", "norm", "part"))]
+    groups = [{"params": encoder, "lr": ENCODER_RATE}, {"params": heads, "lr": HEAD_RATE}]
+    optimizer = torch.optim.AdamW(groups, weight_decay=0.01, fused=True)
+    warm = max(1, steps // 20)
+
+    def rate(step: int) -> float:
+        cooled = 0.5 * (1 + math.cos(math.pi * max(0, step - warm) / max(1, steps - warm)))
+        return min(1.0, (step + 1) / warm) * max(0.01, cooled)
+
+    return optimizer, torch.optim.lr_scheduler.LambdaLR(optimizer, rate)
+
+
+def _save(out: Path, network: ReaderNetwork, optimizer: Any, schedule: Any, step: int) -> None:
+    state = {"network": network.state_dict(), "step": step}
+    torch.save(
+        {**state, "optimizer": optimizer.state_dict(), "schedule": schedule.state_dict()}, out
+    )
+
+
+def _resume(out: Path, network: ReaderNetwork, optimizer: Any, schedule: Any) -> int:
+    if not out.exists():
+        return 0
+    state = torch.load(out, weights_only=True)
+    network.load_state_dict(state["network"])
+    optimizer.load_state_dict(state["optimizer"])
+    schedule.load_state_dict(state["schedule"])
+    return int(state["step"])
+
+
+def main() -> None:
+    """Train from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("corpus", nargs="+", type=Path, help="files of annotated instructions")
+    parser.add_argument("--minilm", type=Path, required=True, help="folder of all-MiniLM-L6-v2")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--steps", type=int, default=4000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--start", type=Path)
+    given = parser.parse_args()
+    rows = read_corpus(given.corpus)
+    print(f"{len(rows)} rows")
+    fit(rows, given.minilm, given.out, steps=given.steps, seed=given.seed, start=given.start)
+
+
+if __name__ == "__main__":
+    main()

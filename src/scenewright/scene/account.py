@@ -1,0 +1,88 @@
+"""The account of words: what every content word of an instruction became (SEMANTICS 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, get_args
+
+from pydantic import Field
+
+from scenewright.scene.base import Model
+
+Became = Literal[
+    "agent", "entry", "exit", "movement", "crosswalk", "runs_red", "relation", "cause", "tie",
+    "time_of_day", "density", "background", "normal", "denied", "measure", "impact_point",
+    "signals", "road", "retracted", "manner", "nothing",
+]  # fmt: skip
+"""What words can become; `manner` has no effect on tracks, `nothing` cannot be realised."""
+
+BECAME: tuple[str, ...] = get_args(Became)
+
+
+class SaidSpan(Model):
+    """Words of the instruction and what they became in the plan.
+
+    Attributes:
+        start, end: characters of the instruction, end exclusive.
+        words: the words themselves.
+        became: the part of the plan.
+        agents: of whom it is said; two for relations and ties.
+        value: what exactly: a leg, a relation, a time, a number.
+        note: why the words became nothing.
+    """
+
+    start: int = Field(ge=0)
+    end: int = Field(ge=0)
+    words: str
+    became: Became
+    agents: tuple[str, ...] = ()
+    value: str | None = None
+    note: str | None = None
+
+
+class SaidRecord(Model):
+    """An entry of the account in scene.json, and with its evidence in proof.json.
+
+    Attributes:
+        agents: numbers of agents as in scene.json; the rest as in `SaidSpan`.
+        status: `realised` once the checker has found it on the tracks; `manner` for words without
+            effect on tracks; `unrealised` for what was left out because the user allowed it.
+        evidence: what the checker saw.
+    """
+
+    start: int
+    end: int
+    words: str
+    became: Became
+    agents: tuple[int, ...] = ()
+    value: str | None = None
+    note: str | None = None
+    status: Literal["claimed", "realised", "manner", "unrealised"] = "claimed"
+    evidence: str | None = None
+
+
+def list_unrealised(said: Iterable[SaidSpan | SaidRecord]) -> tuple[str, ...]:
+    """The words that became nothing, in order."""
+    return tuple(each.words for each in said if each.became == "nothing")
+
+
+def list_manner(said: Iterable[SaidSpan | SaidRecord]) -> tuple[str, ...]:
+    """The words for manner and feeling that tracks cannot show, in order."""
+    return tuple(each.words for each in said if each.became == "manner")
+
+
+def number_agents(said: Iterable[SaidSpan], numbers: Mapping[str, int]) -> tuple[SaidRecord, ...]:
+    """The account with the numbers that agents have in scene.json."""
+    return tuple(
+        SaidRecord.model_validate(
+            {
+                **each.model_dump(),
+                "agents": tuple(numbers[name] for name in each.agents if name in numbers),
+                "status": _CLAIMED.get(each.became, "claimed"),
+            }
+        )
+        for each in said
+    )
+
+
+_CLAIMED: dict[str, Any] = {"nothing": "unrealised", "manner": "manner"}

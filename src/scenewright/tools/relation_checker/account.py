@@ -1,0 +1,199 @@
+"""The account of words held against the tracks: is what it calls realised really there?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenewright.scene.account import SaidRecord
+from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.tools.relation_checker.entries import entry_of, exit_of
+from scenewright.tools.relation_checker.observation import Observation
+
+_WAYS = ("entry", "exit", "movement", "crosswalk")
+_WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
+"""Checked elsewhere, as conditions on relations, ties and lights, or saying nothing of tracks."""
+
+_DAY = 24 * 60
+
+
+def check_account(
+    scene: SceneRecord,
+    events: Sequence[Event],
+    seen: Observation,
+    intersection: IntersectionMap | None,
+) -> tuple[tuple[SaidRecord, ...], tuple[Finding, ...]]:
+    """The account with evidence, and a finding for every entry that the scene does not bear out.
+
+    Args:
+        events: all that the tracks show, incidental ones included.
+    """
+    account: list[SaidRecord] = []
+    findings: list[Finding] = []
+    for entry in scene.said:
+        if entry.became in ("manner", "nothing"):
+            status = "manner" if entry.became == "manner" else "unrealised"
+            account.append(entry.model_copy(update={"status": status}))
+            continue
+        evidence = _Witness(scene, events, seen, intersection).find(entry)
+        if evidence is None:
+            findings.append(_contradicted(entry))
+            account.append(entry.model_copy(update={"status": "claimed", "evidence": None}))
+        else:
+            update = {"status": "realised", "evidence": evidence}
+            account.append(entry.model_copy(update=update))
+    return tuple(account), tuple(findings)
+
+
+def _contradicted(entry: SaidRecord) -> Finding:
+    value = f" {entry.value}" if entry.value else ""
+    return Finding(
+        rule="said_not_realised",
+        agents=entry.agents,
+        detail=f"'{entry.words}' should be {entry.became}{value}; the scene does not show it",
+    )
+
+
+class _Witness:
+    """What a scene shows for the entries of its account."""
+
+    def __init__(
+        self,
+        scene: SceneRecord,
+        events: Sequence[Event],
+        seen: Observation,
+        intersection: IntersectionMap | None,
+    ) -> None:
+        self._scene, self._events, self._seen = scene, events, seen
+        self._map = intersection
+        self._agents = {agent.id: agent for agent in scene.agents}
+        self._movers = {mover.id: mover for mover in seen.movers}
+
+    def find(self, entry: SaidRecord) -> str | None:
+        """Evidence for an entry; None where there is none."""
+        if any(number not in self._agents for number in entry.agents):
+            return None
+        if entry.became in _WAYS:
+            return self._way(entry)
+        match entry.became:
+            case "agent":
+                return self._present(entry)
+            case "runs_red":
+                return self._red_run(entry)
+            case "relation":
+                return self._event(entry)
+            case "cause":
+                return self._braking(entry)
+            case "time_of_day":
+                return self._time(entry.value)
+            case "density":
+                return self._density(entry.value)
+            case "background":
+                return self._background()
+            case "normal" | "denied":
+                return self._absence(entry)
+            case _:
+                return "no claim on the tracks by itself"
+
+    def _present(self, entry: SaidRecord) -> str | None:
+        agents = [self._agents[number] for number in entry.agents]
+        if entry.value in ("vehicle", "pedestrian") and any(a.type != entry.value for a in agents):
+            return None
+        named = entry.value in ("car", "truck", "bus", "motorcycle")
+        if named and any(a.subtype != entry.value for a in agents):
+            return None
+        return ", ".join(f"agent {a.id} ({a.subtype or a.type})" for a in agents) or "words alone"
+
+    def _way(self, entry: SaidRecord) -> str | None:
+        agents = [self._agents[number] for number in entry.agents]
+        if any(getattr(agent, entry.became) != entry.value for agent in agents):
+            return None
+        observed = [self._observed(agent, entry.became) for agent in agents]
+        if any(side not in (None, entry.value) for side in observed):
+            return None
+        return f"{entry.became} {entry.value} on the track of " + ", ".join(
+            f"agent {agent.id}" for agent in agents
+        )
+
+    def _observed(self, agent: AgentRecord, field: str) -> str | None:
+        """The leg that the track itself shows, where it can be told."""
+        if self._map is None or agent.type != "vehicle":
+            return None
+        mover = self._movers[agent.id]
+        if field == "entry":
+            return entry_of(mover, self._map)
+        return exit_of(mover, self._map) if field == "exit" else None
+
+    def _red_run(self, entry: SaidRecord) -> str | None:
+        if self._map is None or not self._scene.signals:
+            return "lights were not checked"
+        for number in entry.agents:
+            runs = list(self._seen.lights.ran_red(self._movers[number]))
+            if not runs:
+                return None
+        return f"passes red at {runs[0].time:.1f} s" if entry.agents else None
+
+    def _event(self, entry: SaidRecord) -> str | None:
+        kind = EVENT_OF_RELATION.get(entry.value or "")
+        for event in self._events:
+            if event.type == kind and {event.from_, event.to} == set(entry.agents):
+                return f"{event.type} of {event.from_} and {event.to} at {event.time:.1f} s"
+        return None
+
+    def _braking(self, entry: SaidRecord) -> str | None:
+        for event in self._events:
+            brakes = event.evidence.get("late_brake")
+            if event.cause == "late_brake":
+                brakes = event.evidence.get("cause_agent", brakes)
+            if brakes is not None and (not entry.agents or brakes in entry.agents):
+                return f"agent {brakes} brakes hard in the {event.type} at {event.time:.1f} s"
+        return None
+
+    def _time(self, value: str | None) -> str | None:
+        own = self._scene.meta.time_of_day
+        if value is None or not _within(own, value):
+            return None
+        return f"the scene is at {own}"
+
+    def _density(self, value: str | None) -> str | None:
+        if value not in ("low", "medium", "high"):
+            return "ordinary traffic"
+        return f"density {value}" if self._scene.meta.density == value else None
+
+    def _background(self) -> str:
+        kinds = [agent.type for agent in self._scene.agents if agent.role == "background"]
+        return (
+            f"{kinds.count('vehicle')} vehicles and {kinds.count('pedestrian')} pedestrians "
+            "in the background"
+        )
+
+    def _absence(self, entry: SaidRecord) -> str | None:
+        kind = EVENT_OF_RELATION.get(entry.value or "")
+        between = set(entry.agents)
+        asked = {frozenset((r.from_, r.to)) for r in self._scene.relations}
+        for event in self._events:
+            pair = {event.from_, event.to}
+            same = kind is None or event.type == kind
+            if entry.became == "denied" and same and between and between <= pair:
+                return None
+            if entry.became == "normal" and frozenset(pair) not in asked and event.type != "follow":
+                if all(self._agents[n].role == "background" for n in pair):
+                    continue
+                return None
+        return "nothing of the kind observed"
+
+
+def _within(time: str, span: str) -> bool:
+    """Whether HH:MM lies in HH:MM or HH:MM-HH:MM, which may pass midnight.
+
+    >>> _within("23:40", "23:30-00:30"), _within("08:00", "08:00"), _within("09:00", "08:00")
+    (True, True, False)
+    """
+    first, _, last = span.partition("-")
+    start, own = _minute(first), _minute(time)
+    return (own - start) % _DAY <= (_minute(last or first) - start) % _DAY
+
+
+def _minute(text: str) -> int:
+    return int(text[:2]) * 60 + int(text[3:5])
