@@ -42,6 +42,7 @@ from scenewright.apps.interrupts import watched_signals
 from scenewright.apps.kept import forget, kept
 from scenewright.apps.ordering import agent
 from scenewright.apps.own_commands import fit, import_map_file, simulate
+from scenewright.apps.planner_commands import planner
 from scenewright.apps.speaking import BackendNames, BaseUrl, Record, Timeout, backend_of
 from scenewright.apps.tabling import tables
 from scenewright.apps.understanding import understanding
@@ -70,6 +71,7 @@ app.command()(chat)
 app.command()(mcp)
 app.command()(author)
 app.add_typer(dataset)
+app.add_typer(planner)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]

@@ -6,7 +6,7 @@ import json
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from scenewright.apps.console import one_line, put, say
 from scenewright.apps.faults import fault_of
 from scenewright.apps.interrupts import stop_if_asked
-from scenewright.backends import Backend, Call, Question
+from scenewright.backends import Backend, Call, Named, Question
 from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.plan_row import plan_to_row
@@ -75,6 +75,35 @@ def plan_rows(
         stop_if_asked()
         given = row if isinstance(row, dict) else {}
         yield {**plan_to_row("", plan), "id": _echo(given.get("id"))}
+
+
+def plan(
+    text: str,
+    *,
+    previous: str | None = None,
+    intersection: str | None = None,
+    backend: Named | Backend = "builtin",
+) -> dict[str, Any]:
+    """What is understood of an instruction: the row that `scenewright plan` writes, without an id.
+
+    Args:
+        previous: an earlier instruction that the text may change.
+        intersection: where it happens; None: four legs, in right-hand traffic.
+        backend: as in `synthesize`.
+
+    Raises:
+        InputError: no such intersection or backend.
+        BackendFault: the backend failed for good.
+    """
+    from scenewright.backends import load_backend
+    from scenewright.intersections import load_map
+
+    named = isinstance(backend, str | Sequence | Mapping)
+    speaking = load_backend(backend) if named else backend  # type: ignore[arg-type]
+    on = None if intersection is None else load_map(intersection)
+    (row,) = plan_rows([{"id": "", "text": text, "previous": previous}], speaking, on=on)  # type: ignore[arg-type]
+    del row["id"]
+    return row
 
 
 def all_planned(

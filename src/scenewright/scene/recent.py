@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
@@ -13,18 +14,22 @@ class Recent(Generic[K, V]):
     """The last values by key, each as long as what else it was made from is the same object.
 
     For what `functools.lru_cache` does not do: maps and relation files are slow to hash, or cannot
-    be, and are known by identity.
+    be, and are known by identity. Threads may share one.
     """
 
     def __init__(self, *, most: int) -> None:
         self._most = most
         self._known: dict[K, tuple[tuple[object, ...], V]] = {}
+        self._lock = threading.Lock()
 
     def get(self, key: K, *made_from: object, make: Callable[[], V]) -> V:
         """The value of a key; made where there is none, or none from these. Errors are not kept."""
-        known = self._known.get(key)
+        with self._lock:
+            known = self._known.get(key)
         if known is None or any(a is not b for a, b in zip(known[0], made_from, strict=True)):
-            known = self._known[key] = made_from, make()
-            if len(self._known) > self._most:
-                del self._known[next(iter(self._known))]
+            known = made_from, make()  # outside the lock: two threads may make the same value
+            with self._lock:
+                self._known[key] = known
+                while len(self._known) > self._most:
+                    del self._known[next(iter(self._known))]
         return known[1]

@@ -53,6 +53,7 @@ class RelationEdge(Model):
     Attributes:
         kind: collision kind, where the text names one (T-bone = angle, ...).
         cause: how it comes about, where the text says so.
+        braker: the vehicle that brakes hard or late, where the cause is `late_brake`.
         pattern: id of the one relation file that may play it, where the text uses its phrase.
         target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
         point_from, point_to: where on either vehicle a collision strikes, where the text says so.
@@ -63,6 +64,7 @@ class RelationEdge(Model):
     to: AgentId
     kind: CollisionKind | None = None
     cause: Cause | None = None
+    braker: AgentId | None = None
     pattern: str | None = Field(default=None, max_length=64)
     target_pet: float | None = Field(default=None, ge=0, le=8)
     target_ttc: float | None = Field(default=None, ge=0, le=8)
@@ -74,6 +76,8 @@ class RelationEdge(Model):
     def _two_agents(self) -> Self:
         if self.from_ == self.to:
             raise ValueError(f"{self.type} needs two different agents, got {self.to} twice")
+        if self.braker not in (None, self.from_, self.to):
+            raise ValueError(f"braker must be {self.from_} or {self.to}, got {self.braker}")
         return self
 
 

@@ -123,11 +123,12 @@ def _near_miss(lines: list[str], relation: dict[str, Any], *, first: RoleName | 
 
 
 def _brakes_for(relation: dict[str, Any], ttc: float | None, *, first: RoleName | None) -> str:
-    """Who passes second brakes, else the first vehicle; a TTC that nobody names is free."""
+    """The named braker, else who passes second, else the first vehicle; a TTC may be free."""
     names = [relation["striker"], relation["struck"]]
     if first is not None:
         names.sort(key=lambda name: name == relation[first])
     names.sort(key=lambda name: not name.startswith("vehicle"))
+    names.sort(key=lambda name: name != relation.get("braker"))
     low, high = _CLOSE_CALL if ttc is None else _around(ttc, _TTC_BAND)
     return f"brakes_for({', '.join(names)}) in [{low:g}, {high:g}] s"
 

@@ -118,6 +118,7 @@ WORD_RANGES: dict[str, tuple[tuple[str, str], ...]] = {
     "lunch": (("11:00", "14:30"),),
     "early afternoon": (("12:00", "15:00"),),
     "afternoon": (("12:00", "18:00"),),
+    "mid-afternoon": (("14:00", "16:30"),),
     "late afternoon": (("15:00", "18:30"),),
     "evening rush": (("15:30", "19:30"),),
     "rush hour": (("06:30", "10:00"), ("15:30", "19:30")),
@@ -133,7 +134,8 @@ WORD_RANGES: dict[str, tuple[tuple[str, str], ...]] = {
 _TYPICAL = {
     "dawn": "06:00", "early morning": "06:30", "morning rush": "08:00", "mid-morning": "10:00",
     "morning": "09:00", "noon": "12:00", "lunch": "12:30", "early afternoon": "13:30",
-    "afternoon": "15:00", "late afternoon": "16:30", "evening rush": "17:30", "rush hour": "08:00",
+    "afternoon": "15:00", "mid-afternoon": "15:00", "late afternoon": "16:30",
+    "evening rush": "17:30", "rush hour": "08:00",
     "early evening": "18:00", "evening": "19:00", "late evening": "21:30", "dusk": "18:30",
     "night": "22:00", "late night": "23:00", "midnight": "00:00",
     "small hours": "02:00",

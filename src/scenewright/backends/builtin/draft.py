@@ -100,6 +100,7 @@ class RelationDraft:
             which may also stand the other way round.
         point_from, point_to: where on either vehicle a collision strikes.
         pattern: id of the relation file whose phrase the text uses.
+        braker: who brakes hard or late, where the text says so.
     """
 
     type: str
@@ -111,6 +112,7 @@ class RelationDraft:
     point_from: ImpactPoint | None = None
     point_to: ImpactPoint | None = None
     pattern: str | None = None
+    braker: AgentDraft | None = None
 
     def pair(self) -> frozenset[int]:
         """The two agents, unordered."""

@@ -7,7 +7,7 @@ import unicodedata
 from dataclasses import dataclass
 from functools import lru_cache
 
-import snowballstemmer
+from scenewright.scene.stems import stem_word
 
 _OWNED = "car|van|truck|lorry|bus|coach|taxi|cab|motorcycle|motorbike|suv|sedan|pickup|vehicle"
 _REPLACEMENTS: tuple[tuple[re.Pattern[str], str], ...] = tuple(
@@ -111,7 +111,6 @@ _IRREGULAR = {
     "fled": "flee", "lept": "leap", "leapt": "leap", "saw": "see", "seen": "see",
     "broke": "break", "hung": "hang", "sat": "sit", "spun": "spin", "threw": "throw",
 }  # fmt: skip
-_stemmer = snowballstemmer.stemmer("english")
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +131,7 @@ class Token:
 @lru_cache(maxsize=8192)
 def stem(word: str) -> str:
     """The Snowball stem of a lower-case word; irregular verbs have that of their infinitive."""
-    return str(_stemmer.stemWord(_IRREGULAR.get(word, word)))
+    return stem_word(_IRREGULAR.get(word, word))
 
 
 def clean(text: str) -> str:

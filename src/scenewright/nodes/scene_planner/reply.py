@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache, lru_cache
 from typing import Annotated, Any, get_args
 
 from pydantic import Discriminator, RootModel, Tag, model_validator
@@ -25,6 +24,7 @@ from scenewright.scene.social import (
     SocialGraph,
     Subtype,
 )
+from scenewright.scene.stems import stem_word
 from scenewright.scene.ways import Way
 from scenewright.tools.map_grounding import lies
 
@@ -128,6 +128,7 @@ def plan_schema(ways: Sequence[Way], told: Sequence[Pattern], words: str) -> Sch
         "to": who,
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
+        "braker": who,
         **({"pattern": one_of(each.id for each in told)} if told else {}),
         **severity_asked(words),
     }
@@ -194,19 +195,7 @@ def patterns_told(instruction: str, *, left_hand: bool = False) -> tuple[Pattern
 
 
 def _stems(words: str) -> set[str]:
-    return {_stemmed(word) for word in _WORD.findall(words.lower()) if word not in _COMMON}
-
-
-@lru_cache(maxsize=4096)
-def _stemmed(word: str) -> str:
-    return str(_stemmer().stemWord(word[:40]))
-
-
-@cache
-def _stemmer() -> Any:
-    import snowballstemmer
-
-    return snowballstemmer.stemmer("english")
+    return {stem_word(word[:40]) for word in _WORD.findall(words.lower()) if word not in _COMMON}
 
 
 def _alike(phrase: str, said: set[str]) -> float:

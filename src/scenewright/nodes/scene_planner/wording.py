@@ -24,7 +24,8 @@ _OR_REFUSE = "\nIf the request itself fixes what was refused, answer refused: im
 _RUSH = r"\b(rush|peak|commut)"
 _TIMES = (
     ("dawn", "04:30-07:30", r"\b(dawn|sunrise|daybreak|sun-?up|first light)"),
-    ("early morning", "04:00-08:30", r"\b(early|first thing)"),
+    ("early morning", "04:00-08:30", r"\bearly\b[^,;]*morning|\b(early|first thing)\b"),
+    ("mid-morning", "09:00-11:30", r"\bmid-?morning"),
     ("morning", "06:00-12:00", r"\b(morning|forenoon)"),
     ("morning rush", "06:30-10:00", rf"(?s)(?=.*morning).*{_RUSH}"),
     ("rush hour", "07:00-09:30", _RUSH),
@@ -32,6 +33,11 @@ _TIMES = (
     ("lunch", "11:00-14:30", r"\blunch"),
     ("afternoon", "12:00-18:00", r"\bafternoon"),
     ("evening rush", "15:30-19:30", rf"(?s)(?=.*(evening|afternoon)).*{_RUSH}"),
+    ("early afternoon", "12:00-15:00", r"\bearly\b[^,;]*afternoon"),
+    ("mid-afternoon", "14:00-16:30", r"\bmid-?afternoon"),
+    ("late afternoon", "15:00-18:30", r"\blate\b[^,;]*afternoon"),
+    ("early evening", "17:00-19:30", r"\bearly\b[^,;]*evening"),
+    ("late evening", "20:00-23:30", r"\blate\b[^,;]*evening"),
     ("evening", "17:00-22:00", r"\bevening"),
     ("dusk", "16:30-21:30", r"\b(dusk|sunset|sundown|twilight|nightfall)"),
     ("night", "19:00-05:30", r"\b(night|dark|nocturnal)|tonight"),

@@ -183,6 +183,8 @@ def _culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) ->
     match edge.cause:
         case "red_light_run":
             found = [numbers[agent.id] for agent in pair if agent.runs_red]
+        case "late_brake" if edge.braker is not None:
+            found = [numbers[edge.braker]]
         case "late_brake":
             found = [numbers[agent.id] for agent in pair if agent.type == "vehicle"][:1]
         case None:

@@ -33,7 +33,7 @@ _MEANS = {
     "no_interaction": "they have nothing to do with one another",
 }
 _SEVERITY = (
-    "kind", "cause", "target_pet", "target_ttc", "impact_speed", "point_from", "point_to",
+    "kind", "cause", "braker", "target_pet", "target_ttc", "impact_speed", "point_from", "point_to",
 )  # fmt: skip
 
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.errors import InputError
+
+OWN_WEIGHTS = "SCENEWRIGHT_PLANNER"
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int64]
 HEADS = 12
-_SCALE = ".scale"
+SCALE = ".scale"
 
 
 class Encoder:
@@ -22,11 +27,11 @@ class Encoder:
     def __init__(self, weights: Mapping[str, NDArray[Any]]) -> None:
         tables = {"word.weight", "position.weight"}
         self._tables = {name: weights[name] for name in tables}
-        self._scales = {name: weights[name + _SCALE] for name in tables}
+        self._scales = {name: weights[name + SCALE] for name in tables}
         self._weights = {
-            name: _dequantize(weights, name)
+            name: dequantize(weights, name)
             for name in weights
-            if name not in tables and not name.endswith(_SCALE)
+            if name not in tables and not name.endswith(SCALE)
         }
         self._layers = 1 + max(int(n.split(".")[1]) for n in weights if n.startswith("layers."))
 
@@ -87,9 +92,10 @@ class Encoder:
         return np.asarray(rows * self._scales[name][which][:, None], np.float32)
 
 
-def _dequantize(weights: Mapping[str, NDArray[Any]], name: str) -> Floats:
+def dequantize(weights: Mapping[str, NDArray[Any]], name: str) -> Floats:
+    """A weight of that name in float32."""
     value = weights[name].astype(np.float32)
-    scale = weights.get(name + _SCALE)
+    scale = weights.get(name + SCALE)
     return value if scale is None else np.asarray(value * scale[:, None], np.float32)
 
 
@@ -116,8 +122,24 @@ def _log_softmax(x: Floats) -> Floats:
 
 @lru_cache(maxsize=1)
 def load_encoder() -> Encoder:
-    """The encoder of the package."""
+    """The encoder with the weights of the package, or those that SCENEWRIGHT_PLANNER names."""
+    return Encoder(load_encoder_weights())
+
+
+def load_encoder_weights() -> dict[str, NDArray[Any]]:
+    """The weights by name.
+
+    Raises:
+        InputError: SCENEWRIGHT_PLANNER names no file of such weights.
+    """
+    from safetensors import SafetensorError
     from safetensors.numpy import load
 
-    data = files("scenewright.backends.builtin.reader").joinpath("reader.safetensors").read_bytes()
-    return Encoder(load(data))
+    own = os.environ.get(OWN_WEIGHTS)
+    if own is None:
+        folder = files("scenewright.backends.builtin.reader")
+        return dict(load(folder.joinpath("reader.safetensors").read_bytes()))
+    try:
+        return dict(load(Path(own).read_bytes()))
+    except (OSError, SafetensorError) as error:
+        raise InputError(f"{OWN_WEIGHTS}={own} is no file of planner weights: {error}") from error

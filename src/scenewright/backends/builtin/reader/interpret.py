@@ -56,6 +56,10 @@ _NOBODY = re.compile(
     r"\b(?:nobody|no-?one|nothing|empty|alone|deserted|sole|only)\b", re.IGNORECASE
 )
 _SIDEWALK = re.compile(r"sidewalk|pavement|footpath|kerb|curb", re.IGNORECASE)
+_BOUND = re.compile(r"\b(north|south|east|west)[- ]?bound\b", re.IGNORECASE)
+_TURNING = re.compile(r"\b(left|right)[- ]?turn(?:ing|er)|\bturning (?:left|right)", re.IGNORECASE)
+_ONCOMING = re.compile(r"\boncoming\b|\bopposing\b", re.IGNORECASE)
+_CROSSES = re.compile(r"\bcross(?:es|ing|ed)?\b", re.IGNORECASE)
 _JAYWALKER = re.compile(r"jay-?walk", re.IGNORECASE)
 NO_TRAFFIC = (
     "The text describes no traffic scene; say which vehicles or pedestrians do what at the "
@@ -82,7 +86,8 @@ class Interpretation:
     """A draft, the road users by number, and what every span became.
 
     Attributes:
-        braking: who brakes hard; times: the spans that say the time of day.
+        braking: who brakes hard; times: the spans that say the time of day; first: those that say
+            who passes first.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time.
     """
@@ -93,6 +98,7 @@ class Interpretation:
     denied: list[ReadSpan] = field(default_factory=list)
     braking: set[int] = field(default_factory=set)
     times: list[ReadSpan] = field(default_factory=list)
+    first: list[ReadSpan] = field(default_factory=list)
     changing: bool = False
     retimed: bool = False
 
@@ -202,11 +208,29 @@ def _introduce(result: Interpretation, reading: Reading) -> None:
 def _add_user(result: Interpretation, number: int, span: ReadSpan) -> None:
     agent = AgentDraft(type="vehicle" if span.tag == "veh" else "pedestrian", head=span.words)
     agent.subtype = subtype_in(span.words) if span.tag == "veh" else None
-    if span.tag == "ped" and _JAYWALKER.search(span.words):
-        agent.movement = "jaywalking"
     result.users[number] = agent
     result.draft.agents.append(agent)
     result.enter(span, "agent", (number,), agent.subtype or agent.type)
+    _read_adjectives(result, number, span)
+
+
+def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> None:
+    """What a mention says of the way by itself: "a northbound car", "the oncoming left-turner"."""
+    agent = result.users[number]
+    if agent.type == "pedestrian":
+        if _JAYWALKER.search(span.words):
+            agent.movement = "jaywalking"
+            result.enter(span, "movement", (number,), agent.movement)
+        return
+    if match := _BOUND.search(span.words):
+        agent.entry = OPPOSITE[match[1].lower()]
+        result.enter(span, "entry", (number,), agent.entry)
+    if match := _TURNING.search(span.words):
+        agent.movement = "right" if "right" in match[0].lower() else "left"
+        result.enter(span, "movement", (number,), agent.movement)
+    if _ONCOMING.search(span.words):
+        agent.relatives.append(("opposite", None))
+        result.enter(span, "tie", (number,), "opposite")
 
 
 def _deny_class(result: Interpretation, span: ReadSpan) -> None:
@@ -236,6 +260,10 @@ def _note(became: Became) -> Rule:
 def _brake(result: Interpretation, span: ReadSpan) -> None:
     result.braking |= set(span.subjects)
     result.enter(span, "cause", span.subjects, "late_brake")
+
+
+def _keep_order(result: Interpretation, span: ReadSpan) -> None:
+    result.first.append(span)
 
 
 def _refuse_condition(_: Interpretation, span: ReadSpan) -> None:
@@ -388,11 +416,31 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             f"The text says '{span.words}', but not who does it to whom; say which road user "
             "collides with, nearly hits, gives way to or follows which other.",
         )
-    for first, second in pairs:
+    for first, second in _of_fitting_classes(span.tag, pairs, users):
         edge = RelationDraft(RELATIONS[span.tag], users[first], users[second])
+        if span.tag == "yield" and _CROSSES.search(span.words):
+            _let_cross(users[second])
         edge.kind = _KINDS.get(span.value or "")
         _add_relation(result, edge)
         result.enter(span, "relation", (first, second), edge.type)
+
+
+def _let_cross(agent: AgentDraft) -> None:
+    """ "Lets a pedestrian cross" says what the pedestrian does."""
+    if agent.type == "pedestrian" and agent.movement is None:
+        agent.movement = "crossing"
+
+
+def _of_fitting_classes(
+    tag: str, pairs: Sequence[tuple[int, int]], users: dict[int, AgentDraft]
+) -> Sequence[tuple[int, int]]:
+    """The pairs whose classes can have such a relation, as far as there are any."""
+
+    def fits(pair: tuple[int, int]) -> bool:
+        first, second = (users[number].type for number in pair)
+        return first == second if tag == "follow" else "vehicle" in (first, second)
+
+    return [pair for pair in pairs if fits(pair)] or pairs
 
 
 def _add_relation(result: Interpretation, edge: RelationDraft) -> None:
@@ -537,17 +585,44 @@ def _follows_only(result: Interpretation) -> bool:
 
 def _settle(result: Interpretation) -> None:
     """Braking becomes a cause, and what is denied is held against what is said."""
+    _read_order(result)
+    if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
+        first, second = result.draft.agents
+        result.draft.relations.append(RelationDraft("near_miss", first, second))
     for user in result.braking:
         agent = result.users.get(user)
         for edge in result.draft.relations:
             if edge.type in ("near_miss", "collide_at") and agent in (edge.from_, edge.to):
                 edge.cause = "late_brake"
+                edge.braker = agent if agent.type == "vehicle" else None
     for span in result.denied:
         if span.tag in RELATIONS:
             _deny_event(result, span)
         else:
             _deny_way(result, span)
     result.denied = []
+
+
+def _read_order(result: Interpretation) -> None:
+    """Who goes first is given way to; beside another event it cannot be asked for yet."""
+    for span in result.first:
+        pairs = [
+            (result.users[b], result.users[a])
+            for a in span.subjects
+            for b in span.objects
+            if a in result.users and b in result.users
+        ]
+        yields = {(id(e.from_), id(e.to)) for e in result.draft.relations if e.type == "yield_to"}
+        bound = {e.pair() for e in result.draft.relations}
+        if pairs and all((id(a), id(b)) in yields for a, b in pairs):
+            result.enter(span, "relation", (*span.objects, *span.subjects), "yield_to")
+        elif len(pairs) == 1 and frozenset(map(id, pairs[0])) not in bound:
+            ((second, first),) = pairs
+            result.draft.relations.append(RelationDraft("yield_to", second, first))
+            result.enter(span, "relation", (*span.objects, *span.subjects), "yield_to")
+        else:
+            result.enter(span, "nothing", span.subjects, note=_BEYOND["first"])
+    result.first = []
 
 
 def _deny_event(result: Interpretation, span: ReadSpan) -> None:
@@ -608,6 +683,7 @@ _RULES: dict[str, Rule] = {
     **dict.fromkeys(("drop", "swap", "becomes"), _edit),
     **dict.fromkeys(("manner", "pace"), _note("manner")),
     "time": _set_time,
+    "first": _keep_order,
     "red": _run_red,
     "brake": _brake,
     "cond": _refuse_condition,

@@ -139,7 +139,12 @@ def _gather(path: list[int], chances: Floats, encoding: Any) -> list[_TokenSpan]
             spans.append(_TokenSpan(before.first, at, label, min(sure, before.confidence)))
         else:
             spans.append(_TokenSpan(at, at, label, sure))
-    return spans
+    return [each for each in spans if _holds_a_word(each, encoding)]
+
+
+def _holds_a_word(span: _TokenSpan, encoding: Any) -> bool:
+    tokens = encoding.tokens[span.first : span.last + 1]
+    return any(char.isalnum() for token in tokens for char in token)
 
 
 def _describe(
@@ -242,11 +247,13 @@ def _choose(
         sure = min(sure, float(chances[free, 1]))
         picked[free] = 1
     if (tag in EVENTS or value in _RELATIVE) and not (picked == 2).any() and len(members) > 1:
-        rest = np.where(picked == 1, -1.0, chances[:, 2])
-        free = int(rest.argmax())
-        if rest[free] >= 0:
-            sure = min(sure, float(chances[free, 2]))
-            picked[free] = 2
+        # The road user that costs least as object, while at least one subject is left.
+        cost = chances.max(1) / np.maximum(chances[:, 2], 1e-9)
+        if (picked == 1).sum() == 1:
+            cost = np.where(picked == 1, np.inf, cost)
+        free = int(cost.argmin())
+        sure = min(sure, float(chances[free, 2]))
+        picked[free] = 2
     who = tuple(int(user) + 1 for user in np.flatnonzero(picked == 1))
     whom = tuple(int(user) + 1 for user in np.flatnonzero(picked == 2))
     return who, whom, sure

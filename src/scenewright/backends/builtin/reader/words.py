@@ -47,6 +47,7 @@ _TIMES = (
     ),
     ("rush hour", r"\b(?:rush|peak)[- ]?(?:hour|time|traffic|period)|\brush\b|commut"),
     ("early afternoon", r"early (?:in the )?afternoon"),
+    ("mid-afternoon", r"mid-?afternoon"),
     ("late afternoon", r"late (?:in the )?afternoon"),
     ("afternoon", r"\bafternoon|\barvo\b"),
     ("lunch", r"\blunch"),

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import random
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,25 +13,24 @@ import torch
 from torch import Tensor
 from torch.nn.functional import cross_entropy
 
-from scenewright.backends.builtin.reader.annotation import AnnotatedText, parse_annotation
-from scenewright.backends.builtin.training.augmentation import augment, collect_spans
+from scenewright.backends.builtin.reader.annotation import AnnotatedText
+from scenewright.backends.builtin.reader.encoder import load_encoder_weights
+from scenewright.backends.builtin.reader.tokens import load_tokenizer
+from scenewright.backends.builtin.training.augmentation import (
+    augment,
+    collect_spans,
+    drop_duplicates,
+)
 from scenewright.backends.builtin.training.batches import Batch, encode_row, make_batch
+from scenewright.backends.builtin.training.corpus import read_corpus
+from scenewright.backends.builtin.training.export import export_weights, load_exported
 from scenewright.backends.builtin.training.model import ReaderNetwork, load_minilm
+from scenewright.errors import InputError
 
 BATCH, WINDOW = 32, 20
 """Rows of a step; batches that are sorted by length together."""
 
 ENCODER_RATE, HEAD_RATE = 2.5e-4, 1e-3
-
-
-def read_corpus(paths: Sequence[Path]) -> list[AnnotatedText]:
-    """The annotated rows of some files; blank lines and lines that begin with # are left out."""
-    return [
-        parse_annotation(line.strip())
-        for path in paths
-        for line in path.read_text("utf-8").splitlines()
-        if line.strip() and not line.startswith("#")
-    ]
 
 
 def total_loss(network: ReaderNetwork, batch: Batch) -> Tensor:
@@ -73,36 +71,60 @@ def draw_batches(rows: Sequence[AnnotatedText], tokenizer: Any, seed: int) -> It
             yield make_batch([encode_row(r, tokenizer) for r in group], [r.text for r in group])
 
 
-def fit(
-    rows: Sequence[AnnotatedText],
-    folder: Path,
-    out: Path,
+def train_reader(
+    paths: Sequence[Path],
     *,
+    own: Sequence[Path],
+    out: Path,
+    minilm: Path | None,
     steps: int,
-    seed: int = 0,
-    dropout: float = 0.1,
-    start: Path | None = None,
-) -> ReaderNetwork:
-    """Train for so many steps, saving to `out` every 200, and go on from there if it exists.
+    seed: int,
+    tell: Callable[[str], None],
+) -> int:
+    """Train on files of annotated instructions and write int8 weights; go on with a stopped run.
 
     Args:
-        folder: with all-MiniLM-L6-v2's model.safetensors and tokenizer.json.
-        start: weights to begin from instead of MiniLM's.
-    """
-    from tokenizers import Tokenizer
+        own: those of the paths whose rows count ten times.
+        minilm: folder with all-MiniLM-L6-v2's model.safetensors to begin from; None: from the
+            weights of the package.
 
+    Returns:
+        The number of rows.
+
+    Raises:
+        InputError: a file that cannot be read, or no such model.
+    """
+    rows = drop_duplicates(read_corpus(paths))
+    weighted = rows + [row for _ in range(9) for row in read_corpus(own)]
+    network = ReaderNetwork()
+    if minilm is None:
+        load_exported(network, load_encoder_weights())
+    elif not (minilm / "model.safetensors").is_file():
+        raise InputError(f"{minilm} holds no model.safetensors of all-MiniLM-L6-v2")
+    else:
+        load_minilm(network, minilm)
+    checkpoint = out.with_suffix(".checkpoint.pt")
+    fit(network, weighted, checkpoint, steps=steps, seed=seed, tell=tell)
+    export_weights(network.state_dict(), out)
+    checkpoint.unlink()
+    return len(rows)
+
+
+def fit(
+    network: ReaderNetwork,
+    rows: Sequence[AnnotatedText],
+    checkpoint: Path,
+    *,
+    steps: int,
+    seed: int,
+    tell: Callable[[str], None],
+) -> None:
+    """Train for so many steps, saving every 200, and go on from the checkpoint if there is one."""
     torch.manual_seed(seed)
-    tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
-    tokenizer.no_padding()
-    tokenizer.no_truncation()
-    network = ReaderNetwork(dropout)
-    load_minilm(network, folder)
-    if start is not None:
-        network.load_state_dict(torch.load(start, weights_only=True)["network"])
     network.train()
     optimizer, schedule = _optimizer(network, steps)
-    done = _resume(out, network, optimizer, schedule)
-    batches, average, began = draw_batches(rows, tokenizer, seed + done), None, time.time()
+    done = _resume(checkpoint, network, optimizer, schedule)
+    batches, average, began = draw_batches(rows, load_tokenizer(), seed + done), None, time.time()
     for step in range(done + 1, steps + 1):
         with torch.autocast("cpu", torch.bfloat16):
             loss = total_loss(network, next(batches))
@@ -113,13 +135,9 @@ def fit(
         schedule.step()
         average = loss.item() if average is None else 0.97 * average + 0.03 * loss.item()
         if step % 50 == 0:
-            print(
-                f"step {step} of {steps}: loss {average:.3f}, {time.time() - began:.0f} s",
-                flush=True,
-            )
+            tell(f"step {step} of {steps}: loss {average:.3f}, {time.time() - began:.0f} s")
         if step % 200 == 0 or step == steps:
-            _save(out, network, optimizer, schedule, step)
-    return network.eval()
+            _save(checkpoint, network, optimizer, schedule, step)
 
 
 def _optimizer(network: ReaderNetwork, steps: int) -> tuple[Any, Any]:
@@ -152,22 +170,3 @@ def _resume(out: Path, network: ReaderNetwork, optimizer: Any, schedule: Any) ->
     optimizer.load_state_dict(state["optimizer"])
     schedule.load_state_dict(state["schedule"])
     return int(state["step"])
-
-
-def main() -> None:
-    """Train from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("corpus", nargs="+", type=Path, help="files of annotated instructions")
-    parser.add_argument("--minilm", type=Path, required=True, help="folder of all-MiniLM-L6-v2")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--steps", type=int, default=4000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--start", type=Path)
-    given = parser.parse_args()
-    rows = read_corpus(given.corpus)
-    print(f"{len(rows)} rows")
-    fit(rows, given.minilm, given.out, steps=given.steps, seed=given.seed, start=given.start)
-
-
-if __name__ == "__main__":
-    main()
