@@ -23,7 +23,8 @@ class SaidSpan(Model):
     """Words of the instruction and what they became in the plan.
 
     Attributes:
-        start, end: characters of the instruction, end exclusive.
+        start, end: characters of the instruction, end exclusive; both 0 in a model's reply, where
+            the program finds the words.
         words: the words themselves.
         became: the part of the plan.
         agents: of whom it is said; two for relations and ties.
@@ -31,9 +32,9 @@ class SaidSpan(Model):
         note: why the words became nothing.
     """
 
-    start: int = Field(ge=0)
-    end: int = Field(ge=0)
-    words: str
+    start: int = Field(default=0, ge=0)
+    end: int = Field(default=0, ge=0)
+    words: str = Field(min_length=1, max_length=400)
     became: Became
     agents: tuple[str, ...] = ()
     value: str | None = None

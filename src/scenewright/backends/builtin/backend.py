@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from scenewright.backends import Question
-from scenewright.backends.builtin.draft import Site, is_compass
+from scenewright.backends.builtin.draft import Refused, Site, is_compass
 from scenewright.backends.builtin.planner import plan
+from scenewright.backends.builtin.reader.learned_plan import read_plan
+from scenewright.scene.account import SaidSpan
 from scenewright.scene.behavior import AgentSummary
 from scenewright.scene.relations import Pattern, RoleName, pattern_named
+from scenewright.scene.social import SocialGraph
 
 _PET_BAND, _TTC_BAND = 0.05, 0.08
 """How far from the PET and the TTC asked for the clauses may be met [s]."""
@@ -57,6 +60,16 @@ def _plan(facts: dict[str, Any]) -> dict[str, Any]:
     site = Site(compass=is_compass(facts.get("legs", ())), left_hand=facts.get("left_hand", False))
     understood = plan(facts["instruction"], previous=facts.get("previous"), site=site)
     return understood.model_dump(mode="json", by_alias=True)
+
+
+def read_account(facts: dict[str, Any]) -> tuple[SaidSpan, ...]:
+    """What the learned reader takes the words of an instruction to become; empty if it refuses."""
+    site = Site(compass=is_compass(facts.get("legs", ())), left_hand=facts.get("left_hand", False))
+    try:
+        read = read_plan(facts["instruction"], previous=facts.get("previous"), site=site).plan
+    except Refused:  # too long for the encoder
+        return ()
+    return read.said if isinstance(read, SocialGraph) else ()
 
 
 def _program(facts: dict[str, Any]) -> str:

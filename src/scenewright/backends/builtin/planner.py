@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
-from scenewright.backends.builtin.phrasing import describe_graph
-from scenewright.backends.builtin.reader.learned_plan import LearnedPlan, read_plan
+from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
+from scenewright.backends.builtin.reader.learned_plan import (
+    LearnedPlan,
+    plan_reading,
+    read_plan,
+)
 from scenewright.backends.builtin.scope import check_text
+from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.recent import Recent
 from scenewright.scene.relations import patterns
-from scenewright.scene.social import Plan, Refusal, SocialGraph
+from scenewright.scene.social import Plan, Refusal, SceneContext, SocialGraph
 
 SURE = 0.9
 """A reading as confident as this stands by itself; chosen on development voices."""
+
+MOST_OFFERS = 3
 
 _KNOWN: Recent[tuple[str, str | None, Site], Plan] = Recent(most=256)
 """One text is asked for with many seeds."""
@@ -104,24 +113,33 @@ _SYMMETRIC = ("collide_at", "near_miss")
 
 
 def _offer(readings: Readings, site: Site) -> Refusal:
-    """A refusal with the plain sentences of the readings, as far as they would be understood."""
-    doubtful = min(
-        (span for span in readings.learned.reading.spans if span.tag not in ("manner", "ref")),
-        key=lambda span: span.confidence,
-        default=None,
-    )
-    plans = [readings.learned.plan, readings.by_grammar]
-    offers = [describe_graph(each) for each in plans if isinstance(each, SocialGraph)]
-    understood = [each for each in dict.fromkeys(offers) if _understood(each, site)]
-    words = f"'{doubtful.words}' says" if doubtful is not None else "the text says"
-    hint = "".join(f' Did you mean: "{each}"' for each in understood[:1])
+    """A refusal that quotes the doubtful words, with plain sentences that would be understood."""
+    reading = readings.learned.reading
+    offers = tuple(islice(_sentences(readings, site), MOST_OFFERS))
+    doubtful = find_doubtful(reading)
+    words = f"'{doubtful[0].words}' says" if doubtful else "the text says"
+    hint = f" Did you mean: {' or '.join(repr(each) for each in offers)}?" if offers else ""
     return Refusal(
         code="out_of_scope",
         reason=f"It is not clear what {words}; say it in other words.{hint}",
-        did_you_mean=tuple(understood[:3]),
+        did_you_mean=offers,
     )
 
 
-def _understood(sentence: str, site: Site) -> bool:
-    learned = read_plan(sentence, site=site)
-    return isinstance(learned.plan, SocialGraph)
+def _sentences(readings: Readings, site: Site) -> Iterator[str]:
+    """What the text may mean, likeliest first, each once and only if it would be understood."""
+    known: set[str] = set()
+    learned = readings.learned
+    others = (plan_reading(each, site, "").plan for each in read_otherwise(learned.reading))
+    for plan in (learned.plan, readings.by_grammar, *others):
+        if isinstance(plan, SocialGraph) and (plan.agents or plan.context != SceneContext()):
+            sentence = describe_graph(plan)
+            if sentence not in known and _understood(sentence, plan, site):
+                yield sentence
+            known.add(sentence)
+
+
+def _understood(sentence: str, meant: SocialGraph, site: Site) -> bool:
+    """Whether a sentence would be read as it is meant."""
+    learned, other = read_plan(sentence, site=site), read_by_grammar(sentence, None, site)
+    return agree(learned.plan, meant) and (learned.confidence >= SURE or agree(other, meant))

@@ -11,9 +11,11 @@ from scenewright.backends import Backend, Question, load_backend, speaker
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, earlier
 from scenewright.nodes.context import RunContext
+from scenewright.nodes.scene_planner.account import account_for
 from scenewright.nodes.scene_planner.reply import PlanReply, completed
 from scenewright.nodes.scene_planner.wording import worded_plan
 from scenewright.scene.grounding import Grounding
+from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.social import Plan, Refusal, SocialGraph
@@ -99,8 +101,8 @@ def _refuse_unrealised(plan: SocialGraph) -> None:
             Rejection(
                 stage="scene_planner",
                 code="out_of_scope",
-                detail=f"This cannot be part of a scene: {words}. Leave it out, or allow that "
-                "with --lenient.",
+                detail=f"This cannot be part of a scene: {words}. Allow to leave it out with "
+                f"--lenient, or say: '{describe_graph(plan)}'",
             )
         )
 
@@ -118,7 +120,8 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[Way]) -> P
         return plan
     _refuse_emptied(plan, question)
     _refuse_unknown_sides(plan, ways)
-    return completed(plan, ways)
+    said = account_for(plan, question)
+    return completed(plan.model_copy(update={"said": said}), ways)
 
 
 def _refuse_emptied(plan: SocialGraph, question: Question) -> None:

@@ -42,6 +42,12 @@ _PARTS = re.compile(
     r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
     re.IGNORECASE,
 )
+TOLD_AS = (
+    "agent", "entry", "exit", "movement", "crosswalk", "runs_red", "relation", "cause", "tie",
+    "time_of_day", "density", "background", "normal", "denied", "measure", "manner", "nothing",
+)  # fmt: skip
+"""What a model may say that words became."""
+
 _COMMON = frozenset(
     (
         *("a", "an", "the", "of", "its", "his", "her", "for", "to", "into", "on", "in", "at"),
@@ -139,6 +145,7 @@ def plan_schema(ways: Sequence[Way], told: Sequence[Pattern], words: str) -> Sch
         "time_of_day": text(TIME),
         "background": closed({"vehicles": count, "pedestrians": count}),
     }
+    said = {"words": text(), "became": one_of(TOLD_AS), "agents": listed(who, most=4)}
     codes = one_of(("out_of_scope", "contradictory", "impossible"))
     return closed(
         {
@@ -148,6 +155,7 @@ def plan_schema(ways: Sequence[Way], told: Sequence[Pattern], words: str) -> Sch
             "relations": listed(closed(relation, required=("type", "from", "to")), most=6),
             "ties": listed(closed(tie, required=tie), most=6),
             "context": closed(context),
+            "said": listed(closed(said, required=("words", "became")), most=40),
             "refused": codes,
             "reason": text(),
         },

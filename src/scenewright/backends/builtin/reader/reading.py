@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.annotation import (
     EVENTS,
     KINDS,
@@ -91,13 +92,15 @@ def read_text(text: str, *, previous: str | None = None, encoder: Encoder | None
     """Read an instruction, or a change to a previous one.
 
     Raises:
-        ValueError: more tokens than the encoder has positions.
+        Refused: more tokens than the encoder has positions.
     """
     encoder = encoder or load_encoder()
     whole = text if previous is None else f"{previous}{SEPARATOR}{text}"
     encoding = load_tokenizer().encode(whole)
     if len(encoding.ids) > 510:
-        raise ValueError("the text is too long")
+        raise Refused(
+            "out_of_scope", "The instruction is too long to be read; describe it in fewer words."
+        )
     cut = len(previous) if previous is not None else len(whole)
     parts = np.array([int(start > cut) for start, _ in encoding.offsets], dtype=np.int64)
     x = encoder.encode(np.array(encoding.ids, dtype=np.int64), parts)

@@ -1,4 +1,4 @@
-"""Plain sentences for a social graph, as the planner itself understands them."""
+"""Plain sentences for a social graph, as the offline planner understands them."""
 
 from __future__ import annotations
 

@@ -1,0 +1,86 @@
+"""The account of words of a language model's plan: located, completed, asked for again."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from scenewright.backends import Question
+from scenewright.errors import Rejected
+from scenewright.scene.account import SaidSpan
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.social import SocialGraph
+
+UNSAID = "said leaves out"
+"""How the rejection of an incomplete account begins."""
+
+_CONTENT = re.compile(
+    r"\b(?:\d[\w.:/%]*|not|no|never|nobody|none|neither|nor|without|n't|both|either|each|every|all|"
+    r"only|several|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve)\b",
+    re.IGNORECASE,
+)
+"""Numbers, negations and quantifiers: words that no account may leave out."""
+
+
+def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
+    """The account of a model's plan, with the words that it leaves out.
+
+    A model that gives no account at all is not asked for one: the words that nothing in a scene
+    can stand for are then those in which the offline planner sees such a thing.
+
+    Raises:
+        Rejected: `malformed_reply`, words that the request does not hold, or, once, an account
+            that leaves out a number, a negation, a quantifier or words of content.
+    """
+    text = str(question.facts["instruction"])
+    said = tuple(_locate(plan.said, text))
+    read = _read_offline(question)
+    if not said:
+        return tuple(each for each in read if each.became in ("nothing", "manner"))
+    left_out = [*_uncovered_content(text, said), *_uncovered_spans(read, said)]
+    if left_out and not any(UNSAID in each for each in question.rejections):
+        words = ", ".join(f"'{each.words}'" for each in left_out)
+        raise _malformed(f"{UNSAID} {words}; add what they became, or nothing")
+    return tuple(sorted((*said, *left_out), key=lambda each: each.start))
+
+
+def _locate(said: Sequence[SaidSpan], text: str) -> Iterator[SaidSpan]:
+    """The entries with their places in the text, each after the one before where that is so."""
+    low, at = text.lower(), 0
+    for each in said:
+        words = each.words.lower()
+        start = low.find(words, at)
+        start = low.find(words) if start < 0 else start
+        if start < 0:
+            raise _malformed(f"said: '{each.words}' is not in the request; quote its own words")
+        at = start
+        yield each.model_copy(update={"start": start, "end": start + len(words)})
+
+
+def _uncovered_content(text: str, said: Sequence[SaidSpan]) -> Iterator[SaidSpan]:
+    for match in _CONTENT.finditer(text):
+        if not any(each.start <= match.start() < each.end for each in said):
+            yield _left_out(match.start(), match.end(), match[0])
+
+
+def _uncovered_spans(read: Sequence[SaidSpan], said: Sequence[SaidSpan]) -> Iterator[SaidSpan]:
+    """Words that nothing can stand for, as the offline planner sees it, and no entry covers."""
+    for each in read:
+        overlaps = any(other.start < each.end and each.start < other.end for other in said)
+        if each.became == "nothing" and not overlaps:
+            yield _left_out(each.start, each.end, each.words)
+
+
+def _left_out(start: int, end: int, words: str) -> SaidSpan:
+    note = "the plan says nothing of it"
+    return SaidSpan(start=start, end=end, words=words, became="nothing", note=note)
+
+
+def _read_offline(question: Question) -> tuple[SaidSpan, ...]:
+    from scenewright.backends.builtin.backend import read_account
+
+    return read_account(question.facts)
+
+
+def _malformed(detail: str) -> Rejected:
+    return Rejected(Rejection(stage="scene_planner", code="malformed_reply", detail=detail))

@@ -1,0 +1,205 @@
+"""From annotated words to a plan by rule: SEMANTICS sections 2 to 4 and 8."""
+
+from __future__ import annotations
+
+import pytest
+
+from scenewright.backends.builtin.draft import Site
+from scenewright.backends.builtin.reader.annotation import parse_annotation
+from scenewright.backends.builtin.reader.learned_plan import plan_reading
+from scenewright.backends.builtin.reader.measures import measure_in
+from scenewright.backends.builtin.reader.numbers import count_in, number_in
+from scenewright.backends.builtin.reader.reading import reading_of
+from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
+from scenewright.scene.social import Plan, Refusal, SocialGraph
+
+
+def plan_of(line: str) -> Plan:
+    row = parse_annotation(line)
+    return plan_reading(reading_of(row), Site(), row.text).plan
+
+
+def graph_of(line: str) -> SocialGraph:
+    plan = plan_of(line)
+    assert isinstance(plan, SocialGraph), plan
+    return plan
+
+
+def way(graph: SocialGraph, name: str) -> tuple[str | None, ...]:
+    agent = graph.agent(name)
+    return agent.entry, agent.exit, agent.movement, agent.crosswalk
+
+
+def test_a_heading_fixes_the_entry_of_a_vehicle_and_the_exit_of_a_pedestrian() -> None:
+    graph = graph_of(
+        "[veh:1 A car] [heading:1 northbound] [hit:1>2 hits] [ped:2 a man] walking "
+        "[heading:2 west] on the [cw:2 north crosswalk]"
+    )
+    assert way(graph, "vehicle-1") == ("south", None, None, None)
+    assert way(graph, "pedestrian-1") == ("east", "west", "crossing", "north")
+
+
+def test_a_heading_after_another_entry_is_the_exit() -> None:
+    graph = graph_of("[veh:1 A car] from the [from:1 south] leaves [heading:1 westbound]")
+    assert way(graph, "vehicle-1") == ("south", "west", "left", None)
+
+
+def test_adjectives_within_a_mention_count() -> None:
+    graph = graph_of("[veh:1 A left-turning northbound van] [hit:1>2 hits] [veh:2 an oncoming bus]")
+    assert way(graph, "vehicle-1") == ("south", "west", "left", None)
+    assert graph.agent("vehicle-2").entry == "north"
+
+
+@pytest.mark.parametrize(
+    ("side", "entry"), [("opp", "south"), ("left", "east"), ("right", "west"), ("same", "north")]
+)
+def test_relative_entries_are_resolved_against_the_other_vehicle(side: str, entry: str) -> None:
+    graph = graph_of(
+        f"[veh:1 A car] from the [from:1 north] [near:1>2 misses] [veh:2 a van] [from={side}:2>1 x]"
+    )
+    assert graph.agent("vehicle-2").entry == entry
+
+
+def test_the_crosswalk_that_a_vehicle_turns_into() -> None:
+    graph = graph_of(
+        "[veh:1 A car] from the [from:1 east] [right:1 turning right] [yield:1>2 waits for] "
+        "[ped:2 a boy] on [cw=exit:2>1 the crosswalk it turns into]"
+    )
+    assert way(graph, "pedestrian-1")[3] == "north"
+
+
+def test_a_denied_yield_beside_a_collision_is_that_collision() -> None:
+    graph = graph_of(
+        "[veh:1 A car] [!yield:1>2 fails to yield to] [ped:2 a man] and [hit:1>2 hits him]"
+    )
+    assert [edge.type for edge in graph.relations] == ["collide_at"]
+
+
+def test_a_denied_yield_alone_is_a_near_miss() -> None:
+    graph = graph_of("[veh:1 A car] [!yield:1>2 does not stop for] [ped:2 a man]")
+    assert [edge.type for edge in graph.relations] == ["near_miss"]
+
+
+def test_a_denied_collision_is_no_collision() -> None:
+    graph = graph_of("[veh:1 A car] [!hit:1 hits nobody]")
+    assert graph.relations == ()
+    assert [each.became for each in graph.said] == ["agent", "denied"]
+
+
+def test_what_brakes_is_named() -> None:
+    graph = graph_of(
+        "[veh:1 A van] [near=cutoff:1>2 cuts off] [veh:2 a bus], which [brake:2 brakes hard]"
+    )
+    assert (graph.relations[0].cause, graph.relations[0].braker) == ("late_brake", "vehicle-2")
+
+
+def test_retracted_words_say_nothing() -> None:
+    graph = graph_of(
+        "[veh:1 A car] from the [del north, no,] [from:1 south] [hit:1>2 hits] [ped:2 a man]"
+    )
+    assert graph.agent("vehicle-1").entry == "south"
+    assert "retracted" in [each.became for each in graph.said]
+
+
+def test_words_that_nothing_can_stand_for_are_listed() -> None:
+    graph = graph_of("[veh:1 A car] [hit:1>2 hits] [ped:2 a man] [weather in the rain]")
+    assert [each.words for each in graph.said if each.became == "nothing"] == ["in the rain"]
+
+
+def test_seven_cars_follow_a_bus() -> None:
+    graph = graph_of("[veh:1,2,3,4,5,6,7 Seven cars] [follow:1,2,3,4,5,6,7>8 follow] [veh:8 a bus]")
+    assert len(graph.agents) == 8
+    assert {(e.from_, e.to) for e in graph.relations} == {
+        (f"vehicle-{k}", "vehicle-8") for k in range(1, 8)
+    }
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("[cyc:1 A cyclist] [hit:1>2 hits] [veh:2 a car]", "out_of_scope"),
+        ("[ped=many:1 Pedestrians] [yield:1>2 wait for] [veh:2 a car]", "out_of_scope"),
+        ("[veh:1 A car] [hit:1>2 hits] [ped:2 a man] [!time not at night]", "out_of_scope"),
+        ("[veh:1 A car] from the [from:1 south] [from:1 north] [hit:1>2 x] [veh:2 y]",
+         "contradictory"),
+        ("[veh:1 A car] [hit:1>2 hits] and [!hit:1>2 never touches] [ped:2 a man]",
+         "contradictory"),
+        ("[veh:1 A car] from the [from:1 north] [left:1 turns left] to the [to:1 west]",
+         "impossible"),
+        ("[ped:1 A man] [hit:1>2 runs into] [ped:2 a woman]", "impossible"),
+        ("%off sing a song", "out_of_scope"),
+        ("%foreign ein Auto", "out_of_scope"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused(line: str, code: str) -> None:
+    plan = plan_of(line)
+    assert isinstance(plan, Refusal)
+    assert plan.code == code
+
+
+@pytest.mark.parametrize(
+    ("change", "want"),
+    [
+        ("it comes from the [from:1 south]", ("south", "west", "left")),
+        ("make it turn [right:1 right]", ("north", "west", "right")),
+        ("let it leave to the [to:1 south]", ("north", "south", "straight")),
+    ],
+)
+def test_a_change_leaves_open_what_does_not_go_with_it(change: str, want: tuple[str, ...]) -> None:
+    before = "[veh:1 A car] from the [from:1 north] [left:1 turns left] and [hit:1>2 hits] [veh:2 x]"
+    graph = graph_of(f"%edit {before} >>> {change}")
+    agent = graph.agent("vehicle-1")
+    assert (agent.entry, agent.exit, agent.movement) == want
+
+
+def test_a_changed_relation_takes_the_place_of_the_old_one() -> None:
+    graph = graph_of(
+        "%edit [veh:1 A car] [yield:1>2 yields to] [ped:2 a man] >>> have it [near:1>2 nearly hit] "
+        "[ref:2 him] at [time=21:00 9 pm]"
+    )
+    assert [edge.type for edge in graph.relations] == ["near_miss"]
+    assert graph.context.time_of_day == "21:00"
+
+
+@pytest.mark.parametrize(
+    ("words", "value", "unit"),
+    [
+        ("at 50 km/h", 50 / 3.6, "m/s"), ("36mph", 36 * 0.44704, "m/s"), ("PET 1.1 s", 1.1, "s"),
+        ("half a second", 0.5, "s"), ("3 m/s2", 3.0, "m/s2"), ("twenty-two metres", 22.0, "m"),
+        ("0.8", 0.8, ""), ("20 cm", 0.2, "m"), ("0.6 g", 0.6 * 9.81, "m/s2"),
+        ("one and a half seconds", 1.5, "s"),
+    ],
+)  # fmt: skip
+def test_measures_are_in_si_units(words: str, value: float, unit: str) -> None:
+    found = measure_in(words)
+    assert found is not None
+    assert found.value == pytest.approx(value)
+    assert found.unit == unit
+
+
+@pytest.mark.parametrize(
+    ("words", "number"),
+    [("six other cars", 6), ("no background traffic", 0), ("a dozen", 12), ("12 cars", 12),
+     ("some cars", None), ("18-wheeler", 18)],
+)  # fmt: skip
+def test_numbers_in_words(words: str, number: int | None) -> None:
+    assert number_in(words) == number
+
+
+def test_a_number_that_names_counts_nobody() -> None:
+    assert count_in("vehicle 2") is None
+    assert count_in("two cars") == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "subtype"),
+    [("a blue van", "car"), ("the pickup truck", "car"), ("an articulated lorry", "truck"),
+     ("a school bus", "bus"), ("a motorcyclist", "motorcycle"), ("the vehicle", None)],
+)  # fmt: skip
+def test_subtypes_by_noun(words: str, subtype: str | None) -> None:
+    assert subtype_in(words) == subtype
+
+
+def test_the_most_specific_time_of_day_comes_first() -> None:
+    assert time_words_in("in the early morning")[0] == "early morning"
+    assert time_words_in("the morning rush hour")[0] == "morning rush"
