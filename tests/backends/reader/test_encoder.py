@@ -72,7 +72,9 @@ def test_a_text_longer_than_the_encoder_is_refused() -> None:
 
 
 def test_threads_read_what_one_thread_reads() -> None:
-    texts = [f"A car from the {side} hits {n} buses" for side in ("north", "east") for n in range(9)]
+    texts = [
+        f"A car from the {side} hits {n} buses" for side in ("north", "east") for n in range(9)
+    ]
     alone = [read_text(text) for text in texts]
     found: dict[int, list[object]] = {}
 

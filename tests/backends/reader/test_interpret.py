@@ -146,7 +146,9 @@ def test_what_cannot_be_is_refused(line: str, code: str) -> None:
     ],
 )
 def test_a_change_leaves_open_what_does_not_go_with_it(change: str, want: tuple[str, ...]) -> None:
-    before = "[veh:1 A car] from the [from:1 north] [left:1 turns left] and [hit:1>2 hits] [veh:2 x]"
+    before = (
+        "[veh:1 A car] from the [from:1 north] [left:1 turns left] and [hit:1>2 hits] [veh:2 x]"
+    )
     graph = graph_of(f"%edit {before} >>> {change}")
     agent = graph.agent("vehicle-1")
     assert (agent.entry, agent.exit, agent.movement) == want
