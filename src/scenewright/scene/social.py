@@ -28,6 +28,10 @@ Subtype = Literal["car", "truck", "bus", "motorcycle"]
 TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
 
 
+MOST_AGENTS, MOST_RELATIONS = 12, 12
+"""Named agents, and relations between them, that one graph holds."""
+
+
 class AgentNode(Model):
     """A vertex of the social graph (paper 3.1). None means: left free."""
 
@@ -121,11 +125,11 @@ class SocialGraph(Model):
         said: what the words of the instruction became.
     """
 
-    agents: tuple[AgentNode, ...] = Field(max_length=12)
-    relations: tuple[RelationEdge, ...] = Field(default=(), max_length=12)
-    ties: tuple[EntryTie, ...] = Field(default=(), max_length=12)
+    agents: tuple[AgentNode, ...] = Field(max_length=MOST_AGENTS)
+    relations: tuple[RelationEdge, ...] = Field(default=(), max_length=MOST_RELATIONS)
+    ties: tuple[EntryTie, ...] = Field(default=(), max_length=66)
     context: SceneContext = SceneContext()
-    said: tuple[SaidSpan, ...] = Field(default=(), max_length=200)
+    said: tuple[SaidSpan, ...] = Field(default=(), max_length=500)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -59,8 +59,8 @@ words = st.text(st.characters(codec="ascii", exclude_characters="[]\\\n%"), min_
 @given(st.lists(st.tuples(words, st.sampled_from(["veh", "from", "hit"]), words), max_size=5))
 def test_what_is_written_is_read_back(pieces: list[tuple[str, str, str]]) -> None:
     text, spans = "", []
-    for before, tag, said in pieces:
-        said = said.strip() or "x"
+    for before, tag, found in pieces:
+        said = found.strip() or "x"
         text += before
         spans.append(Span(len(text), len(text) + len(said), tag, None, False, (1,), (2,)))
         text += said

@@ -10,6 +10,8 @@ from scenewright.backends.builtin.impacts import Impacts
 from scenewright.backends.builtin.phrases import cast
 from scenewright.backends.builtin.ties import name_turns_across, ties
 from scenewright.scene.social import (
+    MOST_AGENTS,
+    MOST_RELATIONS,
     AgentNode,
     Background,
     EntryTie,
@@ -30,6 +32,7 @@ NO_TRAFFIC = (
 
 def finish_draft(draft: Draft) -> Draft:
     """The draft with all that follows from it; Refused where it cannot be."""
+    _check_numbers(draft)
     _one_event_per_pair(draft)
     for relation in draft.relations:
         cast(relation, draft.site)
@@ -55,6 +58,19 @@ def finish_draft(draft: Draft) -> Draft:
     if not draft.agents and empty:
         raise Refused("out_of_scope", NO_TRAFFIC)
     return draft
+
+
+def _check_numbers(draft: Draft) -> None:
+    """Refused for more agents or relations than a graph holds."""
+    for what, found, most in (
+        ("agents", draft.agents, MOST_AGENTS),
+        ("relations", draft.relations, MOST_RELATIONS),
+    ):
+        if len(found) > most:
+            raise Refused(
+                "out_of_scope",
+                f"The text names {len(found)} {what}; a scene holds at most {most}, so name fewer.",
+            )
 
 
 def _one_event_per_pair(draft: Draft) -> None:

@@ -8,13 +8,14 @@ from itertools import islice
 
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
+from scenewright.backends.builtin.normalise import clean, tokenise
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
 from scenewright.backends.builtin.reader.learned_plan import (
     LearnedPlan,
     plan_reading,
     read_plan,
 )
-from scenewright.backends.builtin.scope import check_text
+from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.recent import Recent
 from scenewright.scene.relations import patterns
@@ -56,6 +57,7 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
         Refused: blank or oversized text, or control characters.
     """
     check_text(text)
+    check_language(text, tokenise(clean(text)))
     learned = read_plan(text, previous=previous, site=site)
     return Readings(learned, read_by_grammar(text, previous, site))
 
@@ -72,9 +74,18 @@ def decide(readings: Readings, site: Site) -> Plan:
     learned, other = readings.learned, readings.by_grammar
     if _names_pattern(other) or agree(learned.plan, other):
         return _with_account(other, learned) if _names_pattern(other) else learned.plan
-    if learned.confidence >= SURE:
+    if learned.confidence >= SURE and not _is_bare(learned.plan):
         return learned.plan
     return _offer(readings, site)
+
+
+def _is_bare(plan: Plan) -> bool:
+    """Whether agents are there, and nothing is said of any of them."""
+    if isinstance(plan, Refusal) or plan.relations or not plan.agents:
+        return False
+    said = {each.became for each in plan.said}
+    ways = any(a.entry or a.exit or a.movement or a.crosswalk or a.runs_red for a in plan.agents)
+    return not ways and said.isdisjoint(("normal", "denied"))
 
 
 def _names_pattern(plan: Plan) -> bool:

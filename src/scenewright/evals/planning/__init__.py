@@ -14,6 +14,7 @@ Row = Mapping[str, Any]
 _SYMMETRIC = frozenset({"collision", "near_miss"})
 _AGENT_FIELDS = ("entry", "exit", "movement", "crosswalk")
 _DAY = 24 * 60
+_MOST_PERMUTED = 6
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,10 @@ def _share(name: str, verdicts: Any) -> Share:
 
 
 def _renamings(expected: Row, predicted: Row) -> list[dict[str, str]]:
-    """Every map from predicted to expected ids that keeps the class; none if the counts differ."""
+    """Every map from predicted to expected ids that keeps the class; none if the counts differ.
+
+    More agents of a class than `_MOST_PERMUTED` are taken in order of mention.
+    """
     result: list[dict[str, str]] = [{}]
     for kind in ("vehicle", "pedestrian"):
         ours = [agent["id"] for agent in predicted["agents"] if agent["type"] == kind]
@@ -116,7 +120,7 @@ def _renamings(expected: Row, predicted: Row) -> list[dict[str, str]]:
         result = [
             {**names, **dict(zip(ours, order, strict=True))}
             for names in result
-            for order in permutations(theirs)
+            for order in (permutations(theirs) if len(theirs) <= _MOST_PERMUTED else [theirs])
         ]
     return result
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from scenewright.backends.builtin.clock import read_clock, read_time_words
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft, Site
+from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.reader.annotation import (
     EVENTS,
     MENTIONS,
@@ -59,6 +60,7 @@ _SIDEWALK = re.compile(r"sidewalk|pavement|footpath|kerb|curb", re.IGNORECASE)
 _BOUND = re.compile(r"\b(north|south|east|west)[- ]?bound\b", re.IGNORECASE)
 _TURNING = re.compile(r"\b(left|right)[- ]?turn(?:ing|er)|\bturning (?:left|right)", re.IGNORECASE)
 _ONCOMING = re.compile(r"\boncoming\b|\bopposing\b", re.IGNORECASE)
+_TRAFFIC = re.compile(r"\b(cross|crossing|oncoming|opposing)[- ]traffic\b", re.IGNORECASE)
 _CROSSES = re.compile(r"\bcross(?:es|ing|ed)?\b", re.IGNORECASE)
 _JAYWALKER = re.compile(r"jay-?walk", re.IGNORECASE)
 NO_TRAFFIC = (
@@ -93,6 +95,7 @@ class Interpretation:
     """
 
     draft: Draft
+    text: str = ""
     users: dict[int, AgentDraft] = field(default_factory=dict)
     entries: list[AccountEntry] = field(default_factory=list)
     denied: list[ReadSpan] = field(default_factory=list)
@@ -157,7 +160,7 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
         raise Refused("out_of_scope", NOT_ENGLISH)
     if reading.kind == "off" or not reading.spans:
         raise Refused("out_of_scope", NO_TRAFFIC)
-    result = Interpretation(Draft(site=site))
+    result = Interpretation(Draft(site=site), reading.text)
     change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
     _introduce(result, reading)
     for span in sorted(reading.spans, key=lambda each: each.start):
@@ -409,7 +412,7 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
     users = result.users
     pairs = [
         (a, b) for a in span.subjects for b in span.objects if a in users and b in users and a != b
-    ]
+    ] or _with_implied(result, span)
     if not pairs:
         raise Refused(
             "out_of_scope",
@@ -423,6 +426,36 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         edge.kind = _KINDS.get(span.value or "")
         _add_relation(result, edge)
         result.enter(span, "relation", (first, second), edge.type)
+
+
+def _with_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
+    """The pair of an event of which the text names but one party, or none: "pedestrian strike".
+
+    The other one is a vehicle. Nothing is implied of a vehicle alone, but that it gives way to
+    traffic.
+    """
+    known = [n for n in (*span.subjects, *span.objects) if n in result.users]
+    traffic = _TRAFFIC.search(result.text, span.start)
+    if span.tag in ("hit", "near") and not result.users:
+        return [(_imply_vehicle(result), _imply_vehicle(result))]
+    on_foot = all(result.users[number].type == "pedestrian" for number in known)
+    if span.tag in ("hit", "near") and known and on_foot:
+        striker = _imply_vehicle(result)
+        return [(striker, number) for number in known]
+    if span.tag == "yield" and known and traffic is not None:
+        other = _imply_vehicle(result)
+        side = "lateral" if traffic[1].lower().startswith("cross") else "opposite"
+        result.users[other].relatives.append((side, result.users[known[0]]))
+        return [(known[0], other)]
+    return []
+
+
+def _imply_vehicle(result: Interpretation) -> int:
+    number = max(result.users, default=0) + 1
+    agent = AgentDraft(type="vehicle")
+    result.users[number] = agent
+    result.draft.agents.append(agent)
+    return number
 
 
 def _let_cross(agent: AgentDraft) -> None:
@@ -463,6 +496,7 @@ def _edit(result: Interpretation, span: ReadSpan) -> None:
         draft.relations[:] = [
             e for e in draft.relations if e.from_ not in agents and e.to not in agents
         ]
+        result.users = {n: each for n, each in result.users.items() if each not in agents}
     elif span.tag == "swap":
         for edge in draft.relations:
             if not agents or {id(edge.from_), id(edge.to)} <= {id(each) for each in agents}:
@@ -522,7 +556,7 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     if result.changing and not result.retimed:
         result.times, result.retimed = [], True
     result.times.append(span)
-    low = " , ".join(each.words.lower() for each in result.times)
+    low = clean(" , ".join(each.words for each in result.times))
     names, (_, clock) = time_words_in(low), read_clock(low)
     time = _agreed_time(_specific(names), clock.time) if names or clock.time else None
     if time is None:
