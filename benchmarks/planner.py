@@ -2,7 +2,7 @@
 
     python benchmarks/planner.py [FILE.jsonl ...] [--show N]
 
-Rows are {"id", "text", "previous"?, "expected"}; without files, those of evals/planning/voices.jsonl,
+Rows are {"id", "text", "previous"?, "expected"}; without files, evals/planning/voices.jsonl,
 written after the weights were frozen. A refused row counts as right after one answer if one of the
 sentences that the refusal offers means what the label says.
 """
@@ -38,7 +38,7 @@ def is_right(expected: Row, plan: Any) -> bool:
 
 
 def verdict_of(row: Row) -> str:
-    """right, right after one answer, refused needlessly, planned what should be refused, misread."""
+    """What became of a row: right, right after one answer, refused, planned or misread."""
     plan = planner._plan(row["text"], row.get("previous"), Site())
     if is_right(row["expected"], plan):
         return "right"
@@ -63,9 +63,8 @@ def report(name: str, rows: list[Row], show: int) -> None:
     ):
         share = Share(number, len(rows))
         low, high = share.interval or (0.0, 1.0)
-        print(
-            f"  {label}: {number} ({100 * number / len(rows):.1f} %, {100 * low:.1f}-{100 * high:.1f})"
-        )
+        rate = f"{100 * number / len(rows):.1f} %, {100 * low:.1f}-{100 * high:.1f}"
+        print(f"  {label}: {number} ({rate})")
     for row, verdict in zip(rows, verdicts, strict=True):
         if verdict != "right" and show > 0:
             show -= 1

@@ -256,6 +256,7 @@ def _question(
             "previous": previous,
             "legs": list(dict.fromkeys(way.entry for way in ways)),
             "left_hand": left_hand,
+            "roads": {} if on is None else {leg.name: leg.road for leg in on.legs},
         },
         rejections=wrong,
         wording=lambda: worded_plan(text, previous, ways, left_hand=left_hand, rejections=wrong),

@@ -57,14 +57,22 @@ class BuiltinBackend:
 
 
 def _plan(facts: dict[str, Any]) -> dict[str, Any]:
-    site = Site(compass=is_compass(facts.get("legs", ())), left_hand=facts.get("left_hand", False))
+    site = _site(facts)
     understood = plan(facts["instruction"], previous=facts.get("previous"), site=site)
     return understood.model_dump(mode="json", by_alias=True)
 
 
+def _site(facts: dict[str, Any]) -> Site:
+    return Site(
+        compass=is_compass(facts.get("legs", ())),
+        left_hand=facts.get("left_hand", False),
+        roads=tuple(facts.get("roads", {}).items()),
+    )
+
+
 def read_account(facts: dict[str, Any]) -> tuple[SaidSpan, ...]:
     """What the learned reader takes the words of an instruction to become; empty if it refuses."""
-    site = Site(compass=is_compass(facts.get("legs", ())), left_hand=facts.get("left_hand", False))
+    site = _site(facts)
     try:
         read = read_plan(facts["instruction"], previous=facts.get("previous"), site=site).plan
     except Refused:  # too long for the encoder

@@ -31,11 +31,13 @@ class Site:
             to the east. So it is wherever all legs are called north, east, south or west.
         left_hand: people drive on the left.
         ways: through the intersection.
+        roads: leg and the name of its street; empty where no map is named.
     """
 
     compass: bool = True
     left_hand: bool = False
     ways: tuple[Way, ...] = FOUR_LEGS
+    roads: tuple[tuple[str, str], ...] = ()
 
     @property
     def across(self) -> str:
@@ -54,6 +56,7 @@ def site_of(on: IntersectionMap) -> Site:
         compass=is_compass(leg.name for leg in on.legs),
         left_hand=on.left_hand_traffic,
         ways=ways_of(on),
+        roads=tuple((leg.name, leg.road) for leg in on.legs),
     )
 
 

@@ -71,6 +71,7 @@ def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
             "previous": state.get("previous"),
             "legs": [leg.name for leg in context.intersection.legs],
             "left_hand": context.intersection.left_hand_traffic,
+            "roads": {leg.name: leg.road for leg in context.intersection.legs},
         },
         rejections=told,
         seed=context.seed,

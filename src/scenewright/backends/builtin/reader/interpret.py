@@ -18,6 +18,7 @@ from scenewright.backends.builtin.reader.annotation import (
 from scenewright.backends.builtin.reader.measures import Measure, measure_in
 from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a_street
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
 from scenewright.scene.account import Became, SaidSpan
 
@@ -89,7 +90,7 @@ class Interpretation:
 
     Attributes:
         braking: who brakes hard; times: the spans that say the time of day; first: those that say
-            who passes first.
+            who passes first; roads: those that name a street.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time.
     """
@@ -102,6 +103,7 @@ class Interpretation:
     braking: set[int] = field(default_factory=set)
     times: list[ReadSpan] = field(default_factory=list)
     first: list[ReadSpan] = field(default_factory=list)
+    roads: list[ReadSpan] = field(default_factory=list)
     changing: bool = False
     retimed: bool = False
 
@@ -334,14 +336,56 @@ def _place(result: Interpretation, span: ReadSpan) -> None:
     if span.value in _RELATIVE:
         _place_relatively(result, span)
         return
-    side = side_of(span)
+    side = _leg_of(result, span)
     if side is None:
-        result.enter(span, "nothing", span.subjects, note="no leg of the map has this name")
         return
     for number in span.subjects:
         agent = result.users.get(number)
         if agent is not None:
             _write_side(result, number, agent, span, side)
+
+
+def _leg_of(result: Interpretation, span: ReadSpan) -> str | None:
+    """The leg that a span names, by its street or by the compass; None where that is left open.
+
+    Raises:
+        Refused: a street that no leg of the map bears.
+    """
+    roads = result.draft.site.roads
+    named = legs_named(span.words, roads)
+    if len(named) == 1:
+        return named[0]
+    if not named and roads and looks_like_a_street(span.words):
+        known = ", ".join(dict.fromkeys(road for _, road in roads))
+        raise Refused(
+            "impossible", f"No leg here is called '{span.words}'; the streets are {known}."
+        )
+    side = None if named or looks_like_a_street(span.words) else side_of(span)
+    if side is None:
+        note = "several legs bear this name; say which side" if named else "no leg has this name"
+        result.enter(span, "nothing", span.subjects, note=note)
+    return side
+
+
+def _keep_road(result: Interpretation, span: ReadSpan) -> None:
+    result.roads.append(span)
+
+
+def _read_roads(result: Interpretation) -> None:
+    """ "On Amsterdam Avenue", once all sides are known: one leg of that name is where it is from."""
+    for span in result.roads:
+        named = legs_named(span.words, result.draft.site.roads)
+        agents = result.agents_of(span.subjects)
+        lies_there = any(agent.entry in named or agent.crosswalk in named for agent in agents)
+        if lies_there or (not named and not looks_like_a_street(span.words)):
+            result.enter(span, "road", span.subjects)
+        elif len(named) == 1 and all(agent.entry is None for agent in agents):
+            for agent in agents:
+                agent.entry = named[0]
+            result.enter(span, "entry", span.subjects, named[0])
+        else:
+            _leg_of(result, span)
+    result.roads = []
 
 
 def _write_side(
@@ -619,6 +663,7 @@ def _follows_only(result: Interpretation) -> bool:
 
 def _settle(result: Interpretation) -> None:
     """Braking becomes a cause, and what is denied is held against what is said."""
+    _read_roads(result)
     _read_order(result)
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
@@ -726,6 +771,6 @@ _RULES: dict[str, Rule] = {
     "del": _note("retracted"),
     "point": _note("impact_point"),
     "light": _note("signals"),
-    "road": _note("road"),
+    "road": _keep_road,
 }
 """What is done with a span, by its tag; all others are left out, and said to be."""

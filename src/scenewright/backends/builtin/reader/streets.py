@@ -1,0 +1,56 @@
+"""Legs of a map by the names of their streets, however they are written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from rapidfuzz import fuzz
+
+_LONG = {
+    "st": "street", "str": "street", "ave": "avenue", "av": "avenue", "rd": "road", "ln": "lane",
+    "blvd": "boulevard", "dr": "drive", "sq": "square", "pl": "place", "hwy": "highway",
+    "ct": "court", "ter": "terrace", "w": "west", "e": "east", "n": "north", "s": "south",
+}  # fmt: skip
+_TYPES = frozenset(
+    ("street", "avenue", "road", "lane", "boulevard", "drive", "square", "place", "way", "highway")
+)
+_NAMED = re.compile(
+    r"\b(?:street|st|avenue|ave|road|rd|lane|ln|boulevard|blvd|highway|hwy|terrace)\b\.?",
+    re.IGNORECASE,
+)
+_BARE_ROAD = re.compile(
+    r"^(?:the |a |its |his |her |that |this )*(?:(?:north|south|east|west)(?:ern)?|side|cross|main|"
+    r"minor|major|other|same|opposite|busy|intersecting|[nsew])*[- ]*(?:street|road|avenue|lane)$",
+    re.IGNORECASE,
+)
+_ALIKE = 90.0
+
+
+def legs_named(words: str, roads: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """The legs whose street some words name.
+
+    Args:
+        roads: leg and the name of its street.
+    """
+    said = _plain(words)
+    return tuple(leg for leg, road in roads if road and _names(said, _plain(road)))
+
+
+def looks_like_a_street(words: str) -> bool:
+    """Whether some words are the name of a street: "Elm Road", not "the road"."""
+    return _NAMED.search(words) is not None and _BARE_ROAD.match(words.strip()) is None
+
+
+def _names(said: str, road: str) -> bool:
+    core = " ".join(word for word in road.split() if word not in _TYPES)
+    if re.search(rf"\b{re.escape(road)}\b", said):
+        return True
+    if len(core) > 3 and re.search(rf"\b{re.escape(core)}\b", said):
+        return True
+    return len(said) > 4 and fuzz.ratio(said, road) >= _ALIKE
+
+
+def _plain(words: str) -> str:
+    found = re.findall(r"\w+", words.casefold())
+    return " ".join(_LONG.get(word, word) for word in found if word != "the")
