@@ -18,6 +18,9 @@ NEEDED = (
     "scenewright/scene/relations/*.toml",
     "scenewright/tools/dsl_validator/constraints.lark",
     "scenewright/backends/builtin/*lexicon*",
+    "scenewright/backends/builtin/reader/reader.safetensors",
+    "scenewright/backends/builtin/reader/tokenizer.json",
+    "scenewright/backends/builtin/training/instructions/*.txt",
     "scenewright/nodes/*/prompt.md",
     "scenewright-*.dist-info/licenses/LICENSE",
 )

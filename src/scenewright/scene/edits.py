@@ -167,7 +167,7 @@ class Choice(Model):
     """One answer to a question: what to type, and what it stands for."""
 
     answer: str = Field(max_length=40)
-    means: str = Field(max_length=200)
+    means: str = Field(max_length=1000)
 
 
 class Ask(Model):

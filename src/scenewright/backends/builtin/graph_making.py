@@ -83,6 +83,13 @@ def _one_event_per_pair(draft: Draft) -> None:
                 "An agent cannot yield to another and hit it in one encounter; keep "
                 "one of the two.",
             )
+        if relation.type == "yield_to" and any(
+            other.type == "yield_to" and other.from_ is relation.to and other.to is relation.from_
+            for other in draft.relations
+        ):
+            raise Refused(
+                "contradictory", "Two agents cannot both give way to one another; keep one yield."
+            )
         softened = relation.type == "yield_to" and relation.soft and "near_miss" in types
         overruled = relation.type == "near_miss" and types & {"collide_at", "yield_to"}
         if softened or overruled:

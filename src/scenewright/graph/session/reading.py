@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 from scenewright.backends import Account, Backend, speaker, unaccounted
 from scenewright.errors import BackendFault
-from scenewright.scene.edits import Decline, Present, Reading, Situation, Wish
+from scenewright.scene.edits import Ask, Choice, Decline, Present, Reading, Situation, Wish
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.pins import Earlier
 from scenewright.scene.record import SceneRecord
-from scenewright.scene.social import SocialGraph
+from scenewright.scene.social import Refusal, SocialGraph
 
 
 def situation_of(graph: SocialGraph, record: SceneRecord, earlier: Earlier) -> Situation:
@@ -74,3 +74,25 @@ def read_words(
     except BackendFault as fault:
         return Decline(code="backend_failed", reason=str(fault))
     return by_rule if reading is None else reading
+
+
+SENTENCE = "sentence"
+"""What a choice between sentences stands for, in place of a phrase."""
+
+
+def ask_what_is_meant(words: str, on: IntersectionMap) -> Ask | None:
+    """A question with the sentences that the offline planner takes doubtful words to mean."""
+    from scenewright.backends.builtin.draft import site_of
+    from scenewright.backends.builtin.planner import plan
+
+    found = plan(words, site=site_of(on))
+    if not isinstance(found, Refusal) or not found.did_you_mean:
+        return None
+    offered = enumerate(found.did_you_mean, start=1)
+    choices = [Choice(answer=str(k), means=f"{SENTENCE}={each}") for k, each in offered]
+    listed = " ".join(f"{k}: {each}" for k, each in enumerate(found.did_you_mean, start=1))
+    reason = found.reason.partition(" Did you mean")[0]
+    return Ask(
+        question=f"{reason} Do you mean {listed} 0: none of these",
+        choices=(*choices, Choice(answer="0", means=f"{SENTENCE}=")),
+    )

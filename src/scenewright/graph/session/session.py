@@ -21,7 +21,7 @@ from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 from pydantic import TypeAdapter
 
-from scenewright.backends import Account, Backend, Call
+from scenewright.backends import Account, Backend, Call, speaker
 from scenewright.backends.builtin.references import answered
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
@@ -34,7 +34,12 @@ from scenewright.graph.run import (
     scene_bytes,
 )
 from scenewright.graph.session.making import Made, Setting, begin, change
-from scenewright.graph.session.reading import read_words, situation_of
+from scenewright.graph.session.reading import (
+    SENTENCE,
+    ask_what_is_meant,
+    read_words,
+    situation_of,
+)
 from scenewright.graph.session.thread import Heading, Pending, Refused, ThreadState, Version
 from scenewright.intersections import load_map
 from scenewright.memory.products import from_bytes, to_bytes
@@ -254,6 +259,9 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     calls: list[Call] = []
     reading = _read(words, chosen, state, runtime.context, account=calls.append)
     pending = state.get("pending")
+    if isinstance(reading, Fresh) and speaker(runtime.context.backend, "plan").deterministic:
+        on = load_map(state["heading"]["intersection"])
+        reading = ask_what_is_meant(words, on) or reading
     lost = isinstance(reading, Decline) and reading.code in ("no_change", "out_of_scope")
     if pending is not None and lost:
         first = pending["ask"]["choices"][0]["answer"]
@@ -273,7 +281,9 @@ def _answered(state: ThreadState) -> tuple[str, dict[str, str]]:
     )
     if pending is None or choice is None:
         return state["words"], {}
-    noun = choice.means.partition("=")[0]
+    noun, _, meant = choice.means.partition("=")
+    if noun == SENTENCE:
+        return meant or "none of these", {}
     return pending["words"], {**pending["chosen"], noun: choice.answer}
 
 

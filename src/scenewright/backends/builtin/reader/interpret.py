@@ -54,6 +54,11 @@ _LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?:/?[Bb])?(?![A-Za-z'’])"
 _NAME = re.compile(r"(?<![a-z])(north|south|east|west)(?:-?(east|west))?", re.IGNORECASE)
 _INITIAL = {"n": "north", "e": "east", "s": "south", "w": "west"}
 _MARKED = re.compile(r"walk|zebra|crossing|\bcw\b|xing", re.IGNORECASE)
+_NONE_AT_ALL = re.compile(
+    r"^(?!.*\b(?:background|other|else)\b).*\b(?:no|not a single|zero|nobody|no one)\b.*"
+    r"\b(?:at all|whatsoever)\b",
+    re.IGNORECASE,
+)
 _NOBODY = re.compile(
     r"\b(?:nobody|no-?one|nothing|empty|alone|deserted|sole|only)\b", re.IGNORECASE
 )
@@ -90,7 +95,8 @@ class Interpretation:
 
     Attributes:
         braking: who brakes hard; times: the spans that say the time of day; first: those that say
-            who passes first; roads: those that name a street.
+            who passes first; roads: those that name a street; absent: those that
+            say that a class is not in the scene at all.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time.
     """
@@ -104,6 +110,7 @@ class Interpretation:
     times: list[ReadSpan] = field(default_factory=list)
     first: list[ReadSpan] = field(default_factory=list)
     roads: list[ReadSpan] = field(default_factory=list)
+    absent: list[ReadSpan] = field(default_factory=list)
     changing: bool = False
     retimed: bool = False
 
@@ -240,6 +247,7 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
 
 def _deny_class(result: Interpretation, span: ReadSpan) -> None:
     context = result.draft.context
+    result.absent.append(span)
     if span.tag == "veh":
         context.vehicles = 0
     elif span.tag == "ped":
@@ -372,7 +380,7 @@ def _keep_road(result: Interpretation, span: ReadSpan) -> None:
 
 
 def _read_roads(result: Interpretation) -> None:
-    """ "On Amsterdam Avenue", once all sides are known: one leg of that name is where it is from."""
+    """ "On Amsterdam Avenue", once all sides are known; of one leg, it is where agents are from."""
     for span in result.roads:
         named = legs_named(span.words, result.draft.site.roads)
         agents = result.agents_of(span.subjects)
@@ -573,6 +581,8 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
             raise Refused(
                 "out_of_scope", f"'{span.words}' are more than the 20 that a scene can hold."
             )
+        if number == 0 and _NONE_AT_ALL.search(span.words):
+            result.absent.append(span)
         if span.tag != "bgped" and number is not None:
             context.vehicles = number
         if span.tag != "bgveh" and number is not None:
@@ -665,6 +675,7 @@ def _settle(result: Interpretation) -> None:
     """Braking becomes a cause, and what is denied is held against what is said."""
     _read_roads(result)
     _read_order(result)
+    _read_severity(result)
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
@@ -674,6 +685,8 @@ def _settle(result: Interpretation) -> None:
             if edge.type in ("near_miss", "collide_at") and agent in (edge.from_, edge.to):
                 edge.cause = "late_brake"
                 edge.braker = agent if agent.type == "vehicle" else None
+    for span in result.absent:
+        _check_absent(result, span)
     for span in result.denied:
         if span.tag in RELATIONS:
             _deny_event(result, span)
@@ -702,6 +715,28 @@ def _read_order(result: Interpretation) -> None:
         else:
             result.enter(span, "nothing", span.subjects, note=_BEYOND["first"])
     result.first = []
+
+
+def _read_severity(result: Interpretation) -> None:
+    """A PET or TTC of two agents asks for a near miss where no event is named."""
+    draft = result.draft
+    measured = draft.context.pet is not None or draft.context.ttc is not None
+    if measured and not draft.relations and len(draft.agents) == 2:
+        first, second = draft.agents
+        draft.relations.append(RelationDraft("near_miss", first, second))
+
+
+def _check_absent(result: Interpretation, span: ReadSpan) -> None:
+    """Refused where a text says that there is nobody of a class, and tells of one."""
+    classes = {"veh": "vehicle", "bgveh": "vehicle", "ped": "pedestrian", "bgped": "pedestrian"}
+    denied = classes.get(span.tag)
+    told = [a for a in result.draft.agents if denied is None or a.type == denied]
+    if told and (denied is not None or span.tag == "bgall") and not result.changing:
+        raise Refused(
+            "contradictory",
+            f"'{span.words}' says that there is none, and the text tells of one; drop one of the "
+            "two.",
+        )
 
 
 def _deny_event(result: Interpretation, span: ReadSpan) -> None:
