@@ -760,7 +760,7 @@ def _deny_event(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "yield" and len(involved) >= 2 and not result.changing:
         for other in involved[1:]:
             pair = frozenset((id(involved[0]), id(other)))
-            if not any(edge.pair() == pair for edge in draft.relations):
+            if len(pair) == 2 and not any(edge.pair() == pair for edge in draft.relations):
                 draft.relations.append(RelationDraft("near_miss", involved[0], other))
     draft.denied.add(kind)
 
