@@ -49,6 +49,7 @@ def test_public_surface() -> None:
         "__version__",
         "load_backend",
         "load_intersection",
+        "plan",
         "synthesize",
         "verify",
     ]

@@ -45,6 +45,14 @@ def all_phrases() -> tuple[Phrase, ...]:
     )
 
 
+def says_a_phrase(text: str) -> bool:
+    """Whether a text holds the phrase of a relation file."""
+    plain = f" {' '.join(expand(clean(text)).split())} "
+    return any(
+        f" {spelling} " in plain for phrase in all_phrases() for spelling in phrase.spellings
+    )
+
+
 _SPOKEN: Recent[None, tuple[Phrase, ...]] = Recent(most=1)
 
 

@@ -9,7 +9,9 @@ from itertools import islice
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.phrases import says_a_phrase
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
+from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.learned_plan import (
     LearnedPlan,
     plan_reading,
@@ -21,7 +23,7 @@ from scenewright.scene.recent import Recent
 from scenewright.scene.relations import patterns
 from scenewright.scene.social import Plan, Refusal, SceneContext, SocialGraph
 
-SURE = 0.9
+SURE = 0.6
 """A reading as confident as this stands by itself; chosen on development voices."""
 
 MOST_OFFERS = 3
@@ -44,10 +46,15 @@ def plan(text: str, *, previous: str | None = None, site: Site | None = None) ->
 
 @dataclass(frozen=True)
 class Readings:
-    """Both readings of a text."""
+    """Both readings of a text.
+
+    Attributes:
+        says_a_phrase: the text holds a phrase of a relation file, which only the grammar knows.
+    """
 
     learned: LearnedPlan
     by_grammar: Plan
+    says_a_phrase: bool = False
 
 
 def read_twice(text: str, previous: str | None, site: Site) -> Readings:
@@ -59,7 +66,7 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
     check_text(text)
     check_language(text, tokenise(clean(text)))
     learned = read_plan(text, previous=previous, site=site)
-    return Readings(learned, read_by_grammar(text, previous, site))
+    return Readings(learned, read_by_grammar(text, previous, site), says_a_phrase(text))
 
 
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
@@ -72,20 +79,26 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
 def decide(readings: Readings, site: Site) -> Plan:
     """The plan that both readings agree on, or a confident one; else what might be meant."""
     learned, other = readings.learned, readings.by_grammar
-    if _names_pattern(other) or agree(learned.plan, other):
-        return _with_account(other, learned) if _names_pattern(other) else learned.plan
+    if readings.says_a_phrase or _names_pattern(other):
+        return _with_account(other, learned)
+    doubtful = learned.confidence < SURE and learned.reading.kind == "scene"
+    if agree(learned.plan, other) and not (doubtful and isinstance(learned.plan, Refusal)):
+        return learned.plan
     if learned.confidence >= SURE and not _is_bare(learned.plan):
         return learned.plan
     return _offer(readings, site)
 
 
 def _is_bare(plan: Plan) -> bool:
-    """Whether agents are there, and nothing is said of any of them."""
+    """Whether agents are there, and nothing is said to happen: not even that nothing does.
+
+    Of one agent alone it is enough to say where it goes.
+    """
     if isinstance(plan, Refusal) or plan.relations or not plan.agents:
         return False
-    said = {each.became for each in plan.said}
     ways = any(a.entry or a.exit or a.movement or a.crosswalk or a.runs_red for a in plan.agents)
-    return not ways and said.isdisjoint(("normal", "denied"))
+    said = {each.became for each in plan.said}
+    return said.isdisjoint(("normal", "denied")) and not (ways and len(plan.agents) == 1)
 
 
 def _names_pattern(plan: Plan) -> bool:
@@ -128,8 +141,13 @@ def _offer(readings: Readings, site: Site) -> Refusal:
     reading = readings.learned.reading
     offers = tuple(islice(_sentences(readings, site), MOST_OFFERS))
     doubtful = find_doubtful(reading)
+    passed = find_passed_over(reading)
     words = f"'{doubtful[0].words}' says" if doubtful else "the text says"
+    words = f"'{passed[0]}' says" if passed else words
     hint = f" Did you mean: {' or '.join(repr(each) for each in offers)}?" if offers else ""
+    refused = readings.learned.plan
+    if isinstance(refused, Refusal) and isinstance(readings.by_grammar, Refusal):
+        return Refusal(code=refused.code, reason=refused.reason + hint, did_you_mean=offers)
     return Refusal(
         code="out_of_scope",
         reason=f"It is not clear what {words}; say it in other words.{hint}",

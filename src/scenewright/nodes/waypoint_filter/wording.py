@@ -67,7 +67,7 @@ def worded_program(
 
 
 def _relation(relation: Mapping[str, Any]) -> dict[str, Any]:
-    severity = {key: relation[key] for key in _SEVERITY if relation[key] is not None}
+    severity = {key: relation[key] for key in _SEVERITY if relation.get(key) is not None}
     wants = wanted_by(
         pattern_named(relation["pattern"]),
         from_=relation["from"],

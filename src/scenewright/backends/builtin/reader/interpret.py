@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scenewright.backends.builtin.clock import read_clock, read_time_words
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft, Site
@@ -59,12 +59,24 @@ _NONE_AT_ALL = re.compile(
     r"\b(?:at all|whatsoever)\b",
     re.IGNORECASE,
 )
+_NOT_ONE = re.compile(r"\bnot (?:a|an|one|any)\b|\bn't (?:a|any)\b", re.IGNORECASE)
 _NOBODY = re.compile(
     r"\b(?:nobody|no-?one|nothing|empty|alone|deserted|sole|only)\b", re.IGNORECASE
 )
 _SIDEWALK = re.compile(r"sidewalk|pavement|footpath|kerb|curb", re.IGNORECASE)
 _BOUND = re.compile(r"\b(north|south|east|west)[- ]?bound\b", re.IGNORECASE)
-_TURNING = re.compile(r"\b(left|right)[- ]?turn(?:ing|er)|\bturning (?:left|right)", re.IGNORECASE)
+_TURNING = re.compile(r"\b(left|right)[- ]?turn(?:ing|er|s)?\b|\b([LR])T\b", re.IGNORECASE)
+_THROUGH = re.compile(
+    r"\b(?:through|thru|straight)(?:[- ]\w+)?$|^(?:through|thru|straight)\b", re.IGNORECASE
+)
+_OWN_SIDE = re.compile(
+    r"\bown (?:side|entry|approach|leg|arm)|\bcom(?:es?|ing) in\b|\bnear(?:er)? side|\bentry\b|"
+    r"\bcame (?:in|from)|\bcom(?:es?|ing) from",
+    re.IGNORECASE,
+)
+_NO_TURN = re.compile(
+    r"^leav|\bright (?:in front|behind|away|after|at|into the|now)\b", re.IGNORECASE
+)
 _ONCOMING = re.compile(r"\boncoming\b|\bopposing\b", re.IGNORECASE)
 _TRAFFIC = re.compile(r"\b(cross|crossing|oncoming|opposing)[- ]traffic\b", re.IGNORECASE)
 _CROSSES = re.compile(r"\bcross(?:es|ing|ed)?\b", re.IGNORECASE)
@@ -172,13 +184,25 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
     result = Interpretation(Draft(site=site), reading.text)
     change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
     _introduce(result, reading)
-    for span in sorted(reading.spans, key=lambda each: each.start):
+    for span in sorted(_owned(result, reading), key=lambda each: each.start):
         if 0 <= change < span.start and not result.changing:
             _settle(result)
             result.changing = True
         _apply(result, span)
     _settle(result)
     return result
+
+
+def _owned(result: Interpretation, reading: Reading) -> tuple[ReadSpan, ...]:
+    """The spans; ways that nobody goes are those of a vehicle that no word names ("drive west")."""
+    ways = [s for s in reading.spans if s.tag in _DRIVEN and not (s.negated or s.subjects)]
+    if result.users or not ways:
+        return reading.spans
+    vehicle = _imply_vehicle(result)
+    return tuple(replace(s, subjects=(vehicle,)) if s in ways else s for s in reading.spans)
+
+
+_DRIVEN = ("from", "to", "heading", "left", "right", "straight", "uturn", "red")
 
 
 def _introduce(result: Interpretation, reading: Reading) -> None:
@@ -237,12 +261,20 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
     if match := _BOUND.search(span.words):
         agent.entry = OPPOSITE[match[1].lower()]
         result.enter(span, "entry", (number,), agent.entry)
-    if match := _TURNING.search(span.words):
-        agent.movement = "right" if "right" in match[0].lower() else "left"
-        result.enter(span, "movement", (number,), agent.movement)
+    turn = _turn_in(result.text[max(0, span.start - 6) : span.start] + span.words)
+    if turn is not None:
+        agent.movement = turn
+        result.enter(span, "movement", (number,), turn)
     if _ONCOMING.search(span.words):
         agent.relatives.append(("opposite", None))
         result.enter(span, "tie", (number,), "opposite")
+
+
+def _turn_in(words: str) -> str | None:
+    """The movement in the words of a mention and just before it: "left-turner", "thru vehicle"."""
+    if match := _TURNING.search(words):
+        return "right" if (match[1] or match[2]).lower().startswith("r") else "left"
+    return "straight" if _THROUGH.search(words) else None
 
 
 def _deny_class(result: Interpretation, span: ReadSpan) -> None:
@@ -417,6 +449,8 @@ def _write_side(
 
 def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
     word = _RELATIVE[str(span.value)]
+    if word == "exit_crosswalk" and _OWN_SIDE.search(span.words):
+        word = "entry_crosswalk"
     others: Sequence[AgentDraft | None] = result.agents_of(span.objects) or (None,)
     for agent in result.agents_of(span.subjects):
         for other in others:
@@ -432,6 +466,11 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
         result.denied.append(span)
         return
     name = {"cross": "crossing", "jay": "jaywalking"}.get(span.tag, span.tag)
+    if span.tag in ("left", "right"):
+        if _NO_TURN.search(span.words):
+            result.enter(span, "manner", span.subjects)
+            return
+        name = _side_word(span.words) or name
     walks = name in ("crossing", "jaywalking")
     for number in span.subjects:
         agent = result.users.get(number)
@@ -444,6 +483,12 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
             if name == "jaywalking" and result.changing:
                 agent.crosswalk = None
         result.enter(span, "movement", (number,), name)
+
+
+def _side_word(words: str) -> str | None:
+    """Left or right, where the words hold one of the two and not the other."""
+    said = {match.lower() for match in re.findall(r"\b(left|right)", words, re.IGNORECASE)}
+    return said.pop() if len(said) == 1 else None
 
 
 def _run_red(result: Interpretation, span: ReadSpan) -> None:
@@ -574,7 +619,8 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
         result.draft.normal = not span.negated
         result.enter(span, "normal")
     else:
-        number = 0 if span.negated else number_in(span.words)
+        none = span.negated or _NOT_ONE.search(span.words) is not None
+        number = 0 if none else number_in(span.words)
         if number is None and _NOBODY.search(span.words):
             number = 0
         if number is not None and number > _MOST_BACKGROUND:
@@ -601,6 +647,8 @@ def _set_density(result: Interpretation, span: ReadSpan) -> None:
         raise Refused("contradictory", "The traffic cannot be both busy and quiet; keep one.")
     context.density = value
     result.enter(span, "density", value=value)
+    if not result.times and time_words_in(clean(span.words)):
+        _set_time(result, span)
 
 
 def _set_time(result: Interpretation, span: ReadSpan) -> None:
@@ -612,6 +660,8 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
     result.times.append(span)
     low = clean(" , ".join(each.words for each in result.times))
     names, (_, clock) = time_words_in(low), read_clock(low)
+    if clock.time is None:
+        _, clock = read_clock(f"at {low}")
     time = _agreed_time(_specific(names), clock.time) if names or clock.time else None
     if time is None:
         result.enter(span, "nothing", note="no time of day that is known")
@@ -642,6 +692,8 @@ def _specific(names: list[str]) -> list[str]:
         return ["morning rush"]
     if "rush hour" in names and {"evening", "afternoon"} & set(names):
         return ["evening rush"]
+    if "rush hour" in names and len(names) > 1:
+        return [name for name in names if name != "rush hour"]
     return names
 
 

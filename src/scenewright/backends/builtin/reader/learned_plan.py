@@ -13,7 +13,9 @@ from scenewright.backends.builtin.graph_making import (
 )
 from scenewright.backends.builtin.impacts import read_impacts
 from scenewright.backends.builtin.reader.annotation import SEPARATOR
+from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
+from scenewright.backends.builtin.reader.merging import merge_mentions
 from scenewright.backends.builtin.reader.reading import Reading, read_text
 from scenewright.scene.social import Plan, Refusal
 
@@ -23,7 +25,8 @@ class LearnedPlan:
     """A plan, what it was made of, and how sure the reading is.
 
     Attributes:
-        confidence: the least probability of a choice that the plan rests on.
+        confidence: the least probability of a choice that the plan rests on; 0 where words are
+            passed over that may not be.
     """
 
     plan: Plan
@@ -40,8 +43,11 @@ def read_plan(text: str, *, previous: str | None = None, site: Site | None = Non
 
 def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
+    reading = merge_mentions(reading)
     spans = [span.confidence for span in reading.spans if span.tag not in ("manner", "ref")]
     confidence = min([reading.kind_confidence, *spans])
+    if reading.kind in ("scene", "edit") and find_passed_over(reading):
+        confidence = 0.0
     try:
         interpretation = interpret(reading, site)
         draft = _settle(interpretation, text)
@@ -61,12 +67,14 @@ def _read(text: str, previous: str | None) -> Reading:
     if previous is None or not previous.strip() or _stands_alone(alone):
         return alone
     joint = read_text(text, previous=previous)
-    return Reading(joint.text, "edit", joint.kind_confidence, joint.spans, joint.users)
+    changes = any(span.start > len(previous) for span in joint.spans)
+    kind = "edit" if changes or joint.kind == "edit" else joint.kind
+    return Reading(joint.text, kind, joint.kind_confidence, joint.spans, joint.users)
 
 
 def _stands_alone(reading: Reading) -> bool:
-    """Whether a text introduces two road users to one another, or is no change at all."""
-    if reading.kind in ("off", "foreign"):
+    """Whether a text introduces two road users to one another, or is in another language."""
+    if reading.kind == "foreign":
         return True
     events = ("hit", "near", "yield", "follow")
     return len(reading.users) >= 2 and any(

@@ -59,7 +59,7 @@ _TIMES = (
     ("evening", r"\bevening"),
     ("late night", r"\blate\b[^,;]*night|dead of (?:the )?night|late at night|after dark"),
     ("small hours", r"small hours|wee hours"),
-    ("night", r"\bnight|nocturnal|\bdark(?:ness)?\b"),
+    ("night", r"\b(?:to)?night|nocturnal|\bdark(?:ness)?\b"),
     ("morning", r"\bmorning|\bforenoon"),
 )
 

@@ -1,0 +1,47 @@
+"""Words that may not be passed over: sides, turns, measures and negations outside of all spans."""
+
+from __future__ import annotations
+
+import re
+
+from scenewright.backends.builtin.reader.reading import Reading
+
+_SIDES = re.compile(
+    r"\b(?:north|south|east|west)(?:bound|ern|wards?)?\b|\bu-?\s?turn(?:s|ing|ed)?\b|"
+    r"\bturn(?:s|ing|ed)? (?:left|right)\b|\b(?:left|right)[- ]turn",
+    re.IGNORECASE,
+)
+_MEASURES = re.compile(
+    r"\b\d+(?:[.,]\d+)?\s?(?:m/s|km/?h|kph|mph|seconds?|secs?|s|met(?:re|er)s?|m|cm|feet|ft|am|pm)\b",
+    re.IGNORECASE,
+)
+_NEGATIONS = re.compile(
+    r"\b(?:not|never|nobody|no one|none|neither|without|cannot|except)\b|n['’]t\b", re.IGNORECASE
+)
+_DENYING = ("normal", "bgveh", "bgped", "bgall", "del", "density", "manner", "jay", "red", "pace")
+_NEAR = 30
+"""Characters between a negation and the span that takes account of it."""
+
+
+def find_passed_over(reading: Reading, *, start: int = 0) -> list[str]:
+    """Sides, turns, measures and negations that no span takes account of.
+
+    Args:
+        start: characters before this one belong to an earlier instruction.
+    """
+    covered = [(span.start, span.end) for span in reading.spans]
+    found = []
+    for pattern in (_SIDES, _MEASURES, _NEGATIONS):
+        for match in pattern.finditer(reading.text, start):
+            inside = any(a < match.end() and match.start() < b for a, b in covered)
+            if not inside and not (pattern is _NEGATIONS and _denies_nearby(reading, match)):
+                found.append(match[0])
+    return found
+
+
+def _denies_nearby(reading: Reading, match: re.Match[str]) -> bool:
+    """Whether a span close by says what is denied: "No [!hit crash]"."""
+    return any(
+        (span.negated or span.tag in _DENYING) and -_NEAR < span.start - match.end() < _NEAR
+        for span in reading.spans
+    )

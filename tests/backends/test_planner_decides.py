@@ -1,0 +1,109 @@
+"""Two readings of one text: what they agree on, what is offered where they do not."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from scenewright.backends.builtin import planner
+from scenewright.backends.builtin.draft import Site
+from scenewright.backends.builtin.planner import agree, plan, read_twice
+from scenewright.backends.builtin.reader.annotation import parse_annotation
+from scenewright.backends.builtin.reader.learned_plan import LearnedPlan, plan_reading
+from scenewright.backends.builtin.reader.reading import reading_of
+from scenewright.scene.phrasing import describe_graph
+from scenewright.scene.social import Plan, Refusal, SocialGraph
+
+HITS = "[veh:1 A car] from the [from:1 north] [hit:1>2 hits] [ped:2 a man]"
+MISSES = "[veh:1 A car] from the [from:1 north] [near:1>2 just misses] [ped:2 a man]"
+
+
+def learned(line: str, confidence: float) -> LearnedPlan:
+    row = parse_annotation(line)
+    found = plan_reading(reading_of(row), Site(), row.text)
+    return LearnedPlan(found.plan, found.reading, found.interpretation, confidence)
+
+
+def decided(line: str, confidence: float, other: Plan) -> Plan:
+    return planner.decide(planner.Readings(learned(line, confidence), other), Site())
+
+
+def graph_of(line: str) -> SocialGraph:
+    found = learned(line, 1.0).plan
+    assert isinstance(found, SocialGraph)
+    return found
+
+
+def test_what_both_read_is_the_plan_however_unsure() -> None:
+    found = decided(HITS, 0.05, graph_of(HITS))
+    assert isinstance(found, SocialGraph)
+    assert found.said
+
+
+def test_a_sure_reading_stands_by_itself() -> None:
+    found = decided(HITS, 0.999, Refusal(code="out_of_scope", reason="no"))
+    assert isinstance(found, SocialGraph)
+
+
+def test_where_both_differ_in_doubt_sentences_are_offered_and_none_is_chosen() -> None:
+    found = decided(HITS, 0.3, graph_of(MISSES))
+    assert isinstance(found, Refusal)
+    assert describe_graph(graph_of(HITS)) in found.did_you_mean
+    assert describe_graph(graph_of(MISSES)) in found.did_you_mean
+    assert "Did you mean" in found.reason
+
+
+def test_every_sentence_offered_is_understood_as_it_is_meant() -> None:
+    found = decided(HITS, 0.3, graph_of(MISSES))
+    assert isinstance(found, Refusal)
+    for sentence in found.did_you_mean:
+        again = plan(sentence)
+        assert isinstance(again, SocialGraph)
+        assert describe_graph(again) == sentence
+
+
+def test_agents_to_whom_nothing_happens_are_not_a_scene_by_confidence() -> None:
+    bare = "[veh:1 A car] from the [from:1 north] and [veh:2 a bus] from the [from:2 east]"
+    found = decided(bare, 0.999, Refusal(code="out_of_scope", reason="no"))
+    assert isinstance(found, Refusal)
+
+
+def test_the_order_of_agents_and_of_a_crash_does_not_matter() -> None:
+    one = graph_of("[veh:1 A car] from the [from:1 north] [hit:1>2 hits] [veh:2 a bus]")
+    other = graph_of("[veh:1 A bus] [hit:1>2 hits] [veh:2 a car] from the [from:2 north]")
+    assert agree(one, other)
+    assert not agree(one, graph_of(HITS))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["A car from the north hits a pedestrian at 8 am", "Ein Auto hält für einen Fußgänger",
+     "write me a poem", "a\u202eb", " ", "x" * 3000],
+)  # fmt: skip
+def test_any_text_is_planned_or_refused(text: str) -> None:
+    assert isinstance(plan(text), SocialGraph | Refusal)
+
+
+def test_threads_plan_what_one_thread_plans() -> None:
+    texts = [
+        f"A car from the {a} {b} a bus" for a in ("north", "west") for b in ("hits", "follows")
+    ]
+    alone = [planner._plan(text, None, Site()) for text in texts]
+    found: list[list[Plan]] = []
+
+    def work() -> None:
+        found.append([planner._plan(text, None, Site()) for text in texts])
+
+    threads = [threading.Thread(target=work) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 8
+    assert all(each == alone for each in found)
+
+
+def test_both_readings_are_there_to_look_at() -> None:
+    readings = read_twice("A car hits a pedestrian", None, Site())
+    assert agree(readings.learned.plan, readings.by_grammar)

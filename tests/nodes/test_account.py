@@ -1,0 +1,49 @@
+"""The account of words of a language model's plan."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from scenewright.backends import Question
+from scenewright.errors import Rejected
+from scenewright.nodes.scene_planner.account import UNSAID, account_for
+from scenewright.scene.social import SocialGraph
+
+TEXT = "Two cars crash, not at night, in the rain"
+
+
+def graph(*said: tuple[str, str]) -> SocialGraph:
+    agents = [{"id": f"vehicle-{k}", "type": "vehicle"} for k in (1, 2)]
+    edges = [{"type": "collide_at", "from": "vehicle-1", "to": "vehicle-2"}]
+    entries: list[dict[str, Any]] = [{"words": words, "became": became} for words, became in said]
+    return SocialGraph.model_validate({"agents": agents, "relations": edges, "said": entries})
+
+
+def question(*rejections: str) -> Question:
+    return Question("plan", {"instruction": TEXT, "previous": None}, rejections=rejections)
+
+
+ALL = (("Two cars", "agent"), ("crash", "relation"), ("not at night", "nothing"),
+       ("in the rain", "nothing"))  # fmt: skip
+
+
+def test_words_are_found_in_the_request() -> None:
+    said = account_for(graph(*ALL), question())
+    assert [TEXT[each.start : each.end] for each in said] == [words for words, _ in ALL]
+
+
+def test_words_that_the_request_does_not_hold_are_refused() -> None:
+    with pytest.raises(Rejected, match="'three cars' is not in the request"):
+        account_for(graph(("three cars", "agent")), question())
+
+
+def test_a_number_and_a_negation_left_out_are_asked_for_once() -> None:
+    part = graph(("crash", "relation"), ("in the rain", "nothing"))
+    with pytest.raises(Rejected, match=UNSAID) as caught:
+        account_for(part, question())
+    assert "'Two'" in str(caught.value)
+    assert "'not'" in str(caught.value)
+    said = account_for(part, question(caught.value.rejection.detail))
+    assert {each.words for each in said if each.became == "nothing"} >= {"Two", "not"}
