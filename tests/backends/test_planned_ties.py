@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scenewright.backends.builtin.planner import plan
+from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
 from scenewright.scene.social import EntrySide, SocialGraph
 
 ONE, TWO, THREE = "vehicle-1", "vehicle-2", "vehicle-3"

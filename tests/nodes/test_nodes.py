@@ -286,7 +286,9 @@ def test_a_record_holds_what_the_stages_made(run):
 
 def test_a_scene_without_events_says_normal_in_one_row(run):
     state = run | {
-        "social_graph": run["social_graph"].model_copy(update={"relations": (), "ties": (), "said": ()})
+        "social_graph": run["social_graph"].model_copy(
+            update={"relations": (), "ties": (), "said": ()}
+        )
     }
     bare = assemble(
         TEXT,

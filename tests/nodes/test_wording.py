@@ -226,7 +226,7 @@ def test_the_plans_that_the_prompt_shows_are_answers() -> None:
             r'\{"agents":\[\],"relations":\[\],"ref.*?\}|^\{"agents".*', text, re.M
         )
     ]
-    assert len(shown) == 4
+    assert len(shown) == 3
     assert all(fits(schema, each) for each in shown)
     no, *plans = [PlanReply.model_validate(each).root for each in shown]
     assert no == Refusal(code="out_of_scope", reason="This asks for a poem.")

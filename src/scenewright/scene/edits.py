@@ -216,11 +216,11 @@ def edited(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
         raise _refused(f"{where}: {first['msg']}" if where else str(first["msg"])) from error
-    return graph.model_copy(update={"said": tuple(e for e in graph.said if _still_holds(e, graph))})
+    return graph.model_copy(update={"said": tuple(e for e in graph.said if still_holds(e, graph))})
 
 
-def _still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
-    """Whether what earlier words became is still in the graph."""
+def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
+    """Whether what words became is in the graph."""
     agents = {each.id: each for each in graph.agents}
     if any(name not in agents for name in entry.agents):
         return False

@@ -48,10 +48,10 @@ _NOTHING = (
 )
 
 
-def read_by_grammar(text: str, previous: str | None, site: Site) -> Plan:
+def read_by_grammar(text: str, previous: str | None = None, site: Site | None = None) -> Plan:
     """The social graph that the grammar reads in a text, or why it reads none."""
     try:
-        return make_graph(_understand(text, previous, site))
+        return make_graph(_understand(text, previous, site or Site()))
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 

@@ -33,6 +33,8 @@ NO_TRAFFIC = (
 def finish_draft(draft: Draft) -> Draft:
     """The draft with all that follows from it; Refused where it cannot be."""
     _check_numbers(draft)
+    if any(edge.from_ is edge.to for edge in draft.relations):
+        raise Refused("impossible", "Nothing happens between an agent and itself; name another.")
     _one_event_per_pair(draft)
     for relation in draft.relations:
         cast(relation, draft.site)

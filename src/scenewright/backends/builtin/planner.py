@@ -18,6 +18,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
     read_plan,
 )
 from scenewright.backends.builtin.scope import check_language, check_text
+from scenewright.scene.edits import still_holds
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.recent import Recent
 from scenewright.scene.relations import patterns
@@ -107,9 +108,11 @@ def _names_pattern(plan: Plan) -> bool:
 
 
 def _with_account(plan: Plan, learned: LearnedPlan) -> Plan:
+    """The grammar's plan with as much of the learned account as is true of it."""
     if isinstance(plan, SocialGraph) and isinstance(learned.plan, SocialGraph):
-        same = [agent.id for agent in plan.agents] == [a.id for a in learned.plan.agents]
-        return plan.model_copy(update={"said": learned.plan.said}) if same else plan
+        said = learned.plan.said
+        held = tuple(e for e in said if e.became != "nothing" and still_holds(e, plan))
+        return plan.model_copy(update={"said": held})
     return plan
 
 
@@ -145,9 +148,9 @@ def _offer(readings: Readings, site: Site) -> Refusal:
     words = f"'{doubtful[0].words}' says" if doubtful else "the text says"
     words = f"'{passed[0]}' says" if passed else words
     hint = f" Did you mean: {' or '.join(repr(each) for each in offers)}?" if offers else ""
-    refused = readings.learned.plan
-    if isinstance(refused, Refusal) and isinstance(readings.by_grammar, Refusal):
-        return Refusal(code=refused.code, reason=refused.reason + hint, did_you_mean=offers)
+    for refused in (readings.by_grammar, readings.learned.plan):
+        if isinstance(refused, Refusal) and not passed:
+            return Refusal(code=refused.code, reason=refused.reason + hint, did_you_mean=offers)
     return Refusal(
         code="out_of_scope",
         reason=f"It is not clear what {words}; say it in other words.{hint}",

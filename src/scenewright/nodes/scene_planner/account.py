@@ -29,8 +29,8 @@ def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
     can stand for are then those in which the offline planner sees such a thing.
 
     Raises:
-        Rejected: `malformed_reply`, words that the request does not hold, or, once, an account
-            that leaves out a number, a negation, a quantifier or words of content.
+        Rejected: `malformed_reply`, once, for an account that leaves out a number, a negation, a
+            quantifier or words that nothing in a scene can stand for.
     """
     text = str(question.facts["instruction"])
     said = tuple(_locate(plan.said, text))
@@ -45,14 +45,17 @@ def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
 
 
 def _locate(said: Sequence[SaidSpan], text: str) -> Iterator[SaidSpan]:
-    """The entries with their places in the text, each after the one before where that is so."""
+    """The entries with their places in the text, each after the one before where that is so.
+
+    Words that the text does not hold are no account of it.
+    """
     low, at = text.lower(), 0
     for each in said:
         words = each.words.lower()
         start = low.find(words, at)
         start = low.find(words) if start < 0 else start
         if start < 0:
-            raise _malformed(f"said: '{each.words}' is not in the request; quote its own words")
+            continue
         at = start
         yield each.model_copy(update={"start": start, "end": start + len(words)})
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, get_args
 from pydantic import Discriminator, RootModel, Tag, model_validator
 
 from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared, text, whole
+from scenewright.scene.account import BECAME
 from scenewright.scene.base import AgentClass
 from scenewright.scene.relations import Pattern, patterns
 from scenewright.scene.social import (
@@ -42,12 +43,6 @@ _PARTS = re.compile(
     r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
     re.IGNORECASE,
 )
-TOLD_AS = (
-    "agent", "entry", "exit", "movement", "crosswalk", "runs_red", "relation", "cause", "tie",
-    "time_of_day", "density", "background", "normal", "denied", "measure", "manner", "nothing",
-)  # fmt: skip
-"""What a model may say that words became."""
-
 _COMMON = frozenset(
     (
         *("a", "an", "the", "of", "its", "his", "her", "for", "to", "into", "on", "in", "at"),
@@ -84,7 +79,7 @@ class PlanReply(
         if code is None and not rest:
             raise ValueError("say who takes part and what happens, or refuse")
         if code is None:  # of a plan the reason is not asked, and does no harm
-            return _with_classes(rest)
+            return _with_account(_with_classes(rest))
         if rest.get("agents") or rest.get("relations"):
             raise ValueError("either 'refused' or agents and relations, not both")
         if not isinstance(code, str):
@@ -100,6 +95,38 @@ def _with_classes(plan: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(agents, list | tuple):
         return dict(plan)
     return {**plan, "agents": [_of_its_class(each) for each in agents]}
+
+
+def _with_account(plan: dict[str, Any]) -> dict[str, Any]:
+    """The plan with its account, of which a model writes "words = what they became AGENT..."."""
+    said = plan.get("said")
+    if not isinstance(said, list | tuple):
+        return plan
+    read = [_entry(each) if isinstance(each, str) else each for each in said]
+    return {**plan, "said": [each for each in read if each is not None]}
+
+
+_KEYS = {
+    **dict.fromkeys(("id", "subtype", "agents"), "agent"),
+    **dict.fromkeys(
+        ("relations", "type", "from", "to", "kind", *get_args(RelationType)), "relation"
+    ),
+    **dict.fromkeys(("ties", "side"), "tie"),
+    **dict.fromkeys(("target_pet", "target_ttc", "impact_speed"), "measure"),
+    **dict.fromkeys(("point_from", "point_to"), "impact_point"),
+    **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
+}
+"""Keys of a plan by which a model may call what words became."""
+
+
+def _entry(told: str) -> dict[str, Any] | None:
+    """An entry of the account; None where it is none."""
+    words, _, rest = told.rpartition("=")
+    became, *agents = rest.replace(",", " ").split() or [""]
+    became = _KEYS.get(became, became)
+    if not words.strip() or became not in BECAME:
+        return None
+    return {"words": words.strip(" '\"")[:400] or "-", "became": became, "agents": agents[:4]}
 
 
 def _of_its_class(agent: Any) -> Any:
@@ -145,7 +172,6 @@ def plan_schema(ways: Sequence[Way], told: Sequence[Pattern], words: str) -> Sch
         "time_of_day": text(TIME),
         "background": closed({"vehicles": count, "pedestrians": count}),
     }
-    said = {"words": text(), "became": one_of(TOLD_AS), "agents": listed(who, most=4)}
     codes = one_of(("out_of_scope", "contradictory", "impossible"))
     return closed(
         {
@@ -155,7 +181,7 @@ def plan_schema(ways: Sequence[Way], told: Sequence[Pattern], words: str) -> Sch
             "relations": listed(closed(relation, required=("type", "from", "to")), most=6),
             "ties": listed(closed(tie, required=tie), most=6),
             "context": closed(context),
-            "said": listed(closed(said, required=("words", "became")), most=40),
+            "said": listed(text(), most=40),
             "refused": codes,
             "reason": text(),
         },

@@ -45,7 +45,7 @@ _BEYOND = {
     "thing": "this object is not modelled", "speed": "speeds cannot be asked for",
     "headway": "headways cannot be asked for", "gap": "distances cannot be asked for",
     "dist": "distances cannot be asked for", "wait": "waiting times cannot be asked for",
-    "when": "the time of the event cannot be asked for", "turn": "a turn needs its side",
+    "when": "the time of the event cannot be asked for",
     "decel": "braking rates cannot be asked for", "accel": "accelerations cannot be asked for",
     "first": "who passes first cannot be asked for",
 }  # fmt: skip
@@ -847,7 +847,7 @@ _RULES: dict[str, Rule] = {
     **dict.fromkeys(("density", "normal", "bgveh", "bgped", "bgall"), _set_context),
     **dict.fromkeys(("impact", "pet", "ttc", "gap"), _measure),
     **dict.fromkeys(("drop", "swap", "becomes"), _edit),
-    **dict.fromkeys(("manner", "pace"), _note("manner")),
+    **dict.fromkeys(("manner", "pace", "turn"), _note("manner")),
     "time": _set_time,
     "first": _keep_order,
     "red": _run_red,

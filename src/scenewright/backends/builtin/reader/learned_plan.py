@@ -17,7 +17,8 @@ from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
 from scenewright.backends.builtin.reader.merging import merge_mentions
 from scenewright.backends.builtin.reader.reading import Reading, read_text
-from scenewright.scene.social import Plan, Refusal
+from scenewright.scene.account import SaidSpan
+from scenewright.scene.social import Plan, Refusal, SocialGraph
 
 
 @dataclass(frozen=True)
@@ -54,11 +55,25 @@ def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
         finished = finish_draft(draft)
         offset = reading.text.find(SEPARATOR) + len(SEPARATOR) if reading.kind == "edit" else 0
         said = interpretation.account(name_agents(finished.agents), offset)
-        plan: Plan = make_graph(finished).model_copy(update={"said": said})
+        graph = make_graph(finished)
+        plan: Plan = graph.model_copy(update={"said": tuple(_as_planned(e, graph) for e in said)})
     except Refused as verdict:
         refusal = Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
         return LearnedPlan(refusal, reading, None, confidence)
     return LearnedPlan(plan, reading, interpretation, confidence)
+
+
+def _as_planned(entry: SaidSpan, graph: SocialGraph) -> SaidSpan:
+    """An entry as the graph has it, where one event of two agents overrules another."""
+    if entry.became == "relation":
+        edges = [e for e in graph.relations if {e.from_, e.to} == set(entry.agents)]
+        types = [edge.type for edge in edges]
+        if entry.value not in types:
+            update = {"value": types[0]} if types else {"became": "manner", "value": None}
+            return entry.model_copy(update=update)
+    elif entry.became == "cause" and all(edge.cause != entry.value for edge in graph.relations):
+        return entry.model_copy(update={"became": "manner", "value": None})
+    return entry
 
 
 def _read(text: str, previous: str | None) -> Reading:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
-from scenewright.backends.builtin.reader.annotation import MENTIONS
+from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.words import subtype_in
 
@@ -18,6 +18,21 @@ _OWN_VEHICLE = re.compile(
     re.IGNORECASE,
 )
 
+_ANOTHER = re.compile(
+    r"^(?:yet )?(?:another|a second|a third|a different) (?!one\b|time\b)\w+", re.IGNORECASE
+)
+_ON_FOOT = re.compile(
+    r"\b(?:ped\w*|walker|jogger|runner|m[ae]n|wom[ae]n|girl|boy|kid|child|lady|person|student)\b",
+    re.IGNORECASE,
+)
+_ANOTHER_INSIDE = re.compile(
+    rf"\b(?:another|a second|a different) (?:{_ON_FOOT.pattern}|(?:car|van|taxi|cab|bus|truck|"
+    r"lorry|vehicle|motorcycle|motorbike|suv|sedan|pickup)\b)$",
+    re.IGNORECASE,
+)
+_TOUCHING = 4
+"""Characters between an event and the mention that is its object."""
+
 _NOUN = re.compile(
     r"\b(?:vehicles?|drivers?|autos?|ego|units?|ped(?:estrian)?s?|(?:wo)?m[ae]n|girls?|boys?|kids?|"
     r"child(?:ren)?|lad(?:y|ies)|walkers?|joggers?|persons?|people|guys?|dudes?)\b",
@@ -26,11 +41,50 @@ _NOUN = re.compile(
 
 
 def merge_mentions(reading: Reading) -> Reading:
-    """The reading with mentions of one road user made one: "I ... my moped", "oncoming truck"."""
+    """The reading with mentions of one road user made one: "I ... my moped", "oncoming truck".
+
+    "Another pedestrian" is the other way round: somebody new where the encoder sees a known one.
+    """
+    for at, span in enumerate(reading.spans):
+        if span.tag == "ref" and len(span.subjects) == 1 and _ANOTHER.search(span.words):
+            reading = _introduce(reading, at)
+    for span in reading.spans:
+        if span.tag in EVENTS and (match := _ANOTHER_INSIDE.search(span.words)):
+            reading = _introduce_inside(reading, span, match)
     for kept, dropped in list(_same(reading)):
         if kept in reading.users and dropped in reading.users:
             reading = _merge(reading, kept, dropped)
     return reading
+
+
+def _introduce(reading: Reading, at: int) -> Reading:
+    """The reading in which a later mention introduces a road user of its own."""
+    ref, known = reading.spans[at], reading.spans[at].subjects[0]
+    if known not in reading.users:
+        return reading
+    number = max(reading.users) + 1
+    tag = reading.spans[reading.users[known]].tag
+    spans = [
+        replace(each, objects=tuple(number if u == known else u for u in each.objects))
+        if 0 <= ref.start - each.end <= _TOUCHING
+        else each
+        for each in reading.spans
+    ]
+    spans[at] = replace(ref, tag=tag, subjects=(number,))
+    return replace(reading, spans=tuple(spans), users={**reading.users, number: at})
+
+
+def _introduce_inside(reading: Reading, event: ReadSpan, match: re.Match[str]) -> Reading:
+    """The reading in which "hits another pedestrian", read as one event, introduces its object."""
+    number = max(reading.users, default=0) + 1
+    tag = "ped" if _ON_FOOT.search(match[0]) else "veh"
+    mention = replace(
+        event, start=event.start + match.start(), words=match[0], tag=tag, value=None,
+        negated=False, subjects=(number,), objects=(),
+    )  # fmt: skip
+    spans = [replace(s, objects=(number,)) if s is event else s for s in reading.spans]
+    users = {**reading.users, number: len(spans)}
+    return replace(reading, spans=(*spans, mention), users=users)
 
 
 def _same(reading: Reading) -> Iterator[tuple[int, int]]:
