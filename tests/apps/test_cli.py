@@ -351,7 +351,10 @@ def test_plan_answers_every_row_in_order(run: Run, tmp_path: Path) -> None:
     assert all(isinstance(row["reason"], str) == row["refused"] for row in rows)
     assert [relation["type"] for relation in rows[0]["relations"]] == ["collision"]
     assert rows[6]["relations"] == [{"type": "normal", "from": None, "to": None}]
-    assert set(rows[0]) == {"id", "agents", "relations", "context", "refused", "reason"}
+    assert set(rows[0]) == {
+        *("id", "agents", "relations", "context", "refused", "reason"),
+        *("did_you_mean", "said", "unrealised"),
+    }
 
 
 def test_plan_from_stdin_to_stdout(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -22,7 +22,13 @@ from scenewright.scene.edits import still_holds
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.recent import Recent
 from scenewright.scene.relations import patterns
-from scenewright.scene.social import Plan, Refusal, SceneContext, SocialGraph
+from scenewright.scene.social import (
+    Plan,
+    Refusal,
+    RelationEdge,
+    SceneContext,
+    SocialGraph,
+)
 
 SURE = 0.6
 """A reading as confident as this stands by itself; chosen on development voices."""
@@ -84,10 +90,28 @@ def decide(readings: Readings, site: Site) -> Plan:
         return _with_account(other, learned)
     doubtful = learned.confidence < SURE and learned.reading.kind == "scene"
     if agree(learned.plan, other) and not (doubtful and isinstance(learned.plan, Refusal)):
-        return learned.plan
+        return _filled(learned.plan, other)
     if learned.confidence >= SURE and not _is_bare(learned.plan):
         return learned.plan
     return _offer(readings, site)
+
+
+def _filled(plan: Plan, other: Plan) -> Plan:
+    """The plan with what only the other reading of the same events says: cause, kind, severity."""
+    if isinstance(plan, Refusal) or isinstance(other, Refusal):
+        return plan
+    edges = tuple(_fill_edge(edge, other.relations) for edge in plan.relations)
+    return plan.model_copy(update={"relations": edges})
+
+
+def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge]) -> RelationEdge:
+    ends = (edge.type, edge.from_, edge.to)
+    same = next((each for each in others if (each.type, each.from_, each.to) == ends), None)
+    if same is None:
+        return edge
+    fields = ("kind", "cause", "target_pet", "target_ttc", "impact_speed", "point_from", "point_to")
+    open_ = {name: getattr(same, name) for name in fields if getattr(edge, name) is None}
+    return edge.model_copy(update=open_)
 
 
 def _is_bare(plan: Plan) -> bool:

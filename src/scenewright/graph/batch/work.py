@@ -204,7 +204,14 @@ class _Overriding:
         reply = self._backend.answer(question)
         if question.task != "plan" or not isinstance(reply, dict) or "agents" not in reply:
             return reply
-        return {**reply, "context": {**(reply.get("context") or {}), **self._context}}
+        # What the words say of a replaced part of the context is no longer so.
+        said = [e for e in reply.get("said") or () if not self._replaces(e)]
+        context = {**(reply.get("context") or {}), **self._context}
+        return {**reply, "context": context, "said": said}
+
+    def _replaces(self, entry: Any) -> bool:
+        became = entry.get("became") if isinstance(entry, Mapping) else None
+        return became in self._context
 
 
 def json_bytes(value: Any) -> bytes:

@@ -60,6 +60,8 @@ _NONE_AT_ALL = re.compile(
     re.IGNORECASE,
 )
 _NOT_ONE = re.compile(r"\bnot (?:a|an|one|any)\b|\bn't (?:a|any)\b", re.IGNORECASE)
+_ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b", re.IGNORECASE)
+_STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
 _NOBODY = re.compile(
     r"\b(?:nobody|no-?one|nothing|empty|alone|deserted|sole|only)\b", re.IGNORECASE
 )
@@ -109,6 +111,7 @@ class Interpretation:
         braking: who brakes hard; times: the spans that say the time of day; first: those that say
             who passes first; roads: those that name a street; absent: those that
             say that a class is not in the scene at all.
+        eventful: whether any event is told.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time.
     """
@@ -123,6 +126,7 @@ class Interpretation:
     first: list[ReadSpan] = field(default_factory=list)
     roads: list[ReadSpan] = field(default_factory=list)
     absent: list[ReadSpan] = field(default_factory=list)
+    eventful: bool = False
     changing: bool = False
     retimed: bool = False
 
@@ -182,6 +186,7 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
     if reading.kind == "off" or not reading.spans:
         raise Refused("out_of_scope", NO_TRAFFIC)
     result = Interpretation(Draft(site=site), reading.text)
+    result.eventful = any(span.tag in EVENTS and not span.negated for span in reading.spans)
     change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
     _introduce(result, reading)
     for span in sorted(_owned(result, reading), key=lambda each: each.start):
@@ -449,6 +454,9 @@ def _write_side(
 
 def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
     word = _RELATIVE[str(span.value)]
+    if word in ("of_left", "of_right") and _STRUCK_SIDE.search(span.words) and result.eventful:
+        result.enter(span, "impact_point", span.objects)
+        return
     if word == "exit_crosswalk" and _OWN_SIDE.search(span.words):
         word = "entry_crosswalk"
     others: Sequence[AgentDraft | None] = result.agents_of(span.objects) or (None,)
@@ -639,6 +647,10 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
 def _set_density(result: Interpretation, span: ReadSpan) -> None:
     context = result.draft.context
     value = str(span.value)
+    if value == "medium" and not result.eventful and _ORDINARY.search(span.words):
+        result.draft.normal = True
+        result.enter(span, "normal")
+        return
     if span.negated:
         value = {"low": "high", "high": "low"}.get(value, value)
     steps = _STEPS.get(value)

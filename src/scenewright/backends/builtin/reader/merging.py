@@ -18,6 +18,9 @@ _OWN_VEHICLE = re.compile(
     re.IGNORECASE,
 )
 
+_FUNCTION_WORDS = frozenset(
+    ("a", "an", "and", "at", "by", "for", "in", "is", "it", "of", "on", "the", "to", "was", "with")
+)
 _ANOTHER = re.compile(
     r"^(?:yet )?(?:another|a second|a third|a different) (?!one\b|time\b)\w+", re.IGNORECASE
 )
@@ -45,6 +48,7 @@ def merge_mentions(reading: Reading) -> Reading:
 
     "Another pedestrian" is the other way round: somebody new where the encoder sees a known one.
     """
+    reading = _without_function_words(reading)
     for at, span in enumerate(reading.spans):
         if span.tag == "ref" and len(span.subjects) == 1 and _ANOTHER.search(span.words):
             reading = _introduce(reading, at)
@@ -55,6 +59,18 @@ def merge_mentions(reading: Reading) -> Reading:
         if kept in reading.users and dropped in reading.users:
             reading = _merge(reading, kept, dropped)
     return reading
+
+
+def _without_function_words(reading: Reading) -> Reading:
+    """The reading without spans of "at", "of the" and the like, which say nothing alone."""
+    kept = [
+        at
+        for at, span in enumerate(reading.spans)
+        if span.tag in (*MENTIONS, "ref") or set(span.words.lower().split()) - _FUNCTION_WORDS
+    ]
+    spans = tuple(reading.spans[at] for at in kept)
+    users = {user: kept.index(at) for user, at in reading.users.items()}
+    return replace(reading, spans=spans, users=users)
 
 
 def _introduce(reading: Reading, at: int) -> Reading:
