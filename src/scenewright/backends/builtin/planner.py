@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -33,6 +34,19 @@ from scenewright.scene.social import (
 SURE = 0.6
 """A reading as confident as this stands by itself; chosen on development voices."""
 
+SURE_OF_HARD = 0.9
+"""The same for texts that take words back or deny them, which turn a scene round if misread."""
+
+_TAKEN_BACK = re.compile(
+    r"\b(?:(?:no|oh),? wait|wait,? no|i mean(?:t)?|scratch that|strike that|ignore that|sorry|"
+    r"or rather|actually|make that|correction|other way (?:a)?round|oops|hang on|typo|my bad|"
+    r"second thoughts?|should have said|misspoke)\b|[,.] no[,:]",
+    re.IGNORECASE,
+)
+_DENIED = re.compile(
+    r"\b(?:not|never|nobody|neither|nor|without|except|instead|all but|either)\b|n['’]t\b",
+    re.IGNORECASE,
+)
 MOST_OFFERS = 3
 
 _KNOWN: Recent[tuple[str, str | None, Site], Plan] = Recent(most=256)
@@ -89,11 +103,18 @@ def decide(readings: Readings, site: Site) -> Plan:
     if readings.says_a_phrase or _names_pattern(other):
         return _with_account(other, learned)
     doubtful = learned.confidence < SURE and learned.reading.kind == "scene"
-    if agree(learned.plan, other) and not (doubtful and isinstance(learned.plan, Refusal)):
+    text = learned.reading.text
+    taken_back = _TAKEN_BACK.search(text) is not None
+    if agree(learned.plan, other) and not (doubtful and (taken_back or _is_refused(learned.plan))):
         return _filled(learned.plan, other)
-    if learned.confidence >= SURE and not _is_bare(learned.plan):
+    enough = SURE_OF_HARD if taken_back or _DENIED.search(text) else SURE
+    if learned.confidence >= enough and not _is_bare(learned.plan):
         return learned.plan
     return _offer(readings, site)
+
+
+def _is_refused(plan: Plan) -> bool:
+    return isinstance(plan, Refusal)
 
 
 def _filled(plan: Plan, other: Plan) -> Plan:

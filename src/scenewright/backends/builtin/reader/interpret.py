@@ -807,11 +807,7 @@ def _deny_event(result: Interpretation, span: ReadSpan) -> None:
     """A denied event contradicts the same event; a yield that fails, alone, is a near miss."""
     draft, kind = result.draft, RELATIONS[span.tag]
     involved = result.agents_of((*span.subjects, *span.objects))
-    same = [
-        edge
-        for edge in draft.relations
-        if edge.type == kind and all(agent in (edge.from_, edge.to) for agent in involved)
-    ]
+    same = [edge for edge in draft.relations if edge.type == kind and _is_meant(result, span, edge)]
     result.enter(span, "denied", (*span.subjects, *span.objects), kind)
     if result.changing:
         draft.relations[:] = [edge for edge in draft.relations if edge not in same]
@@ -827,6 +823,14 @@ def _deny_event(result: Interpretation, span: ReadSpan) -> None:
             if len(pair) == 2 and not any(edge.pair() == pair for edge in draft.relations):
                 draft.relations.append(RelationDraft("near_miss", involved[0], other))
     draft.denied.add(kind)
+
+
+def _is_meant(result: Interpretation, span: ReadSpan, edge: RelationDraft) -> bool:
+    """Whether a denial is of this event; "A did not hit B, B hit A" denies another one."""
+    subjects, objects = result.agents_of(span.subjects), result.agents_of(span.objects)
+    if subjects and objects:
+        return edge.from_ in subjects and edge.to in objects
+    return all(agent in (edge.from_, edge.to) for agent in (*subjects, *objects))
 
 
 def _deny_way(result: Interpretation, span: ReadSpan) -> None:
