@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenewright.backends.builtin.draft import Site
-from scenewright.backends.builtin.planner import plan
+from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
 from scenewright.backends.builtin.references import answered
 from scenewright.backends.builtin.revising import read
 from scenewright.scene.edits import (

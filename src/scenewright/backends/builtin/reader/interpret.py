@@ -60,6 +60,12 @@ _NONE_AT_ALL = re.compile(
     re.IGNORECASE,
 )
 _NOT_ONE = re.compile(r"\bnot (?:a|an|one|any)\b|\bn't (?:a|any)\b", re.IGNORECASE)
+_TOO_LATE = re.compile(
+    r"\b(?:fail\w*|unable|cannot|could ?n['o’]?t|did ?n['o’]?t|not) .*"
+    r"\b(?:stop|brake|halt)\w*\b.*\btime|"
+    r"\bbrak\w+ (?:far |much )?too late|\btoo late to (?:stop|brake)",
+    re.IGNORECASE,
+)
 _ORDINARY = re.compile(r"\b(?:normal|ordinary|usual|regular|typical|everyday)\b", re.IGNORECASE)
 _STRUCK_SIDE = re.compile(r"\b(?:side|flank|doors?|fender|wing|bumper)\b", re.IGNORECASE)
 _NOBODY = re.compile(
@@ -335,6 +341,9 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
             "impossible",
             f"Vehicles stay on the road here ('{span.words}'); move the vehicle to the road.",
         )
+    if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
+        _brake(result, span)
+        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
 
