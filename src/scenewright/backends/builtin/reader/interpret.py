@@ -524,9 +524,11 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         result.denied.append(span)
         return
     users = result.users
-    pairs = [
+    named = [
         (a, b) for a in span.subjects for b in span.objects if a in users and b in users and a != b
-    ] or _with_implied(result, span)
+    ]
+    pairs = _in_a_row(named) if span.tag == "follow" else named
+    pairs = pairs or _with_implied(result, span)
     if not pairs:
         raise Refused(
             "out_of_scope",
@@ -570,6 +572,14 @@ def _imply_vehicle(result: Interpretation) -> int:
     result.users[number] = agent
     result.draft.agents.append(agent)
     return number
+
+
+def _in_a_row(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Several who follow one leader do so one behind the other: "seven cars follow a bus"."""
+    followers, leaders = [a for a, _ in pairs], {b for _, b in pairs}
+    if len(leaders) != 1:
+        return pairs
+    return list(zip(followers, [*leaders, *followers[:-1]], strict=True))
 
 
 def _let_cross(agent: AgentDraft) -> None:
