@@ -194,6 +194,18 @@ def test_a_rows_overrides_win(tmp_path: Path) -> None:
     assert (meta["density"], meta["time_of_day"], meta["seed"]) == ("low", "05:00", 7)
 
 
+def test_lenient_makes_the_row_and_lists_the_words_that_it_leaves_out(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    path.write_text('{"id": "wet", "text": "In the rain, a car follows a bus"}')
+    strict = run_batch(Request(path, tmp_path / "strict", OPTIONS))
+    assert strict.counts == {"refused": 1}
+    lenient = run_batch(Request(path, tmp_path / "out", replace(OPTIONS, lenient=True)))
+    assert lenient.counts == {"made": 1}
+    said = json.loads((tmp_path / "out" / "wet" / "scene.json").read_bytes())["said"]
+    assert [each["words"] for each in said if each["status"] == "unrealised"] == ["In the rain"]
+    assert audit(tmp_path / "out").faults == ()
+
+
 def test_check_finds_what_was_changed(whole: Path, tmp_path: Path) -> None:
     assert audit(whole).faults == ()
     copy = tmp_path / "copy"

@@ -74,6 +74,10 @@ def batch(
     ] = "draw",
     intersection: Place = "amsterdam_120",
     seed: Seed = 0,
+    lenient: Annotated[
+        bool,
+        typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
+    ] = False,
     limit: Annotated[int | None, typer.Option(help="Only the first rows.")] = None,
     shard: Annotated[
         str, typer.Option(metavar="I/N", help="Only every N-th row, from the I-th on.")
@@ -101,6 +105,7 @@ def batch(
             selection=selection,
             seed=seed,
             base_url=base_url,
+            lenient=lenient,
         ),
         workers=workers or cores(),
         engine=engine,
@@ -139,6 +144,7 @@ def options_of(
     seed: int,
     base_url: str | None,
     selection: Literal["draw", "map"] = "draw",
+    lenient: bool = False,
 ) -> Options:
     """What all rows share, as the command line says it."""
     from scenewright.graph.batch.asking import BUILTIN
@@ -152,6 +158,7 @@ def options_of(
         selection=selection,
         seed=seed,
         base_url=base_url,
+        lenient=lenient,
     )
 
 

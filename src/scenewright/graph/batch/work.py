@@ -30,6 +30,7 @@ class Options:
     Attributes:
         backend: who answers, as the command line names it.
         base_url: of the endpoint that serves the backend's model, where it has one.
+        lenient: words that cannot be realised are left out and listed, not refused.
     """
 
     intersection: str
@@ -38,10 +39,14 @@ class Options:
     selection: Literal["draw", "map"] = "draw"
     seed: int = 0
     base_url: str | None = None
+    lenient: bool = False
 
     def settings(self) -> dict[str, Any]:
         """As plain JSON."""
-        return {**asdict(self), "backend": label(self.backend)}
+        found = {**asdict(self), "backend": label(self.backend)}
+        if not self.lenient:  # a dataset begun before there was this option must go on
+            del found["lenient"]
+        return found
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,7 @@ class Job:
     context: Mapping[str, Any] = field(default_factory=dict)
     asked: str | None = None
     base_url: str | None = None
+    lenient: bool = False
     asking: Asking = PLAINLY
 
 
@@ -106,6 +112,7 @@ def job_of(named: Named, options: Options, asking: Asking) -> Job:
         selection=own.selection or options.selection,
         context=own.context,
         base_url=options.base_url,
+        lenient=options.lenient,
         asking=asking,
     )
 
@@ -151,6 +158,7 @@ def _made(job: Job) -> Outcome:
         seed=job.seed,
         refiner=job.refiner,
         selection=job.selection,
+        lenient=job.lenient,
     )
     # What differs from run to run would make every file differ; the journal has it.
     about = timeless(scene.provenance)
