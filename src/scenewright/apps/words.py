@@ -29,8 +29,8 @@ def summary(scene: SceneRecord, proof: Proof, on: IntersectionMap) -> list[str]:
     lines = [happening(event, scene, on) for event in proof.events]
     if not lines:
         lines = ["nothing happens: no collision, near miss or yielding"]
-    told = [verdict(proof), *(f"  {line}" for line in lines), f"  {_crowd(scene)}"]
-    return [*told, *(f"  {line}" for line in unshown(proof.said))]
+    result = [verdict(proof), *(f"  {line}" for line in lines), f"  {_crowd(scene)}"]
+    return [*result, *(f"  {line}" for line in unshown(proof.said))]
 
 
 def unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:

@@ -197,7 +197,7 @@ def _check_denied(draft: Draft, none: frozenset[str]) -> None:
 
 
 def _drop_generic(draft: Draft) -> None:
-    """ "cars and people move on as usual" names nobody in particular."""
+    """Drop agents that stand for all traffic: "cars and people move on as usual"."""
     bound = [agent for edge in draft.relations for agent in (edge.from_, edge.to)]
     draft.agents[:] = [
         agent

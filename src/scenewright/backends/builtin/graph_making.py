@@ -8,6 +8,7 @@ from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, Relat
 from scenewright.backends.builtin.entail import entail
 from scenewright.backends.builtin.impacts import Impacts
 from scenewright.backends.builtin.phrases import cast
+from scenewright.backends.builtin.scope import nothing_planned
 from scenewright.backends.builtin.ties import name_turns_across, ties
 from scenewright.scene.social import (
     MOST_AGENTS,
@@ -24,10 +25,6 @@ _FASTEST, _LONGEST = 20.0, 8.0
 """Speed [m/s], and PET and TTC [s], that may be asked for."""
 
 _SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
-NO_TRAFFIC = (
-    "The text describes no traffic scene; say which vehicles or pedestrians do what at the "
-    "intersection."
-)
 
 
 def finish_draft(draft: Draft) -> Draft:
@@ -58,7 +55,7 @@ def finish_draft(draft: Draft) -> Draft:
             )
     empty = draft.context.vehicles == 0 and draft.context.pedestrians == 0
     if not draft.agents and empty:
-        raise Refused("out_of_scope", NO_TRAFFIC)
+        raise nothing_planned()
     return draft
 
 
@@ -125,7 +122,7 @@ def place_impacts(draft: Draft, impacts: Impacts) -> None:
 
 
 def _orient(relation: RelationDraft) -> None:
-    """The vehicle strikes the pedestrian, whoever is the subject of the sentence."""
+    """Make the vehicle the striking agent, also where the pedestrian is the sentence's subject."""
     if relation.type in {"collide_at", "near_miss"} and relation.from_.type == "pedestrian":
         relation.from_, relation.to = relation.to, relation.from_
         relation.point_from, relation.point_to = relation.point_to, relation.point_from

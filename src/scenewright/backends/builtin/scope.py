@@ -59,12 +59,12 @@ def check_language(text: str, tokens: Sequence[Token]) -> None:
     letters = [char for char in text if char.isalpha()]
     latin = sum(char.isascii() for char in letters)
     if not letters or latin < 0.8 * len(letters):
-        raise _not_english()
+        raise not_english()
     words = [token.text for token in tokens if token.text.isalpha()]
     foreign_words = _foreign_words()
     foreign = sum(word in foreign_words for word in words)
     if not words or not _familiar(tokens) or (foreign >= 2 and foreign >= 0.2 * len(words)):
-        raise _not_english()
+        raise not_english()
 
 
 @lru_cache(maxsize=1)
@@ -114,19 +114,15 @@ def check_scope(
                 "to the road.",
             )
     if _QUESTION.search(clean):
-        raise _no_traffic()
+        raise nothing_planned()
     evidence = _EVIDENCE + _EDITS if editing else _EVIDENCE
     first = any(chunk.has("GO_FIRST") and chunk.text.endswith(" first") for chunk in chunks)
     if not (first or measured) and not any(chunk.has(*evidence) for chunk in chunks):
-        raise _no_traffic()
+        raise nothing_planned()
 
 
 def nothing_planned() -> Refused:
     """The verdict on a text that names no agent and no event."""
-    return _no_traffic()
-
-
-def _no_traffic() -> Refused:
     return Refused(
         "out_of_scope",
         "The text describes no traffic scene; say which vehicles or pedestrians do "
@@ -134,7 +130,8 @@ def _no_traffic() -> Refused:
     )
 
 
-def _not_english() -> Refused:
+def not_english() -> Refused:
+    """The verdict on a text in another language."""
     return Refused(
         "out_of_scope",
         "The text is not English as far as the planner can tell; describe the scene in English.",

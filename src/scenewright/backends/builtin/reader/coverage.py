@@ -23,16 +23,12 @@ _NEAR = 30
 """Characters between a negation and the span that takes account of it."""
 
 
-def find_passed_over(reading: Reading, *, start: int = 0) -> list[str]:
-    """Sides, turns, measures and negations that no span takes account of.
-
-    Args:
-        start: characters before this one belong to an earlier instruction.
-    """
+def find_passed_over(reading: Reading) -> list[str]:
+    """Sides, turns, measures and negations that no span takes account of."""
     covered = [(span.start, span.end) for span in reading.spans]
     found = []
     for pattern in (_SIDES, _MEASURES, _NEGATIONS):
-        for match in pattern.finditer(reading.text, start):
+        for match in pattern.finditer(reading.text):
             inside = any(a < match.end() and match.start() < b for a, b in covered)
             if not inside and not (pattern is _NEGATIONS and _denies_nearby(reading, match)):
                 found.append(match[0])

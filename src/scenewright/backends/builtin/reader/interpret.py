@@ -20,6 +20,7 @@ from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a_street
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
+from scenewright.backends.builtin.scope import not_english, nothing_planned
 from scenewright.scene.account import Became, SaidSpan
 
 OPPOSITE = {
@@ -89,13 +90,6 @@ _ONCOMING = re.compile(r"\boncoming\b|\bopposing\b", re.IGNORECASE)
 _TRAFFIC = re.compile(r"\b(cross|crossing|oncoming|opposing)[- ]traffic\b", re.IGNORECASE)
 _CROSSES = re.compile(r"\bcross(?:es|ing|ed)?\b", re.IGNORECASE)
 _JAYWALKER = re.compile(r"jay-?walk", re.IGNORECASE)
-NO_TRAFFIC = (
-    "The text describes no traffic scene; say which vehicles or pedestrians do what at the "
-    "intersection."
-)
-NOT_ENGLISH = (
-    "The text is not English as far as the planner can tell; describe the scene in English."
-)
 
 
 @dataclass(frozen=True)
@@ -117,7 +111,7 @@ class Interpretation:
         braking: who brakes hard; times: the spans that say the time of day; first: those that say
             who passes first; roads: those that name a street; absent: those that
             say that a class is not in the scene at all.
-        eventful: whether any event is told.
+        eventful: whether the text names any event.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
             such a span has said a time.
     """
@@ -188,9 +182,9 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
         Refused: what was read cannot be a scene: a class that is not there, an unknown number.
     """
     if reading.kind == "foreign":
-        raise Refused("out_of_scope", NOT_ENGLISH)
+        raise not_english()
     if reading.kind == "off" or not reading.spans:
-        raise Refused("out_of_scope", NO_TRAFFIC)
+        raise nothing_planned()
     result = Interpretation(Draft(site=site), reading.text)
     result.eventful = any(span.tag in EVENTS and not span.negated for span in reading.spans)
     change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
@@ -810,11 +804,11 @@ def _read_severity(result: Interpretation) -> None:
 
 
 def _check_absent(result: Interpretation, span: ReadSpan) -> None:
-    """Refused where a text says that there is nobody of a class, and tells of one."""
+    """Refuse a text that denies all agents of a class and names one of that class."""
     classes = {"veh": "vehicle", "bgveh": "vehicle", "ped": "pedestrian", "bgped": "pedestrian"}
     denied = classes.get(span.tag)
-    told = [a for a in result.draft.agents if denied is None or a.type == denied]
-    if told and (denied is not None or span.tag == "bgall") and not result.changing:
+    named = [a for a in result.draft.agents if denied is None or a.type == denied]
+    if named and (denied is not None or span.tag == "bgall") and not result.changing:
         raise Refused(
             "contradictory",
             f"'{span.words}' says that there is none, and the text tells of one; drop one of the "

@@ -17,6 +17,7 @@ from scenewright.backends.builtin.reader.coverage import find_passed_over
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
 from scenewright.backends.builtin.reader.merging import merge_mentions
 from scenewright.backends.builtin.reader.reading import Reading, read_text
+from scenewright.backends.builtin.scope import nothing_planned
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 
@@ -105,11 +106,7 @@ def _settle(interpretation: Interpretation, text: str) -> Draft:
         draft.normal = False
     said = draft.agents or draft.normal or draft.denied or context.density or context.time_of_day
     if not said and context.vehicles is None and context.pedestrians is None:
-        raise Refused(
-            "out_of_scope",
-            "The text describes no traffic scene; say which vehicles or pedestrians do "
-            "what at the intersection.",
-        )
+        raise nothing_planned()
     _, impacts = read_impacts(text.lower())
     place_impacts(draft, impacts)
     return draft
