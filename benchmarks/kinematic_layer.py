@@ -30,8 +30,8 @@ from scenewright.nodes.scene_verifier.assemble import assemble
 from scenewright.nodes.trajectory_refiner import refine_trajectories
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.recordings import load_recordings
 from scenewright.tools.relation_checker import check
+from scenewright.tools.track_io import load_recordings
 from scenewright.tools.trajnet_refiner import kinematic_layer
 from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
 

@@ -33,9 +33,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from scenewright import synthesize
-from scenewright.apps.planning import ATTEMPTS, refusal
 from scenewright.backends import TASKS, Backend, Question, Wording, load_backend
 from scenewright.backends.spoken import Said, Spoken, key_of
+from scenewright.cli.plan import ATTEMPTS, refusal
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.evals.planning import Share, compare, load, score
 from scenewright.graph.run import DEFAULT_INTERSECTION

@@ -17,9 +17,9 @@ from pathlib import Path
 from scenewright.evals.realism.scenes import Played, read_scenes
 from scenewright.evals.tables.nearness import alone, compared, motion_of, values_of, watch
 from scenewright.intersections import load_map
-from scenewright.tools.recordings import Recording
-from scenewright.tools.recordings.taf_bw import read_taf_bw
 from scenewright.tools.relation_checker import RoadUser
+from scenewright.tools.track_io import Recording
+from scenewright.tools.track_io.taf_bw import read_taf_bw
 
 SMOOTHING = 0.4
 

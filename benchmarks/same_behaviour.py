@@ -3,9 +3,9 @@
     python benchmarks/same_behaviour.py write FILE
     python benchmarks/same_behaviour.py compare FILE [--quick]
 
-The runs are the requests of `robustness.py`, the examples, an imported map (where TAF-BW lies in
-`SCENEWRIGHT_TAF_BW`) and conversations with edits, all through the command line. `--quick` makes one
-run of each request. The exit code is 1 if any digest differs.
+The runs are the requests of `robustness.py`, the examples, imported maps (where TAF-BW lies in
+`SCENEWRIGHT_TAF_BW`) and conversations with edits, all through the command line. `--quick` makes
+one run of each request. The exit code is 1 if any digest differs.
 """
 
 from __future__ import annotations

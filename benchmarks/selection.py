@@ -31,20 +31,20 @@ import numpy as np
 from pipeline import CROWD, REQUESTS
 
 from scenewright.errors import Unsatisfiable
+from scenewright.geometry.landmarks import landmarks
 from scenewright.graph.run import ground_of, synthesize
 from scenewright.scene.base import AgentClass
 from scenewright.scene.candidates import AgentDraws
 from scenewright.scene.grounding import Cast
 from scenewright.scene.social import Background, SceneContext, SocialGraph
 from scenewright.scene.track import STEP
-from scenewright.tools.dsl_validator.actor import Actor
-from scenewright.tools.dsl_validator.crowd import Option, Seating, Table
-from scenewright.tools.dsl_validator.offers import Invited, Offer
-from scenewright.tools.dsl_validator.seating import seat
-from scenewright.tools.dsl_validator.separation import Presence, forbidden_offsets
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.gmm_sampler.generate import amplify
-from scenewright.tools.landmarks import landmarks
+from scenewright.tools.solver.assignment import seat
+from scenewright.tools.solver.background import Option, Seating, Table
+from scenewright.tools.solver.offers import Invited, Offer
+from scenewright.tools.solver.safety_margin import Presence, forbidden_offsets
+from scenewright.tools.solver.scheduled_agent import Actor
 
 PLACE = "amsterdam_120"
 SECONDS, SEEN = 30.0, 4.0

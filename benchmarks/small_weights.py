@@ -30,9 +30,9 @@ from model_planning import rows_of, told
 from small_model import holds
 
 from scenewright import synthesize
-from scenewright.apps.planning import ask_for_plan
 from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.staged import Staged
+from scenewright.cli.plan import ask_for_plan
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.evals.planning import Share, compare, score
 from scenewright.graph.run import DEFAULT_INTERSECTION

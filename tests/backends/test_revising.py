@@ -23,8 +23,8 @@ from scenewright.scene.edits import (
     difference,
     edited,
 )
+from scenewright.scene.route_table import Way
 from scenewright.scene.social import SocialGraph
-from scenewright.scene.ways import Way
 
 
 def there(name: str, **told: Any) -> Present:

@@ -36,8 +36,8 @@ from scenewright.evals.realism.stops import all_stops, line_gap, standstills, yi
 from scenewright.graph.run import synthesize
 from scenewright.intersections import load_map
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, vehicle_shape
-from scenewright.tools.recordings import RecordedAgent, Recording, save_recordings
 from scenewright.tools.relation_checker import RoadUser, as_mover
+from scenewright.tools.track_io import RecordedAgent, Recording, save_recordings
 
 values = st.lists(st.floats(-50, 50), min_size=1, max_size=30).map(np.array)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
+from scenewright.authoring.versions import Setting, begin
 from scenewright.backends import load_backend
-from scenewright.graph.session.making import Setting, begin
-from scenewright.scene.pins import Earlier
+from scenewright.scene.frozen_agents import Earlier
 
 
 @cache

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from scenewright import synthesize
 from scenewright.backends import Question, load_backend
 from scenewright.errors import Rejected
+from scenewright.geometry.map_areas import Ground
 from scenewright.intersections import load_map
 from scenewright.nodes.agent_generator import generate_agents
 from scenewright.nodes.ask import ask, earlier, latest
@@ -27,7 +28,6 @@ from scenewright.nodes.waypoint_filter.wording import worded_program
 from scenewright.scene.behavior import BehaviorProgram, Segment
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.ground import Ground
 
 GROUND = Ground(load_map("amsterdam_120"))
 PRIORS = load_priors("amsterdam_120")

@@ -11,12 +11,12 @@ import torch
 
 from scenewright import synthesize
 from scenewright.backends import load_backend
+from scenewright.geometry.map_areas import Ground
 from scenewright.intersections import load_map
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS, SHARES, refine_trajectories
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.ground import Ground
 from scenewright.tools.trajnet_refiner.bundled import Learned
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 

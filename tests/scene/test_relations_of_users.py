@@ -11,7 +11,7 @@ from scenewright.backends.builtin.planner import plan
 from scenewright.errors import InputError
 from scenewright.scene.relations import Pattern, pattern_named, patterns
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.relation_files import checked_patterns
+from scenewright.tools.map_grounding.relation_files import checked_patterns
 
 PAGE = Path(__file__).parents[2] / "docs" / "relations.md"
 EXAMPLE = PAGE.read_text("utf-8").split("```toml\n")[1].split("```")[0]

@@ -18,14 +18,14 @@ from solver_actors import (
     walker,
 )
 
+from scenewright.geometry.driving_profile import Hold, arrival, move, track_of
+from scenewright.geometry.map_areas import Ground
 from scenewright.intersections import load_map
 from scenewright.scene.behavior import Segment
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.event_summary import summarise
-from scenewright.tools.ground import Ground
 from scenewright.tools.segment_editor import edit, terminated
-from scenewright.tools.time_law import Hold, arrival, move, track_of
 
 ROAD = candidate(straight((0.0, 0.0), EAST, 200.0))
 BEND = candidate(bend(80.0, 15.0, 60.0), time_law=law(9.0))

@@ -19,9 +19,9 @@ from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.behavior import Segment
 from scenewright.scene.candidates import Candidate, Path, TimeLaw
+from scenewright.scene.frozen_agents import Earlier, EarlierAgent
 from scenewright.scene.grounding import CastPattern
 from scenewright.scene.map import Route
-from scenewright.scene.pins import Earlier, EarlierAgent
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Slowing, Stop
 from scenewright.scene.track import Shape, Track
 

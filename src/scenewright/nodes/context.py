@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from scenewright.backends import Backend, Call
+from scenewright.geometry.map_areas import Ground
 from scenewright.nodes.wording import Recall, nothing_recalled
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection, Stage
-from scenewright.tools.dsl_validator.select import Mode
 from scenewright.tools.gmm_sampler import Priors
-from scenewright.tools.ground import Ground
+from scenewright.tools.solver.select import Mode
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.bundled import Learned

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.grounding import Cast
-from scenewright.scene.manners import Habits
 from scenewright.scene.map import Route
 from scenewright.scene.track import Shape
+from scenewright.scene.yielding_behavior import Habits
 
 K = 10
 """Waypoints per candidate, at equal arc length (SEMANTICS section 6)."""

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from scenewright.geometry.driving_profile import Motion, move
+from scenewright.geometry.landmarks import landmarks
+from scenewright.geometry.map_areas import Ground
 from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.ground import Ground
-from scenewright.tools.landmarks import landmarks
-from scenewright.tools.map_grounding import movement_of
 from scenewright.tools.segment_editor import editing_of
-from scenewright.tools.time_law import Motion, move
 
 
 def summarise(selection: Selection, *, ground: Ground) -> EventSummary:
@@ -29,7 +28,7 @@ def anchor_name(stop: Stop, candidate: Candidate, *, ground: Ground) -> str:
     """The map entity of a stop, by name."""
     route = candidate.route
     if stop.anchor == "stop_line":
-        movement = movement_of(route, on=ground.on)
+        movement = ground.on.movement_of(route)
         return movement.stop_line if movement else "stop_line"
     if stop.anchor == "kerb":
         return f"{route.crosswalk}:kerb:{route.entry}"

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.geometry.driving_profile import Hold, Motion, move, track_of
 from scenewright.scene.behavior import Segment
 from scenewright.scene.selection import SelectedAgent, Slowing, Stop
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.time_law import Hold, Motion, move, track_of
 
 _STAYS_ON = 5.0
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.route_table import FOUR_LEGS, Way, ways_of
 from scenewright.scene.social import ImpactPoint
-from scenewright.scene.ways import FOUR_LEGS, Way, ways_of
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 

@@ -14,7 +14,7 @@ from rapidfuzz.distance import OSA
 
 from scenewright.backends.builtin.normalise import Token, stem, tokenise
 from scenewright.backends.builtin.phrases import Phrase, all_phrases
-from scenewright.scene.recent import Recent
+from scenewright.scene.cache import Recent
 
 _MENDED_TAGS = [
     "AGENT",

@@ -13,7 +13,7 @@ from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraf
 from scenewright.backends.builtin.impacts import read_impacts
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.shorthand import expand
-from scenewright.scene.recent import Recent
+from scenewright.scene.cache import Recent
 from scenewright.scene.relations import Pattern, Role, patterns
 from scenewright.scene.social import RelationType
 

@@ -19,9 +19,9 @@ from scenewright.backends.builtin.reader.learned_plan import (
     read_plan,
 )
 from scenewright.backends.builtin.scope import check_language, check_text
+from scenewright.scene.cache import Recent
 from scenewright.scene.edits import still_holds
 from scenewright.scene.phrasing import describe_graph
-from scenewright.scene.recent import Recent
 from scenewright.scene.relations import patterns
 from scenewright.scene.social import (
     Plan,

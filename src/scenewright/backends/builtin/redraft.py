@@ -30,8 +30,8 @@ from scenewright.backends.builtin.scope import check_language, check_scope, chec
 from scenewright.backends.builtin.shorthand import expand
 from scenewright.backends.builtin.ties import ties
 from scenewright.scene.edits import Edit, Situation, difference
+from scenewright.scene.route_table import WAY_FIELDS, with_what_goes
 from scenewright.scene.social import EntryTie, RelationEdge, SceneContext, SocialGraph
-from scenewright.scene.ways import WAY_FIELDS, with_what_goes
 
 
 def next_item(items: Sequence[Item], at: int) -> Item | None:

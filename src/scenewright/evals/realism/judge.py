@@ -29,9 +29,9 @@ from scenewright.evals.realism.scenes import Played, cut_scenes
 from scenewright.evals.realism.stops import MEASURES, Stop, Yields, all_stops, yield_stops
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.recordings import Recording
-from scenewright.tools.recordings.taf_bw import RealTracks
 from scenewright.tools.relation_checker import as_movers
+from scenewright.tools.track_io import Recording
+from scenewright.tools.track_io.taf_bw import RealTracks
 
 CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
 PARTS: tuple[Part, ...] = ("all", "foreground", "background")

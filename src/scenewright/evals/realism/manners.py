@@ -17,15 +17,15 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.evals.realism.scenes import Played, cut_scenes
 from scenewright.evals.realism.stops import given_way, standstills
-from scenewright.graph.atomic import write_atomically
+from scenewright.files import write_atomically
 from scenewright.intersections import load_map, sign_bundle
 from scenewright.scene.base import AgentClass
 from scenewright.scene.events import Event
-from scenewright.scene.manners import LEVELS, Habits, Manners, Quantiles
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.gmm_sampler.manners import Pace, Paces, to_json
-from scenewright.tools.recordings import load_recordings
+from scenewright.scene.yielding_behavior import LEVELS, Habits, Manners, Quantiles
+from scenewright.tools.gmm_sampler.behavior_files import Pace, Paces, to_json
 from scenewright.tools.relation_checker import Mover, observe
+from scenewright.tools.track_io import load_recordings
 
 FEWEST = 20
 """Yields of two classes below which their habits are not told."""

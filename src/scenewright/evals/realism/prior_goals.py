@@ -14,13 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.geometry.along import poses_along
+from scenewright.geometry.driving_profile import move
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, K, Path, TimeLaw
 from scenewright.scene.map import Route
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import PEDESTRIAN, STEP
-from scenewright.tools.along import poses_along
 from scenewright.tools.gmm_sampler import (
     Priors,
     WaypointPrior,
@@ -28,12 +29,11 @@ from scenewright.tools.gmm_sampler import (
     sample_time_laws,
     sample_waypoints,
 )
-from scenewright.tools.gmm_sampler.given import given
+from scenewright.tools.gmm_sampler.conditional import given
 from scenewright.tools.gmm_sampler.sample import nll_and_component
 from scenewright.tools.gmm_sampler.spline import SPACING, even_path, path_of
-from scenewright.tools.recordings import RecordedAgent, Recording
-from scenewright.tools.recordings.windows import TRAJNET_EVERY
-from scenewright.tools.time_law import move
+from scenewright.tools.track_io import RecordedAgent, Recording
+from scenewright.tools.track_io.windows import TRAJNET_EVERY
 
 geos: Any = import_module("shapely")
 

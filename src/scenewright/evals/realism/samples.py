@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scenewright.evals.realism.distances import Sample
 from scenewright.evals.realism.scenes import Played
 from scenewright.evals.realism.stops import MEASURES, STANDING, Stop
+from scenewright.geometry.kinematics import kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import Shape, Track
-from scenewright.tools.recordings import Recording
-from scenewright.tools.recordings.kinematics import kinematics
+from scenewright.tools.track_io import Recording
 
 Part = Literal["all", "foreground", "background"]
 UNITS: Mapping[str, str] = {

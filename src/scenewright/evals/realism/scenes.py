@@ -18,9 +18,9 @@ from scenewright.graph.run import load_scene, synthesize
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord, SignalRecord
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.recordings import Recording, Window, cut_windows
+from scenewright.tools.map_grounding.signal_plan import SignalClock, plan_records
 from scenewright.tools.relation_checker import RoadUser, read_users
-from scenewright.tools.signals import SignalClock, plan_records
+from scenewright.tools.track_io import Recording, Window, cut_windows
 
 LENGTH = 30.0
 """Of the scenes cut from a corpus [s]: that of the longest scenes we make."""

@@ -28,10 +28,10 @@ import numpy as np
 
 from scenewright.evals.tables.likelihood import nearest_on
 from scenewright.evals.tables.nearness import CLASSES, STANDING, Watched
+from scenewright.geometry.kinematics import kinematics
 from scenewright.intersections import bundle_folder
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.record import SceneRecord
-from scenewright.tools.recordings.kinematics import kinematics
 
 BAR = 0.8
 FEWEST = 5

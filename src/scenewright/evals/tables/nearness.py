@@ -14,11 +14,11 @@ import numpy as np
 
 from scenewright.evals.realism import Distance, Sample, distance, wasserstein
 from scenewright.evals.realism.scenes import Played
+from scenewright.geometry.kinematics import kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.recordings import Recording
-from scenewright.tools.recordings.kinematics import kinematics
 from scenewright.tools.relation_checker import Observation, RoadUser, observe
+from scenewright.tools.track_io import Recording
 
 STANDING = 0.3
 MOST_HEADWAY = 10.0

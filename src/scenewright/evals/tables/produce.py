@@ -16,8 +16,8 @@ from scenewright.evals.tables.nearness import Near, alone, compared, motion_of, 
 from scenewright.evals.tables.reading import Dataset, commit, read_dataset
 from scenewright.evals.tables.robustness import Rate, out_of_scope, robustness
 from scenewright.intersections import load_map
-from scenewright.tools.recordings import load_recordings
-from scenewright.tools.recordings.taf_bw import read_taf_bw
+from scenewright.tools.track_io import load_recordings
+from scenewright.tools.track_io.taf_bw import read_taf_bw
 
 MOST_WINDOWS = 150
 """Windows of a recording that are looked at, spread evenly over it."""

@@ -23,7 +23,7 @@ from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, SignalProgram
-from scenewright.tools.signals import shows
+from scenewright.tools.map_grounding.signal_plan import shows
 
 BoolArray = NDArray[np.bool_]
 

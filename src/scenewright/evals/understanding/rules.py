@@ -20,7 +20,7 @@ from scenewright.scene.events import Event
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP, Shape, Track
 from scenewright.tools.relation_checker import RoadUser, find_events
-from scenewright.tools.relation_checker.foreign import headings
+from scenewright.tools.track_io.external_tracks import headings
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.model import Refiner

@@ -12,6 +12,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.geometry.landmarks import landmarks
+from scenewright.geometry.map_areas import Ground
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Candidate, K, TimeLaw
 from scenewright.scene.map import IntersectionMap, Route
@@ -19,8 +21,6 @@ from scenewright.scene.track import PEDESTRIAN, vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
 from scenewright.tools.gmm_sampler.priors import HOURS, TimeLawPrior
 from scenewright.tools.gmm_sampler.spline import PER_INTERVAL, even_path, spline_matrix
-from scenewright.tools.ground import Ground
-from scenewright.tools.landmarks import landmarks
 
 _SPREAD = (-1.2, 0.0, 1.2)
 """Laws that are looked at lie so many standard deviations off the median."""

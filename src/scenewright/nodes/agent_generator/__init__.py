@@ -8,12 +8,12 @@ from langgraph.runtime import Runtime
 
 from scenewright.nodes.context import RunContext
 from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.frozen_agents import Pins
 from scenewright.scene.grounding import Grounding
-from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph
+from scenewright.tools.gmm_sampler.frozen_agents import pinned_pool
 from scenewright.tools.gmm_sampler.generate import amplify, cast_foreground, hour_of
-from scenewright.tools.gmm_sampler.pinned import pinned_pool
 
 _CROWD_DRAWS = 4
 """Candidates of a background agent where the first that has room is taken (`draw`)."""

@@ -19,8 +19,8 @@ from scenewright.nodes.event_reasoner.reply import (
 from scenewright.nodes.event_reasoner.wording import bound, worded_behavior, worded_summary
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.frozen_agents import Pins
 from scenewright.scene.grounding import Cast
-from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import pattern_named
 from scenewright.scene.selection import Selection

@@ -50,6 +50,7 @@ from scenewright.scene.edits import (
     edited,
 )
 from scenewright.scene.rejection import Rejection
+from scenewright.scene.route_table import WAY_FIELDS, Way, with_what_goes
 from scenewright.scene.social import (
     AgentNode,
     Cause,
@@ -60,7 +61,6 @@ from scenewright.scene.social import (
     SocialGraph,
     Subtype,
 )
-from scenewright.scene.ways import WAY_FIELDS, Way, with_what_goes
 
 _MOST_EDITS = 12
 _NEW = 2

@@ -9,7 +9,7 @@ from scenewright.nodes.revision.reply import edits_schema, new_ids
 from scenewright.nodes.scene_planner.wording import crosswalks_told, times_told, ways_told
 from scenewright.nodes.wording import compact, faults_told, quoted, traffic_told, worded
 from scenewright.scene.edits import Present, Situation
-from scenewright.scene.ways import Way
+from scenewright.scene.route_table import Way
 
 _SAID = 400
 _LISTED = {"vehicle": 6, "pedestrian": 2}

@@ -14,14 +14,14 @@ from scenewright.nodes.context import RunContext
 from scenewright.nodes.scene_planner.account import account_for
 from scenewright.nodes.scene_planner.reply import PlanReply, completed
 from scenewright.nodes.scene_planner.wording import worded_plan
+from scenewright.scene.frozen_agents import Pins
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.phrasing import describe_graph
-from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection, RejectionCode
+from scenewright.scene.route_table import FOUR_LEGS, Way, ways_of
 from scenewright.scene.social import Plan, Refusal, SocialGraph
-from scenewright.scene.ways import FOUR_LEGS, Way, ways_of
-from scenewright.tools.gmm_sampler.pinned import narrowed
-from scenewright.tools.map_grounding import ground
+from scenewright.tools.gmm_sampler.frozen_agents import narrowed
+from scenewright.tools.map_grounding.grounding import ground
 
 
 class PlannerReads(TypedDict):

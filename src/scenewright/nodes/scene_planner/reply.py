@@ -12,6 +12,7 @@ from scenewright.nodes.schema import Schema, closed, listed, number, one_of, sha
 from scenewright.scene.account import BECAME
 from scenewright.scene.base import AgentClass
 from scenewright.scene.relations import Pattern, patterns
+from scenewright.scene.route_table import Way
 from scenewright.scene.social import (
     AgentNode,
     Cause,
@@ -26,8 +27,7 @@ from scenewright.scene.social import (
     Subtype,
 )
 from scenewright.scene.stems import stem_word
-from scenewright.scene.ways import Way
-from scenewright.tools.map_grounding import lies
+from scenewright.tools.map_grounding.grounding import lies
 
 _CLOCK = "[0-2][0-9]:[0-5][0-9]"
 TIME = f"^{_CLOCK}(-{_CLOCK})?$"

@@ -17,7 +17,7 @@ from scenewright.nodes.wording import (
     worded,
 )
 from scenewright.scene.relations import Pattern
-from scenewright.scene.ways import Way
+from scenewright.scene.route_table import Way
 
 _PHRASES = 2
 _OR_REFUSE = "\nIf the request itself fixes what was refused, answer refused: impossible."

@@ -13,7 +13,7 @@ from scenewright.nodes.scene_verifier.assemble import assemble
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.events import Finding, Proof
-from scenewright.scene.pins import Pins
+from scenewright.scene.frozen_agents import Pins
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.selection import Selection

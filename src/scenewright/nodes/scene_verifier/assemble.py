@@ -10,9 +10,9 @@ from scenewright.scene.account import number_agents
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.frozen_agents import Pins
 from scenewright.scene.grounding import Cast, CastPattern
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.pins import Pins
 from scenewright.scene.record import (
     AgentRecord,
     RelationRecord,
@@ -26,7 +26,7 @@ from scenewright.scene.relations import pattern_named
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.social import RelationEdge, SocialGraph
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.signals import SignalClock, plan_records
+from scenewright.tools.map_grounding.signal_plan import SignalClock, plan_records
 
 
 def assemble(

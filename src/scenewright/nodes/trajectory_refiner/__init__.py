@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, NotRequired, TypedDict
 
 from langgraph.runtime import Runtime
 
+from scenewright.geometry.driving_profile import Motion, track_of
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.trajectory_refiner.guides import guides_of
 from scenewright.scene.base import FloatArray
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
-from scenewright.scene.pins import Pins
+from scenewright.scene.frozen_agents import Pins
 from scenewright.scene.refinement import AgentRefinement, Refinement
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import Selection
 from scenewright.scene.track import Track
 from scenewright.tools.segment_editor import edited_motion
-from scenewright.tools.time_law import Motion, track_of
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.guided import Guide

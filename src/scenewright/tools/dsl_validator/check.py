@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenewright.geometry.landmarks import Landmarks
+from scenewright.geometry.map_areas import Ground
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import (
     MinLength,
@@ -15,8 +17,6 @@ from scenewright.scene.constraints import (
     UnaryClause,
 )
 from scenewright.scene.rejection import Rejection
-from scenewright.tools.ground import Ground
-from scenewright.tools.landmarks import Landmarks
 
 _ON_ROAD, _ON_WALKABLE = 0.995, 0.999
 """Stricter than the 98 % of SEMANTICS section 5: a standstill weighs a spot many times, most of

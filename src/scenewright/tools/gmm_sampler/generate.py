@@ -69,7 +69,7 @@ def cast_foreground(
     rng: np.random.Generator,
 ) -> Cast:
     """Routes and patterns of the foreground; no red light is run where that can be avoided."""
-    from scenewright.tools.map_grounding import at_odds, casts
+    from scenewright.tools.map_grounding.grounding import at_odds, casts
 
     weights = {
         route.id: math.sqrt(_rate(priors, route, hour)) + 1e-3

@@ -22,8 +22,8 @@ from scenewright.errors import InputError
 from scenewright.intersections import bundle_folder, check_bundle
 from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.candidates import K
-from scenewright.scene.manners import Habits
-from scenewright.tools.gmm_sampler.manners import BRISKEST, Paces, load_manners, load_paces
+from scenewright.scene.yielding_behavior import Habits
+from scenewright.tools.gmm_sampler.behavior_files import BRISKEST, Paces, load_manners, load_paces
 
 DIMENSIONS = 2 * K
 FORMAT = 1

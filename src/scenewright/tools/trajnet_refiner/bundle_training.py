@@ -16,7 +16,7 @@ from scenewright.intersections import (
     bundle_header,
     sign_bundle,
 )
-from scenewright.tools.recordings import Recording
+from scenewright.tools.track_io import Recording
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig, predict
 from scenewright.tools.trajnet_refiner.store import save_refiner
 from scenewright.tools.trajnet_refiner.supervised import (
