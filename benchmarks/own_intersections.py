@@ -57,7 +57,7 @@ def requests(place: IntersectionMap, count: int, seed: int = 1) -> list[str]:
         for pattern in checked_patterns()
         for a in place.routes
         for b in place.routes
-        if serves(pattern, a, b, on=place)
+        if serves(pattern, a, b, intersection_map=place)
     ]
     by_pattern: dict[str, list[tuple[object, Route, Route]]] = {}
     for offer in offers:

@@ -45,8 +45,8 @@ def main() -> None:
     place = load_map(options.name)
     made = [background(scene) for scene in read_scenes(options.dataset)]
     real = [each for folder in options.tracks for each in read_taf_bw(folder).recordings]
-    ours = values_of(list(watch(made, on=place)), smoothing=SMOOTHING)
-    seen = list(watch(map(whole, real), on=None))
+    ours = values_of(list(watch(made, intersection_map=place)), smoothing=SMOOTHING)
+    seen = list(watch(map(whole, real), intersection_map=None))
     theirs = {**values_of(seen), **motion_of(alone(real), smoothing=SMOOTHING)}
     print(f"{options.name}: {len(made)} scenes, {sum(len(r.agents) for r in real)} real tracks")
     print("| measure | of | distance, 95 % | halves | scenes 5/50/95 % | real 5/50/95 % |")

@@ -7,12 +7,12 @@ from itertools import product
 
 import numpy as np
 from hypothesis import strategies as st
-from solver_actors import EAST, NORTH, SOUTH, WESTBOUND, actor, candidate, law, straight, walker
 
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.background import Guest, Option
 from scenewright.tools.solver.offers import Invited, Offer
 from scenewright.tools.solver.safety_margin import forbidden_offsets
+from solver_actors import EAST, NORTH, SOUTH, WESTBOUND, actor, candidate, law, straight, walker
 
 EASTWARDS = actor(candidate(straight((-40.0, 0.0), EAST, 80.0)))
 SLOWLY = actor(candidate(straight((-40.0, 0.4), EAST, 80.0), time_law=law(6.0)))

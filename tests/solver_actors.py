@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from scenewright.geometry.driving_profile import move
+from scenewright.geometry.driving_profile import compute_motion
 from scenewright.geometry.landmarks import Landmarks
-from scenewright.scene.candidates import AgentDraws, Candidate, Draws, Path, TimeLaw
+from scenewright.scene.candidates import (
+    AgentCandidates,
+    Candidate,
+    DrawnWaypoints,
+    DrivingProfile,
+    Path,
+)
 from scenewright.scene.map import Route
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
 from scenewright.tools.solver.scheduled_agent import Actor
@@ -64,8 +70,8 @@ def bend(before, radius, after, spacing=0.5) -> Path:
     return Path(xy=xy, s=s, heading=heading, curvature=curvature)
 
 
-def law(speed=10.0, acceleration=2.0, braking=2.5, lateral=2.5) -> TimeLaw:
-    return TimeLaw(speed, acceleration, braking, lateral)
+def law(speed=10.0, acceleration=2.0, braking=2.5, lateral=2.5) -> DrivingProfile:
+    return DrivingProfile(speed, acceleration, braking, lateral)
 
 
 def candidate(path, *, time_law=None, shape=CAR, route=SOUTHBOUND, nll=0.0) -> Candidate:
@@ -86,7 +92,7 @@ def walker(path, *, speed=1.4, route=WALK_NORTH) -> Candidate:
 
 
 def actor(of: Candidate, *, enters=0.0, marks=BARE) -> Actor:
-    motion = move(of)
+    motion = compute_motion(of)
     return Actor(of, marks, enters, motion, motion)
 
 
@@ -103,14 +109,14 @@ def draws(
     """A pool entry that offers ready-made candidates."""
     nothing = np.zeros(len(options))
     first = options[0]
-    drawn = Draws(
+    drawn = DrawnWaypoints(
         waypoints=np.stack([each.waypoints for each in options]),
         nll=nothing if nll is None else np.asarray(nll, dtype=float),
         component=np.zeros(len(options), dtype=np.intp),
         time_laws=tuple(each.time_law for each in options),
         time_nll=nothing if time_nll is None else np.asarray(time_nll, dtype=float),
     )
-    return AgentDraws(
+    return AgentCandidates(
         name=name,
         role=role,
         route=first.route,

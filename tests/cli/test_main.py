@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from scenewright.backends import Question
-from scenewright.cli import making
+from scenewright.cli import make as making
 from scenewright.cli.main import main
 from scenewright.errors import BackendFault, Unsatisfiable
 

@@ -56,11 +56,11 @@ def test_a_process_that_lives_on_uses_the_map_as_it_is_now(tmp_path):
     words = ["intersections", "import", str(file), "--name", "mine", "-q"]
     assert main(words) == 0
     before = ground_of("mine")
-    assert before.on.signals is None
+    assert before.intersection_map.signals is None
     assert ground_of("mine") is before
     assert main([*words, "--force", "--signals", "assume"]) == 0
-    assert ground_of("mine").on is load_map("mine")
-    assert ground_of("mine").on.signals is not None
+    assert ground_of("mine").intersection_map is load_map("mine")
+    assert ground_of("mine").intersection_map.signals is not None
 
 
 def test_what_cannot_be_used_is_one_line_and_leaves_nothing(tmp_path, own, capsys):

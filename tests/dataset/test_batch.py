@@ -21,8 +21,8 @@ import pytest
 from scenewright.backends import Question
 from scenewright.cli.main import main
 from scenewright.dataset.batch import audit as audit_module
-from scenewright.dataset.batch import carrying
-from scenewright.dataset.batch import work as work_module
+from scenewright.dataset.batch import carry_out as carrying
+from scenewright.dataset.batch import worker as work_module
 from scenewright.dataset.batch.answering import Asking, _taking_turns, _Turns
 from scenewright.dataset.batch.audit import audit
 from scenewright.dataset.batch.manifest import write_manifest

@@ -17,7 +17,7 @@ from scenewright.backends.scripted import ScriptedSpeaker, scripted
 from scenewright.backends.spoken import Said
 from scenewright.backends.spoken import Spoken as SpokenBackend
 from scenewright.cli.main import main
-from scenewright.dataset.batch import carrying
+from scenewright.dataset.batch import carry_out as carrying
 from scenewright.dataset.batch.audit import audit
 from scenewright.dataset.batch.worker import Options, Outcome
 from scenewright.dataset.orders import writers
@@ -30,7 +30,7 @@ from scenewright.dataset.orders.writers import Asked, Builtin, Spoken, reads_as
 from scenewright.errors import BackendFault, InputError
 from scenewright.intersections import load_map
 from scenewright.scene.events import EVENT_OF_RELATION
-from scenewright.scene.relations import patterns
+from scenewright.scene.relations import load_patterns
 
 ON = load_map("amsterdam_120")
 OPTIONS = Options("amsterdam_120")
@@ -73,7 +73,7 @@ def test_patterns_times_and_context_of_an_order() -> None:
     assert (wish.windows, wish.context.density) == (((420, 540),), "high")
     rush = read_order("5 yields at rush hour")
     assert rush.windows == ((390, 600), (930, 1170))
-    assert len(read_order("2 of each pattern").quotas) == len(patterns())
+    assert len(read_order("2 of each pattern").quotas) == len(load_patterns())
 
 
 @pytest.mark.parametrize(
@@ -99,11 +99,11 @@ def test_patterns_are_dealt_out_evenly() -> None:
 
 def test_every_pattern_can_be_worded_in_many_voices() -> None:
     rng, writer, voices = np.random.default_rng(0), Builtin(ON), set()
-    for turn, pattern in enumerate(patterns()):
+    for turn, pattern in enumerate(load_patterns()):
         event = EVENT_OF_RELATION[pattern.relation]
         # Not every way that a pattern allows is on this map; the agent thinks up another story.
         for _ in range(12):
-            parties = particulars(pattern, on=ON, detail=2, rng=rng)
+            parties = particulars(pattern, intersection_map=ON, detail=2, rng=rng)
             story = Story(event, pattern.id, parties, minute_in([], rng), "medium")
             told = writer.word(story, Asked(turn), rng=rng)
             if told is not None:
@@ -114,14 +114,16 @@ def test_every_pattern_can_be_worded_in_many_voices() -> None:
 
 
 def test_nothing_is_worded_that_the_map_has_no_room_for() -> None:
-    pattern = next(each for each in patterns() if each.id == "left_turn_opposite_collision")
+    pattern = next(each for each in load_patterns() if each.id == "left_turn_opposite_collision")
     rng, reader = np.random.default_rng(0), Builtin(ON)._reader
-    one, other = particulars(pattern, on=ON, detail=2, rng=rng)
+    one, other = particulars(pattern, intersection_map=ON, detail=2, rng=rng)
     story = Story("collision", pattern.id, (one, other), None, None)
     text = f"A car turning left from the {one.side} collides with a car from the {other.side}"
-    assert reads_as(reader, text, story, on=ON)
-    assert not reads_as(reader, text.replace("collides with", "follows"), story, on=ON)
-    assert not reads_as(reader, text + " in heavy traffic", story, on=ON)
+    assert reads_as(reader, text, story, intersection_map=ON)
+    assert not reads_as(
+        reader, text.replace("collides with", "follows"), story, intersection_map=ON
+    )
+    assert not reads_as(reader, text + " in heavy traffic", story, intersection_map=ON)
 
 
 def test_a_text_that_another_pattern_could_play_is_not_used() -> None:
@@ -129,10 +131,12 @@ def test_a_text_that_another_pattern_could_play_is_not_used() -> None:
     reader = Builtin(ON)._reader
     turning = Party("vehicle", "right"), Party("vehicle", "left")
     story = Story("collision", "turning_collision", turning, None, None)
-    assert not reads_as(reader, "A right-turning car hits a left-turning truck", story, on=ON)
+    assert not reads_as(
+        reader, "A right-turning car hits a left-turning truck", story, intersection_map=ON
+    )
     walking = Party("vehicle", "left"), Party("pedestrian", "crossing")
     story = Story("collision", "pedestrian_strike_left_turn", walking, None, None)
-    assert reads_as(reader, "A left-turning car hits a pedestrian", story, on=ON)
+    assert reads_as(reader, "A left-turning car hits a pedestrian", story, intersection_map=ON)
 
 
 def test_stories_are_told_with_time_and_density_or_without() -> None:

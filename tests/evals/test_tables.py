@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scenewright.cli.main import main
-from scenewright.dataset.batch import carrying
+from scenewright.dataset.batch import carry_out as carrying
 from scenewright.dataset.batch.worker import Options
 from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import Order, fill

@@ -11,10 +11,10 @@ import pytest
 from rerun.chunk import RrdReader
 
 from scenewright.errors import InputError
-from scenewright.graph import recorder
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
+from scenewright.viz import recording as recorder
 from scenewright.viz.recording import open_recording, record_scene
 
 Chunks = dict[str, list[pa.RecordBatch]]

@@ -22,9 +22,9 @@ from scenewright.scene.edits import (
     SetPace,
     Unrelate,
     WaitLonger,
-    edited,
+    apply_edits,
 )
-from scenewright.scene.frozen_agents import Earlier
+from scenewright.scene.frozen_agents import PreviousVersion
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
@@ -49,7 +49,7 @@ class Revision:
         redrawn: who is to take another path; anew: everybody is.
     """
 
-    earlier: Earlier
+    earlier: PreviousVersion
     before: SocialGraph
     graph: SocialGraph
     grounding: Grounding
@@ -83,11 +83,11 @@ class Revision:
 
 
 def revised(
-    earlier: Earlier,
+    earlier: PreviousVersion,
     before: SocialGraph,
     edits: tuple[Edit, ...],
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     pace: Mapping[str, float],
 ) -> Revision:
     """What the edits make of a version.
@@ -95,8 +95,8 @@ def revised(
     Raises:
         Rejected: an edit cannot be, or the map cannot serve the graph.
     """
-    graph = edited(before, edits)
-    grounding = ground(graph, on=on)
+    graph = apply_edits(before, edits)
+    grounding = ground(graph, intersection_map=intersection_map)
     amended, paces = _amended(earlier, edits, pace)
     touched, other = _touched(before, graph, edits)
     return Revision(
@@ -171,7 +171,7 @@ def _named(edits: tuple[Edit, ...]) -> set[str]:
 
 
 def _amended(
-    earlier: Earlier, edits: tuple[Edit, ...], pace: Mapping[str, float]
+    earlier: PreviousVersion, edits: tuple[Edit, ...], pace: Mapping[str, float]
 ) -> tuple[dict[str, SelectedAgent], dict[str, float]]:
     """Agents changed by hand, and everybody's pace."""
     amended: dict[str, SelectedAgent] = {}
@@ -199,7 +199,7 @@ def _amended(
 
 
 def _background(
-    earlier: Earlier, before: SocialGraph, graph: SocialGraph, edits: tuple[Edit, ...]
+    earlier: PreviousVersion, before: SocialGraph, graph: SocialGraph, edits: tuple[Edit, ...]
 ) -> dict[AgentClass, int]:
     """How many of each class: as they were, but where an edit says otherwise."""
     once = {each.id for each in before.agents}
@@ -231,7 +231,7 @@ def _as_dense(counts: dict[AgentClass, int], graph: SocialGraph) -> dict[AgentCl
     return {"vehicle": vehicles, "pedestrian": max(total + missing - vehicles, 0)}
 
 
-def _hour(earlier: Earlier, edits: tuple[Edit, ...]) -> float:
+def _hour(earlier: PreviousVersion, edits: tuple[Edit, ...]) -> float:
     """The time of day as told; as it was, if that is within what is told."""
     told = [each.time_of_day for each in edits if isinstance(each, ChangeContext)]
     if not told or told[-1] is None:

@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 from scenewright.authoring.apply_edits import Revision
-from scenewright.scene.frozen_agents import Pins, unedited
-from scenewright.scene.grounding import CastPattern
+from scenewright.scene.frozen_agents import FrozenAgents, without_edits
+from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import RelationEdge, SocialGraph
 from scenewright.scene.track import vehicle_shape
@@ -16,7 +16,7 @@ _SHARES = (1.0, 0.7, 0.4)
 """Of the background that is left where everybody is drawn anew and there is no room for all."""
 
 
-def attempts(revision: Revision) -> Iterator[Pins]:
+def attempts(revision: Revision) -> Iterator[FrozenAgents]:
     """Pins for one attempt after the other, the firmest first; the last one lets everybody go."""
     seen: set[tuple[object, ...]] = set()
     for pins in _attempts(revision):
@@ -30,7 +30,7 @@ def attempts(revision: Revision) -> Iterator[Pins]:
             yield pins
 
 
-def _attempts(revision: Revision) -> Iterator[Pins]:
+def _attempts(revision: Revision) -> Iterator[FrozenAgents]:
     touched, other = revision.touched, revision.other
     if revision.by_hand:
         # What was told of a stop or a time must hold: whoever else has to do with it may move.
@@ -52,7 +52,7 @@ def _attempts(revision: Revision) -> Iterator[Pins]:
         yield _pins(revision, everybody, keep_paths=False)
         yield _pins(revision, everybody, keep_paths=True, lights=False)
     for share in _SHARES if _may_thin(revision.graph) else _SHARES[:1]:
-        yield Pins(
+        yield FrozenAgents(
             earlier=revision.earlier,
             background={kind: int(share * n) for kind, n in revision.background.items()},
             hour=revision.hour,
@@ -68,7 +68,7 @@ def _may_thin(graph: SocialGraph) -> bool:
 
 def _pins(
     revision: Revision, free: frozenset[str], *, keep_paths: bool, lights: bool = True
-) -> Pins:
+) -> FrozenAgents:
     """Everybody but `free` and those who must act otherwise because of them stays."""
     graph, present = revision.graph, revision.present
     foreground = {each.id for each in graph.agents}
@@ -84,7 +84,7 @@ def _pins(
         elif lights:
             fixed[name] = agent
     same = frozenset(name for name in fixed if name not in revision.amended)
-    return Pins(
+    return FrozenAgents(
         earlier=revision.earlier,
         background=revision.background,
         hour=revision.hour,
@@ -123,7 +123,7 @@ def _reacting(free: frozenset[str], revision: Revision) -> dict[str, SelectedAge
                 continue
             other = edge.to if name == edge.from_ else edge.from_
             if _acts(name, edge) and (other in moving or edge in changed):
-                found[name] = agent if name in revision.by_hand else unedited(agent)
+                found[name] = agent if name in revision.by_hand else without_edits(agent)
     return found
 
 
@@ -145,10 +145,12 @@ def _fitted(name: str, agent: SelectedAgent, revision: Revision) -> SelectedAgen
     node = revision.graph.agent(name)
     if node.subtype is not None and node.subtype != candidate.subtype:
         candidate = replace(candidate, subtype=node.subtype, shape=vehicle_shape(node.subtype))
-    return replace(unedited(agent), candidate=candidate)
+    return replace(without_edits(agent), candidate=candidate)
 
 
-def _patterns(revision: Revision, names: Collection[str] | None = None) -> dict[int, CastPattern]:
+def _patterns(
+    revision: Revision, names: Collection[str] | None = None
+) -> dict[int, AssignedPattern]:
     """How relations that are as before were played; of these agents alone, if named."""
     played = {each.edge: each for each in revision.earlier.patterns}
     found = {}

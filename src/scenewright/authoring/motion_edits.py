@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from scenewright.errors import Rejected
-from scenewright.geometry.driving_profile import Hold, arrival
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import SelectedAgent, Stop
 
@@ -20,8 +20,10 @@ def moved_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
     if not 2.0 < s < agent.candidate.path.length - 1.0:
         raise _refused(agent, f"has no room to stop {metres:+g} m from where it does")
     others = tuple(each for each in agent.stops if each is not stop)
-    holds = tuple(Hold(each.s, each.until - agent.enters, each.braking) for each in others)
-    stands = arrival(agent.candidate, Hold(s, 0.0, stop.braking), holds) + agent.enters
+    holds = tuple(StopCommand(each.s, each.until - agent.enters, each.braking) for each in others)
+    stands = (
+        compute_arrival(agent.candidate, StopCommand(s, 0.0, stop.braking), holds) + agent.enters
+    )
     ahead = None if stop.ahead is None else stop.ahead - metres
     moved = replace(
         stop,
@@ -70,7 +72,7 @@ def _without_light(agent: SelectedAgent) -> SelectedAgent:
     """The agent without its wait at red, as late as before where it gives way, or at its line."""
     stops = tuple(stop for stop in agent.stops if not stop.at_red)
     last = stops[0] if stops else agent.stops[-1]
-    reaches = arrival(agent.candidate, Hold(last.s, 0.0, last.braking))
+    reaches = compute_arrival(agent.candidate, StopCommand(last.s, 0.0, last.braking))
     at = last.start if stops else last.until
     return replace(agent, enters=round(at - reaches, 1), stops=stops)
 
@@ -78,8 +80,8 @@ def _without_light(agent: SelectedAgent) -> SelectedAgent:
 def _halted(agent: SelectedAgent, rolling: Stop, seconds: float) -> SelectedAgent:
     """Who slows down standing that long instead, at the same place."""
     others = tuple(each for each in agent.stops if each is not rolling)
-    holds = tuple(Hold(each.s, each.until - agent.enters, each.braking) for each in others)
-    stands = arrival(agent.candidate, Hold(rolling.s, 0.0), holds) + agent.enters
+    holds = tuple(StopCommand(each.s, each.until - agent.enters, each.braking) for each in others)
+    stands = compute_arrival(agent.candidate, StopCommand(rolling.s, 0.0), holds) + agent.enters
     until = stands + max(seconds, _LEAST_STAND)
     stop = replace(rolling, start=stands, until=until, speed=0.0)
     return replace(agent, stops=_in_order(*others, stop))

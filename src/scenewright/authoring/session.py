@@ -42,10 +42,18 @@ from scenewright.graph.run import (
     scene_bytes,
 )
 from scenewright.intersections import load_map
-from scenewright.memory.products import from_bytes, to_bytes
+from scenewright.memory.products import deserialize_version, serialize_version
 from scenewright.memory.threads import Threads
 from scenewright.nodes.wording import Recall, nothing_recalled
-from scenewright.scene.edits import Ask, Decline, Edit, Edits, Fresh, Reading, Wish
+from scenewright.scene.edits import (
+    Clarification,
+    DeclinedTurn,
+    Edit,
+    Edits,
+    NewScene,
+    Reading,
+    Wish,
+)
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import SocialGraph
@@ -252,24 +260,24 @@ def build_session() -> StateGraph[ThreadState, SessionContext, Any, Any]:
 def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState:
     """What the words amount to, where the scene is as it is."""
     if state["act"] == "make":
-        return {"reading": Fresh().model_dump(mode="json"), "pending": None}
+        return {"reading": NewScene().model_dump(mode="json"), "pending": None}
     if state["act"] != "say":
         return {"reading": None}
     words, chosen = _answered(state)
     calls: list[Call] = []
     reading = _read(words, chosen, state, runtime.context, account=calls.append)
     pending = state.get("pending")
-    if isinstance(reading, Fresh) and speaker(runtime.context.backend, "plan").deterministic:
-        on = load_map(state["heading"]["intersection"])
-        reading = ask_what_is_meant(words, on) or reading
-    lost = isinstance(reading, Decline) and reading.code in ("no_change", "out_of_scope")
+    if isinstance(reading, NewScene) and speaker(runtime.context.backend, "plan").deterministic:
+        intersection_map = load_map(state["heading"]["intersection"])
+        reading = ask_what_is_meant(words, intersection_map) or reading
+    lost = isinstance(reading, DeclinedTurn) and reading.code in ("no_change", "out_of_scope")
     if pending is not None and lost:
         first = pending["ask"]["choices"][0]["answer"]
         reason = f"I still cannot tell which is meant; say it anew with an id, such as {first}."
-        reading = Decline(code="no_change", reason=reason)
+        reading = DeclinedTurn(code="no_change", reason=reason)
     plain = reading.model_dump(mode="json", by_alias=True)
     asked: Pending = {"words": words, "ask": plain, "chosen": chosen}
-    open_ = asked if isinstance(reading, Ask) else None
+    open_ = asked if isinstance(reading, Clarification) else None
     return {"words": words, "reading": plain, "pending": open_, "models": paid_by_task(calls)}
 
 
@@ -277,7 +285,9 @@ def _answered(state: ThreadState) -> tuple[str, dict[str, str]]:
     """The words that are to be read, and who was chosen for them if these are an answer."""
     pending = state.get("pending")
     choice = (
-        None if pending is None else answered(state["words"], Ask.model_validate(pending["ask"]))
+        None
+        if pending is None
+        else answered(state["words"], Clarification.model_validate(pending["ask"]))
     )
     if pending is None or choice is None:
         return state["words"], {}
@@ -301,7 +311,7 @@ def _read(
         situation = situation_of(
             SocialGraph.model_validate(version["graph"]),
             SceneRecord.model_validate_json(context.threads.kept(version["scene"])),
-            from_bytes(context.threads.kept(version["earlier"])),
+            deserialize_version(context.threads.kept(version["earlier"])),
         )
     return read_words(
         words,
@@ -309,7 +319,7 @@ def _read(
         backend=context.backend,
         before=None if version is None else version["text"],
         chosen=chosen,
-        on=load_map(heading["intersection"]),
+        intersection_map=load_map(heading["intersection"]),
         seed=heading["seed"],
         account=account,
     )
@@ -360,7 +370,7 @@ def _changed(
         edits,
         setting,
         before=SocialGraph.model_validate(version["graph"]),
-        earlier=from_bytes(threads.kept(version["earlier"])),
+        earlier=deserialize_version(threads.kept(version["earlier"])),
         record=SceneRecord.model_validate_json(threads.kept(version["scene"])),
         pace=version["pace"],
         by_hand=version["by_hand"],
@@ -395,7 +405,7 @@ def _entered(
         "scene": keep(scene_bytes(scene.record)),
         "proof": keep(proof_bytes(scene.proof)),
         "provenance": keep(json_bytes(_provenance(scene, edits, state.get("models", {})))),
-        "earlier": keep(to_bytes(made.earlier)),
+        "earlier": keep(serialize_version(made.earlier)),
         "moved": list(made.moved),
         "gone": list(made.gone),
         "come": list(made.come),
@@ -456,10 +466,10 @@ def answer(state: ThreadState) -> ThreadState:
             return _branched(state, state.get("argument", ""))
     reading = _READING.validate_python(state["reading"])
     match reading:
-        case Ask():
+        case Clarification():
             choices = [each.answer for each in reading.choices]
             return {"reply": {"kind": "asked", "question": reading.question, "choices": choices}}
-        case Decline():
+        case DeclinedTurn():
             refused: Refused = {
                 "words": state["words"],
                 "code": reading.code,

@@ -14,7 +14,7 @@ from scenewright.intersections import load_map
 from scenewright.nodes.context import Budgets
 from scenewright.nodes.wording import Recall, nothing_recalled
 from scenewright.scene.edits import Edit
-from scenewright.scene.frozen_agents import Earlier, EarlierAgent, Pins
+from scenewright.scene.frozen_agents import FrozenAgents, PreviousAgent, PreviousVersion
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import SocialGraph
 
@@ -55,7 +55,7 @@ class Made:
 
     scene: Scene
     graph: SocialGraph
-    earlier: Earlier
+    earlier: PreviousVersion
     pace: Mapping[str, float] = field(default_factory=dict)
     moved: tuple[str, ...] = ()
     gone: tuple[str, ...] = ()
@@ -85,7 +85,7 @@ def change(
     setting: Setting,
     *,
     before: SocialGraph,
-    earlier: Earlier,
+    earlier: PreviousVersion,
     record: SceneRecord,
     pace: Mapping[str, float],
     by_hand: Sequence[str] = (),
@@ -103,7 +103,9 @@ def change(
         Unsatisfiable: no verified scene was found, whoever was let go.
         BackendFault: the backend failed for good.
     """
-    revision = revised(earlier, before, edits, on=load_map(setting.intersection), pace=pace)
+    revision = revised(
+        earlier, before, edits, intersection_map=load_map(setting.intersection), pace=pace
+    )
     trial = _Trial(text, setting, revision, tell)
     refused = Unsatisfiable("there is nothing to try")
     for pins in attempts(revision):
@@ -124,15 +126,15 @@ class _Trial:
         self._tell = tell or (lambda _stage, _line: None)
         self._tries = 0
 
-    def idle(self, pins: Pins, refused: Unsatisfiable) -> bool:
+    def idle(self, pins: FrozenAgents, refused: Unsatisfiable) -> bool:
         """Whether these pins need not be tried after that refusal."""
         if pins.known:
             return self._tries >= _MOST_TRIES
         return pins.background != self._revision.background and "no room" not in str(refused)
 
-    def around(self, firm: Pins) -> Scene | Unsatisfiable:
+    def around(self, firm: FrozenAgents) -> Scene | Unsatisfiable:
         """A verified scene; else why there is none, also without those that were in the way."""
-        pins: Pins | None = firm
+        pins: FrozenAgents | None = firm
         refused = Unsatisfiable("nobody can stop there and do the same")
         while pins is not None:
             self._tries += 1
@@ -148,7 +150,7 @@ class _Trial:
 
 
 def _solved(
-    text: str, setting: Setting, revision: Revision, pins: Pins, tell: Tell | None
+    text: str, setting: Setting, revision: Revision, pins: FrozenAgents, tell: Tell | None
 ) -> Scene:
     return synthesize(
         text,
@@ -176,7 +178,9 @@ def _as_told(scene: Scene, revision: Revision) -> bool:
     )
 
 
-def _loosened(pins: Pins, revision: Revision, refused: Unsatisfiable) -> Pins | None:
+def _loosened(
+    pins: FrozenAgents, revision: Revision, refused: Unsatisfiable
+) -> FrozenAgents | None:
     """The pins without those of the background that were in the way; None if nobody was."""
     foreground = {each.id for each in revision.graph.agents}
     blamed = {name for each in refused.rejections for name in each.agents} - foreground
@@ -184,13 +188,13 @@ def _loosened(pins: Pins, revision: Revision, refused: Unsatisfiable) -> Pins | 
     return pins.without(blamed) if blamed else None
 
 
-def earlier_of(scene: Scene) -> Earlier:
+def earlier_of(scene: Scene) -> PreviousVersion:
     """What a later version needs of this one."""
     state = scene.state
     selection, behavior, tracks = state["selection"], state["behavior"], state["refined"]
-    return Earlier(
+    return PreviousVersion(
         agents={
-            each.name: EarlierAgent(
+            each.name: PreviousAgent(
                 each.id,
                 selection.agents[each.name],
                 behavior.segments[each.name],

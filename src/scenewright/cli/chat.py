@@ -14,7 +14,7 @@ from scenewright.cli.console import is_terminal, one_line, progress, put, put_js
 from scenewright.cli.interrupts import forget_interrupt, was_terminated
 from scenewright.cli.user_folders import threads_file
 from scenewright.errors import InputError
-from scenewright.intersections import data_folder
+from scenewright.intersections import find_data_folder
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -402,7 +402,7 @@ class _line_history:  # noqa: N801 - used as a function
     """Arrow keys bring back what was typed, also in earlier conversations."""
 
     def __enter__(self) -> None:
-        self._file = data_folder() / "chat_history"
+        self._file = find_data_folder() / "chat_history"
         with suppress(ImportError, OSError):
             import readline
 

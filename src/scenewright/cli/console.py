@@ -125,9 +125,9 @@ def progress(*, quiet: bool) -> Iterator[Tell]:
 
 def _say_if_new() -> None:
     """Tells who makes a first scene why that takes longer."""
-    from scenewright.compiled import anything_kept
+    from scenewright.compiled import has_cache
 
-    if not anything_kept():
+    if not has_cache():
         say("compiling the innermost loops, once after an installation: some 15 s")
 
 

@@ -11,12 +11,12 @@ from typing import Any
 from scenewright.errors import InputError
 from scenewright.intersections import (
     REFINER_WEIGHTS,
-    bundle_folder,
-    bundle_header,
     check_bundle,
-    checked_name,
+    check_name,
+    find_bundle_folder,
+    find_custom_root,
     load_map,
-    own_root,
+    read_bundle_header,
 )
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
@@ -56,8 +56,8 @@ def import_file(
     Raises:
         InputError: the file or an option cannot be used; nothing is written.
     """
-    checked_name(name)
-    if (own_root() / name).exists() and not force:
+    check_name(name)
+    if (find_custom_root() / name).exists() and not force:
         raise InputError(f"intersection {name!r} exists already; --force replaces it")
     tell("reading", file)
     made = import_map(
@@ -373,7 +373,7 @@ def record_own(rrd: str, name: str) -> None:
     """The same as a recording for the rerun viewer, with what was assumed beside it."""
     from scenewright.viz.intersection_recording import record_intersection
 
-    place, header = load_map(name), bundle_header(bundle_folder(name))
+    place, header = load_map(name), read_bundle_header(find_bundle_folder(name))
     facts = [f"{key}: {value}" for key, value in header.get("provenance", {}).items()]
     facts += [f"licence: {header.get('licence', 'unstated')}", *header.get("notes", ())]
     record_intersection(
@@ -391,7 +391,7 @@ def _drawn(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
 
     from scenewright.tools.gmm_sampler import load_priors, paths_of, sample_waypoints
 
-    if not (bundle_folder(name) / "priors.npz").is_file():
+    if not (find_bundle_folder(name) / "priors.npz").is_file():
         return {}
     priors, rng = load_priors(name), np.random.default_rng(0)
     return {
@@ -411,7 +411,7 @@ def _seen(name: str) -> list[FloatArray]:
     """The recorded tracks that a bundle keeps, [T, 2] each [m]."""
     import numpy as np
 
-    folder = bundle_folder(name)
+    folder = find_bundle_folder(name)
     if not (folder / "seen.npz").is_file():
         return []
     check_bundle(folder, "seen.npz")

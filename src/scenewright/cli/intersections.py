@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from scenewright.cli.console import one_line, rendered
-from scenewright.intersections import bundle_folder, list_intersections, load_map
+from scenewright.intersections import find_bundle_folder, list_intersections, load_map
 from scenewright.scene.map import IntersectionMap
 
 
@@ -22,13 +22,13 @@ def overview() -> list[dict[str, Any]]:
     return rows
 
 
-def _brief(on: IntersectionMap, name: str) -> dict[str, Any]:
+def _brief(intersection_map: IntersectionMap, name: str) -> dict[str, Any]:
     return {
         "name": name,
-        "title": on.title,
-        "legs": [leg.name for leg in on.legs],
-        "signals": on.signals is not None,
-        "priors": (bundle_folder(name) / "priors.npz").is_file(),
+        "title": intersection_map.title,
+        "legs": [leg.name for leg in intersection_map.legs],
+        "signals": intersection_map.signals is not None,
+        "priors": (find_bundle_folder(name) / "priors.npz").is_file(),
     }
 
 
@@ -38,17 +38,20 @@ def details(name: str) -> dict[str, Any]:
     Raises:
         InputError: there is no such bundle, or it is broken.
     """
-    on = load_map(name)
+    intersection_map = load_map(name)
     return {
-        **_brief(on, name),
-        "legs": [{"name": leg.name, "road": leg.road} for leg in on.legs],
+        **_brief(intersection_map, name),
+        "legs": [{"name": leg.name, "road": leg.road} for leg in intersection_map.legs],
         "movements": [
-            {"entry": each.entry, "exit": each.exit, "turn": each.turn} for each in on.movements
+            {"entry": each.entry, "exit": each.exit, "turn": each.turn}
+            for each in intersection_map.movements
         ],
-        "crosswalks": [each.leg for each in on.crosswalks],
-        "signals": None if on.signals is None else {"cycle": on.signals.cycle},
-        "extent": on.extent,
-        "right_hand_traffic": not on.left_hand_traffic,
+        "crosswalks": [each.leg for each in intersection_map.crosswalks],
+        "signals": None
+        if intersection_map.signals is None
+        else {"cycle": intersection_map.signals.cycle},
+        "extent": intersection_map.extent,
+        "right_hand_traffic": not intersection_map.left_hand_traffic,
     }
 
 

@@ -187,8 +187,8 @@ def plan(
     check_out(out)
     speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
     calls: list[Call] = []
-    on = None if intersection is None else load_map(intersection)
-    planned = all_planned(read_rows(rows), speaker, calls, on=on)
+    intersection_map = None if intersection is None else load_map(intersection)
+    planned = all_planned(read_rows(rows), speaker, calls, intersection_map=intersection_map)
     write_rows(out, planned)
     refused = sum(row["refused"] for row in planned)
     paid = spent(calls)

@@ -58,8 +58,8 @@ class Made:
         from scenewright.cli.scene_summary import summary
         from scenewright.intersections import load_map
 
-        on = load_map(self.scene.record.meta.intersection)
-        lines = summary(self.scene.record, self.scene.proof, on)
+        intersection_map = load_map(self.scene.record.meta.intersection)
+        lines = summary(self.scene.record, self.scene.proof, intersection_map)
         return [*lines, f"  {self.folder}: {', '.join(self.files)}"]
 
     def to_json(self) -> dict[str, Any]:
@@ -171,16 +171,16 @@ def _draw(scene: Scene, path: Path) -> None:
     from scenewright.intersections import load_map
     from scenewright.viz.still import draw_scene
 
-    on = load_map(scene.record.meta.intersection)
-    draw_scene(path, scene=scene.record, proof=scene.proof, intersection=on)
+    intersection_map = load_map(scene.record.meta.intersection)
+    draw_scene(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
 
 
 def _animate(scene: Scene, path: Path) -> None:
     from scenewright.intersections import load_map
     from scenewright.viz.animation import animate_scene
 
-    on = load_map(scene.record.meta.intersection)
-    animate_scene(path, scene=scene.record, proof=scene.proof, intersection=on)
+    intersection_map = load_map(scene.record.meta.intersection)
+    animate_scene(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
 
 
 def _record(scene: Scene, path: Path) -> None:

@@ -172,8 +172,10 @@ class _Desk:
 
         if not 0 <= seed < 2**63:
             return _no("unusable_input", "a seed is a whole number from 0 to 2^63 - 1")
-        on = self._served.intersection
-        self._bench = workbench(instruction, intersection=on, seed=seed, record=self._keep)
+        intersection_map = self._served.intersection
+        self._bench = workbench(
+            instruction, intersection=intersection_map, seed=seed, record=self._keep
+        )
         return {"ok": True, "next": "ground_plan"}
 
     def ground_plan(self, plan: SocialGraph) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan, Refusal
 
 if TYPE_CHECKING:
-    from scenewright.nodes.scene_planner import Way
+    from scenewright.nodes.scene_planner import RouteDescription
 
 Account = Callable[[Call], None]
 ATTEMPTS = 3
@@ -59,7 +59,7 @@ def plan_rows(
     rows: list[Any],
     backend: Backend,
     *,
-    on: IntersectionMap | None = None,
+    intersection_map: IntersectionMap | None = None,
     account: Account = lambda _call: None,
 ) -> Iterator[dict[str, Any]]:
     """One row out per row in, in order; a row that cannot be planned is a refusal.
@@ -71,7 +71,9 @@ def plan_rows(
     Raises:
         BackendFault: the backend failed for good.
     """
-    for row, plan in zip(rows, _understood_all(rows, backend, on, account), strict=True):
+    for row, plan in zip(
+        rows, _understood_all(rows, backend, intersection_map, account), strict=True
+    ):
         stop_if_asked()
         given = row if isinstance(row, dict) else {}
         yield {**plan_to_row("", plan), "id": _echo(given.get("id"))}
@@ -98,16 +100,24 @@ def plan(
     from scenewright.backends import load_backend
     from scenewright.intersections import load_map
 
-    named = isinstance(backend, str | Sequence | Mapping)
-    speaking = load_backend(backend) if named else backend  # type: ignore[arg-type]
-    on = None if intersection is None else load_map(intersection)
-    (row,) = plan_rows([{"id": "", "text": text, "previous": previous}], speaking, on=on)  # type: ignore[arg-type]
+    if isinstance(backend, str | Sequence | Mapping):
+        backend = load_backend(backend)
+    intersection_map = None if intersection is None else load_map(intersection)
+    (row,) = plan_rows(
+        [{"id": "", "text": text, "previous": previous}],
+        backend,
+        intersection_map=intersection_map,
+    )
     del row["id"]
     return row
 
 
 def all_planned(
-    rows: list[Any], backend: Backend, calls: list[Call], *, on: IntersectionMap | None = None
+    rows: list[Any],
+    backend: Backend,
+    calls: list[Call],
+    *,
+    intersection_map: IntersectionMap | None = None,
 ) -> list[dict[str, Any]]:
     """Every row out; what answers have cost is added to `calls`, and to a fault of the backend.
 
@@ -115,7 +125,9 @@ def all_planned(
         BackendFault: the backend failed for good.
     """
     try:
-        return list(plan_rows(rows, backend, on=on, account=calls.append))
+        return list(
+            plan_rows(rows, backend, intersection_map=intersection_map, account=calls.append)
+        )
     except BackendFault as fault:
         from scenewright.graph.run import paid_by_task
 
@@ -124,7 +136,7 @@ def all_planned(
 
 
 def _understood_all(
-    rows: list[Any], backend: Backend, on: IntersectionMap | None, account: Account
+    rows: list[Any], backend: Backend, intersection_map: IntersectionMap | None, account: Account
 ) -> Iterator[Plan]:
     """The plans in order; several at a time by who has to be awaited.
 
@@ -132,7 +144,7 @@ def _understood_all(
     """
     many = min(_at_once(backend), len(rows))
     if many <= 1:
-        yield from (_understood(row, backend, on, account) for row in rows)
+        yield from (_understood(row, backend, intersection_map, account) for row in rows)
         return
     replies: list[Future[Plan]] = [Future() for _ in rows]
     left = iter(list(zip(rows, replies, strict=True)))
@@ -145,7 +157,7 @@ def _understood_all(
             if reply is None:
                 return
             try:
-                reply.set_result(_understood(row, backend, on, account))
+                reply.set_result(_understood(row, backend, intersection_map, account))
             except BaseException as error:
                 reply.set_exception(error)
 
@@ -161,9 +173,11 @@ def _at_once(backend: Backend) -> int:
     return int(getattr(speaker(backend, "plan"), "at_once", 1))
 
 
-def _understood(row: Any, backend: Backend, on: IntersectionMap | None, account: Account) -> Plan:
+def _understood(
+    row: Any, backend: Backend, intersection_map: IntersectionMap | None, account: Account
+) -> Plan:
     fault = _fault_in(row)
-    return refusal(fault) if fault else _plan(row, backend, on, account)
+    return refusal(fault) if fault else _plan(row, backend, intersection_map, account)
 
 
 def spent(calls: list[Call]) -> dict[str, int]:
@@ -179,11 +193,14 @@ def spent(calls: list[Call]) -> dict[str, int]:
 
 
 def _plan(
-    row: dict[str, Any], backend: Backend, on: IntersectionMap | None, account: Account
+    row: dict[str, Any],
+    backend: Backend,
+    intersection_map: IntersectionMap | None,
+    account: Account,
 ) -> Plan:
     """The row's plan. A bug that one text brings out must not cost all the other rows."""
     try:
-        return ask_for_plan(row, backend, on=on, account=account)
+        return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
     except BackendFault:
         raise
     except Exception as error:
@@ -220,7 +237,7 @@ def ask_for_plan(
     row: dict[str, Any],
     backend: Backend,
     *,
-    on: IntersectionMap | None = None,
+    intersection_map: IntersectionMap | None = None,
     account: Account = lambda _call: None,
 ) -> Plan:
     """The backend's plan; told what was wrong, it may mend a malformed one."""
@@ -229,8 +246,12 @@ def ask_for_plan(
 
     wrong: list[str] = []
     for _ in range(1 if speaker(backend, "plan").deterministic else ATTEMPTS):
-        ways = scene_planner.FOUR_LEGS if on is None else scene_planner.ways_of(on)
-        question = _question(row, ways, on, tuple(wrong), account)
+        ways = (
+            scene_planner.FOUR_LEGS
+            if intersection_map is None
+            else scene_planner.describe_routes(intersection_map)
+        )
+        question = _question(row, ways, intersection_map, tuple(wrong), account)
         try:
             return scene_planner.ask_for_plan(backend, question, ways)
         except Rejected as error:
@@ -240,15 +261,15 @@ def ask_for_plan(
 
 def _question(
     row: dict[str, Any],
-    ways: Sequence[Way],
-    on: IntersectionMap | None,
+    ways: Sequence[RouteDescription],
+    intersection_map: IntersectionMap | None,
     wrong: tuple[str, ...],
     account: Account,
 ) -> Question:
     from scenewright.nodes.scene_planner.wording import worded_plan
 
     text, previous = row["text"], row.get("previous")
-    left_hand = on is not None and on.left_hand_traffic
+    left_hand = intersection_map is not None and intersection_map.left_hand_traffic
     return Question(
         task="plan",
         facts={
@@ -256,7 +277,9 @@ def _question(
             "previous": previous,
             "legs": list(dict.fromkeys(way.entry for way in ways)),
             "left_hand": left_hand,
-            "roads": {} if on is None else {leg.name: leg.road for leg in on.legs},
+            "roads": {}
+            if intersection_map is None
+            else {leg.name: leg.road for leg in intersection_map.legs},
         },
         rejections=wrong,
         wording=lambda: worded_plan(text, previous, ways, left_hand=left_hand, rejections=wrong),

@@ -54,8 +54,8 @@ def _draw(shown: Shown, path: Path) -> None:
     from scenewright.intersections import load_map
     from scenewright.viz.still import draw_scene
 
-    on = load_map(shown.record.meta.intersection)
-    draw_scene(path, scene=shown.record, proof=shown.proof, intersection=on)
+    intersection_map = load_map(shown.record.meta.intersection)
+    draw_scene(path, scene=shown.record, proof=shown.proof, intersection=intersection_map)
 
 
 def _record(shown: Shown, path: Path) -> None:

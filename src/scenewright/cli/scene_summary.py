@@ -24,9 +24,9 @@ KERB = 1.0
 """How far [m] outside a crosswalk a place still counts as on it."""
 
 
-def summary(scene: SceneRecord, proof: Proof, on: IntersectionMap) -> list[str]:
+def summary(scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap) -> list[str]:
     """What happens, whether it is proven and who else is there: a few lines."""
-    lines = [happening(event, scene, on) for event in proof.events]
+    lines = [happening(event, scene, intersection_map) for event in proof.events]
     if not lines:
         lines = ["nothing happens: no collision, near miss or yielding"]
     result = [verdict(proof), *(f"  {line}" for line in lines), f"  {_crowd(scene)}"]
@@ -54,7 +54,7 @@ def findings(proof: Proof) -> tuple[Finding, ...]:
     return (*proof.missing, *proof.interference, *proof.signal_violations, *proof.implausible)
 
 
-def happening(event: Event, scene: SceneRecord, on: IntersectionMap) -> str:
+def happening(event: Event, scene: SceneRecord, intersection_map: IntersectionMap) -> str:
     """One event: who does what to whom, when and where."""
     agents = {agent.id: agent for agent in scene.agents}
     first, second = (who(agents.get(each), each) for each in (event.from_, event.to))
@@ -63,7 +63,7 @@ def happening(event: Event, scene: SceneRecord, on: IntersectionMap) -> str:
     gap = f", {pet:.1f} s apart" if isinstance(pet, float) else ""
     return (
         f"{event.time:.1f} s: {first} {VERBS[event.type]} {second}{kind}, "
-        f"{place(event.location, on)}{gap}"
+        f"{place(event.location, intersection_map)}{gap}"
     )
 
 
@@ -79,12 +79,12 @@ def who(agent: AgentRecord | None, number: int) -> str:
     return f"{name} ({way})"
 
 
-def place(spot: Point, on: IntersectionMap) -> str:
+def place(spot: Point, intersection_map: IntersectionMap) -> str:
     """Where a place [m] is, as people say it."""
-    for crosswalk in on.crosswalks:
+    for crosswalk in intersection_map.crosswalks:
         if _near_polygon(spot, crosswalk.polygon):
             return f"on the {crosswalk.leg} crosswalk"
-    lanelet = min(on.lanelets, key=lambda each: _gap(spot, each), default=None)
+    lanelet = min(intersection_map.lanelets, key=lambda each: _gap(spot, each), default=None)
     if lanelet is None or lanelet.leg is None:
         return "in the junction"
     return f"on the {lanelet.leg} leg"

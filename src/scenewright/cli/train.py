@@ -24,12 +24,12 @@ def train_refiner(
     Raises:
         InputError: no such intersection, no such corpus, or a place that cannot be written.
     """
-    from scenewright.intersections import bundle_folder
+    from scenewright.intersections import find_bundle_folder
     from scenewright.tools.track_io import load_recordings
     from scenewright.tools.trajnet_refiner.bundle_training import out_folder, train_bundle
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
-    bundle_folder(name)
+    find_bundle_folder(name)
     recordings = load_recordings(corpus)
     changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
     recipe = RECIPE.model_copy(update=changed)

@@ -55,8 +55,8 @@ def _version(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
     from scenewright.cli.scene_summary import summary
     from scenewright.intersections import load_map
 
-    on = load_map(shown.record.meta.intersection)
-    first, *rest = summary(shown.record, shown.proof, on)
+    intersection_map = load_map(shown.record.meta.intersection)
+    first, *rest = summary(shown.record, shown.proof, intersection_map)
     branch = f" on branch {reply['branch']}" if "branch" in reply else ""
     lines = [(GOOD, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]
     if reply["kind"] == "made" and reply.get("from") is not None and reply["edits"]:

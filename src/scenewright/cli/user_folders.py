@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scenewright.intersections import data_folder
+from scenewright.intersections import find_data_folder
 
 
 def threads_file(told: str | None) -> Path:
     """The file of threads: the one named, else that of the data folder."""
-    return Path(told) if told else data_folder() / "threads.sqlite"
+    return Path(told) if told else find_data_folder() / "threads.sqlite"
 
 
 def memory_file() -> Path:
     """The file of episodes."""
-    return data_folder() / "memory.jsonl"
+    return find_data_folder() / "memory.jsonl"

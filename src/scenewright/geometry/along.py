@@ -6,17 +6,17 @@ import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import Path, evenly
+from scenewright.scene.candidates import Path, sample_evenly
 
 
-def poses_along(path: Path, s: FloatArray) -> FloatArray:
+def sample_poses(path: Path, s: FloatArray) -> FloatArray:
     """[N, 3] x, y [m] and heading [rad] at arc lengths [m], in any order; held at both ends."""
     return _poses(s, path.s, path.xy, path.heading)
 
 
-def nodes_along(path: Path, spacing: float) -> FloatArray:
+def sample_nodes(path: Path, spacing: float) -> FloatArray:
     """[N] arc lengths [m] from 0 to the very end, about `spacing` apart."""
-    return evenly(path.length, max(2, round(path.length / spacing) + 1))
+    return sample_evenly(path.length, max(2, round(path.length / spacing) + 1))
 
 
 @compiled

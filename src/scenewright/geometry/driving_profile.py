@@ -20,9 +20,9 @@ from operator import itemgetter
 import numpy as np
 
 from scenewright.compiled import compiled
-from scenewright.geometry.along import poses_along
+from scenewright.geometry.along import sample_poses
 from scenewright.scene.base import FloatArray, frozen
-from scenewright.scene.candidates import Candidate, Path, TimeLaw
+from scenewright.scene.candidates import Candidate, DrivingProfile, Path
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP, Track
 
@@ -36,7 +36,7 @@ _CREEP = 0.05
 
 
 @dataclass(frozen=True)
-class Hold:
+class StopCommand:
     """A standstill: the centre stays at arc length `s` [m] until `release`.
 
     Attributes:
@@ -91,44 +91,56 @@ class Motion:
         return replace(self, s=self.s[: steps + 1], ended=True)
 
 
-def move(
-    candidate: Candidate, *, holds: tuple[Hold, ...] = (), slowings: tuple[Slowing, ...] = ()
+def compute_motion(
+    candidate: Candidate, *, holds: tuple[StopCommand, ...] = (), slowings: tuple[Slowing, ...] = ()
 ) -> Motion:
     """The candidate in motion; hold releases are in local time (0 = enters the map)."""
     return _moved(
         candidate,
-        tuple(Hold(h.s, round(h.release, 6), h.braking, h.speed) for h in holds),
+        tuple(StopCommand(h.s, round(h.release, 6), h.braking, h.speed) for h in holds),
         slowings,
     )
 
 
 @lru_cache(maxsize=1024)
-def _moved(candidate: Candidate, holds: tuple[Hold, ...], slowings: tuple[Slowing, ...]) -> Motion:
+def _moved(
+    candidate: Candidate, holds: tuple[StopCommand, ...], slowings: tuple[Slowing, ...]
+) -> Motion:
     """Solver, summary and editor ask for the same motions; candidates are known by identity."""
     law = candidate.time_law
     nodes, held = candidate.path.s, _table_of_holds(holds, law)
     return Motion(
         candidate,
-        _driven(nodes, speed_limit(candidate), held, _table_of(slowings), law.acceleration),
+        _driven(
+            nodes,
+            compute_squared_speed_limit(candidate),
+            held,
+            _table_of(slowings),
+            law.acceleration,
+        ),
     )
 
 
-def arrival(candidate: Candidate, hold: Hold, earlier: tuple[Hold, ...] = ()) -> float:
+def compute_arrival(
+    candidate: Candidate, hold: StopCommand, earlier: tuple[StopCommand, ...] = ()
+) -> float:
     """Local time [s] at which the candidate comes to a standstill at `hold`."""
     law = candidate.time_law
     held = _table_of_holds((*earlier, hold), law)
-    return _arriving(candidate.path.s, speed_limit(candidate), held, law.acceleration, hold.s)
+    return _arriving(
+        candidate.path.s, compute_squared_speed_limit(candidate), held, law.acceleration, hold.s
+    )
 
 
 @lru_cache(maxsize=1024)
-def speed_limit(candidate: Candidate) -> FloatArray:
+def compute_squared_speed_limit(candidate: Candidate) -> FloatArray:
     """[P] squared free speed: the law's speed, less in curves, reached with its own rates."""
     path, law = candidate.path, candidate.time_law
     limit = _limit(path.s, path.curvature, law.speed, law.lateral, law.acceleration, law.braking)
     return frozen(limit)  # kept, so nobody may write to it
 
 
-def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
+def sample_track(motion: Motion, *, enters: float, until: float) -> Track | None:
     """The motion as a track of scene time, cut to [0, until]; None if nothing of it remains.
 
     Args:
@@ -139,7 +151,7 @@ def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
     last = min(len(motion.s) - 1, round((until - enters) / STEP))
     if last - first < 1:
         return None
-    poses = poses_along(motion.path, motion.s[first : last + 1])
+    poses = sample_poses(motion.path, motion.s[first : last + 1])
     start = round(enters + first * STEP, 1)
     return Track(xy=poses[:, :2].round(3), heading=poses[:, 2], start=start)
 
@@ -147,7 +159,7 @@ def track_of(motion: Motion, *, enters: float, until: float) -> Track | None:
 _NOWHERE = np.empty((0, 4))
 
 
-def _table_of_holds(holds: tuple[Hold, ...], law: TimeLaw) -> FloatArray:
+def _table_of_holds(holds: tuple[StopCommand, ...], law: DrivingProfile) -> FloatArray:
     """[N, 4] place [m], until when [s], braking [m/s^2] and speed there [m/s], by place."""
     if not holds:
         return _NOWHERE

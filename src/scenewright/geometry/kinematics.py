@@ -38,14 +38,14 @@ class Kinematics:
         return len(self.speed)
 
 
-def kinematics(xy: FloatArray, *, smoothing: float = 0.0) -> Kinematics:
+def compute_kinematics(xy: FloatArray, *, smoothing: float = 0.0) -> Kinematics:
     """Speed, acceleration and jerk of positions [T, 2] every 0.1 s; T' = max(T - 10, 0).
 
     Args:
         smoothing: standard deviation of a Gaussian over time that goes over the positions first
             [s]; 0 for none. Two of them more are left out at either end where it is used.
     """
-    xy, cut = smoothed(xy, smoothing), edge_of(smoothing)
+    xy, cut = smooth(xy, smoothing), count_edge_samples(smoothing)
     speed = np.hypot(*((xy[2:] - xy[:-2]) / (2 * STEP)).T)
     acceleration = _rate(speed)
     jerk = _rate(acceleration)
@@ -58,7 +58,7 @@ def kinematics(xy: FloatArray, *, smoothing: float = 0.0) -> Kinematics:
     )
 
 
-def edge_of(smoothing: float) -> int:
+def count_edge_samples(smoothing: float) -> int:
     """Samples at either end that lack half their smoothing."""
     return max(int(np.ceil(2 * smoothing / STEP - 1e-9)), 0)
 
@@ -73,7 +73,7 @@ def _rate(values: FloatArray) -> FloatArray:
     return np.asarray((values[4:] + values[3:-1] - values[1:-3] - values[:-4]) / (6 * STEP))
 
 
-def smoothed(xy: FloatArray, smoothing: float) -> FloatArray:
+def smooth(xy: FloatArray, smoothing: float) -> FloatArray:
     """Positions under a Gaussian; beyond the ends the way goes on as it was (odd reflection).
 
     Args:
@@ -82,7 +82,7 @@ def smoothed(xy: FloatArray, smoothing: float) -> FloatArray:
     from scipy import ndimage
 
     filters: Any = ndimage
-    width = edge_of(smoothing) * 2
+    width = count_edge_samples(smoothing) * 2
     if smoothing <= 0 or len(xy) < 2:
         return xy
     padded = np.pad(xy, ((width, width), (0, 0)), mode="reflect", reflect_type="odd")

@@ -10,7 +10,7 @@ from operator import itemgetter
 import numpy as np
 
 from scenewright.compiled import compiled
-from scenewright.geometry.map_areas import Ground, Visit
+from scenewright.geometry.map_areas import MapAreas, Visit
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.candidates import Candidate, Path
 from scenewright.scene.map import IntersectionMap
@@ -56,25 +56,27 @@ class Landmarks:
 
 
 @lru_cache(maxsize=512)
-def landmarks(candidate: Candidate, *, ground: Ground) -> Landmarks:
+def find_landmarks(candidate: Candidate, *, ground: MapAreas) -> Landmarks:
     """The landmarks on a candidate's path; candidates are known by identity."""
-    route, on = candidate.route, ground.on
-    visits = ground.on_crosswalks(candidate.path.xy)
-    crossed, group = _crosswalks(candidate, visits), on.signal_group_of(route)
+    route, intersection_map = candidate.route, ground.intersection_map
+    visits = ground.find_crosswalk_visits(candidate.path.xy)
+    crossed, group = _crosswalks(candidate, visits), intersection_map.signal_group_of(route)
     if route.type == "vehicle":
-        line = _stop_line(candidate, on)
-        return Landmarks(line, crossed, group, left_hand=on.left_hand_traffic)
+        line = _stop_line(candidate, intersection_map)
+        return Landmarks(line, crossed, group, left_hand=intersection_map.left_hand_traffic)
     if route.movement == "jaywalking":
-        return Landmarks(_kerb(candidate, on), crossed, group)
+        return Landmarks(_kerb(candidate, intersection_map), crossed, group)
     own = f"{route.crosswalk}:crosswalk"
     line = next((begins for name, begins, _ in crossed if name == own), None)
     steps_on = sum(each.steps_on for each in visits if each.crosswalk == own)
     return Landmarks(line, crossed, group, None if line is None else own, steps_on)
 
 
-def _stop_line(candidate: Candidate, on: IntersectionMap) -> float | None:
-    movement = on.movement_of(candidate.route)
-    stop = next((s for s in on.stop_lines if movement and s.id == movement.stop_line), None)
+def _stop_line(candidate: Candidate, intersection_map: IntersectionMap) -> float | None:
+    movement = intersection_map.movement_of(candidate.route)
+    stop = next(
+        (s for s in intersection_map.stop_lines if movement and s.id == movement.stop_line), None
+    )
     if stop is None:
         return None
     at = _crossing(candidate.path, stop.line)
@@ -116,10 +118,10 @@ def _crosswalks(
     return tuple(sorted(found, key=itemgetter(1)))
 
 
-def _kerb(candidate: Candidate, on: IntersectionMap) -> float | None:
+def _kerb(candidate: Candidate, intersection_map: IntersectionMap) -> float | None:
     """Where a jaywalker steps onto the roadway: the leg's kerb line, as its crosswalk has it."""
     leg = candidate.route.crosswalk
-    crosswalk = next((each for each in on.crosswalks if each.leg == leg), None)
+    crosswalk = next((each for each in intersection_map.crosswalks if each.leg == leg), None)
     if crosswalk is None:
         return None
     a, b = np.array(crosswalk.centreline[0]), np.array(crosswalk.centreline[1])

@@ -33,29 +33,31 @@ class Visit:
     steps_on: int
 
 
-class Ground:
+class MapAreas:
     """Where agents may be, on one map.
 
     Attributes:
-        on: the map.
+        intersection_map: the map.
     """
 
-    def __init__(self, on: IntersectionMap) -> None:
-        self.on = on
-        crosswalks = [geos.Polygon(each.polygon) for each in on.crosswalks]
-        self._crosswalks = [each.id for each in on.crosswalks]
-        self._corners, self._ends, self._boxes = _strung(each.polygon for each in on.crosswalks)
-        self._road = _union(on.road)
-        self._walkable = geos.union_all([_union(on.walkable), *crosswalks])
+    def __init__(self, intersection_map: IntersectionMap) -> None:
+        self.intersection_map = intersection_map
+        crosswalks = [geos.Polygon(each.polygon) for each in intersection_map.crosswalks]
+        self._crosswalks = [each.id for each in intersection_map.crosswalks]
+        self._corners, self._ends, self._boxes = _strung(
+            each.polygon for each in intersection_map.crosswalks
+        )
+        self._road = _union(intersection_map.road)
+        self._walkable = geos.union_all([_union(intersection_map.walkable), *crosswalks])
         for area in (self._road, self._walkable):
             geos.prepare(area)
 
     def trimmed(self, path: Path) -> Path:
         """The path without the ends that lie beyond the edge of the map."""
         away = np.abs(path.xy)
-        if away.max() <= self.on.extent:
+        if away.max() <= self.intersection_map.extent:
             return path
-        inside = np.nonzero(away.max(axis=1) <= self.on.extent)[0]
+        inside = np.nonzero(away.max(axis=1) <= self.intersection_map.extent)[0]
         if len(inside) < _SHORTEST or len(inside) == len(path.s):
             return path
         keep = slice(inside[0], inside[-1] + 1)
@@ -70,7 +72,7 @@ class Ground:
         """Share of points [N, 2] on walkable area or a crosswalk."""
         return _share(geos.contains_xy(self._walkable, xy))
 
-    def on_crosswalks(self, xy: FloatArray) -> list[Visit]:
+    def find_crosswalk_visits(self, xy: FloatArray) -> list[Visit]:
         """The crosswalks that any of the points [N, 2] of a path lies on, in the map's order."""
         visits = _visits(xy, self._corners, self._ends, self._boxes).tolist()
         each = zip(self._crosswalks, visits, strict=True)

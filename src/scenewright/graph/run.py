@@ -21,16 +21,16 @@ from pydantic_core import PydanticSerializationError
 from scenewright.backends import Backend, Call, Named, load_backend
 from scenewright.errors import InputError, ScenewrightError, Unsatisfiable
 from scenewright.files import write_atomically
-from scenewright.geometry.map_areas import Ground
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
 from scenewright.nodes.wording import Recall, nothing_recalled
 from scenewright.scene.events import Event, Finding, Proof
-from scenewright.scene.frozen_agents import Pins
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.relations import pattern_named
+from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.dsl_validator.parse import format_clause
@@ -102,7 +102,7 @@ def synthesize(
     selection: Mode = "draw",
     previous: str | None = None,
     planned: SocialGraph | None = None,
-    pinned: Pins | None = None,
+    pinned: FrozenAgents | None = None,
     budgets: Budgets | None = None,
     recall: Recall | None = None,
     lenient: bool = False,
@@ -289,14 +289,14 @@ def proof_bytes(proof: Proof) -> bytes:
     return json_bytes(proof.model_dump(mode="json", by_alias=True))
 
 
-_grounds: dict[str, Ground] = {}
+_grounds: dict[str, MapAreas] = {}
 
 
-def ground_of(name: str) -> Ground:
+def ground_of(name: str) -> MapAreas:
     """Map and prepared areas of a bundle as it is now; InputError if there is none so named."""
     place, known = load_map(name), _grounds.get(name)
-    if known is None or known.on is not place:
-        known = _grounds[name] = Ground(place)
+    if known is None or known.intersection_map is not place:
+        known = _grounds[name] = MapAreas(place)
     return known
 
 
@@ -436,7 +436,7 @@ def _optimality(selection: Selection, mode: Mode) -> dict[str, Any]:
 
 def _leaf(pattern: str) -> str:
     """Where a pattern stands in the taxonomy (paper 3.1)."""
-    found = pattern_named(pattern)
+    found = get_pattern(pattern)
     return f"{found.theme} / {found.subtype} / {found.id}"
 
 

@@ -15,7 +15,7 @@ from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.events import Proof
-from scenewright.scene.frozen_agents import Pins
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.refinement import Refinement
@@ -41,7 +41,7 @@ class SceneState(TypedDict, total=False):
     instruction: str
     previous: str | None
     planned: SocialGraph | None
-    pinned: Pins | None
+    pinned: FrozenAgents | None
     social_graph: SocialGraph
     grounding: Grounding
     candidates: CandidateSet

@@ -10,7 +10,7 @@ K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
 
 
-class Recent(Generic[K, V]):
+class RecentCache(Generic[K, V]):
     """The last values by key, each as long as what else it was made from is the same object.
 
     For what `functools.lru_cache` does not do: maps and relation files are slow to hash, or cannot

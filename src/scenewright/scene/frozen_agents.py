@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.behavior import Segment
-from scenewright.scene.grounding import CastPattern
+from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.map import Route
 from scenewright.scene.selection import PlannedEvent, SelectedAgent
 from scenewright.scene.track import Track
 
 
 @dataclass(frozen=True, eq=False)
-class EarlierAgent:
+class PreviousAgent:
     """One agent of an earlier version.
 
     Attributes:
@@ -29,7 +29,7 @@ class EarlierAgent:
 
 
 @dataclass(frozen=True, eq=False)
-class Earlier:
+class PreviousVersion:
     """The products of a verified version that a later one can be built on.
 
     Attributes:
@@ -40,8 +40,8 @@ class Earlier:
         events: what the selection brings about.
     """
 
-    agents: Mapping[str, EarlierAgent]
-    patterns: tuple[CastPattern, ...]
+    agents: Mapping[str, PreviousAgent]
+    patterns: tuple[AssignedPattern, ...]
     hour: float
     duration: float
     signal_offset: float | None
@@ -54,7 +54,7 @@ class Earlier:
 
 
 @dataclass(frozen=True, eq=False)
-class Pins:
+class FrozenAgents:
     """How firmly agents of an earlier version stay while the scene is solved again.
 
     Attributes:
@@ -70,14 +70,14 @@ class Pins:
         pace: share of the drawn free speed by name, where somebody was told to be slower or faster.
     """
 
-    earlier: Earlier
+    earlier: PreviousVersion
     background: Mapping[AgentClass, int]
     hour: float
     fixed: Mapping[str, SelectedAgent] = field(default_factory=dict)
     same: frozenset[str] = frozenset()
     placed: Mapping[str, SelectedAgent] = field(default_factory=dict)
     offered: Mapping[str, SelectedAgent] = field(default_factory=dict)
-    patterns: Mapping[int, CastPattern] = field(default_factory=dict)
+    patterns: Mapping[int, AssignedPattern] = field(default_factory=dict)
     lights: bool = True
     pace: Mapping[str, float] = field(default_factory=dict)
 
@@ -99,13 +99,13 @@ class Pins:
         fresh = (name for name in names if name not in kept)
         return kept | {name: number for number, name in enumerate(fresh, start=following)}
 
-    def without(self, names: Collection[str]) -> Pins:
+    def without(self, names: Collection[str]) -> FrozenAgents:
         """The same, but these do not stay."""
         fixed = {name: agent for name, agent in self.fixed.items() if name not in names}
         return replace(self, fixed=fixed, same=self.same - set(names))
 
 
-def unedited(agent: SelectedAgent) -> SelectedAgent:
+def without_edits(agent: SelectedAgent) -> SelectedAgent:
     """The agent as it would go if nobody were there: only its red lights hold it."""
     stops = tuple(each for each in agent.stops if each.at_red)
     return replace(agent, stops=stops, slowings=(), contact=None)

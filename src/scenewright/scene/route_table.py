@@ -15,7 +15,7 @@ WAY_FIELDS = ("exit", "movement", "entry", "crosswalk")
 
 
 @dataclass(frozen=True)
-class Way:
+class RouteDescription:
     """A way through the intersection."""
 
     type: AgentClass
@@ -24,35 +24,36 @@ class Way:
     movement: str
     crosswalk: str | None = None
 
-    def goes_with(self, kind: str, told: Mapping[str, Any]) -> bool:
+    def matches_route(self, kind: str, told: Mapping[str, Any]) -> bool:
         """Whether somebody of that class of whom this is told, or left open, may take it."""
         return self.type == kind and all(
             told.get(field) in (None, getattr(self, field)) for field in WAY_FIELDS
         )
 
 
-def ways_of(on: IntersectionMap) -> tuple[Way, ...]:
+def describe_routes(intersection_map: IntersectionMap) -> tuple[RouteDescription, ...]:
     """Every way of a map."""
     return tuple(
-        Way(each.type, each.entry, each.exit, each.movement, each.crosswalk) for each in on.routes
+        RouteDescription(each.type, each.entry, each.exit, each.movement, each.crosswalk)
+        for each in intersection_map.routes
     )
 
 
-def _four_legs() -> tuple[Way, ...]:
+def _four_legs() -> tuple[RouteDescription, ...]:
     ring = ("north", "east", "south", "west")
     turns = {"left": 1, "straight": 2, "right": 3}
     driven = [
-        Way("vehicle", entry, ring[(at + turn) % 4], name)
+        RouteDescription("vehicle", entry, ring[(at + turn) % 4], name)
         for at, entry in enumerate(ring)
         for name, turn in turns.items()
     ]
     walked = [
-        Way("pedestrian", ring[(at + side) % 4], ring[(at - side) % 4], movement, leg)
+        RouteDescription("pedestrian", ring[(at + side) % 4], ring[(at - side) % 4], movement, leg)
         for at, leg in enumerate(ring)
         for side in (1, -1)
         for movement in ("crossing", "jaywalking")
     ]
-    turned = [Way("vehicle", entry, entry, "uturn") for entry in ring]
+    turned = [RouteDescription("vehicle", entry, entry, "uturn") for entry in ring]
     return (*driven, *turned, *walked)
 
 
@@ -60,8 +61,8 @@ FOUR_LEGS = _four_legs()
 """Where no map is named: a crossing of two roads that run to the four compass points."""
 
 
-def with_what_goes(
-    kind: str, was: Mapping[str, Any], told: Mapping[str, Any], ways: Sequence[Way]
+def resolve_route(
+    kind: str, was: Mapping[str, Any], told: Mapping[str, Any], ways: Sequence[RouteDescription]
 ) -> dict[str, Any] | None:
     """What is told of somebody's way, and of the way before as much as goes with that.
 
@@ -76,6 +77,6 @@ def with_what_goes(
         for gone in combinations(kept, many):
             found = {field: was.get(field) for field in WAY_FIELDS}
             found |= dict.fromkeys(gone) | dict(told)
-            if any(way.goes_with(kind, found) for way in ways):
+            if any(way.matches_route(kind, found) for way in ways):
                 return found
     return None

@@ -16,7 +16,7 @@ Quantiles = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class Manners:
+class YieldingBehavior:
     """What was seen of those of one class who gave way to those of another.
 
     Attributes:
@@ -38,10 +38,10 @@ class Manners:
     reacts: Quantiles
 
 
-Habits = Mapping[tuple[AgentClass, AgentClass], Manners]
+Habits = Mapping[tuple[AgentClass, AgentClass], YieldingBehavior]
 """By class of who gives way and of who is let pass."""
 
 
-def drawn(quantiles: Quantiles, rng: np.random.Generator) -> float:
+def sample_quantiles(quantiles: Quantiles, rng: np.random.Generator) -> float:
     """One value: between the quantiles evenly, none beyond the outermost."""
     return float(np.interp(rng.uniform(LEVELS[0], LEVELS[-1]), LEVELS, quantiles))

@@ -67,17 +67,19 @@ def record_intersection(
     write_atomically(path, memory.drain_as_bytes())
 
 
-def _log_legs(stream: rr.RecordingStream, on: IntersectionMap) -> None:
+def _log_legs(stream: rr.RecordingStream, intersection_map: IntersectionMap) -> None:
     """Every leg's name where it leaves the map."""
     import rerun as rr
 
-    ways = [np.array([np.cos(leg.bearing), np.sin(leg.bearing)]) for leg in on.legs]
-    places = np.array([0.92 * on.extent * way for way in ways])
+    ways = [np.array([np.cos(leg.bearing), np.sin(leg.bearing)]) for leg in intersection_map.legs]
+    places = np.array([0.92 * intersection_map.extent * way for way in ways])
     stream.log(
         "map/legs",
         rr.Points3D(
             _raised(places, _HEIGHTS["names"]),
-            labels=[printable(f"{leg.name}: {leg.road}", limit=80) for leg in on.legs],
+            labels=[
+                printable(f"{leg.name}: {leg.road}", limit=80) for leg in intersection_map.legs
+            ],
             colors=_INK,
             radii=0.6,
             show_labels=True,
@@ -86,11 +88,11 @@ def _log_legs(stream: rr.RecordingStream, on: IntersectionMap) -> None:
     )
 
 
-def _log_movements(stream: rr.RecordingStream, on: IntersectionMap) -> None:
+def _log_movements(stream: rr.RecordingStream, intersection_map: IntersectionMap) -> None:
     """The middle of every movement, in the colour of its turn, arrowed where it leaves."""
     import rerun as rr
 
-    for each in on.movements:
+    for each in intersection_map.movements:
         line = np.array(each.centreline)
         colour = rgb(_TURNS[each.turn])
         name = _path("movements", each.id)
@@ -119,12 +121,12 @@ def _log_curves(
         stream.log(path, rr.LineStrips3D(strips, colors=colour, radii=radius), static=True)
 
 
-def _page(on: IntersectionMap, facts: Sequence[str]) -> str:
-    lines = [f"### {_escaped(printable(on.title, limit=200))}", ""]
+def _page(intersection_map: IntersectionMap, facts: Sequence[str]) -> str:
+    lines = [f"### {_escaped(printable(intersection_map.title, limit=200))}", ""]
     return "\n".join([*lines, *(f"- {_escaped(printable(each, limit=400))}" for each in facts)])
 
 
-def _blueprint(on: IntersectionMap) -> rrb.Blueprint:
+def _blueprint(intersection_map: IntersectionMap) -> rrb.Blueprint:
     """The plan from above, north up, and the facts beside it."""
     import rerun.blueprint as rrb
 
@@ -136,7 +138,7 @@ def _blueprint(on: IntersectionMap) -> rrb.Blueprint:
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=(0.0, 0.0, 2.4 * on.extent),
+            position=(0.0, 0.0, 2.4 * intersection_map.extent),
             look_target=(0.0, 0.0, 0.0),
             eye_up=(0.0, 1.0, 0.0),
         ),

@@ -30,7 +30,7 @@ from scenewright.scene.constraints import (
     TimeGap,
 )
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.relations import Pattern, patterns
+from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.tools.dsl_validator.parse import MAX_BYTES, MAX_CLAUSES, format_program, parse
 
 EVERY_CLAUSE = """
@@ -259,7 +259,7 @@ def test_size_is_limited() -> None:
     assert len(parse("runs_red(vehicle-1);" * MAX_CLAUSES).clauses) == MAX_CLAUSES
 
 
-@pytest.mark.parametrize("pattern", patterns(), ids=lambda pattern: pattern.id)
+@pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_the_clauses_of_every_relation_are_programs(pattern: Pattern) -> None:
     first, second = f"{pattern.from_.type}-1", f"{pattern.to.type}-2"
     lines = [pattern.filled(line, from_=first, to=second) for line in pattern.clauses]

@@ -7,7 +7,7 @@ import pytest
 
 import map_files
 from scenewright.errors import InputError
-from scenewright.intersections import FORMAT, bundle_folder, check_bundle, load_map
+from scenewright.intersections import FORMAT, check_bundle, find_bundle_folder, load_map
 from scenewright.scene.candidates import K
 from scenewright.tools.fitting.custom_bundle import open_own, write_own
 from scenewright.tools.fitting.derive_priors import derived_priors
@@ -211,7 +211,7 @@ def test_damaged_priors_and_ways_are_refused(bundle):
 
 
 def test_shipped_bundles_match_their_checksums():
-    check_bundle(bundle_folder("amsterdam_120"))
+    check_bundle(find_bundle_folder("amsterdam_120"))
 
 
 def write_csv(file, rows, header="t,id,class,x,y"):

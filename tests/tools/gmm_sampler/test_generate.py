@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenewright.intersections import load_map
-from scenewright.scene.relations import patterns
+from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import (
     AgentNode,
     Background,
@@ -45,8 +45,10 @@ def graph_of(relation="near_miss", *, kind=None, **context) -> SocialGraph:
 
 def pool_of(graph, *, seed=0, hour=12.0, size=6):
     rng = np.random.default_rng(seed)
-    cast = cast_foreground(graph, ground(graph, on=ON), PRIORS, on=ON, hour=hour, rng=rng)
-    return amplify(graph, cast, PRIORS, on=ON, hour=hour, size=size, rng=rng)
+    cast = cast_foreground(
+        graph, ground(graph, intersection_map=ON), PRIORS, intersection_map=ON, hour=hour, rng=rng
+    )
+    return amplify(graph, cast, PRIORS, intersection_map=ON, hour=hour, size=size, rng=rng)
 
 
 def counts(graph, seed, hour=12.0):
@@ -201,7 +203,7 @@ def test_a_lane_change_begins_on_its_own_lane_and_ends_on_the_others():
 def test_who_drifts_leaves_its_lane_for_the_others(kind):
     pool = pool_of(graph_of("collide_at", kind=kind))
     [played] = pool.cast.patterns
-    assert played.pattern in {pattern.id for pattern in patterns() if pattern.kind == kind}
+    assert played.pattern in {pattern.id for pattern in load_patterns() if pattern.kind == kind}
     drifting, other = pool.agents[played.from_], pool.agents[played.to]
 
     def away(waypoints) -> float:

@@ -9,23 +9,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenewright.errors import InputError
-from scenewright.intersections import bundle_folder, load_map
-from scenewright.scene.candidates import K, TimeLaw
+from scenewright.intersections import find_bundle_folder, load_map
+from scenewright.scene.candidates import DrivingProfile, K
 from scenewright.tools.fitting.build_bundle import build_bundle
 from scenewright.tools.fitting.fit_priors import FLOOR, counts_of, fit_waypoints
 from scenewright.tools.gmm_sampler import (
     CountPrior,
+    DrivingProfilePrior,
     Priors,
-    TimeLawPrior,
     WaypointPrior,
+    compute_profile_nll,
     count_nll,
     load_priors,
     paths_of,
     sample_count,
-    sample_time_laws,
+    sample_driving_profiles,
     sample_waypoints,
     spline_path,
-    time_law_nll,
     total_mass,
     waypoint_nll,
 )
@@ -163,28 +163,30 @@ def test_jaywalkers_cross_outside_the_crosswalk(place, priors):
 
 def test_time_laws_stay_in_comfort_and_their_density_integrates_to_one(priors):
     route = "vehicle:north>west:right"
-    laws = sample_time_laws(priors, route, np.random.default_rng(4), size=500)
+    laws = sample_driving_profiles(priors, route, np.random.default_rng(4), size=500)
     assert all(law.acceleration <= 2.5 and law.braking <= 3 and law.lateral <= 3 for law in laws)
     assert 7 < np.median([law.speed for law in laws]) < 12
     prior = priors.time_laws[route]
     axes = [np.linspace(a, b, 41) for a, b in zip(prior.low, prior.high, strict=True)]
     centre = [float(x) for x in prior.median]
-    speeds = [TimeLaw(float(v), *centre[1:]) for v in axes[0]]
-    joint = np.exp(-time_law_nll(priors, route, speeds))
-    other = [TimeLaw(centre[0], float(v), *centre[2:]) for v in axes[1]]
-    at_centre = math.exp(-time_law_nll(priors, route, [TimeLaw(*centre)])[0])
+    speeds = [DrivingProfile(float(v), *centre[1:]) for v in axes[0]]
+    joint = np.exp(-compute_profile_nll(priors, route, speeds))
+    other = [DrivingProfile(centre[0], float(v), *centre[2:]) for v in axes[1]]
+    at_centre = math.exp(-compute_profile_nll(priors, route, [DrivingProfile(*centre)])[0])
     marginal = np.trapezoid(joint, axes[0]) * np.trapezoid(
-        np.exp(-time_law_nll(priors, route, other)), axes[1]
+        np.exp(-compute_profile_nll(priors, route, other)), axes[1]
     )
     two = np.array([[centre[0], centre[1], x, y] for x in axes[2] for y in axes[3]])
-    rest = np.exp(-time_law_nll(priors, route, [TimeLaw(*map(float, row)) for row in two]))
+    rest = np.exp(
+        -compute_profile_nll(priors, route, [DrivingProfile(*map(float, row)) for row in two])
+    )
     rest = np.trapezoid(np.trapezoid(rest.reshape(41, 41), axes[3]), axes[2])
     assert marginal * rest / at_centre**2 == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_time_law_out_of_bounds_is_impossible(priors):
-    law = TimeLaw(speed=30.0, acceleration=2.0, braking=2.0, lateral=2.0)
-    assert time_law_nll(priors, "vehicle:north>south:straight", [law]) == np.inf
+    law = DrivingProfile(speed=30.0, acceleration=2.0, braking=2.0, lateral=2.0)
+    assert compute_profile_nll(priors, "vehicle:north>south:straight", [law]) == np.inf
 
 
 def test_counts_are_a_distribution_over_whole_numbers(priors):
@@ -229,7 +231,7 @@ def test_damaged_or_missing_priors_are_one_clear_line(tmp_path):
 
 
 def test_the_bundle_is_small_and_unpickled():
-    folder = bundle_folder(NAME)
+    folder = find_bundle_folder(NAME)
     assert sum(f.stat().st_size for f in folder.iterdir()) < 20e6
     for file in folder.glob("*.npz"):
         with np.load(file, allow_pickle=False) as stored:
@@ -317,7 +319,7 @@ def test_priors_hold_every_route(place, priors):
     assert isinstance(priors, Priors)
     wanted = {route.id for route in place.routes}
     assert set(priors.waypoints) == set(priors.time_laws) == wanted
-    assert all(isinstance(law, TimeLawPrior) for law in priors.time_laws.values())
+    assert all(isinstance(law, DrivingProfilePrior) for law in priors.time_laws.values())
 
 
 def test_building_refuses_what_it_cannot_do(tmp_path):

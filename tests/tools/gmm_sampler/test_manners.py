@@ -8,6 +8,23 @@ from itertools import islice
 
 import numpy as np
 import pytest
+
+from scenewright.errors import InputError
+from scenewright.geometry.landmarks import Landmarks
+from scenewright.intersections import find_bundle_folder
+from scenewright.scene.constraints import GivesWay, Headway
+from scenewright.scene.map import Route
+from scenewright.scene.yielding_behavior import LEVELS, YieldingBehavior, sample_quantiles
+from scenewright.tools.gmm_sampler.behavior_files import (
+    FILE,
+    Pace,
+    load_manners,
+    load_paces,
+    to_json,
+)
+from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior, paced
+from scenewright.tools.solver.foreground import Stage
+from scenewright.tools.solver.schedule import Staging
 from solver_actors import (
     BARE,
     CAR,
@@ -21,23 +38,6 @@ from solver_actors import (
     straight,
 )
 
-from scenewright.errors import InputError
-from scenewright.geometry.landmarks import Landmarks
-from scenewright.intersections import bundle_folder
-from scenewright.scene.constraints import GivesWay, Headway
-from scenewright.scene.map import Route
-from scenewright.scene.yielding_behavior import LEVELS, Manners, drawn
-from scenewright.tools.gmm_sampler.behavior_files import (
-    FILE,
-    Pace,
-    load_manners,
-    load_paces,
-    to_json,
-)
-from scenewright.tools.gmm_sampler.priors import TimeLawPrior, paced
-from scenewright.tools.solver.foreground import Stage
-from scenewright.tools.solver.schedule import Staging
-
 CAR_1, CAR_2 = "vehicle-1", "vehicle-2"
 EASTWARDS = candidate(straight((-60.0, 0.0), EAST, 120.0))
 NORTHWARDS = candidate(straight((0.0, -60.0), NORTH, 120.0), route=WESTBOUND, time_law=law(8.0))
@@ -49,7 +49,7 @@ def always(value: float) -> tuple[float, ...]:
     return (value,) * len(LEVELS)
 
 
-def manners(**told) -> Manners:
+def manners(**told) -> YieldingBehavior:
     usual = {
         "rolls": 0.0,
         "pace": always(0.2),
@@ -59,7 +59,7 @@ def manners(**told) -> Manners:
         "stands": always(2.5),
         "reacts": always(0.5),
     }
-    return Manners(**{**usual, **told})
+    return YieldingBehavior(**{**usual, **told})
 
 
 def stagings(habits, *, seed=0, clauses=(GIVES_WAY,), most=3):
@@ -169,7 +169,7 @@ def test_paces_are_read_as_they_were_written_and_move_the_laws(tmp_path):
     folder = _bundle(tmp_path, to_json({PAIR: manners()}, told))
     assert load_paces(folder) == told
     assert load_manners(folder) == {PAIR: manners()}
-    law = TimeLawPrior(*(np.array([1.2, 1.0, 1.0, 1.3]) * k for k in (1, 0.2, 0.5, 2)), 9)
+    law = DrivingProfilePrior(*(np.array([1.2, 1.0, 1.0, 1.3]) * k for k in (1, 0.2, 0.5, 2)), 9)
     laws = paced({"pedestrian:x": law, "vehicle:x": law}, told)
     assert laws["pedestrian:x"].median.tolist() == [1.2, 1.9, 1.8, 1.3]
     assert laws["vehicle:x"] is law
@@ -189,19 +189,19 @@ def test_paces_that_are_none_are_refused(tmp_path, pace):
 def test_draws_lie_between_the_outermost_quantiles():
     quantiles = tuple(float(k) for k in range(len(LEVELS)))
     rng = np.random.default_rng(0)
-    values = [drawn(quantiles, rng) for _ in range(300)]
+    values = [sample_quantiles(quantiles, rng) for _ in range(300)]
     assert 0.0 <= min(values) < 1.0
     assert len(LEVELS) - 2 < max(values) <= len(LEVELS) - 1
 
 
 def test_the_shipped_habits_roll_now_and_then():
-    habits = load_manners(bundle_folder("amsterdam_120"))
+    habits = load_manners(find_bundle_folder("amsterdam_120"))
     assert 0.05 < habits["vehicle", "pedestrian"].rolls < 0.3
     assert 0.05 < habits["vehicle", "vehicle"].rolls < 0.4
 
 
 def test_a_bundle_without_habits_borrows_the_shipped_ones(tmp_path):
-    assert load_manners(tmp_path) == load_manners(bundle_folder("amsterdam_120"))
+    assert load_manners(tmp_path) == load_manners(find_bundle_folder("amsterdam_120"))
 
 
 def _bundle(folder, text):

@@ -11,7 +11,7 @@ import pytest
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.scene.map import Route
-from scenewright.scene.relations import patterns
+from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
 from scenewright.tools.map_grounding.grounding import (
     casts,
@@ -40,13 +40,13 @@ def edge(relation, first, second, **more) -> RelationEdge:
 
 
 def open_to(agent) -> set[str]:
-    grounding = ground(SocialGraph(agents=(agent,)), on=ON)
+    grounding = ground(SocialGraph(agents=(agent,)), intersection_map=ON)
     return {route.id for route in grounding.routes[agent.id]}
 
 
 def drawn(graph, count=40, seed=0):
-    grounding = ground(graph, on=ON)
-    found = casts(graph, grounding, on=ON, rng=np.random.default_rng(seed))
+    grounding = ground(graph, intersection_map=ON)
+    found = casts(graph, grounding, intersection_map=ON, rng=np.random.default_rng(seed))
     return list(islice(found, count))
 
 
@@ -114,7 +114,7 @@ def test_no_such_way_is_told_in_words():
 )
 def test_routes_that_cannot_meet_so_are_told(agents, relation, words):
     with pytest.raises(Rejected) as refused:
-        ground(SocialGraph(agents=agents, relations=(relation,)), on=ON)
+        ground(SocialGraph(agents=agents, relations=(relation,)), intersection_map=ON)
     rejection = refused.value.rejection
     assert rejection.code == "ungroundable"
     assert rejection.agents == (relation.from_, relation.to)
@@ -130,7 +130,7 @@ def test_relations_possible_alone_but_not_together_are_told():
     )
     both = (edge("yield_to", CAR, WALKER), edge("yield_to", OTHER, WALKER))
     with pytest.raises(Rejected, match="does not fit together with the other relations"):
-        ground(SocialGraph(agents=agents, relations=both), on=ON)
+        ground(SocialGraph(agents=agents, relations=both), intersection_map=ON)
 
 
 def test_one_unplayable_relation_among_many_is_found_at_once():
@@ -139,7 +139,9 @@ def test_one_unplayable_relation_among_many_is_found_at_once():
     relations = [edge("near_miss", f"vehicle-{n}", f"vehicle-{n + 1}") for n in (1, 3, 5)]
     relations.append(edge("near_miss", "pedestrian-1", "pedestrian-2"))
     with pytest.raises(Rejected, match="pedestrian-1 near miss pedestrian-2"):
-        ground(SocialGraph(agents=(*cars, *walkers), relations=tuple(relations)), on=ON)
+        ground(
+            SocialGraph(agents=(*cars, *walkers), relations=tuple(relations)), intersection_map=ON
+        )
 
 
 def test_one_agents_relation_entails_the_others_routes():
@@ -162,17 +164,17 @@ def test_every_cast_keeps_to_the_grounding_and_to_its_pattern():
         agents=(vehicle(), vehicle(OTHER, entry="east"), pedestrian()),
         relations=(edge("near_miss", CAR, OTHER), edge("yield_to", OTHER, WALKER)),
     )
-    grounding = ground(graph, on=ON)
-    by_id = {pattern.id: pattern for pattern in patterns()}
+    grounding = ground(graph, intersection_map=ON)
+    by_id = {pattern.id: pattern for pattern in load_patterns()}
     for cast in drawn(graph):
         assert all(route in grounding.routes[name] for name, route in cast.routes.items())
         for played, relation in zip(cast.patterns, graph.relations, strict=True):
             pattern = by_id[played.pattern]
             assert pattern.relation == relation.type
             a, b = cast.routes[played.from_], cast.routes[played.to]
-            assert serves(pattern, a, b, on=ON)
+            assert serves(pattern, a, b, intersection_map=ON)
             assert {played.from_, played.to} == {relation.from_, relation.to}
-            if not green_together(a, b, on=ON) and pattern.violator:
+            if not green_together(a, b, intersection_map=ON) and pattern.violator:
                 assert played.violator is not None
 
 
@@ -189,13 +191,21 @@ def test_roles_of_a_directed_relation_are_never_swapped():
 
 def test_likelier_routes_come_first_more_often():
     graph = SocialGraph(agents=(vehicle(),))
-    grounding = ground(graph, on=ON)
+    grounding = ground(graph, intersection_map=ON)
 
     def weight(route: Route) -> float:
         return 50.0 if route.movement == "straight" else 1.0
 
     first = Counter(
-        next(casts(graph, grounding, on=ON, rng=np.random.default_rng(seed), weight=weight))
+        next(
+            casts(
+                graph,
+                grounding,
+                intersection_map=ON,
+                rng=np.random.default_rng(seed),
+                weight=weight,
+            )
+        )
         .routes[CAR]
         .movement
         for seed in range(100)
@@ -230,9 +240,9 @@ def test_patterns_fit_relation_and_classes():
         assert {pattern.from_.type, pattern.to.type} == {"vehicle", "pedestrian"}
 
 
-@pytest.mark.parametrize("pattern", patterns(), ids=lambda pattern: pattern.id)
+@pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_every_pattern_can_be_played_on_the_shipped_map(pattern):
-    assert any(serves(pattern, a, b, on=ON) for a, b in product(ON.routes, repeat=2))
+    assert any(serves(pattern, a, b, intersection_map=ON) for a, b in product(ON.routes, repeat=2))
 
 
 @pytest.mark.parametrize(
@@ -247,8 +257,8 @@ def test_every_pattern_can_be_played_on_the_shipped_map(pattern):
     ],
 )
 def test_green_together_is_read_off_the_programme(a, b, together):
-    assert green_together(ROUTES[a], ROUTES[b], on=ON) is together
-    assert green_together(ROUTES[b], ROUTES[a], on=ON) is together
+    assert green_together(ROUTES[a], ROUTES[b], intersection_map=ON) is together
+    assert green_together(ROUTES[b], ROUTES[a], intersection_map=ON) is together
 
 
 @pytest.mark.parametrize(
@@ -263,8 +273,8 @@ def test_green_together_is_read_off_the_programme(a, b, together):
     ],
 )
 def test_meets_is_whether_the_ways_cross(a, b, expected):
-    assert meets(ROUTES[a], ROUTES[b], on=ON) is expected
-    assert meets(ROUTES[b], ROUTES[a], on=ON) is expected
+    assert meets(ROUTES[a], ROUTES[b], intersection_map=ON) is expected
+    assert meets(ROUTES[b], ROUTES[a], intersection_map=ON) is expected
 
 
 def test_signals_and_movements_of_routes():
@@ -276,7 +286,7 @@ def test_signals_and_movements_of_routes():
     assert ON.movement_of(walk) is None
     unsignalised = ON.model_copy(update={"signals": None})
     assert unsignalised.signal_group_of(left) is None
-    assert green_together(left, ROUTES["vehicle:east>west:straight"], on=unsignalised)
+    assert green_together(left, ROUTES["vehicle:east>west:straight"], intersection_map=unsignalised)
 
 
 MINE = """
@@ -328,4 +338,6 @@ def test_a_pattern_that_the_edge_names_is_the_only_one_and_keeps_its_roles():
 def test_late_braking_needs_a_collision_or_a_near_miss() -> None:
     late = edge("yield_to", CAR, WALKER, cause="late_brake")
     with pytest.raises(Rejected, match="late_brake goes with collide_at or near_miss"):
-        ground(SocialGraph(agents=(vehicle(), pedestrian()), relations=(late,)), on=ON)
+        ground(
+            SocialGraph(agents=(vehicle(), pedestrian()), relations=(late,)), intersection_map=ON
+        )

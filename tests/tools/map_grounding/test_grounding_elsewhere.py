@@ -9,7 +9,7 @@ import pytest
 import map_files
 from scenewright import synthesize
 from scenewright.errors import Rejected
-from scenewright.scene.relations import pattern_named
+from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import AgentNode, SceneContext, SocialGraph
 from scenewright.tools.fitting.custom_bundle import write_own
 from scenewright.tools.fitting.derive_priors import derived_priors
@@ -30,21 +30,21 @@ def route(place, name):
 
 def test_in_left_hand_traffic_the_turn_across_oncoming_traffic_is_the_right_one(place):
     left_hand = place.model_copy(update={"left_hand_traffic": True})
-    pattern = pattern_named("left_turn_yields_to_oncoming")
+    pattern = get_pattern("left_turn_yields_to_oncoming")
     oncoming = route(place, "vehicle:south>north:straight")
     turns = {
         turn: route(place, f"vehicle:north>{to}:{turn}")
         for turn, to in (("left", "east"), ("right", "west"))
     }
-    assert serves(pattern, turns["left"], oncoming, on=place)
-    assert not serves(pattern, turns["left"], oncoming, on=left_hand)
+    assert serves(pattern, turns["left"], oncoming, intersection_map=place)
+    assert not serves(pattern, turns["left"], oncoming, intersection_map=left_hand)
 
 
 def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
-    pattern = pattern_named("follow_on_approach")
+    pattern = get_pattern("follow_on_approach")
     ahead = route(place, "vehicle:north>south:straight")
     turning = route(place, "vehicle:north>east:left")
-    assert serves(pattern, turning, ahead, on=place)
+    assert serves(pattern, turning, ahead, intersection_map=place)
     lanes = tuple(
         m.model_copy(update={"lanelets": tuple(f"other:{x}" for x in m.lanelets)})
         if m.id == "north>east:left"
@@ -52,7 +52,7 @@ def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
         for m in place.movements
     )
     parted = place.model_copy(update={"movements": lanes})
-    assert not serves(pattern, turning, ahead, on=parted)
+    assert not serves(pattern, turning, ahead, intersection_map=parted)
 
 
 needs_sumo = pytest.mark.skipif(
@@ -71,15 +71,15 @@ def test_on_five_legs_a_turn_goes_where_the_map_leads(tmp_path):
         relations=(),
         context=SceneContext(),
     )
-    assert ground(graph, on=five).routes["vehicle-1"]
+    assert ground(graph, intersection_map=five).routes["vehicle-1"]
     gone = five.model_copy(
         update={"routes": tuple(r for r in five.routes if r.id != "vehicle:south>west:left")}
     )
     if any(r.entry == "south" and r.movement == "left" for r in gone.routes):
-        assert ground(graph, on=gone).routes["vehicle-1"]
+        assert ground(graph, intersection_map=gone).routes["vehicle-1"]
     else:
         with pytest.raises(Rejected):
-            ground(graph, on=gone)
+            ground(graph, intersection_map=gone)
 
 
 @needs_sumo

@@ -96,7 +96,7 @@ def test_shows_agrees_with_the_clock(phases, time):
 @given(st.integers(0, 147).map(lambda n: n / 2), st.integers(20, 30))
 def test_the_plan_covers_the_scene_without_gaps_and_says_what_the_clock_says(offset, until):
     clock = SignalClock(ON.signals, offset)
-    records = plan_records(clock, on=ON, until=float(until))
+    records = plan_records(clock, intersection_map=ON, until=float(until))
     heads = {line.id for line in ON.stop_lines} | {each.id for each in ON.crosswalks}
     assert {r.stop_line or r.crosswalk for r in records} == heads
     group_of = {c: g.id for g in ON.signals.groups for c in g.crosswalks}

@@ -8,7 +8,7 @@ import pytest
 
 from scenewright.cli.main import main
 from scenewright.errors import InputError
-from scenewright.intersections import bundle_folder, load_map
+from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.track import STEP, Track, vehicle_shape
 from scenewright.tools.map_import.map_builder import PLANS
 from scenewright.tools.simulation.corpus import (
@@ -88,7 +88,7 @@ def quiet_hour():
     """The same hour as a recording and as trips."""
     pytest.importorskip("sumo")
     plan, place = PLANS[NAME], load_map(NAME)
-    demand = read_demand(bundle_folder(NAME) / "demand.json")
+    demand = read_demand(find_bundle_folder(NAME) / "demand.json")
     seed = hour_seeds(0)[2, 3]
     options = {"plan": plan, "place": place, "demand": demand}
     made = record_hour(2, 3, rng=np.random.default_rng(seed), **options)
@@ -154,7 +154,7 @@ def test_nobody_enters_the_junction_at_red(quiet_hour):
 
 def test_a_corpus_is_written_and_read(tmp_path, monkeypatch, capsys):
     pytest.importorskip("sumo")
-    from scenewright.tools.gmm_sampler import traffic
+    from scenewright.tools.simulation import corpus_recordings as traffic
 
     monkeypatch.setattr(traffic, "spread_hours", lambda _: [(2, 3)])
     out = tmp_path / "c.npz"

@@ -6,6 +6,14 @@ from itertools import islice
 
 import numpy as np
 import pytest
+
+from scenewright.scene.constraints import BrakesFor, TimeGap
+from scenewright.scene.track import STEP
+from scenewright.tools.solver.context import close_encounter
+from scenewright.tools.solver.foreground import Stage
+from scenewright.tools.solver.nearest_miss import Shortfalls
+from scenewright.tools.solver.schedule import Staging
+from scenewright.tools.solver.time_to_contact import closing
 from solver_actors import (
     BARE,
     CAR,
@@ -22,14 +30,6 @@ from solver_actors import (
     straight,
     walker,
 )
-
-from scenewright.scene.constraints import BrakesFor, TimeGap
-from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import close_encounter
-from scenewright.tools.solver.foreground import Stage
-from scenewright.tools.solver.nearest_miss import Shortfalls
-from scenewright.tools.solver.schedule import Staging
-from scenewright.tools.solver.time_to_contact import closing
 
 CAR_1, CAR_2, WALKER = "vehicle-1", "vehicle-2", "pedestrian-1"
 EASTWARDS = candidate(straight((-60.0, 0.0), EAST, 120.0))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from parties import (
     AWAY,
     EASTWARDS,
@@ -19,12 +20,11 @@ from parties import (
     option,
     parties,
 )
-from solver_actors import NORTH, actor, brute_offsets, straight, walker
-
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.background import Table, seat_in_turn
 from scenewright.tools.solver.safety_margin import Presence, forbidden_offsets
+from solver_actors import NORTH, actor, brute_offsets, straight, walker
 
 
 @given(parties())

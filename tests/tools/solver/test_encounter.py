@@ -9,6 +9,17 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from scenewright.geometry.driving_profile import StopCommand, compute_motion
+from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
+from scenewright.tools.solver.encounter import (
+    FOREVER,
+    close_nodes,
+    encounter,
+    footprint_clearance,
+    gap_to,
+    meeting_offsets,
+)
 from solver_actors import (
     CAR,
     EAST,
@@ -21,17 +32,6 @@ from solver_actors import (
     law,
     straight,
     walker,
-)
-
-from scenewright.geometry.driving_profile import Hold, move
-from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
-from scenewright.tools.solver.encounter import (
-    FOREVER,
-    close_nodes,
-    encounter,
-    footprint_clearance,
-    gap_to,
-    meeting_offsets,
 )
 
 CROSSING = (straight((-50.0, 0.0), EAST, 100.0), straight((0.0, -50.0), NORTH, 100.0))
@@ -102,8 +102,12 @@ def test_a_disc_beside_a_box(spot, expected):
 )
 def test_perpendicular_crossing_by_hand(v_a, v_b, long_a, long_b, wide_a, wide_b):
     """They overlap while a is within (L_a + W_b) / 2 of the middle, b within (L_b + W_a) / 2."""
-    a = move(candidate(CROSSING[0], time_law=law(v_a), shape=Shape("vehicle", long_a, wide_a)))
-    b = move(candidate(CROSSING[1], time_law=law(v_b), shape=Shape("vehicle", long_b, wide_b)))
+    a = compute_motion(
+        candidate(CROSSING[0], time_law=law(v_a), shape=Shape("vehicle", long_a, wide_a))
+    )
+    b = compute_motion(
+        candidate(CROSSING[1], time_law=law(v_b), shape=Shape("vehicle", long_b, wide_b))
+    )
     half_a, half_b = (long_a + wide_b) / 2, (long_b + wide_a) / 2
     low = (50 - half_a) / v_a - (50 + half_b) / v_b
     high = (50 + half_a) / v_a - (50 - half_b) / v_b
@@ -117,7 +121,7 @@ def test_perpendicular_crossing_by_hand(v_a, v_b, long_a, long_b, wide_a, wide_b
 
 
 def test_the_set_grows_with_the_clearance():
-    a, b = (move(candidate(path)) for path in CROSSING)
+    a, b = (compute_motion(candidate(path)) for path in CROSSING)
     widths = [float(np.ptp(offsets(a, b, c=c))) for c in (0.0, 0.5, 1.0, 2.0)]
     assert widths == sorted(widths)
     # 1 m on either side of both at 10 m/s
@@ -125,14 +129,14 @@ def test_the_set_grows_with_the_clearance():
 
 
 def test_in_one_lane_they_meet_unless_a_length_apart():
-    a = b = move(candidate(straight((0.0, 0.0), EAST, 100.0), time_law=law(8.0)))
+    a = b = compute_motion(candidate(straight((0.0, 0.0), EAST, 100.0), time_law=law(8.0)))
     [[low, high]] = offsets(a, b)
     assert (low, high) == pytest.approx((-CAR.length / 8, CAR.length / 8), abs=0.04)
 
 
 def test_roads_apart_never_meet():
-    a = move(candidate(straight((0.0, 0.0), EAST, 100.0)))
-    b = move(candidate(straight((0.0, 3.5), EAST, 100.0)))
+    a = compute_motion(candidate(straight((0.0, 0.0), EAST, 100.0)))
+    b = compute_motion(candidate(straight((0.0, 3.5), EAST, 100.0)))
     assert offsets(a, b).shape == (0, 2)
     assert offsets(a, b, c=1.5).shape == (0, 2)
     assert len(offsets(a, b, c=1.7))
@@ -140,8 +144,8 @@ def test_roads_apart_never_meet():
 
 
 def test_who_stands_in_the_way_is_met_for_as_long():
-    car, other = candidate(CROSSING[0]), move(candidate(CROSSING[1]))
-    held = move(car, holds=(Hold(50.0, release=40.0),))
+    car, other = candidate(CROSSING[0]), compute_motion(candidate(CROSSING[1]))
+    held = compute_motion(car, holds=(StopCommand(50.0, release=40.0),))
     half = (CAR.length + CAR.width) / 2
     met = offsets(held, other)
     into, out = (50 - half) / 10, (50 + half) / 10
@@ -154,8 +158,8 @@ def test_who_stands_in_the_way_is_met_for_as_long():
 
 
 def test_a_wreck_stays_in_the_way_for_good():
-    wreck = move(candidate(CROSSING[0])).cut(50)
-    other = move(candidate(CROSSING[1]))
+    wreck = compute_motion(candidate(CROSSING[0])).cut(50)
+    other = compute_motion(candidate(CROSSING[1]))
     met = offsets(wreck, other, exact=False)
     assert gap_to(met, 300.0) == 0.0
     assert gap_to(met, FOREVER / 2) == 0.0
@@ -163,8 +167,8 @@ def test_a_wreck_stays_in_the_way_for_good():
 
 
 def test_who_ends_before_the_crossing_is_never_met():
-    wreck = move(candidate(CROSSING[0])).cut(30)
-    assert not len(offsets(wreck, move(candidate(CROSSING[1])), exact=False))
+    wreck = compute_motion(candidate(CROSSING[0])).cut(30)
+    assert not len(offsets(wreck, compute_motion(candidate(CROSSING[1])), exact=False))
 
 
 @given(st.floats(0.5, 2.6), st.floats(4.0, 12.0), st.floats(4.0, 12.0), st.floats(-8.0, 8.0))
@@ -184,7 +188,7 @@ def test_pet_is_what_a_dense_scan_finds(angle, v_a, v_b, delta):
 def test_the_safe_set_misses_no_meeting_with_somebody_who_waits(release, stands):
     """At the crowd's spacing, C(0.8) holds every meeting within the 0.5 m of the certificate."""
     car = candidate(straight((-30.0, 0.0), EAST, 60.0))
-    a = replace(actor(car), motion=move(car, holds=(Hold(stands, release),)))
+    a = replace(actor(car), motion=compute_motion(car, holds=(StopCommand(stands, release),)))
     b = actor(walker(straight((0.0, -8.0), NORTH, 16.0)))
     met = offsets(a.motion, b.motion, c=0.8, exact=False, spacing=(0.6, 0.25))
     found = brute_offsets(a, b, within=0.5, step=0.1)

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from solver_actors import SOUTH, SOUTHBOUND, WEST, WESTBOUND, candidate, draws, law, straight
 
-from scenewright.geometry.map_areas import Ground
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map
 from scenewright.scene.candidates import CandidateSet
-from scenewright.scene.grounding import Cast
+from scenewright.scene.grounding import RoleAssignment
 from scenewright.tools.dsl_validator.parse import parse
 from scenewright.tools.solver.combinations import best_first
 from scenewright.tools.solver.select import select
+from solver_actors import SOUTH, SOUTHBOUND, WEST, WESTBOUND, candidate, draws, law, straight
 
-GROUND = Ground(load_map("amsterdam_120"))
+GROUND = MapAreas(load_map("amsterdam_120"))
 NEAR_MISS = "time_gap(vehicle-1, vehicle-2) in [0.6, 1.2] s\nruns_red(vehicle-1)"
 
 
@@ -35,7 +35,7 @@ def westbound(shift=0.0, speed=10.0):
 def least(program, *agents, background=None, seed=0):
     pool = CandidateSet(
         agents={each.name: each for each in agents},
-        cast=Cast(routes={each.name: each.route for each in agents}, patterns=()),
+        cast=RoleAssignment(routes={each.name: each.route for each in agents}, patterns=()),
         hour=12.0,
         background=background or {"vehicle": 0, "pedestrian": 0},
     )

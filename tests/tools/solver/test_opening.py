@@ -7,7 +7,6 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from solver_actors import BARE, CAR, EAST, SOUTH, WESTBOUND, candidate, straight, walker
 
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.intersections import load_map
@@ -18,6 +17,7 @@ from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_of
 from scenewright.tools.solver.foreground import Stage, demands
 from scenewright.tools.solver.red_light_start import openings
 from scenewright.tools.solver.schedule import Staging
+from solver_actors import BARE, CAR, EAST, SOUTH, WESTBOUND, candidate, straight, walker
 
 GIVER, WALKER = "vehicle-1", "pedestrian-1"
 CYCLE = SignalProgram(
@@ -41,7 +41,7 @@ MARKS = {GIVER: Landmarks(line=40.0, crosswalks=(), group="avenue"), WALKER: BAR
 def opened(clauses=YIELD, *, marks=MARKS, chance=1.0, seed=0):
     chances = {} if chance is None else {GIVER: chance}
     rng = np.random.default_rng(seed)
-    return openings(CANDIDATES, marks, clauses, on=ON, chances=chances, rng=rng)
+    return openings(CANDIDATES, marks, clauses, intersection_map=ON, chances=chances, rng=rng)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -74,8 +74,10 @@ def test_who_has_no_green_while_the_other_has_comes_as_it_is():
     marks, rng = dict.fromkeys(cars, MARKS[GIVER]), np.random.default_rng(0)
     always = dict.fromkeys(cars, 1.0)
     # One of two is enough, as the light would settle when both start.
-    assert openings(cars, marks, clauses, on=MAP, chances=always, rng=rng).keys() == {GIVER}
-    assert openings(across, marks, clauses, on=MAP, chances=always, rng=rng) == {}
+    assert openings(cars, marks, clauses, intersection_map=MAP, chances=always, rng=rng).keys() == {
+        GIVER
+    }
+    assert openings(across, marks, clauses, intersection_map=MAP, chances=always, rng=rng) == {}
 
 
 def test_red_is_met_as_often_as_it_is_shown():

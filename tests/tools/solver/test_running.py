@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from solver_actors import BARE, EAST, SOUTH, WESTBOUND, actor, candidate, straight
 
 from scenewright.scene.constraints import Contact, GivesWay, Headway
 from scenewright.scene.selection import Stop
 from scenewright.tools.solver.foreground import demands
 from scenewright.tools.solver.red_light_run import passes_line, runs_in_time, with_runners
 from scenewright.tools.solver.schedule import Happening, Staging
+from solver_actors import BARE, EAST, SOUTH, WESTBOUND, actor, candidate, straight
 
 LIT = replace(BARE, line=30.0, group="avenue")
 CAR = candidate(straight((0.0, 60.0), SOUTH, 100.0))

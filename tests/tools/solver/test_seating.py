@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from parties import (
     AWAY,
     EASTWARDS,
@@ -21,7 +22,6 @@ from parties import (
     option,
     parties,
 )
-
 from scenewright.tools.solver.assignment import seat, seat_cheapest
 from scenewright.tools.solver.background import Seating, Table
 from scenewright.tools.solver.offers import Invited, Offer

@@ -8,6 +8,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from scenewright.errors import Rejected
+from scenewright.geometry.driving_profile import compute_motion
+from scenewright.geometry.landmarks import find_landmarks
+from scenewright.geometry.map_areas import MapAreas
+from scenewright.intersections import load_map
+from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.grounding import RoleAssignment
+from scenewright.tools.dsl_validator.parse import parse
+from scenewright.tools.map_grounding.signal_plan import SignalClock
+from scenewright.tools.segment_editor import editing_of
+from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.select import select
 from solver_actors import (
     NORTH,
     SOUTH,
@@ -22,20 +35,7 @@ from solver_actors import (
     straight,
 )
 
-from scenewright.errors import Rejected
-from scenewright.geometry.driving_profile import move
-from scenewright.geometry.landmarks import landmarks
-from scenewright.geometry.map_areas import Ground
-from scenewright.intersections import load_map
-from scenewright.scene.candidates import CandidateSet
-from scenewright.scene.grounding import Cast
-from scenewright.tools.dsl_validator.parse import parse
-from scenewright.tools.map_grounding.signal_plan import SignalClock
-from scenewright.tools.segment_editor import editing_of
-from scenewright.tools.solver.scheduled_agent import Actor
-from scenewright.tools.solver.select import select
-
-GROUND = Ground(load_map("amsterdam_120"))
+GROUND = MapAreas(load_map("amsterdam_120"))
 NEAR_MISS = "time_gap(vehicle-1, vehicle-2) in [0.6, 1.2] s\nruns_red(vehicle-1)"
 
 
@@ -52,7 +52,7 @@ def westbound(shift=0.0, speed=10.0, length=99.0):
 def pool(*agents, background=None) -> CandidateSet:
     return CandidateSet(
         agents={each.name: each for each in agents},
-        cast=Cast(routes={each.name: each.route for each in agents}, patterns=()),
+        cast=RoleAssignment(routes={each.name: each.route for each in agents}, patterns=()),
         hour=12.0,
         background=background or {"vehicle": 0, "pedestrian": 0},
     )
@@ -66,9 +66,9 @@ def placed(selection, name) -> Actor:
     """A selected agent in scene time."""
     agent = selection.agents[name]
     editing = editing_of(agent)
-    motion = move(agent.candidate, holds=editing.holds, slowings=editing.slowings)
-    marks = landmarks(agent.candidate, ground=GROUND)
-    return Actor(agent.candidate, marks, agent.enters, motion, move(agent.candidate))
+    motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
+    marks = find_landmarks(agent.candidate, ground=GROUND)
+    return Actor(agent.candidate, marks, agent.enters, motion, compute_motion(agent.candidate))
 
 
 NLL = st.lists(st.floats(0.0, 20.0), min_size=4, max_size=4)
@@ -119,7 +119,7 @@ def test_the_selection_brings_about_what_the_clause_says(mode, seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_lights_are_obeyed_by_all_but_who_is_to_run_them(seed):
     selection = chosen(NEAR_MISS, two_roads(), seed=seed)
-    clock = SignalClock(GROUND.on.signals, selection.signal_offset)
+    clock = SignalClock(GROUND.intersection_map.signals, selection.signal_offset)
     for name, colour in (("vehicle-1", "red"), ("vehicle-2", "green")):
         actor = placed(selection, name)
         crosses = actor.enters + actor.motion.time_at(actor.marks.line)

@@ -9,6 +9,14 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from scenewright.geometry.landmarks import Landmarks
+from scenewright.scene.constraints import BrakesFor, Contact, GivesWay, Headway, TimeGap
+from scenewright.scene.track import STEP, vehicle_shape
+from scenewright.tools.solver.foreground import Stage, demands
+from scenewright.tools.solver.impact import first_contact, least_clearance, point_names
+from scenewright.tools.solver.nearest_miss import Reached, Shortfall, Shortfalls
+from scenewright.tools.solver.schedule import Staging
 from solver_actors import (
     BARE,
     CAR,
@@ -26,14 +34,6 @@ from solver_actors import (
     straight,
     walker,
 )
-
-from scenewright.geometry.landmarks import Landmarks
-from scenewright.scene.constraints import BrakesFor, Contact, GivesWay, Headway, TimeGap
-from scenewright.scene.track import STEP, vehicle_shape
-from scenewright.tools.solver.foreground import Stage, demands
-from scenewright.tools.solver.impact import first_contact, least_clearance, point_names
-from scenewright.tools.solver.nearest_miss import Reached, Shortfall, Shortfalls
-from scenewright.tools.solver.schedule import Staging
 
 CAR_1, CAR_2, CAR_3, WALKER = "vehicle-1", "vehicle-2", "vehicle-3", "pedestrian-1"
 AT_LIGHT = Landmarks(line=45.0, crosswalks=(), group="avenue")

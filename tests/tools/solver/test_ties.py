@@ -9,7 +9,7 @@ import pytest
 
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
-from scenewright.scene.grounding import Cast, CastPattern
+from scenewright.scene.grounding import AssignedPattern, RoleAssignment
 from scenewright.scene.social import AgentNode, EntryTie, RelationEdge, SocialGraph
 from scenewright.tools.map_grounding.grounding import at_odds, casts, green_together, ground, lies
 
@@ -41,14 +41,14 @@ def graph(*parts) -> SocialGraph:
 
 
 def drawn(of: SocialGraph, count=40, seed=0):
-    grounding = ground(of, on=ON)
-    found = casts(of, grounding, on=ON, rng=np.random.default_rng(seed))
+    grounding = ground(of, intersection_map=ON)
+    found = casts(of, grounding, intersection_map=ON, rng=np.random.default_rng(seed))
     return list(islice(found, count))
 
 
 def refusal(of: SocialGraph) -> str:
     with pytest.raises(Rejected) as refused:
-        ground(of, on=ON)
+        ground(of, intersection_map=ON)
     return refused.value.rejection.detail
 
 
@@ -100,8 +100,8 @@ def test_a_named_runner_meets_the_other_at_green_where_it_can():
             (cast,) = drawn(graph(runs, node(OTHER), hit), count=1, seed=seed)
             (played,) = cast.patterns
             assert played.violator == CAR
-            assert not green_together(cast.routes[CAR], cast.routes[OTHER], on=ON)
-            assert at_odds(cast, on=ON) == 0
+            assert not green_together(cast.routes[CAR], cast.routes[OTHER], intersection_map=ON)
+            assert at_odds(cast, intersection_map=ON) == 0
 
 
 def test_running_red_rear_ends_nobody_unless_the_text_says_so():
@@ -128,9 +128,9 @@ def test_lights_are_at_odds_where_one_who_obeys_cannot_meet_another():
     """East and south never have green together, whoever of the two is said to run red."""
     crossing = (node(CAR, entry="east"), node(OTHER, entry="south"))
     (cast,) = drawn(graph(*crossing, edge("near_miss", CAR, OTHER)), count=1)
-    assert at_odds(cast, on=ON) == 0
+    assert at_odds(cast, intersection_map=ON) == 0
     lawful = cast.patterns[0].model_copy(update={"violator": None})
-    assert at_odds(cast.model_copy(update={"patterns": (lawful,)}), on=ON) == 1
+    assert at_odds(cast.model_copy(update={"patterns": (lawful,)}), intersection_map=ON) == 1
 
 
 @pytest.mark.parametrize(
@@ -166,14 +166,14 @@ def test_a_pedestrian_gives_way_from_the_kerb_next_to_the_lane():
             "pedestrian-1": ROUTES[f"pedestrian:north:{entry}>{exit_}:along>along"],
             "vehicle-1": ROUTES["vehicle:south>north:straight"],
         }
-        yields = CastPattern(
+        yields = AssignedPattern(
             edge=0,
             pattern="pedestrian_yields_to_vehicle_through",
             from_="pedestrian-1",
             to="vehicle-1",
             violator="vehicle-1",
         )
-        return at_odds(Cast(routes=routes, patterns=(yields,)), on=ON)
+        return at_odds(RoleAssignment(routes=routes, patterns=(yields,)), intersection_map=ON)
 
     # Northbound traffic keeps to the east side of the avenue.
     assert odd("east", "west") == 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from solver_actors import BARE, EAST, actor, candidate, law, straight
 
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.intersections import load_map
@@ -20,6 +19,7 @@ from scenewright.tools.solver.entry_times import (
     queues_left,
     seen_under,
 )
+from solver_actors import BARE, EAST, actor, candidate, law, straight
 
 ON = load_map("amsterdam_120")
 GREEN_10_RED_20 = SignalProgram(
@@ -81,9 +81,11 @@ def test_a_scene_that_begins_late_in_a_red_light_has_more_to_show():
         ),
     )
     offsets = np.array([5.0, 12.0, 29.5])
-    seen = seen_under(lights, offsets, [ahead, ahead], duration=20.0, on=ON)
+    seen = seen_under(lights, offsets, [ahead, ahead], duration=20.0, intersection_map=ON)
     assert seen.tolist() == [40.0, 40.0 + 2 * 2.5, 40.0 + 2 * 20.0]
-    assert seen_under(lights, offsets, [], duration=20.0, on=ON).tolist() == [20.0] * 3
+    assert (
+        seen_under(lights, offsets, [], duration=20.0, intersection_map=ON).tolist() == [20.0] * 3
+    )
 
 
 def test_queues_set_off_or_form_as_the_lights_turn_while_the_scene_lasts():
@@ -103,9 +105,12 @@ def test_queues_set_off_or_form_as_the_lights_turn_while_the_scene_lasts():
     )
     # Waited 10 s and gone; nobody waits, then 5 s; waited 19.5 s, then 4.5 s.
     offsets = np.array([20.0, 5.0, 29.5])
-    left = queues_left(lights, offsets, [ahead, ahead, walker], duration=15.0, on=ON)
+    left = queues_left(lights, offsets, [ahead, ahead, walker], duration=15.0, intersection_map=ON)
     assert left == pytest.approx([-10.0, 10.0, 4.5 - 19.5], abs=0.5)
-    assert queues_left(lights, offsets, [walker], duration=15.0, on=ON).tolist() == [0.0] * 3
+    assert (
+        queues_left(lights, offsets, [walker], duration=15.0, intersection_map=ON).tolist()
+        == [0.0] * 3
+    )
 
 
 def test_over_all_moments_as_many_set_off_as_come_to_stand():
@@ -113,7 +118,7 @@ def test_over_all_moments_as_many_set_off_as_come_to_stand():
     assert program is not None
     crowd = [route for route in ON.routes if route.type == "vehicle"]
     offsets = np.arange(0.0, program.cycle, 0.5)
-    left = queues_left(program, offsets, crowd, duration=30.0, on=ON)
+    left = queues_left(program, offsets, crowd, duration=30.0, intersection_map=ON)
     assert left.mean() == pytest.approx(0.0, abs=1e-6)
     assert left.min() < -5.0
     assert left.max() > 5.0

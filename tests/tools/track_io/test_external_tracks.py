@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from checker_tracks import (
     EAST,
     NORTH,
@@ -20,12 +21,12 @@ from checker_tracks import (
     resampled,
     yielding_car,
 )
-
 from scenewright.errors import InputError
 from scenewright.graph.run import load_tracks, verify_tracks
 from scenewright.scene.track import VEHICLE_SIZES
-from scenewright.tools.relation_checker import RoadUser, find_events, foreign, recording
+from scenewright.tools.relation_checker import RoadUser, find_events, recording
 from scenewright.tools.relation_checker.recording import off_map, recorded_events
+from scenewright.tools.track_io import external_tracks
 from scenewright.tools.track_io.external_tracks import ExternalTracks, headings, read_tracks
 
 TRAJNET = os.environ.get("SCENEWRIGHT_TRAJNET_FILE", "")
@@ -347,7 +348,7 @@ def test_bad_lines_in_their_context_are_refused() -> None:
 def test_large_files_are_refused_unread(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     file = tmp_path / "large.csv"
     with file.open("wb") as large:
-        large.truncate(foreign.MOST_BYTES + 1)
+        large.truncate(external_tracks.MOST_BYTES + 1)
     monkeypatch.setattr(Path, "read_bytes", lambda _: pytest.fail("it was read"))
     with pytest.raises(InputError, match="200 MB; at most 200"):
         load_tracks(file)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenewright.errors import InputError
-from scenewright.geometry.kinematics import kinematics
+from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, vehicle_shape
 from scenewright.tools.relation_checker import RoadUser, as_mover
 from scenewright.tools.track_io import (
@@ -151,7 +151,7 @@ def test_windows_without_enough_agents_are_left_out(recording):
 
 def test_constant_acceleration_is_found_with_no_jerk():
     t = STEP * np.arange(60)
-    done = kinematics(np.column_stack([2.0 * t + 0.75 * t**2, np.zeros(60)]))
+    done = compute_kinematics(np.column_stack([2.0 * t + 0.75 * t**2, np.zeros(60)]))
     assert len(done) == 50
     assert done.speed == pytest.approx(2.0 + 1.5 * t[done.first : done.first + 50])
     assert done.acceleration == pytest.approx(1.5)
@@ -160,14 +160,14 @@ def test_constant_acceleration_is_found_with_no_jerk():
 
 def test_constant_jerk_is_found():
     t = STEP * np.arange(60)
-    done = kinematics(np.column_stack([t**3 / 2 + 9.0 * t, np.zeros(60)]))
+    done = compute_kinematics(np.column_stack([t**3 / 2 + 9.0 * t, np.zeros(60)]))
     assert done.jerk == pytest.approx(3.0)
 
 
 @given(seed=st.integers(0, 1000), count=st.integers(1, 60))
 def test_derivatives_are_those_of_the_checker(seed, count):
     xy = np.cumsum(np.random.default_rng(seed).normal(0.3, 0.2, (count, 2)), axis=0)
-    done = kinematics(xy)
+    done = compute_kinematics(xy)
     mover = as_mover(RoadUser(1, Track(xy, np.zeros(count), 0.0), vehicle_shape()))
     here = slice(done.first, done.first + len(done))
     assert len(done) == max(count - 10, 0)
@@ -179,8 +179,8 @@ def test_smoothing_leaves_straight_motion_and_takes_noise_away():
     rng = np.random.default_rng(0)
     even = straight(0.0, 300).xy
     noisy = even + rng.normal(0.0, 0.05, even.shape)
-    assert kinematics(even, smoothing=0.4).acceleration == pytest.approx(0.0, abs=1e-9)
-    rough, calm = (kinematics(noisy, smoothing=s).acceleration.std() for s in (0.0, 0.4))
+    assert compute_kinematics(even, smoothing=0.4).acceleration == pytest.approx(0.0, abs=1e-9)
+    rough, calm = (compute_kinematics(noisy, smoothing=s).acceleration.std() for s in (0.0, 0.4))
     # White noise through a Gaussian: var = p^2 dt 3 / (8 sqrt(pi) s^5) per coordinate.
     expected = 0.05 * math.sqrt(STEP * 3 / (8 * math.sqrt(math.pi) * 0.4**5))
     assert calm == pytest.approx(expected, rel=0.25)
@@ -286,7 +286,7 @@ def test_real_tracks_are_read_cleaned_and_told_apart_by_their_jitter(files):
     assert kept[None].shape.type == "pedestrian"
     assert real.removed["k729_2022-03-16"].pieces == {"pedestrian faster than 3 m/s": 1}
     assert kept["car"].track.start == pytest.approx(3.0)
-    assert kinematics(kept["car"].track.xy).speed == pytest.approx(8.0)
+    assert compute_kinematics(kept["car"].track.xy).speed == pytest.approx(8.0)
 
 
 def test_a_site_where_nobody_moves_is_read_and_is_not_fine(files):
@@ -312,6 +312,6 @@ def test_the_real_data_set_reads_with_little_left_to_doubt():
     assert sum(removed.tracks for removed in real.removed.values()) == 424
     agents = [a for r in real.recordings for a in r.agents if a.shape.type == "vehicle"]
     assert len(agents) > 150
-    speeds = [kinematics(a.track.xy, smoothing=0.4).speed for a in agents]
+    speeds = [compute_kinematics(a.track.xy, smoothing=0.4).speed for a in agents]
     assert 5.0 < np.median(np.concatenate([s[s > 1.0] for s in speeds])) < 9.0
     assert {r.name.split("_")[0] for r in real.fine} == {"k729"}

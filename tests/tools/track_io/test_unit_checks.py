@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from checker_tracks import EAST, NORTH, crossing_walker, distance, line, yielding_car
 
+from checker_tracks import EAST, NORTH, crossing_walker, distance, line, yielding_car
 from scenewright.tools.relation_checker import RoadUser
 from scenewright.tools.track_io.external_tracks import read_csv
 

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from scenewright.errors import InputError
-from scenewright.intersections import REFINER_WEIGHTS, bundle_folder, check_bundle
+from scenewright.intersections import REFINER_WEIGHTS, check_bundle, find_bundle_folder
 from scenewright.scene.track import PEDESTRIAN, Track, vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.trajnet_refiner.bundle_training import CARD, out_folder, train_bundle
@@ -64,7 +64,7 @@ def test_the_same_hours_give_the_same_weights_with_a_card_beside_them(tmp_path):
 
 def test_the_checksums_of_a_bundle_are_brought_up_to_date(tmp_path):
     folder = tmp_path / NAME
-    shutil.copytree(bundle_folder(NAME), folder)
+    shutil.copytree(find_bundle_folder(NAME), folder)
     train_bundle(NAME, HOURS, out=folder, config=CONFIG, recipe=ONCE)
     train_bundle(NAME, HOURS, out=folder, config=CONFIG, recipe=ONCE)
     check_bundle(folder)

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from scenewright.errors import InputError
-from scenewright.intersections import REFINER_WEIGHTS, bundle_folder
+from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 from scenewright.tools.trajnet_refiner.store import save_refiner
@@ -24,7 +24,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path))
     found = tmp_path / NAME
     found.mkdir()
-    shutil.copy(bundle_folder("amsterdam_120") / "map.json", found)
+    shutil.copy(find_bundle_folder("amsterdam_120") / "map.json", found)
     return found
 
 

@@ -8,7 +8,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenewright.intersections import REFINER_WEIGHTS, bundle_folder
+from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.trajnet_refiner.guided import Guide, deviation_of, deviations
@@ -261,7 +261,8 @@ def test_a_track_says_how_far_it_is_ahead():
 
 
 shipped = pytest.mark.skipif(
-    not (bundle_folder("amsterdam_120") / REFINER_WEIGHTS).is_file(), reason="no weights shipped"
+    not (find_bundle_folder("amsterdam_120") / REFINER_WEIGHTS).is_file(),
+    reason="no weights shipped",
 )
 
 
@@ -276,7 +277,7 @@ def test_who_is_ahead_of_its_prior_is_past_the_end_of_its_path_and_does_not_wait
 
 def test_take_the_leader_away_and_its_follower_moves_otherwise_and_nobody_far_away():
     """A slow leader ahead; somebody else 120 m away; the network as shipped."""
-    net = load_refiner(bundle_folder("amsterdam_120") / REFINER_WEIGHTS)
+    net = load_refiner(find_bundle_folder("amsterdam_120") / REFINER_WEIGHTS)
     everybody = {
         "follower": guide(straight(), 8.0),
         "leader": guide(straight(x=14.0), 5.0),

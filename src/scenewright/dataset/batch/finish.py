@@ -87,7 +87,7 @@ def finish(
             files = _files(out, job, entry)
             tally.tables.update(tables.add(files))
             tally.note(entry, files)
-    draw_overview(part / FIGURE, places=tally.places, agents=tally.agents, on=_most(tally))
+    draw_overview(part / FIGURE, places=tally.places, agents=tally.agents, name=_most(tally))
     names = [*(f"tables/{name}.parquet" for name in TABLES), FIGURE]
     for name in names:
         (out / name).parent.mkdir(exist_ok=True)

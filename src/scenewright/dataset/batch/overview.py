@@ -21,14 +21,14 @@ def draw_overview(
     *,
     places: Mapping[str, Sequence[float]],
     agents: Mapping[int, int],
-    on: str | None,
+    name: str | None,
 ) -> None:
     """Writes a PNG; the same values give the same bytes.
 
     Args:
         places: event type -> x [m], y [m], time [s] of every event of it, one after the other.
         agents: number of agents in a scene -> how many scenes have it.
-        on: the intersection that is drawn beneath; None for none.
+        name: the intersection that is drawn beneath; None for none.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -37,7 +37,7 @@ def draw_overview(
     FigureCanvasAgg(figure)
     where, when, size = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
     kinds = [kind for kind in COLOURS if len(places.get(kind, ()))]
-    _draw_places(where, places, kinds, on)
+    _draw_places(where, places, kinds, name)
     colours = [COLOURS[kind] for kind in kinds]
     if kinds:
         times = [list(places[kind][2::3]) for kind in kinds]
@@ -49,14 +49,14 @@ def draw_overview(
 
 
 def _draw_places(
-    axes: Any, places: Mapping[str, Sequence[float]], kinds: Sequence[str], on: str | None
+    axes: Any, places: Mapping[str, Sequence[float]], kinds: Sequence[str], name: str | None
 ) -> None:
     axes.set(title="where events happen", xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    if on is not None:
+    if name is not None:
         from scenewright.intersections import load_map
         from scenewright.viz.basemap import draw_basemap
 
-        draw_basemap(axes, load_map(on), VIEW)
+        draw_basemap(axes, load_map(name), VIEW)
     for kind in kinds:
         values = places[kind]
         label = f"{kind.replace('_', ' ')} ({len(values) // 3})"

@@ -20,8 +20,8 @@ from scenewright.dataset.batch.rows import Source, read_source
 from scenewright.dataset.batch.worker import Job, Options, job_of
 from scenewright.errors import InputError
 from scenewright.graph.run import MAX_SEED, REFINERS
-from scenewright.intersections import bundle_folder, load_map
-from scenewright.scene.relations import patterns
+from scenewright.intersections import find_bundle_folder, load_map
+from scenewright.scene.relations import load_patterns
 
 TITLE = "Traffic scenes in plain language"
 _SHARD = re.compile(r"([1-9]\d{0,5})/([1-9]\d{0,5})")
@@ -157,11 +157,11 @@ def header_of(source: Source, options: Options) -> dict[str, Any]:
 def settings_of(options: Options) -> dict[str, Any]:
     """The options, and fingerprints of the files that they name: a bundle, the relations."""
     digest = hashlib.sha256()
-    for pattern in patterns():
+    for pattern in load_patterns():
         digest.update(pattern.model_dump_json().encode())
     return {
         **options.settings(),
-        "bundle": _fingerprint(bundle_folder(options.intersection)),
+        "bundle": _fingerprint(find_bundle_folder(options.intersection)),
         "relations": digest.hexdigest()[:16],
     }
 

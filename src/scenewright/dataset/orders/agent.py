@@ -34,7 +34,7 @@ from scenewright.dataset.orders.scenario_spec import Party, Story, minute_in, pa
 from scenewright.dataset.orders.templates import tell, voices_for
 from scenewright.dataset.orders.writers import Asked, Told, Writer
 from scenewright.intersections import load_map
-from scenewright.scene.relations import pattern_named
+from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import Density
 
 REWORDED = 2
@@ -270,14 +270,16 @@ def _worded(
 
 def story_of(slot: Slot, context: OrderContext, rng: np.random.Generator) -> Story:
     """What this attempt is to show."""
-    on = load_map(context.options.intersection)
+    intersection_map = load_map(context.options.intersection)
     leaf = _leaf(slot)
     parties: tuple[Party, ...] = ()
     if leaf is not None:
         detail = int(rng.choice(len(_DETAIL), p=_DETAIL))
-        parties = particulars(pattern_named(leaf), on=on, detail=detail, rng=rng)
+        parties = particulars(
+            get_pattern(leaf), intersection_map=intersection_map, detail=detail, rng=rng
+        )
     elif slot.quota.foreground:
-        parties = passers(on, rng)
+        parties = passers(intersection_map, rng)
     windows = context.wish.windows
     told = bool(windows) or rng.random() < _TOLD_TIME
     minute = minute_in(windows, rng) if told else None

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from scenewright.backends import Question, load_backend
 from scenewright.errors import InputError
 from scenewright.scene.events import EVENT_OF_RELATION
-from scenewright.scene.relations import Pattern, patterns
+from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.scene.social import SceneContext
 
 NORMAL = "normal"
@@ -232,7 +232,7 @@ def _singular(word: str) -> str:
 
 
 def _known(span: list[str]) -> bool:
-    every = {part for pattern in patterns() for part in _vocabulary(pattern)}
+    every = {part for pattern in load_patterns() for part in _vocabulary(pattern)}
     stems = [_singular(word) for word in span if word not in _EMPTY]
     return any(stem in every or _MEANS.get(stem) for stem in stems)
 
@@ -245,7 +245,7 @@ def _quotas(span: list[str], count: int) -> list[Quota]:
     wanted = [part for word in span for part in _meaning(word, bool(kinds))]
     found = [
         pattern
-        for pattern in patterns()
+        for pattern in load_patterns()
         if (not kinds or pattern.relation in kinds)
         and all(any(_fits(part, known) for known in _vocabulary(pattern)) for part in wanted)
     ]

@@ -44,7 +44,7 @@ from scenewright.dataset.orders.writers import load_writer
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map
-from scenewright.scene.relations import patterns
+from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import SceneContext
 
 REPORT = "report.json"
@@ -102,11 +102,11 @@ def fill(order: Order, *, tell: Tell = lambda _: None) -> dict[str, Any]:
     """
     speakers = order.speakers()
     check_order(order, speakers)
-    on = load_map(order.options.intersection)
+    intersection_map = load_map(order.options.intersection)
     kept = beside(order.asking.record, "writer")
     writer = load_writer(
         order.writer,
-        on=on,
+        intersection_map=intersection_map,
         base_url=order.options.base_url,
         asking=replace(order.asking, record=kept),
     )
@@ -249,7 +249,7 @@ def paper_wish(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
     normal, collision, yielding = (max(round(scale * n), 1) for n in (100, 40, 50))
     quotas = [Quota(NORMAL, normal, NORMAL, backend=None, foreground=True)]
     leaves = {
-        relation: tuple(each.id for each in patterns() if each.relation == relation)
+        relation: tuple(each.id for each in load_patterns() if each.relation == relation)
         for relation in ("collide_at", "yield_to")
     }
     for place, backend in enumerate(backends):

@@ -13,7 +13,7 @@ import numpy as np
 
 from scenewright.scene.base import AgentClass, Compass, Movement
 from scenewright.scene.map import IntersectionMap, VehicleMovement
-from scenewright.scene.relations import Pattern, Role, patterns
+from scenewright.scene.relations import Pattern, Role, load_patterns
 from scenewright.scene.social import Density
 
 _OPPOSITE: dict[Compass, Compass] = {
@@ -61,14 +61,14 @@ class Story:
 
 
 def particulars(
-    pattern: Pattern, *, on: IntersectionMap, detail: int, rng: np.random.Generator
+    pattern: Pattern, *, intersection_map: IntersectionMap, detail: int, rng: np.random.Generator
 ) -> tuple[Party, Party]:
     """Who takes part and where from.
 
     Args:
         detail: 0 movements alone, 1 ties and crosswalks of one of them, 2 sides.
     """
-    options = list(_meetings(pattern, on))
+    options = list(_meetings(pattern, intersection_map))
     if not options or detail == 0:
         return _bare(pattern.from_, rng), _bare(pattern.to, rng)
     first, second = options[int(rng.integers(len(options)))]
@@ -81,13 +81,13 @@ def particulars(
     return _without(first, False), _tied(pattern, second)
 
 
-def passers(on: IntersectionMap, rng: np.random.Generator) -> tuple[Party, Party]:
+def passers(intersection_map: IntersectionMap, rng: np.random.Generator) -> tuple[Party, Party]:
     """Two who do nothing to one another: a vehicle, and a vehicle or a pedestrian."""
-    ways = [way for way in on.movements if way.turn != "uturn"]
+    ways = [way for way in intersection_map.movements if way.turn != "uturn"]
     one, other = (ways[int(k)] for k in rng.choice(len(ways), size=2, replace=False))
     driver = Party("vehicle", one.turn, side=one.entry)
-    if on.crosswalks and rng.random() < 0.5:
-        walk = on.crosswalks[int(rng.integers(len(on.crosswalks)))]
+    if intersection_map.crosswalks and rng.random() < 0.5:
+        walk = intersection_map.crosswalks[int(rng.integers(len(intersection_map.crosswalks)))]
         return driver, Party("pedestrian", "crossing", crosswalk=walk.leg)
     return driver, Party("vehicle", other.turn, side=other.entry)
 
@@ -107,40 +107,45 @@ def _tied(pattern: Pattern, party: Party) -> Party:
     return Party(party.type, party.movement, tie=ties.get(pattern.entries))
 
 
-def _meetings(pattern: Pattern, on: IntersectionMap) -> Iterator[tuple[Party, Party]]:
+def _meetings(pattern: Pattern, intersection_map: IntersectionMap) -> Iterator[tuple[Party, Party]]:
     """Every pair of ways on the map that the pattern's two can take."""
     if pattern.to.type == "pedestrian":
-        for walker, driver in _strikes(pattern.to, pattern.from_, on):
+        for walker, driver in _strikes(pattern.to, pattern.from_, intersection_map):
             yield driver, walker
     elif pattern.from_.type == "pedestrian":
-        yield from _strikes(pattern.from_, pattern.to, on)
+        yield from _strikes(pattern.from_, pattern.to, intersection_map)
     else:
-        yield from _pairs(pattern, on)
+        yield from _pairs(pattern, intersection_map)
 
 
-def _strikes(walks: Role, drives: Role, on: IntersectionMap) -> Iterator[tuple[Party, Party]]:
+def _strikes(
+    walks: Role, drives: Role, intersection_map: IntersectionMap
+) -> Iterator[tuple[Party, Party]]:
     """(pedestrian, vehicle): a crosswalk that the vehicle's way leads over."""
-    for way in _ways(drives, on):
+    for way in _ways(drives, intersection_map):
         driver = Party("vehicle", way.turn, side=way.entry)
-        for walk in on.crosswalks:
-            if "crossing" in walks.movements and frozenset((way.id, walk.id)) in on.zone_pairs:
+        for walk in intersection_map.crosswalks:
+            if (
+                "crossing" in walks.movements
+                and frozenset((way.id, walk.id)) in intersection_map.zone_pairs
+            ):
                 yield Party("pedestrian", "crossing", crosswalk=walk.leg), driver
         if "jaywalking" in walks.movements:
             yield Party("pedestrian", "jaywalking"), driver
 
 
-def _pairs(pattern: Pattern, on: IntersectionMap) -> Iterator[tuple[Party, Party]]:
-    for one in _ways(pattern.from_, on):
-        for other in _ways(pattern.to, on):
-            if _lie_right(pattern, one, other) and _meet(pattern, one, other, on):
+def _pairs(pattern: Pattern, intersection_map: IntersectionMap) -> Iterator[tuple[Party, Party]]:
+    for one in _ways(pattern.from_, intersection_map):
+        for other in _ways(pattern.to, intersection_map):
+            if _lie_right(pattern, one, other) and _meet(pattern, one, other, intersection_map):
                 yield (
                     Party("vehicle", one.turn, side=one.entry),
                     Party("vehicle", other.turn, side=other.entry),
                 )
 
 
-def _ways(role: Role, on: IntersectionMap) -> list[VehicleMovement]:
-    return [way for way in on.movements if way.turn in role.movements]
+def _ways(role: Role, intersection_map: IntersectionMap) -> list[VehicleMovement]:
+    return [way for way in intersection_map.movements if way.turn in role.movements]
 
 
 def _lie_right(pattern: Pattern, one: VehicleMovement, other: VehicleMovement) -> bool:
@@ -156,13 +161,16 @@ def _lie_right(pattern: Pattern, one: VehicleMovement, other: VehicleMovement) -
 
 
 def _meet(
-    pattern: Pattern, one: VehicleMovement, other: VehicleMovement, on: IntersectionMap
+    pattern: Pattern,
+    one: VehicleMovement,
+    other: VehicleMovement,
+    intersection_map: IntersectionMap,
 ) -> bool:
     if pattern.geometry in ("same_lane", "same_way", "lane_change"):
         return one.id == other.id
     if pattern.geometry == "opposing":
         return True
-    return frozenset((one.id, other.id)) in on.zone_pairs
+    return frozenset((one.id, other.id)) in intersection_map.zone_pairs
 
 
 def twins(pattern: Pattern) -> bool:
@@ -171,7 +179,7 @@ def twins(pattern: Pattern) -> bool:
         other.id != pattern.id
         and other.weight > pattern.weight
         and _shape(other) == _shape(pattern)
-        for other in patterns()
+        for other in load_patterns()
     )
 
 

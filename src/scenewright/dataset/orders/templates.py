@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from scenewright.dataset.orders.scenario_spec import Party, Story, twins
-from scenewright.scene.relations import Pattern, pattern_named
+from scenewright.scene.relations import Pattern, get_pattern
 
 ItemT = TypeVar("ItemT")
 
@@ -117,7 +117,7 @@ def voices_for(story: Story) -> list[str]:
     """The voices that a story can be told in."""
     if story.leaf is None:
         return ["plain", "setting first", "request", "telegraph", "headline", "report", "list"]
-    if twins(pattern_named(story.leaf)):
+    if twins(get_pattern(story.leaf)):
         return ["phrase"]
     told = [name for name in VOICES if _has_all(VOICES[name], story)]
     return [name for name in told if name != "two looks" or story.parties[1].tie is None]
@@ -135,7 +135,7 @@ def tell(story: Story, voice: str, rng: np.random.Generator) -> str:
     """The story as that voice tells it."""
     if story.leaf is None:
         return _normal(story, voice, rng)
-    pattern = pattern_named(story.leaf)
+    pattern = get_pattern(story.leaf)
     names, who = _cast(story, rng)
     verb = _one(VERBS.get(pattern.kind or "", VERBS[pattern.relation]), rng)
     event = f"{who[0]} {verb.present} {who[1]}"

@@ -17,7 +17,7 @@ from scenewright.errors import BackendFault, Rejected
 from scenewright.scene.events import EVENT_OF_RELATION
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.relations import pattern_named
+from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.map_grounding.grounding import casts, ground
 
@@ -70,8 +70,8 @@ class Builtin:
 
     name = "builtin"
 
-    def __init__(self, on: IntersectionMap) -> None:
-        self._reader, self._on = load_backend("builtin"), on
+    def __init__(self, intersection_map: IntersectionMap) -> None:
+        self._reader, self._on = load_backend("builtin"), intersection_map
 
     def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
         """A text that the grammar reads as the story, and that the map has room for."""
@@ -79,14 +79,18 @@ class Builtin:
         for k in range(TRIES):
             voice = voices[(asked.turn + k) % len(voices)]
             text = tell(story, voice, rng)
-            if text not in asked.avoid and reads_as(self._reader, text, story, on=self._on):
+            if text not in asked.avoid and reads_as(
+                self._reader, text, story, intersection_map=self._on
+            ):
                 return Told(text, voice, k)
         return None
 
 
-def reads_as(reader: Backend, text: str, story: Story, *, on: IntersectionMap) -> bool:
+def reads_as(
+    reader: Backend, text: str, story: Story, *, intersection_map: IntersectionMap
+) -> bool:
     """Whether a text is understood as the story it tells, and can be at the place."""
-    graph = _read_back(reader, text, on)
+    graph = _read_back(reader, text, intersection_map)
     if graph is None:
         return False
     context = graph.context
@@ -98,27 +102,32 @@ def reads_as(reader: Backend, text: str, story: Story, *, on: IntersectionMap) -
         return not graph.relations and kinds == wanted and context.background is None
     if context.background is not None or not _same_event(graph, story):
         return False
-    return _always_plays(graph, story.leaf, on)
+    return _always_plays(graph, story.leaf, intersection_map)
 
 
-def _read_back(reader: Backend, text: str, on: IntersectionMap) -> SocialGraph | None:
+def _read_back(reader: Backend, text: str, intersection_map: IntersectionMap) -> SocialGraph | None:
     """The social graph of a text; None if it is refused or the map has no room for it."""
-    reply = reader.answer(Question(task="plan", facts=_asked_of(text, on)))
+    reply = reader.answer(Question(task="plan", facts=_asked_of(text, intersection_map)))
     if "agents" not in reply:
         return None
     graph = SocialGraph.model_validate(reply)
     try:
-        ground(graph, on=on)
+        ground(graph, intersection_map=intersection_map)
     except Rejected:
         return None
     return graph
 
 
-def _always_plays(graph: SocialGraph, leaf: str, on: IntersectionMap) -> bool:
+def _always_plays(graph: SocialGraph, leaf: str, intersection_map: IntersectionMap) -> bool:
     """Whether the text leaves no other pattern to be drawn, so that patterns come out even."""
-    grounding = ground(graph, on=on)
+    grounding = ground(graph, intersection_map=intersection_map)
     draws = (
-        next(casts(graph, grounding, on=on, rng=np.random.default_rng(k)), None)
+        next(
+            casts(
+                graph, grounding, intersection_map=intersection_map, rng=np.random.default_rng(k)
+            ),
+            None,
+        )
         for k in range(_CASTS)
     )
     return all(drawn is not None and drawn.patterns[0].pattern == leaf for drawn in draws)
@@ -133,7 +142,7 @@ def _same_event(graph: SocialGraph, story: Story) -> bool:
         return False
     if edge.type in ("collide_at", "near_miss") and ends[0].type != story.parties[0].type:
         ends.reverse()
-    wanted = pattern_named(story.leaf or "")
+    wanted = get_pattern(story.leaf or "")
     if edge.pattern not in (None, wanted.id) or (edge.kind not in (None, wanted.kind)):
         return False
     return all(
@@ -146,7 +155,7 @@ def _same_event(graph: SocialGraph, story: Story) -> bool:
 
 
 def misread(
-    reader: Backend, text: str, story: Story, *, on: IntersectionMap, strict: bool
+    reader: Backend, text: str, story: Story, *, intersection_map: IntersectionMap, strict: bool
 ) -> str | None:
     """What a text tells that its story does not, for whoever wrote it; None if nothing is wrong.
 
@@ -154,9 +163,9 @@ def misread(
         strict: whether the reader must understand it; else only a contradiction counts, as a text
             may be clear to others that the reader cannot read.
     """
-    if strict and reads_as(reader, text, story, on=on):
+    if strict and reads_as(reader, text, story, intersection_map=intersection_map):
         return None
-    reply = reader.answer(Question(task="plan", facts=_asked_of(text, on)))
+    reply = reader.answer(Question(task="plan", facts=_asked_of(text, intersection_map)))
     if "agents" not in reply:
         return f"it is refused: {reply.get('reason')}" if strict else None
     graph = SocialGraph.model_validate(reply)
@@ -178,8 +187,12 @@ def misread(
     )
 
 
-def _asked_of(text: str, on: IntersectionMap) -> dict[str, Any]:
-    return {"instruction": text, "previous": None, "legs": [leg.name for leg in on.legs]}
+def _asked_of(text: str, intersection_map: IntersectionMap) -> dict[str, Any]:
+    return {
+        "instruction": text,
+        "previous": None,
+        "legs": [leg.name for leg in intersection_map.legs],
+    }
 
 
 _RULES = """You write instructions for a traffic simulator, as many different people would: short
@@ -207,9 +220,9 @@ class Spoken:
     most ASKED times; then a builtin voice tells the story.
     """
 
-    def __init__(self, backend: Backend, on: IntersectionMap) -> None:
+    def __init__(self, backend: Backend, intersection_map: IntersectionMap) -> None:
         self.name = backend.name
-        self._backend, self._else, self._on = backend, Builtin(on), on
+        self._backend, self._else, self._on = backend, Builtin(intersection_map), intersection_map
         self._reader = load_backend("builtin")
 
     def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
@@ -256,7 +269,7 @@ class Spoken:
             return f"a text has {LENGTH[0]} to {LENGTH[1]} printable characters"
         if text in asked.avoid or text in asked.taken:
             return "this very text was written before; word it differently"
-        return misread(self._reader, text, story, on=self._on, strict=asked.grammar)
+        return misread(self._reader, text, story, intersection_map=self._on, strict=asked.grammar)
 
 
 def facts_of(story: Story) -> dict[str, Any]:
@@ -264,16 +277,20 @@ def facts_of(story: Story) -> dict[str, Any]:
     roles = ("who does it", "to whom")
     found: dict[str, Any] = {"event": story.event, "time": story.clock, "density": story.density}
     if story.leaf is not None:
-        found["what exactly"] = pattern_named(story.leaf).subtype
+        found["what exactly"] = get_pattern(story.leaf).subtype
     for role, party in zip(roles, story.parties, strict=False):
         found[role] = {key: value for key, value in asdict(party).items() if value is not None}
     return {key: value for key, value in found.items() if value is not None}
 
 
 def load_writer(
-    name: str, *, on: IntersectionMap, base_url: str | None = None, asking: Asking = PLAINLY
+    name: str,
+    *,
+    intersection_map: IntersectionMap,
+    base_url: str | None = None,
+    asking: Asking = PLAINLY,
 ) -> Writer:
     """The writer of that name for a place; InputError for a backend that does not exist."""
     if name == "builtin":
-        return Builtin(on)
-    return Spoken(speaking((name,), url_for((name,), base_url), asking), on)
+        return Builtin(intersection_map)
+    return Spoken(speaking((name,), url_for((name,), base_url), asking), intersection_map)

@@ -62,7 +62,7 @@ def _judge(words: argparse.Namespace) -> None:
     report = judge(
         {name: read_scenes(folder) for name, folder in sets.items()},
         corpus,
-        on=load_map(words.intersection),
+        intersection_map=load_map(words.intersection),
         real=read_taf_bw(words.taf_bw) if words.taf_bw else None,
         draws=words.draws,
         seed=words.seed,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.intersections import bundle_folder
+from scenewright.intersections import find_bundle_folder
 from scenewright.tools.fitting.fit_priors import (
     FLOOR,
     SHRINKAGE,
@@ -73,7 +73,9 @@ def build_bundle(
     if days < len(SPLITS):
         raise InputError(f"{len(SPLITS)} days or more put every hour in every split, got {days}")
     plan = PLANS[name]
-    demand = derive_demand(counts) if counts else read_demand(bundle_folder(name) / "demand.json")
+    demand = (
+        derive_demand(counts) if counts else read_demand(find_bundle_folder(name) / "demand.json")
+    )
     try:
         place = write_map(out, plan)
         (out / "demand.json").write_text(demand.model_dump_json(indent=1) + "\n", encoding="utf-8")

@@ -17,12 +17,12 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.intersections import (
     FORMAT,
-    bundle_folder,
-    bundle_header,
     check_bundle,
-    checked_name,
+    check_name,
+    find_bundle_folder,
+    find_custom_root,
     load_map,
-    own_root,
+    read_bundle_header,
 )
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
@@ -60,7 +60,7 @@ def open_own(name: str) -> OwnBundle:
     Raises:
         InputError: unknown, damaged, or none that was imported.
     """
-    folder = bundle_folder(name)
+    folder = find_bundle_folder(name)
     place = load_map(name)
     file = folder / "ways.npz"
     if not file.is_file():
@@ -77,7 +77,7 @@ def open_own(name: str) -> OwnBundle:
                 ways.setdefault(str(route), []).append(piece)
     except (OSError, ValueError, KeyError) as fault:
         raise InputError(f"cannot read the ways of {name!r}: {fault}") from None
-    return OwnBundle(folder, place, ways, bundle_header(folder))
+    return OwnBundle(folder, place, ways, read_bundle_header(folder))
 
 
 def write_own(
@@ -98,8 +98,8 @@ def write_own(
     Raises:
         InputError: a name that cannot be, a bundle that exists, a place that cannot be written.
     """
-    root = own_root()
-    target = root / checked_name(name)
+    root = find_custom_root()
+    target = root / check_name(name)
     if target.exists() and not force:
         raise InputError(f"intersection {name!r} exists already; --force replaces it")
     try:

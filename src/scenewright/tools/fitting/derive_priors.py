@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.intersections import bundle_folder, load_map
+from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, Route
@@ -23,8 +23,8 @@ from scenewright.tools.gmm_sampler.jaywalking import jaywalk_components
 from scenewright.tools.gmm_sampler.priors import (
     HOURS,
     CountPrior,
+    DrivingProfilePrior,
     Priors,
-    TimeLawPrior,
     WaypointPrior,
     load_priors,
 )
@@ -143,7 +143,7 @@ def _kerbs(
     return ends if narrow and np.abs(ends).max() < extent else None
 
 
-def borrowed_law(place: IntersectionMap, route: Route) -> TimeLawPrior:
+def borrowed_law(place: IntersectionMap, route: Route) -> DrivingProfilePrior:
     """The shipped intersection's time law of the same turn, scaled to the speed limit."""
     shipped = load_priors(SHIPPED).time_laws
     known = load_map(SHIPPED)
@@ -155,7 +155,7 @@ def borrowed_law(place: IntersectionMap, route: Route) -> TimeLawPrior:
     scale = float(np.clip(_limit(place, route.entry) / _limit(known, "north"), 0.6, 1.25))
     median = law.median.copy()
     median[0] = np.clip(median[0] * scale, law.low[0], law.high[0])
-    return TimeLawPrior(median, law.spread, law.low, law.high, 0)
+    return DrivingProfilePrior(median, law.spread, law.low, law.high, 0)
 
 
 def _limit(place: IntersectionMap, leg: Compass) -> float:
@@ -165,7 +165,7 @@ def _limit(place: IntersectionMap, leg: Compass) -> float:
 
 def assumed_demand(place: IntersectionMap) -> Demand:
     """Hourly arrivals by leg and at the crosswalks: the shipped course of the day, scaled."""
-    known = read_demand(bundle_folder(SHIPPED) / "demand.json")
+    known = read_demand(find_bundle_folder(SHIPPED) / "demand.json")
     course = np.mean(list(known.vehicles.values()), axis=0)
     course = course / course.max()
     lanes = {

@@ -13,7 +13,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import STEP
-from scenewright.tools.gmm_sampler.priors import TimeLawPrior
+from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior
 from scenewright.tools.gmm_sampler.spline import even_path
 from scenewright.tools.simulation.corpus import Trip
 
@@ -40,8 +40,8 @@ def fit_time_laws(
     place: IntersectionMap,
     trips: Mapping[str, Sequence[Trip]],
     *,
-    fallback: Mapping[str, TimeLawPrior] | None = None,
-) -> dict[str, TimeLawPrior]:
+    fallback: Mapping[str, DrivingProfilePrior] | None = None,
+) -> dict[str, DrivingProfilePrior]:
     """The time law of every route; rare routes borrow from all of their class and turn.
 
     Args:
@@ -63,8 +63,8 @@ def _where_known(
     place: IntersectionMap,
     pooled: Mapping[tuple[str, str], list[Trip]],
     brisk: list[tuple[float, float]],
-    fallback: Mapping[str, TimeLawPrior],
-) -> dict[str, TimeLawPrior]:
+    fallback: Mapping[str, DrivingProfilePrior],
+) -> dict[str, DrivingProfilePrior]:
     """Laws fitted where enough tracks flow freely; how briskly people drive is borrowed if not."""
     known = [pair if np.isfinite(pair).all() else None for pair in brisk]
     laws = {}
@@ -86,7 +86,7 @@ def _kind(route: Route) -> str:
 
 def _law(
     key: tuple[str, str], trips: list[Trip], driving: list[tuple[float, float]]
-) -> TimeLawPrior:
+) -> DrivingProfilePrior:
     """One law; `driving` is what all vehicles share: acceleration, braking, lateral."""
     kind, turn = key
     flowing = [trip for trip in trips if _speeds(trip).min() > _FLOWING[kind]]
@@ -98,7 +98,7 @@ def _law(
         rest = [(median, _ASSUMED_SPREAD) for median in _ASSUMED_WALK]
     low, high = _BOUNDS[kind]
     median, spread = np.array([speed, *rest]).T
-    return TimeLawPrior(np.clip(median, low, high), spread, low, high, len(flowing))
+    return DrivingProfilePrior(np.clip(median, low, high), spread, low, high, len(flowing))
 
 
 def _speeds(trip: Trip) -> FloatArray:

@@ -34,9 +34,9 @@ from scenewright.tools.fitting.partial_tracks import (
     pooled_partial,
     unpooled_prior,
 )
-from scenewright.tools.fitting.path_frame import Pool, kind_of, narrowed, shipped_pool
+from scenewright.tools.fitting.path_frame import Pool, kind_of, narrow_to_route, shipped_pool
 from scenewright.tools.fitting.route_matching import Match, Matcher
-from scenewright.tools.gmm_sampler.priors import HOURS, Priors, TimeLawPrior, WaypointPrior
+from scenewright.tools.gmm_sampler.priors import HOURS, DrivingProfilePrior, Priors, WaypointPrior
 from scenewright.tools.track_io.track_files import FileTracks
 
 _EARTH = 6_378_137.0
@@ -262,7 +262,7 @@ def pools_of(
     for route in place.routes:
         if route.movement != "jaywalking":
             by_kind[kind_of(route)] += _stacked(groups, route.id, len(ways[route.id]))
-            base[kind_of(route)] = narrowed(route, shipped)
+            base[kind_of(route)] = narrow_to_route(route, shipped)
     for turn, lanes in (elsewhere or {}).items():
         by_kind[turn] += lanes
         base.setdefault(turn, shipped[turn])
@@ -498,8 +498,8 @@ def read_hourly(file: str | Path) -> dict[str, FloatArray]:
 def _laws(
     place: IntersectionMap,
     every: Sequence[tuple[Match, Track]],
-    borrowed: Mapping[str, TimeLawPrior],
-) -> dict[str, TimeLawPrior]:
+    borrowed: Mapping[str, DrivingProfilePrior],
+) -> dict[str, DrivingProfilePrior]:
     """Borrowed time laws whose free speed leans on the speeds that were seen, by class and turn."""
     speeds: dict[str, list[float]] = defaultdict(list)
     routes = {route.id: route for route in place.routes}
@@ -513,7 +513,7 @@ def _laws(
     }
 
 
-def _leaning(law: TimeLawPrior, speeds: Sequence[float]) -> TimeLawPrior:
+def _leaning(law: DrivingProfilePrior, speeds: Sequence[float]) -> DrivingProfilePrior:
     if not speeds:
         return law
     logs = np.log(np.clip(speeds, law.low[0], law.high[0]))
@@ -523,4 +523,4 @@ def _leaning(law: TimeLawPrior, speeds: Sequence[float]) -> TimeLawPrior:
     own = float(1.4826 * np.median(np.abs(logs - np.median(logs))))
     spread[0] = max(share * own + (1 - share) * spread[0], 0.05)
     median[0] = float(np.clip(median[0], law.low[0], law.high[0]))
-    return TimeLawPrior(median, spread, law.low, law.high, len(speeds))
+    return DrivingProfilePrior(median, spread, law.low, law.high, len(speeds))

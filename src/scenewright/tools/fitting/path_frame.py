@@ -165,7 +165,7 @@ def moving_prior(
         tracks: [n, K, 2] waypoints of whole tracks; n may be 0.
     """
     ready = [centreline(line) for line in lines]
-    base = narrowed(route, pool)
+    base = narrow_to_route(route, pool)
     away, nearest = deviations(tracks, ready) if len(tracks) else (np.zeros((0, DIMENSIONS)), None)
     weights, means, spreads = [], [], []
     for c in range(len(ready)):
@@ -177,7 +177,7 @@ def moving_prior(
     return prior_of(route, ready, np.array(weights), means, spreads, tracks=len(tracks))
 
 
-def narrowed(route: Route, pool: Pool) -> FloatArray:
+def narrow_to_route(route: Route, pool: Pool) -> FloatArray:
     """The pool's covariance for a route, on sidewalks as wide as derived ones."""
     narrow = np.where(np.arange(DIMENSIONS) % 2 == 1, _NARROWER[route.type], 1.0)
     return np.asarray(pool[kind_of(route)] * np.outer(narrow, narrow))

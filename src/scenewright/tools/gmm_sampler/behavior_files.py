@@ -16,9 +16,9 @@ from typing import Any, cast
 from pydantic import TypeAdapter
 
 from scenewright.errors import InputError
-from scenewright.intersections import bundle_folder, check_bundle
+from scenewright.intersections import check_bundle, find_bundle_folder
 from scenewright.scene.base import AgentClass
-from scenewright.scene.yielding_behavior import LEVELS, Habits, Manners
+from scenewright.scene.yielding_behavior import LEVELS, Habits, YieldingBehavior
 
 FILE = "manners.json"
 _LENDS = "amsterdam_120"
@@ -40,7 +40,7 @@ class Pace:
 
 
 Paces = Mapping[AgentClass, Pace]
-_Habits, _Paces = TypeAdapter(dict[str, Manners]), TypeAdapter(dict[str, Pace])
+_Habits, _Paces = TypeAdapter(dict[str, YieldingBehavior]), TypeAdapter(dict[str, Pace])
 
 
 def load_manners(folder: Path) -> Habits:
@@ -49,7 +49,7 @@ def load_manners(folder: Path) -> Habits:
     Raises:
         InputError: damaged, or of another form.
     """
-    here = folder if (folder / FILE).is_file() else bundle_folder(_LENDS)
+    here = folder if (folder / FILE).is_file() else find_bundle_folder(_LENDS)
     if not (here / FILE).is_file():
         return {}
     check_bundle(here, FILE)
@@ -100,7 +100,7 @@ def _key(name: str) -> tuple[AgentClass, AgentClass]:
     return cast(AgentClass, giver), cast(AgentClass, other)
 
 
-def _checked(manners: Manners, folder: Path) -> Manners:
+def _checked(manners: YieldingBehavior, folder: Path) -> YieldingBehavior:
     for name, values in asdict(manners).items():
         if name != "rolls" and (len(values) != len(LEVELS) or list(values) != sorted(values)):
             raise InputError(

@@ -11,9 +11,15 @@ import numpy as np
 
 from scenewright.errors import Rejected
 from scenewright.scene.base import AgentClass
-from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet, Draws, TimeLaw
-from scenewright.scene.frozen_agents import Pins
-from scenewright.scene.grounding import Cast, Grounding
+from scenewright.scene.candidates import (
+    AgentCandidates,
+    Candidate,
+    CandidateSet,
+    DrawnWaypoints,
+    DrivingProfile,
+)
+from scenewright.scene.frozen_agents import FrozenAgents
+from scenewright.scene.grounding import Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import SelectedAgent
@@ -23,8 +29,12 @@ from scenewright.tools.gmm_sampler.generate import amplify, cast_foreground
 from scenewright.tools.gmm_sampler.priors import Priors
 
 
-def narrowed(
-    graph: SocialGraph, grounding: Grounding, pins: Pins, *, on: IntersectionMap
+def restrict_grounding(
+    graph: SocialGraph,
+    grounding: Grounding,
+    pins: FrozenAgents,
+    *,
+    intersection_map: IntersectionMap,
 ) -> Grounding:
     """The grounding with the routes that are settled.
 
@@ -38,7 +48,12 @@ def narrowed(
         for name, open_ in grounding.routes.items()
     }
     narrow = Grounding(routes=routes)
-    found = casts(as_played(graph, pins), narrow, on=on, rng=np.random.default_rng(0))
+    found = casts(
+        as_played(graph, pins),
+        narrow,
+        intersection_map=intersection_map,
+        rng=np.random.default_rng(0),
+    )
     if not all(routes.values()) or next(found, None) is None:
         names = tuple(name for name in grounding.routes if name in pins.routes)
         detail = f"this cannot be done as long as {', '.join(names)} keep their ways"
@@ -48,7 +63,7 @@ def narrowed(
     return narrow
 
 
-def as_played(graph: SocialGraph, pins: Pins) -> SocialGraph:
+def as_played(graph: SocialGraph, pins: FrozenAgents) -> SocialGraph:
     """The graph in which relations that stay name their pattern, in the roles as played."""
     edges = list(graph.relations)
     for index, played in pins.patterns.items():
@@ -60,16 +75,16 @@ def as_played(graph: SocialGraph, pins: Pins) -> SocialGraph:
 def pinned_pool(
     graph: SocialGraph,
     grounding: Grounding,
-    pins: Pins,
+    pins: FrozenAgents,
     priors: Priors,
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     size: int,
     crowd_size: int | None,
     rng: np.random.Generator,
 ) -> CandidateSet:
     """Candidates of everybody, those of an earlier version first (see `amplify`)."""
-    cast = _cast(graph, grounding, pins, priors, on=on, rng=rng)
+    cast = _cast(graph, grounding, pins, priors, intersection_map=intersection_map, rng=rng)
     counts = Background(
         vehicles=pins.background["vehicle"], pedestrians=pins.background["pedestrian"]
     )
@@ -78,7 +93,7 @@ def pinned_pool(
         graph.model_copy(update={"context": context}),
         cast,
         priors,
-        on=on,
+        intersection_map=intersection_map,
         hour=pins.hour,
         size=size,
         crowd_size=crowd_size,
@@ -90,21 +105,23 @@ def pinned_pool(
 def _cast(
     graph: SocialGraph,
     grounding: Grounding,
-    pins: Pins,
+    pins: FrozenAgents,
     priors: Priors,
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     rng: np.random.Generator,
-) -> Cast:
+) -> RoleAssignment:
     played = as_played(graph, pins)
-    cast = cast_foreground(played, grounding, priors, on=on, hour=pins.hour, rng=rng)
+    cast = cast_foreground(
+        played, grounding, priors, intersection_map=intersection_map, hour=pins.hour, rng=rng
+    )
     patterns = tuple(pins.patterns.get(each.edge, each) for each in cast.patterns)
     return cast.model_copy(update={"patterns": patterns})
 
 
 def _agents(
-    graph: SocialGraph, fresh: Mapping[str, AgentDraws], pins: Pins
-) -> dict[str, AgentDraws]:
+    graph: SocialGraph, fresh: Mapping[str, AgentCandidates], pins: FrozenAgents
+) -> dict[str, AgentCandidates]:
     """The foreground, then who was in the background already, then others."""
     foreground = {node.id for node in graph.agents}
     found = {name: _with_earlier(fresh[name], pins) for name in foreground_order(graph)}
@@ -130,7 +147,7 @@ def foreground_order(graph: SocialGraph) -> list[str]:
     return [node.id for node in graph.agents]
 
 
-def _with_earlier(draws: AgentDraws, pins: Pins) -> AgentDraws:
+def _with_earlier(draws: AgentCandidates, pins: FrozenAgents) -> AgentCandidates:
     """What was drawn, at the pace told, behind the candidate of the earlier version."""
     draws = _paced(draws, pins.pace.get(draws.name, 1.0))
     settled = {**pins.placed, **pins.fixed}.get(draws.name)
@@ -140,11 +157,11 @@ def _with_earlier(draws: AgentDraws, pins: Pins) -> AgentDraws:
     return draws if offered is None else _first(offered, draws)
 
 
-def _only(agent: SelectedAgent, *, fresh_like: AgentDraws | None) -> AgentDraws:
+def _only(agent: SelectedAgent, *, fresh_like: AgentCandidates | None) -> AgentCandidates:
     """Nothing but the candidate that the agent has."""
     candidate = agent.candidate
     drawn = _drawn(candidate)
-    return AgentDraws(
+    return AgentCandidates(
         name=agent.name,
         role="background" if fresh_like is None else fresh_like.role,
         route=candidate.route,
@@ -156,14 +173,14 @@ def _only(agent: SelectedAgent, *, fresh_like: AgentDraws | None) -> AgentDraws:
     )
 
 
-def _first(agent: SelectedAgent, fresh: AgentDraws) -> AgentDraws:
+def _first(agent: SelectedAgent, fresh: AgentCandidates) -> AgentCandidates:
     """The candidate that the agent has, then fresh ones."""
     candidate, own = agent.candidate, _drawn(agent.candidate)
 
     @cache
-    def draw() -> Draws:
+    def draw() -> DrawnWaypoints:
         other = fresh.drawn
-        return Draws(
+        return DrawnWaypoints(
             np.concatenate([own.waypoints, other.waypoints]),
             np.concatenate([own.nll, other.nll]),
             np.concatenate([own.component, other.component]),
@@ -185,7 +202,7 @@ def _first(agent: SelectedAgent, fresh: AgentDraws) -> AgentDraws:
     )
 
 
-def _paced(draws: AgentDraws, pace: float) -> AgentDraws:
+def _paced(draws: AgentCandidates, pace: float) -> AgentCandidates:
     """The same with every free speed multiplied."""
     if pace == 1.0:
         return draws
@@ -197,13 +214,13 @@ def _paced(draws: AgentDraws, pace: float) -> AgentDraws:
     return replace(draws, build=build)
 
 
-def paced(law: TimeLaw, pace: float) -> TimeLaw:
+def paced(law: DrivingProfile, pace: float) -> DrivingProfile:
     """The time law with its free speed multiplied."""
     return replace(law, speed=law.speed * pace)
 
 
-def _drawn(candidate: Candidate) -> Draws:
-    return Draws(
+def _drawn(candidate: Candidate) -> DrawnWaypoints:
+    return DrawnWaypoints(
         candidate.waypoints[None],
         np.array([candidate.nll]),
         np.zeros(1, dtype=np.intp),

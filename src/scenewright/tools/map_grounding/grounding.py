@@ -8,11 +8,11 @@ from itertools import product
 import numpy as np
 
 from scenewright.errors import Rejected
-from scenewright.scene.cache import Recent
-from scenewright.scene.grounding import Cast, CastPattern, Grounding
+from scenewright.scene.cache import RecentCache
+from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.relations import Pattern, Role, pattern_named
+from scenewright.scene.relations import Pattern, Role, get_pattern
 from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
 from scenewright.tools.map_grounding.relation_files import checked_patterns
 
@@ -26,39 +26,44 @@ _FROM_THE_KERB = 4.3
 there (SEMANTICS 4: 5 m, less a margin)."""
 
 
-def ground(graph: SocialGraph, *, on: IntersectionMap) -> Grounding:
+def ground(graph: SocialGraph, *, intersection_map: IntersectionMap) -> Grounding:
     """The routes open to each agent.
 
     Raises:
         Rejected: `ungroundable`, naming the agent or the relation that the map cannot serve.
     """
-    return _GROUNDED.get(graph, on, checked_patterns(), make=lambda: _open_routes(graph, on))
+    return _GROUNDED.get(
+        graph,
+        intersection_map,
+        checked_patterns(),
+        make=lambda: _open_routes(graph, intersection_map),
+    )
 
 
-_GROUNDED: Recent[SocialGraph, Grounding] = Recent(most=256)
+_GROUNDED: RecentCache[SocialGraph, Grounding] = RecentCache(most=256)
 """Seeds of one text share a graph."""
 
 
-def _open_routes(graph: SocialGraph, on: IntersectionMap) -> Grounding:
+def _open_routes(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     try:
-        return _ground(graph, on)
+        return _ground(graph, intersection_map)
     except Rejected:
-        open_ = _without_entailed_exits(graph, on)
+        open_ = _without_entailed_exits(graph, intersection_map)
         if open_ == graph:
             raise
-        return _ground(open_, on)
+        return _ground(open_, intersection_map)
 
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 
 
-def _without_entailed_exits(graph: SocialGraph, on: IntersectionMap) -> SocialGraph:
+def _without_entailed_exits(graph: SocialGraph, intersection_map: IntersectionMap) -> SocialGraph:
     """The graph without exits that only the compass demands of a turn.
 
     Who is said to turn left from the north goes east where legs lie as on a compass. On a map
     with other legs it goes where its movements lead.
     """
-    if {leg.name for leg in on.legs} == _FOUR:
+    if {leg.name for leg in intersection_map.legs} == _FOUR:
         return graph
     agents = tuple(
         agent.model_copy(update={"exit": None}) if _entailed(agent) else agent
@@ -74,21 +79,25 @@ def _entailed(agent: AgentNode) -> bool:
     return {2: "left", 4: "straight", 6: "right", 0: "uturn"}.get(turn) == agent.movement
 
 
-def _ground(graph: SocialGraph, on: IntersectionMap) -> Grounding:
-    routes = {agent.id: _routes_for(agent, on) for agent in graph.agents}
+def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
+    routes = {agent.id: _routes_for(agent, intersection_map) for agent in graph.agents}
     for agent in graph.agents:
         if not routes[agent.id]:
-            raise Rejected(_no_route(agent, on))
+            raise Rejected(_no_route(agent, intersection_map))
     for refuse in (_two_collisions, _late_without_a_clash, _waits_for_a_wreck):
         refuse(graph)
     grounding = Grounding(routes=routes)
     # One by one first: the search over all of them is exhaustive where one cannot be played.
     for edge in graph.relations:
         alone = graph.model_copy(update={"relations": (edge,)})
-        if not _playable(alone, grounding, on):
-            tied = graph.ties and _playable(alone.model_copy(update={"ties": ()}), grounding, on)
-            raise Rejected(_tied_apart(edge, graph.ties) if tied else _never_meet(edge, on))
-    if len(graph.relations) != 1 and not _playable(graph, grounding, on):
+        if not _playable(alone, grounding, intersection_map):
+            tied = graph.ties and _playable(
+                alone.model_copy(update={"ties": ()}), grounding, intersection_map
+            )
+            raise Rejected(
+                _tied_apart(edge, graph.ties) if tied else _never_meet(edge, intersection_map)
+            )
+    if len(graph.relations) != 1 and not _playable(graph, grounding, intersection_map):
         raise Rejected(_not_together(graph.relations[-1]))
     return grounding
 
@@ -97,34 +106,35 @@ def casts(
     graph: SocialGraph,
     grounding: Grounding,
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     rng: np.random.Generator,
     weight: RouteWeight = lambda _route: 1.0,
-) -> Iterator[Cast]:
+) -> Iterator[RoleAssignment]:
     """Consistent choices of routes and patterns, likelier ones more often early; lazily."""
     order = {key: _shuffled(each, rng, weight) for key, each in grounding.routes.items()}
-    yield from _assign(graph, on, rng, order, {}, ())
+    yield from _assign(graph, intersection_map, rng, order, {}, ())
 
 
-def meets(a: Route, b: Route, *, on: IntersectionMap) -> bool:
+def meets(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether the swept paths of two routes overlap on the map."""
     if "jaywalking" in (a.movement, b.movement):
         walker, other = (a, b) if a.movement == "jaywalking" else (b, a)
         return other.type == "vehicle" and walker.crosswalk in (other.entry, other.exit)
-    return frozenset((a.zone_key, b.zone_key)) in on.zone_pairs
+    return frozenset((a.zone_key, b.zone_key)) in intersection_map.zone_pairs
 
 
-def green_together(a: Route, b: Route, *, on: IntersectionMap) -> bool:
+def green_together(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether both may ever go at the same time; True where one of them has no signal."""
-    groups = [on.signal_group_of(route) for route in (a, b)]
-    if on.signals is None or None in groups:
+    groups = [intersection_map.signal_group_of(route) for route in (a, b)]
+    if intersection_map.signals is None or None in groups:
         return True
     return any(
-        all(phase.colours[str(group)] != "red" for group in groups) for phase in on.signals.phases
+        all(phase.colours[str(group)] != "red" for group in groups)
+        for phase in intersection_map.signals.phases
     )
 
 
-def at_odds(cast: Cast, *, on: IntersectionMap) -> int:
+def at_odds(cast: RoleAssignment, *, intersection_map: IntersectionMap) -> int:
     """How many relations of a cast the lights do not allow as the programme runs, or the map.
 
     Two who obey must have green together; of two, one runs red where the other has green. Changes
@@ -136,18 +146,24 @@ def at_odds(cast: Cast, *, on: IntersectionMap) -> int:
     for each in cast.patterns:
         pair = [cast.routes[name] for name in (each.from_, each.to) if name not in runs]
         if len(pair) == 2:
-            odd += not green_together(*pair, on=on)
+            odd += not green_together(*pair, intersection_map=intersection_map)
         elif len(pair) == 1:
             (runner,) = {each.from_, each.to} & runs
-            odd += not _red_at_green(cast.routes[runner], pair[0], on=on)
-        if pattern_named(each.pattern).relation == "yield_to":
-            odd += not _kerb_is_near(cast.routes[each.from_], cast.routes[each.to], on=on)
+            odd += not _red_at_green(
+                cast.routes[runner], pair[0], intersection_map=intersection_map
+            )
+        if get_pattern(each.pattern).relation == "yield_to":
+            odd += not _kerb_is_near(
+                cast.routes[each.from_], cast.routes[each.to], intersection_map=intersection_map
+            )
     return odd
 
 
-def _kerb_is_near(walker: Route, other: Route, *, on: IntersectionMap) -> bool:
+def _kerb_is_near(walker: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether the first, if on foot, steps off its kerb close to where it meets the other."""
-    crosswalk = next((each for each in on.crosswalks if each.leg == walker.crosswalk), None)
+    crosswalk = next(
+        (each for each in intersection_map.crosswalks if each.leg == walker.crosswalk), None
+    )
     if walker.type == "vehicle" or crosswalk is None or walker.entry not in crosswalk.sides:
         return True
     kerb, beyond = (np.array(point) for point in crosswalk.centreline)
@@ -155,24 +171,28 @@ def _kerb_is_near(walker: Route, other: Route, *, on: IntersectionMap) -> bool:
         kerb, beyond = beyond, kerb
     ahead = (beyond - kerb) / np.hypot(*(beyond - kerb))
     both = {walker.zone_key, other.zone_key}
-    zones = [each.polygon for each in on.conflict_zones if {each.first, each.second} == both]
+    zones = [
+        each.polygon
+        for each in intersection_map.conflict_zones
+        if {each.first, each.second} == both
+    ]
     ways = [float(((np.array(zone) - kerb) @ ahead).min()) for zone in zones]
     return not ways or min(ways) <= _FROM_THE_KERB
 
 
-def _red_at_green(runner: Route, other: Route, *, on: IntersectionMap) -> bool:
+def _red_at_green(runner: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether the light of the first is red at any time when that of the other is not."""
-    groups = [on.signal_group_of(route) for route in (runner, other)]
-    if on.signals is None or None in groups:
+    groups = [intersection_map.signal_group_of(route) for route in (runner, other)]
+    if intersection_map.signals is None or None in groups:
         return True
     return any(
         phase.colours[str(groups[0])] == "red" and phase.colours[str(groups[1])] != "red"
-        for phase in on.signals.phases
+        for phase in intersection_map.signals.phases
     )
 
 
-def _routes_for(agent: AgentNode, on: IntersectionMap) -> tuple[Route, ...]:
-    return tuple(route for route in on.routes if _admits(agent, route))
+def _routes_for(agent: AgentNode, intersection_map: IntersectionMap) -> tuple[Route, ...]:
+    return tuple(route for route in intersection_map.routes if _admits(agent, route))
 
 
 def _admits(agent: AgentNode, route: Route) -> bool:
@@ -195,21 +215,23 @@ def _shuffled(
 
 def _assign(
     graph: SocialGraph,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     rng: np.random.Generator,
     order: dict[str, list[Route]],
     chosen: dict[str, Route],
-    played: tuple[CastPattern, ...],
-) -> Iterator[Cast]:
+    played: tuple[AssignedPattern, ...],
+) -> Iterator[RoleAssignment]:
     """Depth first over the edges, then over agents that no edge binds."""
     if len(played) < len(graph.relations):
         index = len(played)
         edge = graph.relations[index]
-        for routes, cast_pattern in _play(edge, index, graph, on, rng, order, chosen):
-            yield from _assign(graph, on, rng, order, chosen | routes, (*played, cast_pattern))
+        for routes, cast_pattern in _play(edge, index, graph, intersection_map, rng, order, chosen):
+            yield from _assign(
+                graph, intersection_map, rng, order, chosen | routes, (*played, cast_pattern)
+            )
         return
     for routes in _at_will(graph, order, chosen):
-        yield Cast(routes=routes, patterns=played)
+        yield RoleAssignment(routes=routes, patterns=played)
 
 
 def _at_will(
@@ -261,35 +283,41 @@ def _play(
     edge: RelationEdge,
     index: int,
     graph: SocialGraph,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     rng: np.random.Generator,
     order: dict[str, list[Route]],
     chosen: dict[str, Route],
-) -> Iterator[tuple[dict[str, Route], CastPattern]]:
+) -> Iterator[tuple[dict[str, Route], AssignedPattern]]:
     found = _draw(patterns_for(edge, graph), rng)
     asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
     # Who is to run red does so, if it can be, where the other one has green.
     for apart in (True, False) if asked else (None,):
         for pattern in found:
-            mirrored = _mirrored(pattern, on)
+            mirrored = _mirrored(pattern, intersection_map)
             for first, second in _role_orders(edge, pattern):
                 firsts = _able(_open(first, order, chosen), pattern.from_, mirrored=mirrored)
                 seconds = _able(_open(second, order, chosen), pattern.to, mirrored=mirrored)
                 for a, b in product(firsts, seconds):
                     routes = {first: a, second: b}
-                    if not _meet_so(pattern, a, b, on) or not _tied(graph, chosen | routes):
+                    if not _meet_so(pattern, a, b, intersection_map) or not _tied(
+                        graph, chosen | routes
+                    ):
                         continue
-                    if apart is not None and apart is green_together(a, b, on=on):
+                    if apart is not None and apart is green_together(
+                        a, b, intersection_map=intersection_map
+                    ):
                         continue
                     if _strikes_there(edge, routes) and _clear_of_wrecks(graph, chosen | routes):
                         yield (
                             routes,
-                            CastPattern(
+                            AssignedPattern(
                                 edge=index,
                                 pattern=pattern.id,
                                 from_=first,
                                 to=second,
-                                violator=_violator(pattern, (first, second), (a, b), graph, on),
+                                violator=_violator(
+                                    pattern, (first, second), (a, b), graph, intersection_map
+                                ),
                             ),
                         )
 
@@ -357,19 +385,19 @@ def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     return [*orders, (edge.to, edge.from_)]
 
 
-def serves(pattern: Pattern, a: Route, b: Route, *, on: IntersectionMap) -> bool:
+def serves(pattern: Pattern, a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether route `a` can play `from` and route `b` can play `to` of the pattern."""
-    mirrored = _mirrored(pattern, on)
+    mirrored = _mirrored(pattern, intersection_map)
     return (
         _plays(a, pattern.from_, mirrored=mirrored)
         and _plays(b, pattern.to, mirrored=mirrored)
-        and _meet_so(pattern, a, b, on)
+        and _meet_so(pattern, a, b, intersection_map)
     )
 
 
-def _meet_so(pattern: Pattern, a: Route, b: Route, on: IntersectionMap) -> bool:
+def _meet_so(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether two routes lie to one another as the pattern has it, whoever may travel them."""
-    return _entries_lie(pattern, a, b) and _geometry_fits(pattern, a, b, on)
+    return _entries_lie(pattern, a, b) and _geometry_fits(pattern, a, b, intersection_map)
 
 
 def _able(routes: Sequence[Route], role: Role, *, mirrored: bool) -> list[Route]:
@@ -377,12 +405,12 @@ def _able(routes: Sequence[Route], role: Role, *, mirrored: bool) -> list[Route]
     return [route for route in routes if _plays(route, role, mirrored=mirrored)]
 
 
-def _mirrored(pattern: Pattern, on: IntersectionMap) -> bool:
+def _mirrored(pattern: Pattern, intersection_map: IntersectionMap) -> bool:
     """Whether left and right change places: the files speak of right-hand traffic.
 
     So a left turn across the path of others is a right turn there, its kind of collision included.
     """
-    return on.left_hand_traffic and pattern.kind != "pedestrian_strike"
+    return intersection_map.left_hand_traffic and pattern.kind != "pedestrian_strike"
 
 
 _MIRROR = {"left": "right", "right": "left"}
@@ -412,28 +440,34 @@ def _opposite(a: str, b: str) -> bool:
     return abs(_RING.index(a) - _RING.index(b)) == 4
 
 
-def _geometry_fits(pattern: Pattern, a: Route, b: Route, on: IntersectionMap) -> bool:
+def _geometry_fits(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     match pattern.geometry:
         case "crossing":
-            return meets(a, b, on=on) and (a.type != b.type or a.exit != b.exit)
+            return meets(a, b, intersection_map=intersection_map) and (
+                a.type != b.type or a.exit != b.exit
+            )
         case "merging":
-            return a.exit == b.exit and a.entry != b.entry and meets(a, b, on=on)
+            return (
+                a.exit == b.exit
+                and a.entry != b.entry
+                and meets(a, b, intersection_map=intersection_map)
+            )
         case "same_lane":
-            return a.entry == b.entry and _share_a_lane(a, b, on)
+            return a.entry == b.entry and _share_a_lane(a, b, intersection_map)
         case "same_way":
             return a.entry == b.entry and a.exit == b.exit
         case "lane_change":
-            return a.id == b.id and _lanes(a, on) >= 2
+            return a.id == b.id and _lanes(a, intersection_map) >= 2
         case "opposing":
-            return a.entry == b.exit and a.exit == b.entry and not _divided(a, b, on)
+            return a.entry == b.exit and a.exit == b.entry and not _divided(a, b, intersection_map)
 
 
-def _share_a_lane(a: Route, b: Route, on: IntersectionMap) -> bool:
+def _share_a_lane(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether one lane before the stop line leads both ways."""
-    lanes = [on.movement_of(route) for route in (a, b)]
+    lanes = [intersection_map.movement_of(route) for route in (a, b)]
     if None in lanes:
         return True
-    approaches = {lane.id for lane in on.lanelets if lane.kind == "approach"}
+    approaches = {lane.id for lane in intersection_map.lanelets if lane.kind == "approach"}
     first, second = (approaches.intersection(each.lanelets) for each in lanes if each)
     return bool(first & second)
 
@@ -442,17 +476,19 @@ _MEDIAN = 14.0
 """Opposite directions of a road farther apart [m] are parted by more than a line."""
 
 
-def _divided(a: Route, b: Route, on: IntersectionMap) -> bool:
+def _divided(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether a median parts the way that one drives out by from the other's way in."""
-    out, into = on.movement_of(a), on.movement_of(b)
+    out, into = intersection_map.movement_of(a), intersection_map.movement_of(b)
     if out is None or into is None:
         return False
     (x, y), (u, v) = out.centreline[-1], into.centreline[0]
     return float(np.hypot(x - u, y - v)) > _MEDIAN
 
 
-def _lanes(route: Route, on: IntersectionMap) -> int:
-    return sum(lane.kind == "approach" and lane.leg == route.entry for lane in on.lanelets)
+def _lanes(route: Route, intersection_map: IntersectionMap) -> int:
+    return sum(
+        lane.kind == "approach" and lane.leg == route.entry for lane in intersection_map.lanelets
+    )
 
 
 def _violator(
@@ -460,12 +496,12 @@ def _violator(
     names: tuple[str, str],
     routes: tuple[Route, Route],
     graph: SocialGraph,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
 ) -> str | None:
     for name in names:
         if graph.agent(name).runs_red:
             return name
-    if pattern.violator is None or green_together(*routes, on=on):
+    if pattern.violator is None or green_together(*routes, intersection_map=intersection_map):
         return None
     usual, other = names if pattern.violator == "from" else names[::-1]
     # Who gives way at a red light gives way to the light, who drives in line needs one light, and
@@ -477,7 +513,7 @@ def _violator(
     return other if usual in bound and other not in bound else usual
 
 
-def _no_route(agent: AgentNode, on: IntersectionMap) -> Rejection:
+def _no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rejection:
     wanted = [
         text
         for text in (
@@ -488,7 +524,7 @@ def _no_route(agent: AgentNode, on: IntersectionMap) -> Rejection:
         )
         if text
     ]
-    detail = f"{agent.id} ({', '.join(wanted)}) has no way through {on.title}"
+    detail = f"{agent.id} ({', '.join(wanted)}) has no way through {intersection_map.title}"
     return Rejection(stage="scene_planner", code="ungroundable", agents=(agent.id,), detail=detail)
 
 
@@ -562,16 +598,16 @@ def _clear_of_wrecks(graph: SocialGraph, routes: dict[str, Route]) -> bool:
     return True
 
 
-def _playable(graph: SocialGraph, grounding: Grounding, on: IntersectionMap) -> bool:
-    found = casts(graph, grounding, on=on, rng=np.random.default_rng(0))
+def _playable(graph: SocialGraph, grounding: Grounding, intersection_map: IntersectionMap) -> bool:
+    found = casts(graph, grounding, intersection_map=intersection_map, rng=np.random.default_rng(0))
     return next(found, None) is not None
 
 
-def _never_meet(edge: RelationEdge, on: IntersectionMap) -> Rejection:
+def _never_meet(edge: RelationEdge, intersection_map: IntersectionMap) -> Rejection:
     return _relation_fails(
         edge,
         f"the routes of {edge.from_} and {edge.to} do not meet "
-        f"so that '{_words(edge)}' could happen at {on.title}",
+        f"so that '{_words(edge)}' could happen at {intersection_map.title}",
     )
 
 

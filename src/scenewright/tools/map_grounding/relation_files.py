@@ -14,7 +14,7 @@ from scenewright.scene.constraints import (
     Headway,
     TimeGap,
 )
-from scenewright.scene.relations import Pattern, file_of, patterns
+from scenewright.scene.relations import Pattern, get_pattern_file, load_patterns
 from scenewright.scene.social import RelationType
 from scenewright.tools.dsl_validator.parse import parse
 
@@ -38,7 +38,7 @@ def checked_patterns() -> tuple[Pattern, ...]:
     Raises:
         InputError: a file is no relation, or a clause of it is none; says which, and where.
     """
-    found = patterns()
+    found = load_patterns()
     known = {id(pattern) for pattern in _checked}
     for pattern in found:
         if id(pattern) not in known:
@@ -97,4 +97,4 @@ def _column(column: int, clause: str, pattern: Pattern, names: tuple[str, str]) 
 
 
 def _refused(pattern: Pattern, why: str) -> InputError:
-    return InputError(f"{file_of(pattern)} is not a relation: {why}")
+    return InputError(f"{get_pattern_file(pattern)} is not a relation: {why}")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import Colour, FloatArray
-from scenewright.scene.cache import Recent
+from scenewright.scene.cache import RecentCache
 from scenewright.scene.map import IntersectionMap, SignalProgram
 from scenewright.scene.record import SignalRecord
 
@@ -83,7 +83,7 @@ def _red_for(program: SignalProgram, group: str) -> FloatArray:
     return np.where(green.any(axis=1), grid[green.argmax(axis=1)], program.cycle)
 
 
-_RED_FOR: Recent[tuple[int, str], FloatArray] = Recent(most=64)
+_RED_FOR: RecentCache[tuple[int, str], FloatArray] = RecentCache(most=64)
 """By programme and group."""
 
 
@@ -126,18 +126,18 @@ def phases_of(
     return _PHASES.get((id(program), group, colours), program, make=make)
 
 
-_PHASES: Recent[tuple[int, str, tuple[Colour, ...]], tuple[FloatArray, NDArray[np.bool_]]] = Recent(
-    most=256
+_PHASES: RecentCache[tuple[int, str, tuple[Colour, ...]], tuple[FloatArray, NDArray[np.bool_]]] = (
+    RecentCache(most=256)
 )
 """By programme, group and colours."""
 
 
 def plan_records(
-    clock: SignalClock, *, on: IntersectionMap, until: float
+    clock: SignalClock, *, intersection_map: IntersectionMap, until: float
 ) -> tuple[SignalRecord, ...]:
     """The plan of scene.json: every stop line's and crosswalk's colours over [0, until]."""
     records: list[SignalRecord] = []
-    for group, heads in _heads(on).items():
+    for group, heads in _heads(intersection_map).items():
         for start, end, colour in _stretches(clock, group, until):
             for key, head in heads:
                 records.append(
@@ -148,12 +148,12 @@ def plan_records(
     return tuple(records)
 
 
-def _heads(on: IntersectionMap) -> dict[str, list[tuple[str, str]]]:
-    if on.signals is None:
+def _heads(intersection_map: IntersectionMap) -> dict[str, list[tuple[str, str]]]:
+    if intersection_map.signals is None:
         return {}
-    stop_line = {movement.id: movement.stop_line for movement in on.movements}
+    stop_line = {movement.id: movement.stop_line for movement in intersection_map.movements}
     heads: dict[str, list[tuple[str, str]]] = {}
-    for group in on.signals.groups:
+    for group in intersection_map.signals.groups:
         lines = dict.fromkeys(stop_line[movement] for movement in group.movements)
         heads[group.id] = [("stop_line", line) for line in lines]
         heads[group.id] += [("crosswalk", crosswalk) for crosswalk in group.crosswalks]

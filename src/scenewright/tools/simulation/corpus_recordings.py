@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.intersections import bundle_folder, load_map
+from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
@@ -63,7 +63,7 @@ def record_traffic(
     if name not in PLANS:
         raise InputError(f"no plan to build {name!r} from; there are: {', '.join(sorted(PLANS))}")
     plan, place = PLANS[name], load_map(name)
-    demand = read_demand(bundle_folder(name) / "demand.json")
+    demand = read_demand(find_bundle_folder(name) / "demand.json")
     seeds = hour_seeds(seed)
     recordings = []
     for day, hour in spread_hours(hours):

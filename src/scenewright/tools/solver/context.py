@@ -10,7 +10,7 @@ from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import PairClause, TimeGap
 from scenewright.scene.track import STEP
-from scenewright.scene.yielding_behavior import Habits, Manners
+from scenewright.scene.yielding_behavior import Habits, YieldingBehavior
 from scenewright.tools.solver.encounter import Encounter, Intervals, encounter, meeting_offsets
 from scenewright.tools.solver.nearest_miss import Reached, Shortfall, Shortfalls
 from scenewright.tools.solver.schedule import Pairing, Staging, pair_of
@@ -76,7 +76,7 @@ class Setting:
             a = a.shifted(float(self.rng.uniform(*_APART)))
         return a, b
 
-    def manners(self, clause: PairClause) -> Manners | None:
+    def manners(self, clause: PairClause) -> YieldingBehavior | None:
         """How those of the class of `first` give way to those of the class of `second`."""
         first, second = (self.candidates[name].route.type for name in pair_of(clause))
         return self.habits.get((first, second))

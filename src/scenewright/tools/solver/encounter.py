@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.geometry.along import nodes_along, poses_along, turned
+from scenewright.geometry.along import sample_nodes, sample_poses, turned
 from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path
@@ -91,8 +91,8 @@ def encounter(
     Args:
         spacing: distance between nodes of a and of b [m]; a PET wants less than a certificate.
     """
-    s_a, s_b = nodes_along(a, spacing[0]), nodes_along(b, spacing[1])
-    pose_a, pose_b = poses_along(a, s_a), poses_along(b, s_b)
+    s_a, s_b = sample_nodes(a, spacing[0]), sample_nodes(b, spacing[1])
+    pose_a, pose_b = sample_poses(a, s_a), sample_poses(b, s_b)
     radius = sum(np.hypot(shape.length, shape.width) / 2 for shape in shapes)
     i, j = close_nodes(pose_a.T, pose_b.T, float(radius + reach), (float(s_a[1]), float(s_b[1])))
     if all(shape.type == "vehicle" for shape in shapes):

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.geometry.driving_profile import Hold, arrival
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import Candidate, TimeLaw
+from scenewright.scene.candidates import Candidate, DrivingProfile
 from scenewright.scene.map import IntersectionMap, Route, SignalProgram
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
@@ -116,7 +116,7 @@ class RedLight:
 def stop_at_light(actor: Actor, s: float) -> Stop:
     """Its standstill at `s` [m], before its light, until the moment in which it begins."""
     anchor = "kerb" if actor.candidate.route.type == "pedestrian" else "stop_line"
-    start = actor.enters + arrival(actor.candidate, Hold(s, 0.0))
+    start = actor.enters + compute_arrival(actor.candidate, StopCommand(s, 0.0))
     return Stop(anchor, s, start, start, "red_light")
 
 
@@ -186,7 +186,7 @@ def seen_under(
     crowd: Iterable[Route],
     *,
     duration: float,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
 ) -> FloatArray:
     """[N] how many of those who come by chance there are to see under each offset, relatively.
 
@@ -195,7 +195,9 @@ def seen_under(
     a queue there are more to show.
     """
     people = list(crowd)
-    return duration * max(len(people), 1) + _red_of_all(program, offsets, people, on=on)
+    return duration * max(len(people), 1) + _red_of_all(
+        program, offsets, people, intersection_map=intersection_map
+    )
 
 
 def queues_left(
@@ -204,7 +206,7 @@ def queues_left(
     crowd: Iterable[Route],
     *,
     duration: float,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
 ) -> FloatArray:
     """[N] how much longer queues are at a scene's end than at its beginning, by offset [s of red].
 
@@ -213,16 +215,21 @@ def queues_left(
     """
     drivers = [route for route in crowd if route.type == "vehicle"]
     begin, end = (
-        _red_of_all(program, moments, drivers, on=on) for moments in (offsets, offsets + duration)
+        _red_of_all(program, moments, drivers, intersection_map=intersection_map)
+        for moments in (offsets, offsets + duration)
     )
     return np.asarray((end - begin) / max(len(drivers), 1))
 
 
 def _red_of_all(
-    program: SignalProgram, offsets: FloatArray, crowd: Iterable[Route], *, on: IntersectionMap
+    program: SignalProgram,
+    offsets: FloatArray,
+    crowd: Iterable[Route],
+    *,
+    intersection_map: IntersectionMap,
 ) -> FloatArray:
     """[N] for how long the lights of a crowd have not been green, summed over its members [s]."""
-    groups = Counter(on.signal_group_of(route) for route in crowd)
+    groups = Counter(intersection_map.signal_group_of(route) for route in crowd)
     red = np.zeros(len(offsets))
     for group, count in groups.items():
         if group is not None:
@@ -263,7 +270,7 @@ class LastInLane:
     rear: float
     start: float
     until: float
-    law: TimeLaw
+    law: DrivingProfile
 
 
 def last_in_lane(
@@ -297,7 +304,7 @@ def _nearest(xy: FloatArray, x: float, y: float) -> tuple[int, float]:
     return node, least
 
 
-def no_faster(candidate: Candidate, ahead: TimeLaw) -> Candidate:
+def no_faster(candidate: Candidate, ahead: DrivingProfile) -> Candidate:
     """The candidate at the pace of who goes ahead of it: nobody drives through its leader."""
     law = candidate.time_law
     pace = replace(

@@ -16,11 +16,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenewright.geometry.landmarks import Landmarks, landmarks
-from scenewright.geometry.map_areas import Ground
+from scenewright.geometry.landmarks import Landmarks, find_landmarks
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.candidates import Candidate, CandidateSet
 from scenewright.scene.constraints import ConstraintProgram, PairClause
-from scenewright.scene.frozen_agents import Pins, unedited
+from scenewright.scene.frozen_agents import FrozenAgents, without_edits
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import Demand, feasible_offsets
@@ -48,11 +48,11 @@ class PinnedSearch(Search):
         self,
         program: ConstraintProgram,
         pool: CandidateSet,
-        ground: Ground,
+        ground: MapAreas,
         rng: np.random.Generator,
         lenient: bool,
         *,
-        pins: Pins,
+        pins: FrozenAgents,
     ) -> None:
         super().__init__(program, pool, ground, rng, lenient)
         self._pins = pins
@@ -76,7 +76,7 @@ class PinnedSearch(Search):
         return not set(pair_of(clause)) <= self._pins.fixed.keys()
 
     def _marks(self, candidate: Candidate) -> Landmarks:
-        return landmarks(candidate, ground=self._ground)
+        return find_landmarks(candidate, ground=self._ground)
 
     def _found(self) -> Selection | None:
         """The first survivor; few are tried around those who stay, as more may move after that."""
@@ -131,7 +131,7 @@ class PinnedSearch(Search):
 
     def _lawful(self, staging: Staging) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         """Shifts [s] at which everybody's lights are as they must be."""
-        program, offset = self._ground.on.signals, self._pins.earlier.signal_offset
+        program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         if program is None or offset is None:
             return np.arange(-60.0, 60.0, 0.5)
         offsets = feasible_offsets(program, self._demanded(staging.actors, 4 * program.cycle))
@@ -155,7 +155,7 @@ class PinnedSearch(Search):
         return float(max(self._pins.earlier.duration, np.ceil(min(least, MAX_SECONDS))))
 
     def _signal_offset(self, staging: Staging, duration: float) -> float | None:
-        program, offset = self._ground.on.signals, self._pins.earlier.signal_offset
+        program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         if not self._pins.lights or program is None or offset is None:
             return super()._signal_offset(staging, duration)
         lawful = feasible_offsets(program, self._demanded(staging.actors, duration))
@@ -231,7 +231,7 @@ class PinnedSearch(Search):
 def actor_of(agent: SelectedAgent, marks: Landmarks) -> Actor:
     """A selected agent, placed in time as it was."""
     actor = Actor.unplaced(agent.candidate, marks).shifted(agent.enters)
-    if lights := unedited(agent).stops:
+    if lights := without_edits(agent).stops:
         actor = actor.held_by_lights(lights)
     if agent.stops or agent.slowings:
         actor = actor.edited(stops=agent.stops, slowings=agent.slowings)

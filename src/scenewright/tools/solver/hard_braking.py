@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import Hold, arrival
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.scene.base import FloatArray
 from scenewright.scene.constraints import BrakesFor, TimeGap
 from scenewright.scene.selection import Slowing, Stop
@@ -246,7 +246,7 @@ def _edited(a: Actor, how: _Manoeuvre, *, until: float | None = None) -> Actor:
     """Braking like that; who stops stands until then [s], else for longer than any scene."""
     if not how.stops:
         return a.edited(stops=a.stops, slowings=(Slowing(how.s, how.speed, how.braking),))
-    start = a.enters + arrival(a.candidate, Hold(how.s, 0.0, how.braking))
+    start = a.enters + compute_arrival(a.candidate, StopCommand(how.s, 0.0, how.braking))
     until = a.enters + _FOR_GOOD if until is None else max(until, start + _STANDS)
     stop = Stop("yield_point", how.s, start, until, "gives_way", how.braking, how.ahead)
     earlier = [each for each in a.stops if abs(each.s - how.s) > 0.5]

@@ -11,7 +11,7 @@ import numpy as np
 
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.base import AgentClass
-from scenewright.scene.candidates import AgentDraws, Candidate
+from scenewright.scene.candidates import AgentCandidates, Candidate
 from scenewright.scene.selection import Selection
 from scenewright.scene.track import STEP, vehicle_shape
 from scenewright.tools.solver.assignment import seat, seat_cheapest
@@ -167,10 +167,10 @@ class Least(Search):
         for choice in best_first([each.nll + each.time_nll for each in draws]):
             yield dict(zip(self._bound, choice, strict=True))
 
-    def _unbound(self) -> list[AgentDraws]:
+    def _unbound(self) -> list[AgentCandidates]:
         return [each for name, each in self._pool.agents.items() if name not in self._bound]
 
-    def _least_cost(self, draws: AgentDraws) -> float:
+    def _least_cost(self, draws: AgentCandidates) -> float:
         """Of an agent's cheapest candidate on which every unary clause holds; inf if on none."""
         fits = (m for m in _ranked(draws) if self._candidate(draws.name, m) is not None)
         return next((self._cost(draws.name, m) for m in fits), float("inf"))
@@ -189,13 +189,13 @@ class Least(Search):
         ]
 
     def _offers(
-        self, draws: AgentDraws, moment: Moment, fixed: Sequence[Actor]
+        self, draws: AgentCandidates, moment: Moment, fixed: Sequence[Actor]
     ) -> tuple[Offer, ...]:
         ways = partial(self._at_any_time, draws, moment=moment, fixed=fixed)
         return tuple(Offer(self._cost(draws.name, m), partial(ways, m)) for m in _ranked(draws))
 
     def _at_any_time(
-        self, draws: AgentDraws, m: int, moment: Moment, fixed: Sequence[Actor]
+        self, draws: AgentCandidates, m: int, moment: Moment, fixed: Sequence[Actor]
     ) -> Iterator[Option]:
         """Passing on green whenever there is room, else waiting: one candidate, one likelihood.
 
@@ -229,6 +229,6 @@ class Least(Search):
         return replace(red, gap=red.gap + room, lag=red.lag + _FOLLOWS_AFTER)
 
 
-def _ranked(draws: AgentDraws) -> list[int]:
+def _ranked(draws: AgentCandidates) -> list[int]:
     """Candidates by ascending cost."""
     return [int(m) for m in np.argsort(draws.nll + draws.time_nll, kind="stable")]

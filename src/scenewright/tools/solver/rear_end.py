@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import Hold, arrival
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import STOP_GAP
 from scenewright.scene.constraints import Contact
 from scenewright.scene.selection import Slowing, Stop
@@ -76,8 +76,8 @@ def _standing_leaders(b: Actor, rng: np.random.Generator) -> Iterator[Actor]:
     if at_light is not None:
         yield at_light
     for share in rng.uniform(*_SUDDEN, 2):
-        hold = Hold(share * b.candidate.path.length, 0.0, _SUDDEN_BRAKING)
-        start = b.enters + arrival(b.candidate, hold)
+        hold = StopCommand(share * b.candidate.path.length, 0.0, _SUDDEN_BRAKING)
+        start = b.enters + compute_arrival(b.candidate, hold)
         until = start + _FOR_GOOD
         stop = Stop("stopping_point", hold.s, start, until, "brakes", _SUDDEN_BRAKING)
         yield b.edited(stops=(stop,))

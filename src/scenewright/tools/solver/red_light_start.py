@@ -31,7 +31,7 @@ def openings(
     marks: Mapping[str, Landmarks],
     clauses: Collection[PairClause],
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     chances: Mapping[str, float],
     rng: np.random.Generator,
 ) -> dict[str, Actor]:
@@ -43,11 +43,13 @@ def openings(
     """
     found: dict[str, Actor] = {}
     for name, candidate in candidates.items():
-        group, program = marks[name].group, on.signals
+        group, program = marks[name].group, intersection_map.signals
         if program is None or group is None or candidate.route.type != "vehicle":
             continue
         bonds = [each for each in clauses if name in pair_of(each)]
-        if not _yields_on_green(bonds, candidates, on) or _start_together(bonds, found):
+        if not _yields_on_green(bonds, candidates, intersection_map) or _start_together(
+            bonds, found
+        ):
             continue
         red = _red(program, group)
         if rng.random() < chances.get(name, red / program.cycle):
@@ -57,12 +59,18 @@ def openings(
 
 
 def _yields_on_green(
-    bonds: Collection[PairClause], candidates: Mapping[str, Candidate], on: IntersectionMap
+    bonds: Collection[PairClause],
+    candidates: Mapping[str, Candidate],
+    intersection_map: IntersectionMap,
 ) -> bool:
     """Whether these are yields alone, between two who have green together."""
     return bool(bonds) and all(
         isinstance(each, GivesWay)
-        and green_together(candidates[each.first].route, candidates[each.second].route, on=on)
+        and green_together(
+            candidates[each.first].route,
+            candidates[each.second].route,
+            intersection_map=intersection_map,
+        )
         for each in bonds
     )
 

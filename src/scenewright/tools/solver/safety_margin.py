@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.geometry.along import nodes_along, poses_along, turned
+from scenewright.geometry.along import sample_nodes, sample_poses, turned
 from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
@@ -86,9 +86,9 @@ class Corridor:
 def corridor_of(candidate: Candidate) -> Corridor:
     """The nodes of a candidate's path; candidates are known by identity."""
     path, shape, kind = candidate.path, candidate.shape, candidate.route.type
-    s = nodes_along(path, _NODE[kind])
+    s = sample_nodes(path, _NODE[kind])
     return Corridor(
-        s, turned(poses_along(path, s)), (shape.length / 2, shape.width / 2), kind == "pedestrian"
+        s, turned(sample_poses(path, s)), (shape.length / 2, shape.width / 2), kind == "pedestrian"
     )
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.geometry.along import poses_along
-from scenewright.geometry.driving_profile import Motion, move
+from scenewright.geometry.along import sample_poses
+from scenewright.geometry.driving_profile import Motion, compute_motion
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
@@ -38,16 +38,16 @@ class Actor:
     @classmethod
     def unplaced(cls, candidate: Candidate, marks: Landmarks) -> Actor:
         """As its time law alone would have it, entering at time 0."""
-        motion = move(candidate)
+        motion = compute_motion(candidate)
         return cls(candidate, marks, 0.0, motion, motion)
 
     def at(self, times: FloatArray) -> FloatArray:
         """[N, 3] poses (x, y, heading) at scene times [s]."""
-        return poses_along(self.candidate.path, self.motion.position(times - self.enters))
+        return sample_poses(self.candidate.path, self.motion.position(times - self.enters))
 
     def pose(self, s: float) -> tuple[float, float, float]:
         """(x, y, heading) at arc length `s` [m]."""
-        x, y, heading = poses_along(self.candidate.path, np.array([s]))[0].tolist()
+        x, y, heading = sample_poses(self.candidate.path, np.array([s]))[0].tolist()
         return x, y, heading
 
     @property
@@ -58,7 +58,7 @@ class Actor:
     def edited(self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()) -> Actor:
         """The same actor with other standstills."""
         holds = tuple(hold_of(stop, self.enters) for stop in stops)
-        motion = move(self.candidate, holds=holds, slowings=slowings)
+        motion = compute_motion(self.candidate, holds=holds, slowings=slowings)
         return Actor(
             self.candidate, self.marks, self.enters, motion, self.free, stops, slowings,
             self.contact,

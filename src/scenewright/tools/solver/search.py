@@ -17,10 +17,10 @@ from functools import partial
 import numpy as np
 
 from scenewright.errors import Rejected
-from scenewright.geometry.driving_profile import Hold, arrival
-from scenewright.geometry.landmarks import Landmarks, landmarks
-from scenewright.geometry.map_areas import Ground
-from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
+from scenewright.geometry.landmarks import Landmarks, find_landmarks
+from scenewright.geometry.map_areas import MapAreas
+from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet
 from scenewright.scene.constraints import (
     Before,
     BrakesFor,
@@ -136,7 +136,7 @@ class Search:
         self,
         program: ConstraintProgram,
         pool: CandidateSet,
-        ground: Ground,
+        ground: MapAreas,
         rng: np.random.Generator,
         lenient: bool,
     ) -> None:
@@ -217,9 +217,16 @@ class Search:
         self, candidates: Mapping[str, Candidate], marks: Mapping[str, Landmarks]
     ) -> dict[str, Actor]:
         """Those of the foreground that wait at red before anything happens."""
-        on, bonds = self._ground.on, (*self._events, *self._before)
+        intersection_map, bonds = self._ground.intersection_map, (*self._events, *self._before)
         chances = self._red_first | dict.fromkeys(self._violators, 0.0)
-        return openings(candidates, marks, bonds, on=on, chances=chances, rng=self._rng)
+        return openings(
+            candidates,
+            marks,
+            bonds,
+            intersection_map=intersection_map,
+            chances=chances,
+            rng=self._rng,
+        )
 
     def _played(
         self,
@@ -258,7 +265,7 @@ class Search:
             path = self._ground.trimmed(candidate.path)
             if path is not candidate.path:
                 candidate = replace(candidate, path=path)
-            marks = landmarks(candidate, ground=self._ground)
+            marks = find_landmarks(candidate, ground=self._ground)
             refused = [
                 rejection
                 for clause in self._unary
@@ -306,7 +313,7 @@ class Search:
         if not self._run_red(timed, duration):
             return None
         offset = self._signal_offset(timed, duration)
-        if offset is None and self._ground.on.signals is not None:
+        if offset is None and self._ground.intersection_map.signals is not None:
             self._failures["the signal programme allows no such moment"] += 1
             return None
         return Framing(timed, duration, offset)
@@ -375,7 +382,7 @@ class Search:
         return True
 
     def _signal_offset(self, staging: Staging, duration: float) -> float | None:
-        program = self._ground.on.signals
+        program = self._ground.intersection_map.signals
         if program is None:
             return None
         wanted = [
@@ -387,16 +394,28 @@ class Search:
         if not len(offsets):
             return None
         crowd = [each.route for each in self._pool.agents.values() if each.chance is not None]
-        often = seen_under(program, offsets, crowd, duration=duration, on=self._ground.on)
+        often = seen_under(
+            program,
+            offsets,
+            crowd,
+            duration=duration,
+            intersection_map=self._ground.intersection_map,
+        )
         if staging.happenings:
-            left = queues_left(program, offsets, crowd, duration=duration, on=self._ground.on)
+            left = queues_left(
+                program,
+                offsets,
+                crowd,
+                duration=duration,
+                intersection_map=self._ground.intersection_map,
+            )
             often = often * np.exp(_DISCHARGE * (left.min() - left))
         return float(self._rng.choice(offsets, p=often / often.sum()))
 
     def _moment(self, framing: Framing) -> Moment:
         clock = None
-        if framing.offset is not None and self._ground.on.signals is not None:
-            clock = SignalClock(self._ground.on.signals, framing.offset)
+        if framing.offset is not None and self._ground.intersection_map.signals is not None:
+            clock = SignalClock(self._ground.intersection_map.signals, framing.offset)
         blocked = any(actor.contact is not None for actor in framing.staging.actors.values())
         return Moment(clock, framing.duration, blocked)
 
@@ -423,7 +442,7 @@ class Search:
         ]
 
     def _options(
-        self, draws: AgentDraws, moment: Moment, standing: Sequence[Actor]
+        self, draws: AgentCandidates, moment: Moment, standing: Sequence[Actor]
     ) -> Iterator[Option]:
         """The ways in which an agent may take part: of its first candidate that has any.
 
@@ -447,7 +466,7 @@ class Search:
 
     def _ways(
         self,
-        draws: AgentDraws,
+        draws: AgentCandidates,
         m: int,
         built: tuple[Candidate, Landmarks],
         moment: Moment,
@@ -518,7 +537,7 @@ class Search:
         s = rear - free.candidate.shape.length / 2 - float(self._rng.uniform(*QUEUE_GAP))
         if s < _ROOM_TO_COME:
             return
-        stands = arrival(free.candidate, Hold(s, 0.0))
+        stands = compute_arrival(free.candidate, StopCommand(s, 0.0))
         soonest = start + float(self._rng.uniform(*STOP_LAG)) - stands
         enters = round(max(wish, soonest), 1)
         release = until + float(self._rng.uniform(*FOLLOW_LAG))

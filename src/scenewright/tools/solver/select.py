@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
-from scenewright.geometry.map_areas import Ground
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
-from scenewright.scene.frozen_agents import Pins
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.selection import Selection
 from scenewright.tools.solver.frozen_agents import PinnedSearch
 from scenewright.tools.solver.min_cost_search import Least
@@ -22,11 +22,11 @@ def select(
     program: ConstraintProgram,
     pool: CandidateSet,
     *,
-    ground: Ground,
+    ground: MapAreas,
     rng: np.random.Generator,
     mode: Mode = "draw",
     lenient: bool = True,
-    pins: Pins | None = None,
+    pins: FrozenAgents | None = None,
 ) -> Selection:
     """The surviving combination.
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import Hold
+from scenewright.geometry.driving_profile import StopCommand
 from scenewright.geometry.landmarks import STOP_GAP, Landmarks
 from scenewright.scene.constraints import GivesWay
-from scenewright.scene.yielding_behavior import drawn
+from scenewright.scene.yielding_behavior import sample_quantiles
 from scenewright.tools.solver.context import Setting
 from scenewright.tools.solver.encounter import Encounter
 from scenewright.tools.solver.scheduled_agent import Actor
@@ -41,14 +41,14 @@ UPSTREAM = {"vehicle": 18.0, "pedestrian": 4.3}
 
 def stopping_places(
     clause: GivesWay, a: Actor, b: Actor, zone: Encounter, setting: Setting
-) -> Iterator[tuple[str, Hold]]:
+) -> Iterator[tuple[str, StopCommand]]:
     """Where to wait: at the stop line or kerb if near enough, else short of the zone."""
     kind = a.candidate.route.type
     first = float(zone.s_a[zone.i].min())
     waits = [stop for stop in a.stops if stop.reason == "gives_way" and not stop.rolls]
     for stop in waits:
         if 0.3 <= first - stop.s < UPSTREAM[kind]:
-            yield stop.anchor, Hold(stop.s, 0.0, stop.braking)
+            yield stop.anchor, StopCommand(stop.s, 0.0, stop.braking)
     if waits:
         return
     short_of_line = _KERB_GAP if kind == "pedestrian" else STOP_GAP
@@ -61,7 +61,7 @@ def stopping_places(
     for anchor, s in places:
         for braking in (None, 3.2):
             if s > 2.0:
-                yield anchor, Hold(s, 0.0, braking)
+                yield anchor, StopCommand(s, 0.0, braking)
 
 
 def _places(
@@ -96,7 +96,7 @@ def _distances(clause: GivesWay, a: Actor, setting: Setting) -> list[float]:
     manners = setting.manners(clause)
     if manners is None or setting.pet_of(clause) is not None:
         return [usual]
-    gaps = [max(drawn(manners.gap, setting.rng), _GAPS[kind][0]) for _ in range(2)]
+    gaps = [max(sample_quantiles(manners.gap, setting.rng), _GAPS[kind][0]) for _ in range(2)]
     # Who turns on green drives on into the intersection before it waits.
     turning = a.candidate.route.movement != "straight" and a.marks.group is not None
     return [*((min(gap, _GAPS[kind][1]) if turning else gap) for gap in gaps), usual]

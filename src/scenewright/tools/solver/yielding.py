@@ -10,13 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenewright.geometry.driving_profile import Hold, Motion, arrival, move
+from scenewright.geometry.driving_profile import (
+    Motion,
+    StopCommand,
+    compute_arrival,
+    compute_motion,
+)
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import TimeLaw
+from scenewright.scene.candidates import DrivingProfile
 from scenewright.scene.constraints import GivesWay, PairClause, TimeGap
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
-from scenewright.scene.yielding_behavior import drawn
+from scenewright.scene.yielding_behavior import sample_quantiles
 from scenewright.tools.segment_editor import hold_of
 from scenewright.tools.solver.context import Setting
 from scenewright.tools.solver.encounter import Encounter, gap_to, meeting_offsets
@@ -102,13 +107,13 @@ def _held(
     staging: Staging,
     setting: Setting,
     zone: Encounter,
-    place: tuple[str, Hold],
+    place: tuple[str, StopCommand],
 ) -> Iterator[Staging]:
     a, b = setting.both(clause, staging)
     anchor, hold = place
     others = tuple(stop for stop in a.stops if abs(stop.s - hold.s) > 0.5)
     earlier = _holds(others, a.enters)
-    stands = arrival(a.candidate, hold, earlier)
+    stands = compute_arrival(a.candidate, hold, earlier)
     unheld = _unheld(a, hold, stands, zone.s_a[zone.i], earlier)
     _, b_out = passage(b.motion, zone.s_b[zone.j])
     for seen, lasts in _tempers(clause, a, hold, stands, zone, setting):
@@ -139,7 +144,7 @@ def _held(
 
 
 def _tempers(
-    clause: GivesWay, a: Actor, hold: Hold, stands: float, zone: Encounter, setting: Setting
+    clause: GivesWay, a: Actor, hold: StopCommand, stands: float, zone: Encounter, setting: Setting
 ) -> Iterator[tuple[float, float | None]]:
     """How soon who gives way starts once the other has left, and how long it stood by then [s].
 
@@ -152,17 +157,17 @@ def _tempers(
         yield from [(react, None)] * 3
         return
     if manners is not None:
-        lasts = drawn(manners.stands, setting.rng)
+        lasts = sample_quantiles(manners.stands, setting.rng)
         latest = _latest_start(a, hold, stands, zone)
         for _ in range(2):
-            seen = drawn(manners.reacts, setting.rng)
+            seen = sample_quantiles(manners.reacts, setting.rng)
             yield float(np.clip(seen, _SOONEST, max(latest, _SOONEST))), lasts
     if manners is None or setting.lenient:
         react = float(setting.rng.uniform(*_REACTS))
         yield from [(react, None)] * (3 if manners is None else 2)
 
 
-def _latest_start(a: Actor, hold: Hold, stands: float, zone: Encounter) -> float:
+def _latest_start(a: Actor, hold: StopCommand, stands: float, zone: Encounter) -> float:
     """How long after the other has left it may start [s] and still be seen to give way for it."""
     picks_up = _MOVING[a.candidate.route.type] / a.candidate.time_law.acceleration
     return min(_MOVES_BY - picks_up, _PETS[1] - _rolls(a, hold, stands, zone) - 0.3)
@@ -232,11 +237,11 @@ def _rolling(
     _, b_out = passage(b.motion, zone.s_b[zone.j])
     for _ in range(_ROLLS):
         s = a.marks.off_crosswalks(
-            float(nodes.min()) - max(drawn(manners.place, setting.rng), 0.5),
+            float(nodes.min()) - max(sample_quantiles(manners.place, setting.rng), 0.5),
             own=b.marks.own_crosswalk,
         )
-        margin = max(drawn(manners.margin, setting.rng), _PETS[0] + 0.2)
-        found = _slowed(a, s, drawn(manners.pace, setting.rng), nodes)
+        margin = max(sample_quantiles(manners.margin, setting.rng), _PETS[0] + 0.2)
+        found = _slowed(a, s, sample_quantiles(manners.pace, setting.rng), nodes)
         if found is None:
             continue
         rolling, unheld = found
@@ -256,12 +261,12 @@ def _slowed(a: Actor, s: float, pace: float, nodes: FloatArray) -> tuple[Actor, 
     too_far = nodes.min() - s >= UPSTREAM[a.candidate.route.type]
     if s <= 2.0 or too_far or not _gets_going(a, s):
         return None
-    stop, earlier = Hold(s, 0.0), _holds(a.stops, a.enters)
-    unheld = _unheld(a, stop, arrival(a.candidate, stop, earlier), nodes, earlier)
+    stop, earlier = StopCommand(s, 0.0), _holds(a.stops, a.enters)
+    unheld = _unheld(a, stop, compute_arrival(a.candidate, stop, earlier), nodes, earlier)
     free = float(np.interp(s, unheld.free.s, unheld.free.speed))
     speed = max(min(pace * unheld.approach, _SLOW * free) - _SMOOTHED, _SLOWEST)
-    hold = Hold(s, 0.0, speed=speed)
-    at = arrival(a.candidate, hold, earlier)
+    hold = StopCommand(s, 0.0, speed=speed)
+    at = compute_arrival(a.candidate, hold, earlier)
     ahead = float(nodes.min()) - s
     stop_at = Stop("yield_point", s, at + a.enters, at + a.enters, "gives_way", None, ahead, speed)
     rolling = a.edited(stops=(*a.stops, stop_at))
@@ -276,10 +281,10 @@ def _gets_going(a: Actor, s: float) -> bool:
     return all(s - stop.s > _SETS_OFF for stop in a.stops if stop.at_red)
 
 
-def _rolls(a: Actor, hold: Hold, stands: float, zone: Encounter) -> float:
+def _rolls(a: Actor, hold: StopCommand, stands: float, zone: Encounter) -> float:
     """How long it takes from its release to the zone [s]."""
     release = stands + _STANDS
-    motion = move(a.candidate, holds=(replace(hold, release=release),))
+    motion = compute_motion(a.candidate, holds=(replace(hold, release=release),))
     return motion.time_at(float(zone.s_a[zone.i].min())) - release
 
 
@@ -343,7 +348,7 @@ def _joined(stops: tuple[Stop, ...], stop: Stop) -> tuple[Stop, ...]:
     return tuple(sorted((*rest, replace(same[0], until=until, speed=0.0)), key=lambda each: each.s))
 
 
-def _holds(stops: tuple[Stop, ...], enters: float) -> tuple[Hold, ...]:
+def _holds(stops: tuple[Stop, ...], enters: float) -> tuple[StopCommand, ...]:
     return tuple(hold_of(stop, enters) for stop in stops)
 
 
@@ -370,22 +375,22 @@ class _Unheld:
 
 
 def _unheld(
-    a: Actor, hold: Hold, stands: float, nodes: FloatArray, others: tuple[Hold, ...]
+    a: Actor, hold: StopCommand, stands: float, nodes: FloatArray, others: tuple[StopCommand, ...]
 ) -> _Unheld:
     """It began at the last moment at which it still drove its approach speed (less 0.3 m/s).
 
     Where it stood before (at `others`), it approaches from there.
     """
     earlier = tuple(each for each in others if each.s < hold.s)
-    motion = move(a.candidate, holds=(*earlier, replace(hold, release=stands + 9.0)))
+    motion = compute_motion(a.candidate, holds=(*earlier, replace(hold, release=stands + 9.0)))
     until = int(stands / STEP)
     speed, s = motion.speed[: until + 1], motion.s[: until + 1]
     reach = 40.0 if a.candidate.route.type == "vehicle" else 5.0
     since = max([hold.s - 1.5 * reach, *(each.s + 0.1 for each in earlier)])
     approach = float(speed[s >= since].max())
     begin = int(np.nonzero(speed >= approach - min(0.3, 0.3 * approach))[0][-1])
-    law = TimeLaw(speed=approach, **_FREE)
-    free = move(replace(a.candidate, time_law=law), holds=earlier)
+    law = DrivingProfile(speed=approach, **_FREE)
+    free = compute_motion(replace(a.candidate, time_law=law), holds=earlier)
     shift = STEP * begin - free.time_at(float(s[begin]))
     first, last = passage(free, nodes)
     return _Unheld(first + shift, last + shift, STEP * begin, approach, free)

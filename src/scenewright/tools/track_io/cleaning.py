@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.geometry.kinematics import kinematics, smoothed
+from scenewright.geometry.kinematics import compute_kinematics, smooth
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Track
 
@@ -110,7 +110,7 @@ def cleaned(seen: SeenTrack, *, smoothing: float, removed: Removed) -> Iterator[
         removed.cut_off("the tracker's filter settles", skipped * STEP)
         removed.kept += 1
         removed.seconds_kept += len(xy) * STEP
-        even = smoothed(xy, smoothing)
+        even = smooth(xy, smoothing)
         yield Track(even, held_course(even), round(round(start / STEP) * STEP, 1))
 
 
@@ -128,7 +128,7 @@ def unbelievable(kind: AgentClass, xy: FloatArray) -> str | None:
     """Why a piece of a track cannot be used; None if it can."""
     if len(xy) * STEP < SHORTEST:
         return f"shorter than {SHORTEST:g} s"
-    speed = kinematics(smoothed(xy, BELIEVED)).speed
+    speed = compute_kinematics(smooth(xy, BELIEVED)).speed
     if float(np.ptp(xy, axis=0).max()) < LEAST_WAY[kind]:
         return "hardly moves: ghost, parked, or waiting all the while"
     usual = float(np.quantile(speed, 0.9))
