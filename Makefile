@@ -7,13 +7,14 @@ PEERS := $(VENV)/crosscheck
 PINS := tests/crosscheck/environments
 ENGINE := $(VENV)/vllm
 SMALL := $(VENV)/small
+SITE := $(VENV)-docs
 
 INSTRUCTION ?= A vehicle yields to a pedestrian at 8 am
 SEED ?= 7
 OUT ?= scenes/demo
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test lint format bench check crosscheck ray test-vllm test-small-weights
+.PHONY: demo test lint format bench check crosscheck ray test-vllm test-small-weights docs
 
 demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
@@ -81,4 +82,13 @@ $(PEERS)/.installed: $(INSTALLED) $(wildcard $(PINS)/*.txt)
 		test -x $(PEERS)/$$name/bin/python || $(BIN)/python -m venv $(PEERS)/$$name; \
 		$(PEERS)/$$name/bin/python -m pip install -qq --disable-pip-version-check -r $(PINS)/$$name.txt; \
 	done
+	touch $@
+
+# The pages as a site in build/site, links checked; builds without the network once installed.
+docs: $(SITE)/.installed
+	$(SITE)/bin/mkdocs build --quiet
+
+$(SITE)/.installed: docs/_site/requirements.txt
+	test -x $(SITE)/bin/python || $(PYTHON) -m venv $(SITE)
+	$(SITE)/bin/python -m pip install -qq --disable-pip-version-check -r docs/_site/requirements.txt
 	touch $@
