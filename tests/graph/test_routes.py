@@ -12,6 +12,7 @@ from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets
 from scenewright.scene.refinement import AgentRefinement, Refinement
 from scenewright.scene.rejection import Rejection, RejectionCode, Stage
+from scenewright.scene.social import SocialGraph
 
 BUDGETS = Budgets(planner=2, filter=2, reasoner=2, generator=4)
 AFTER: dict[Stage, Any] = {
@@ -109,6 +110,32 @@ def test_a_model_is_not_asked_to_mend_what_no_answer_could() -> None:
         state: SceneState = {"refused": refused, "rejections": [refused]}
         onwards.append(routes.after_scene_verifier(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
     assert onwards == ["event_reasoner", "agent_generator"]
+
+
+WRONG: tuple[Stage, RejectionCode] = ("scene_verifier", "wrong_braker")
+
+
+def test_a_model_that_names_the_wrong_braker_plans_anew_within_the_planners_budget() -> None:
+    for count in range(1, BUDGETS.planner + 1):
+        assert led("scene_verifier", [WRONG] * count, model=True) == "scene_planner"
+    assert led("scene_verifier", [WRONG] * (BUDGETS.planner + 1), model=True) == "give_up"
+    malformed: list[tuple[Stage, RejectionCode]] = [("scene_planner", "malformed_reply")] * 2
+    assert led("scene_verifier", [*malformed, WRONG], model=True) == "give_up"
+    other: list[tuple[Stage, RejectionCode]] = [("scene_verifier", "relation_not_realised")] * 2
+    assert led("scene_verifier", [*other, WRONG], model=True) == "scene_planner"
+
+
+def test_a_rule_that_names_the_wrong_braker_is_not_asked_for_another_plan() -> None:
+    assert led("scene_verifier", [WRONG], model=False) == "agent_generator"
+
+
+def test_a_settled_plan_is_not_made_anew() -> None:
+    """Nor is the reasoner asked, whose segments cannot mend it."""
+    found = Rejection(stage="scene_verifier", code="wrong_braker", detail="so", repairable=False)
+    settled = SocialGraph(agents=())
+    state: SceneState = {"refused": found, "rejections": [found], "planned": settled}
+    context = SimpleNamespace(backend=SimpleNamespace(deterministic=False), budgets=BUDGETS)
+    assert routes.after_scene_verifier(state, SimpleNamespace(context=context)) == "agent_generator"  # type: ignore[arg-type]
 
 
 def test_the_planners_refusals_cost_no_sample() -> None:

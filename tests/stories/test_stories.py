@@ -263,6 +263,52 @@ def test_a_model_that_never_mends_it_is_given_up(
     assert [each.stage for each in caught.value.rejections] == [stage] * asked
 
 
+CUT_OFF = "A van cuts off the oncoming car, which has to brake hard"
+
+
+def cut_off(braker: str | None = None, event: str = "near_miss") -> Answer:
+    """A plan of CUT_OFF whose account has the car brake, whatever its relation has."""
+    relation = {"type": event, "from": "vehicle-1", "to": "vehicle-2", "cause": "late_brake"}
+    plan = {
+        "agents": [{"id": "vehicle-1", "movement": "left"}, {"id": "vehicle-2"}],
+        "relations": [relation | ({} if braker is None else {"braker": braker})],
+        "ties": [{"agent": "vehicle-2", "of": "vehicle-1", "side": "opposite"}],
+        "said": ["cuts off = relation vehicle-1 vehicle-2", "has to brake hard = cause vehicle-2"],
+    }
+    return lambda _: plan
+
+
+def test_a_model_that_leaves_out_who_brakes_is_told_to_name_it() -> None:
+    backend = Scripted("plan", cut_off(), cut_off("vehicle-2"))
+    scene = synthesize(CUT_OFF, backend=backend, seed=1, refiner="none")
+    (refused,) = scene.provenance["rejections"]
+    assert (refused["stage"], refused["code"]) == ("scene_verifier", "wrong_braker")
+    assert backend.asked[1].rejections == (refused["detail"],)
+    assert "write cause late_brake and braker vehicle-2" in refused["detail"]
+    (event,) = scene.proof.events
+    assert event.evidence["late_brake"] == scene.record.relations[0].cause_agent == 2
+
+
+def test_a_model_that_has_the_struck_vehicle_brake_is_given_up_with_the_planners_budget() -> None:
+    backend = Scripted("plan", cut_off("vehicle-2", "collide_at"), forever=True)
+    with pytest.raises(Unsatisfiable) as caught:
+        synthesize(CUT_OFF, backend=backend, seed=1, refiner="none")
+    assert len(backend.asked) == 3
+    last = caught.value.rejections[-1]
+    assert last.code == "wrong_braker"
+    assert "vehicle-1 brakes in the scene, the plan has vehicle-2 do so" in last.detail
+    assert "in a collision the one that strikes (from)" in backend.asked[1].rejections[0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_oncoming_car_that_is_cut_off_brakes(seed: int) -> None:
+    scene = synthesize(CUT_OFF, seed=seed, refiner="none")
+    van, car = (each for each in scene.record.agents if each.role == "foreground")
+    (event,) = scene.proof.events
+    assert (event.type, event.from_, event.to) == ("near_miss", van.id, car.id)
+    assert event.evidence["late_brake"] == scene.record.relations[0].cause_agent == car.id
+
+
 @pytest.mark.usefixtures("impatient")
 def test_a_backend_that_fails_once_is_asked_again() -> None:
     backend = Scripted("plan", unreachable)

@@ -50,8 +50,10 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     graph.add_edge("trajectory_refiner", "scene_verifier")
     ends: dict[Hashable, str] = {
         name: name
-        for name in ("trajectory_refiner", "event_reasoner", "agent_generator", "give_up")
-    }
+        for name in (
+            "scene_planner", "trajectory_refiner", "event_reasoner", "agent_generator", "give_up",
+        )
+    }  # fmt: skip
     graph.add_conditional_edges("scene_verifier", routes.after_scene_verifier, ends | {"end": END})
     graph.add_edge("give_up", END)
     return graph

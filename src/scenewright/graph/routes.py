@@ -9,7 +9,7 @@ from langgraph.runtime import Runtime
 from scenewright.backends import speaker
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import RunContext
-from scenewright.scene.rejection import Rejection, Stage
+from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
 
 _FINAL = ("out_of_scope", "contradictory", "impossible", "ungroundable")
 
@@ -56,10 +56,17 @@ def after_event_reasoner(
 
 def after_scene_verifier(
     state: SceneState, runtime: Runtime[RunContext]
-) -> Literal["end", "trajectory_refiner", "event_reasoner", "agent_generator", "give_up"]:
-    """Done if proven; else refine less; else reason again; else sample afresh; else stop."""
-    if state.get("refused") is None:
+) -> Literal[
+    "end", "trajectory_refiner", "event_reasoner", "agent_generator", "scene_planner", "give_up"
+]:
+    """Done if proven; else plan again where only that can mend it; else refine less; else reason
+    again; else sample afresh; else stop."""
+    refused = state.get("refused")
+    if refused is None:
         return "end"
+    if refused.code in MISPLANNED and _plans_anew(state, runtime.context):
+        asked = _spent(state, "scene_planner") + _spent(state, "scene_verifier", *MISPLANNED)
+        return "scene_planner" if asked <= runtime.context.budgets.planner else "give_up"
     refinement = state.get("refinement")
     if (
         refinement is not None
@@ -68,6 +75,11 @@ def after_scene_verifier(
     ):
         return "trajectory_refiner"
     return _reason_again(state, runtime.context, "scene_verifier")
+
+
+def _plans_anew(state: SceneState, context: RunContext) -> bool:
+    """Whether the planner, asked again, may give another plan."""
+    return state.get("planned") is None and not speaker(context.backend, "plan").deterministic
 
 
 def _reason_again(

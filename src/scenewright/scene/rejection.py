@@ -30,9 +30,13 @@ RejectionCode = Literal[
     "unknown_anchor",
     "times_not_increasing",
     "relation_not_realised",
+    "wrong_braker",
     "background_interferes",
     "implausible_motion",
 ]
+
+MISPLANNED: tuple[RejectionCode, ...] = ("wrong_braker",)
+"""What a later stage finds and only another plan can mend."""
 
 
 class Rejection(Model):

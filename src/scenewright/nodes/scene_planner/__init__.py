@@ -121,8 +121,8 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[Way]) -> P
         return plan
     _refuse_emptied(plan, question)
     _refuse_unknown_sides(plan, ways)
-    said = account_for(plan, question)
-    return completed(plan.model_copy(update={"said": said}), ways)
+    plan = completed(plan, ways)
+    return plan.model_copy(update={"said": account_for(plan, question)})
 
 
 def _refuse_emptied(plan: SocialGraph, question: Question) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import chain
 
 from scenewright.backends import Question
 from scenewright.errors import Rejected
@@ -30,14 +31,21 @@ def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
 
     Raises:
         Rejected: `malformed_reply`, once, for an account that leaves out a number, a negation, a
-            quantifier or words that nothing in a scene can stand for.
+            quantifier or words that nothing in a scene can stand for, or that calls words a part
+            of the plan which the plan lacks.
     """
     text = str(question.facts["instruction"])
-    said = tuple(_locate(plan.said, text))
+    located = tuple(_locate(plan.said, text))
+    said = tuple(chain.from_iterable(_fill_values(each, plan) for each in located))
     read = _read_offline(question)
-    if not said:
+    if not located:
         return tuple(each for each in read if each.became in ("nothing", "manner"))
-    left_out = [*_uncovered_content(text, said), *_uncovered_spans(read, said)]
+    left_out = [
+        *(_left_out(each.start, each.end, each.words) for each in said if each.value == _LACKING),
+        *_uncovered_content(text, said),
+        *_uncovered_spans(read, said),
+    ]
+    said = tuple(each for each in said if each.value != _LACKING)
     if left_out and not any(UNSAID in each for each in question.rejections):
         words = ", ".join(f"'{each.words}'" for each in left_out)
         raise _malformed(f"{UNSAID} {words}; add what they became, or nothing")
@@ -58,6 +66,42 @@ def _locate(said: Sequence[SaidSpan], text: str) -> Iterator[SaidSpan]:
             continue
         at = start
         yield each.model_copy(update={"start": start, "end": start + len(words)})
+
+
+def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
+    """The entry with its value, which a model leaves to the plan; one for each agent or relation.
+
+    Where the plan has no such value, it is `_LACKING`.
+    """
+    agents = [each for each in plan.agents if not entry.agents or each.id in entry.agents]
+    found: list[tuple[tuple[str, ...], str | None]]
+    match entry.became:
+        case _ if entry.value is not None:
+            found = [(entry.agents, entry.value)]
+        case "entry" | "exit" | "movement" | "crosswalk":
+            told = [each for each in agents if getattr(each, entry.became) is not None]
+            found = [((each.id,), getattr(each, entry.became)) for each in told]
+        case "runs_red":
+            found = [((each.id,), None) for each in agents if each.runs_red]
+        case "relation":
+            found = [
+                ((edge.from_, edge.to), edge.type)
+                for edge in plan.relations
+                if {edge.from_, edge.to}.issuperset(entry.agents)
+            ]
+        case "time_of_day":
+            time = plan.context.time_of_day
+            found = [] if time is None else [((), time)]
+        case "density":
+            found = [((), plan.context.density)]
+        case _:
+            found = [(entry.agents, None)]
+    for who, value in found or [(entry.agents, _LACKING)]:
+        yield entry.model_copy(update={"agents": who, "value": value})
+
+
+_LACKING = "?"
+"""The value of an entry of whose part of the plan there is none."""
 
 
 def _uncovered_content(text: str, said: Sequence[SaidSpan]) -> Iterator[SaidSpan]:

@@ -10,6 +10,7 @@ from scenewright.errors import Rejected
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.scene_verifier.assemble import assemble
+from scenewright.nodes.scene_verifier.braking import find_wrong_braker
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.events import Finding, Proof
@@ -59,6 +60,9 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
     )
     proof = check(scene, context.intersection)
     if not proof.verified:
+        misplanned = find_wrong_braker(state["social_graph"], scene, proof)
+        if misplanned is not None:
+            raise Rejected(misplanned)
         found = _rejection(proof, scene)
         raise Rejected(found.model_copy(update={"repairable": _repairable(found, state)}))
     context.tell("scene_verifier", f"verified: {len(proof.events)} events")

@@ -94,7 +94,7 @@ def _changes(offer: Offer, relations: Sequence[Mapping[str, Any]]) -> list[str]:
     if "brakes_for" in offer:
         rules.append(
             "target_ttc T, or cause late_brake with near_miss: brakes_for in place of time_gap "
-            "and before, low T-0.08, high T+0.08, else 0.7 to 1.35."
+            "and before, first the braker, low T-0.08, high T+0.08, else 0.7 to 1.35."
         )
     contact = offer.get("contact", ())
     if contact:
