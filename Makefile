@@ -43,7 +43,7 @@ crosscheck: $(PEERS)/.installed
 # Batches on a Ray cluster (extra `ray`), and their tests. About 250 MB more.
 ray: $(INSTALLED)
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev,ray]'
-	$(BIN)/pytest tests/graph/test_batch_on_ray.py
+	$(BIN)/pytest tests/dataset/test_batch_on_ray.py
 
 $(INSTALLED): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

@@ -15,9 +15,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from scenewright.authoring.session import Session
 from scenewright.backends import load_backend
 from scenewright.errors import ScenewrightError
-from scenewright.graph.session.session import Session
 from scenewright.memory.threads import Threads
 
 EDITS = (

@@ -24,7 +24,7 @@ import threading
 import time
 from pathlib import Path
 
-from scenewright.graph.batch.rows import read_source
+from scenewright.dataset.batch.rows import read_source
 
 TEXTS = (
     "A vehicle yields to a pedestrian in medium traffic",

@@ -30,8 +30,8 @@ from scenewright.nodes.scene_verifier.assemble import assemble
 from scenewright.nodes.trajectory_refiner import refine_trajectories
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.recordings import load_recordings
 from scenewright.tools.relation_checker import check
+from scenewright.tools.track_io import load_recordings
 from scenewright.tools.trajnet_refiner import kinematic_layer
 from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
 
@@ -63,7 +63,7 @@ def refined(state: Mapping[str, Any], seed: int) -> SceneRecord:
 def record(state: Mapping[str, Any], tracks: Mapping[str, Any]) -> SceneRecord:
     return assemble(
         state["instruction"], state["social_graph"], state["candidates"], state["selection"],
-        state["behavior"], tracks, on=ground_of(PLACE).on, seed=0,
+        state["behavior"], tracks, intersection_map=ground_of(PLACE).intersection_map, seed=0,
     )  # fmt: skip
 
 
@@ -85,8 +85,9 @@ def no_layer() -> Iterator[None]:
 
 def broken(scenes: Sequence[SceneRecord]) -> Share:
     """How many agents break a limit, of all."""
-    found = sum(len({a for f in check(scene, ground_of(PLACE).on).implausible for a in f.agents})
-                for scene in scenes)  # fmt: skip
+    intersection_map = ground_of(PLACE).intersection_map
+    faults = [check(scene, intersection_map).implausible for scene in scenes]
+    found = sum(len({agent for fault in each for agent in fault.agents}) for each in faults)
     return Share(found, sum(len(scene.agents) for scene in scenes))
 
 
@@ -113,7 +114,14 @@ def main() -> None:
     known: list[Agents] = []
     if told.corpus:
         hours = load_recordings(told.corpus, split="validation")
-        known = of_scenes([scene for _, scene in cut_scenes(hours, on=ground_of(PLACE).on)])
+        known = of_scenes(
+            [
+                scene
+                for _, scene in cut_scenes(
+                    hours, intersection_map=ground_of(PLACE).intersection_map
+                )
+            ]
+        )
     found = list(states(told.count))
     sets = {
         "edited": [record(state, state["edited"]) for state in found],

@@ -33,14 +33,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 from scenewright import synthesize
-from scenewright.apps.planning import ATTEMPTS, refusal
 from scenewright.backends import TASKS, Backend, Question, Wording, load_backend
 from scenewright.backends.spoken import Said, Spoken, key_of
+from scenewright.cli.plan import ATTEMPTS, refusal
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.evals.planning import Share, compare, load, score
 from scenewright.graph.run import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
-from scenewright.nodes.scene_planner import ask_for_plan, ways_of
+from scenewright.nodes.scene_planner import ask_for_plan, describe_routes
 from scenewright.nodes.scene_planner.wording import worded_plan
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan
@@ -111,9 +111,13 @@ def planned(rows: Sequence[dict[str, Any]], backend: Backend) -> tuple[list[dict
 
 def _plan(row: dict[str, Any], backend: Backend) -> Plan:
     """As in a run: the same words, and the same number of attempts."""
-    on, wrong = load_map(DEFAULT_INTERSECTION), ()
-    ways, text, previous = ways_of(on), row["text"], row.get("previous")
-    facts = {"instruction": text, "previous": previous, "legs": [leg.name for leg in on.legs]}
+    intersection_map, wrong = load_map(DEFAULT_INTERSECTION), ()
+    ways, text, previous = describe_routes(intersection_map), row["text"], row.get("previous")
+    facts = {
+        "instruction": text,
+        "previous": previous,
+        "legs": [leg.name for leg in intersection_map.legs],
+    }
     for _ in range(1 if backend.deterministic else ATTEMPTS):
         wording = partial(worded_plan, text, previous, ways, rejections=wrong)
         question = Question("plan", facts, wrong, wording=wording)

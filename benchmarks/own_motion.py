@@ -17,9 +17,9 @@ from pathlib import Path
 from scenewright.evals.realism.scenes import Played, read_scenes
 from scenewright.evals.tables.nearness import alone, compared, motion_of, values_of, watch
 from scenewright.intersections import load_map
-from scenewright.tools.recordings import Recording
-from scenewright.tools.recordings.taf_bw import read_taf_bw
 from scenewright.tools.relation_checker import RoadUser
+from scenewright.tools.track_io import Recording
+from scenewright.tools.track_io.taf_bw import read_taf_bw
 
 SMOOTHING = 0.4
 
@@ -45,8 +45,8 @@ def main() -> None:
     place = load_map(options.name)
     made = [background(scene) for scene in read_scenes(options.dataset)]
     real = [each for folder in options.tracks for each in read_taf_bw(folder).recordings]
-    ours = values_of(list(watch(made, on=place)), smoothing=SMOOTHING)
-    seen = list(watch(map(whole, real), on=None))
+    ours = values_of(list(watch(made, intersection_map=place)), smoothing=SMOOTHING)
+    seen = list(watch(map(whole, real), intersection_map=None))
     theirs = {**values_of(seen), **motion_of(alone(real), smoothing=SMOOTHING)}
     print(f"{options.name}: {len(made)} scenes, {sum(len(r.agents) for r in real)} real tracks")
     print("| measure | of | distance, 95 % | halves | scenes 5/50/95 % | real 5/50/95 % |")

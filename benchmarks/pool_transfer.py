@@ -14,10 +14,10 @@ import argparse
 
 import numpy as np
 
-from scenewright.apps.own_places import _elsewhere
-from scenewright.tools.gmm_sampler.fitting import fit_tracks, foretold, pools_of
-from scenewright.tools.gmm_sampler.own import open_own
-from scenewright.tools.recordings.track_files import read_track_files
+from scenewright.cli.custom_intersections import _elsewhere
+from scenewright.tools.fitting.custom_bundle import open_own
+from scenewright.tools.fitting.fit_tracks import fit_tracks, foretold, pools_of
+from scenewright.tools.track_io.track_files import read_track_files
 
 
 def interval(one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:

@@ -31,20 +31,20 @@ import numpy as np
 from pipeline import CROWD, REQUESTS
 
 from scenewright.errors import Unsatisfiable
+from scenewright.geometry.landmarks import find_landmarks
 from scenewright.graph.run import ground_of, synthesize
 from scenewright.scene.base import AgentClass
-from scenewright.scene.candidates import AgentDraws
-from scenewright.scene.grounding import Cast
+from scenewright.scene.candidates import AgentCandidates
+from scenewright.scene.grounding import RoleAssignment
 from scenewright.scene.social import Background, SceneContext, SocialGraph
 from scenewright.scene.track import STEP
-from scenewright.tools.dsl_validator.actor import Actor
-from scenewright.tools.dsl_validator.crowd import Option, Seating, Table
-from scenewright.tools.dsl_validator.offers import Invited, Offer
-from scenewright.tools.dsl_validator.seating import seat
-from scenewright.tools.dsl_validator.separation import Presence, forbidden_offsets
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.gmm_sampler.generate import amplify
-from scenewright.tools.landmarks import landmarks
+from scenewright.tools.solver.assignment import seat
+from scenewright.tools.solver.background import Option, Seating, Table
+from scenewright.tools.solver.offers import Invited, Offer
+from scenewright.tools.solver.safety_margin import Presence, forbidden_offsets
+from scenewright.tools.solver.scheduled_agent import Actor
 
 PLACE = "amsterdam_120"
 SECONDS, SEEN = 30.0, 4.0
@@ -88,9 +88,9 @@ def party(
     background = Background(vehicles=vehicles, pedestrians=pedestrians)
     pool = amplify(
         SocialGraph(agents=(), context=SceneContext(background=background)),
-        Cast(routes={}, patterns=()),
+        RoleAssignment(routes={}, patterns=()),
         load_priors(PLACE),
-        on=ground_of(PLACE).on,
+        intersection_map=ground_of(PLACE).intersection_map,
         hour=float(rng.integers(7, 20)),
         size=size,
         rng=rng,
@@ -103,19 +103,19 @@ def party(
     return Party(guests, dict(pool.background))
 
 
-def offers(draws: AgentDraws, pinned: float | None, grid: int) -> Iterator[Offer]:
+def offers(draws: AgentCandidates, pinned: float | None, grid: int) -> Iterator[Offer]:
     cost = draws.nll + draws.time_nll
     for m in np.argsort(cost).tolist():
         yield Offer(float(cost[m]), partial(ways, draws, m, float(cost[m]), pinned, grid))
 
 
 def ways(
-    draws: AgentDraws, m: int, cost: float, pinned: float | None, grid: int
+    draws: AgentCandidates, m: int, cost: float, pinned: float | None, grid: int
 ) -> tuple[Option, ...]:
     """One candidate, free to come at any moment at which it is seen for four seconds."""
     ground, drawn = ground_of(PLACE), draws.build(m)
     candidate = replace(drawn, path=ground.trimmed(drawn.path))
-    actor = Actor.unplaced(candidate, landmarks(candidate, ground=ground))
+    actor = Actor.unplaced(candidate, find_landmarks(candidate, ground=ground))
     steps = len(actor.motion.s)
     first, last = round(SEEN / STEP) - steps, round((SECONDS - SEEN) / STEP)
     wish = int(np.clip(round((draws.arrival or 0.0) / STEP - steps / 2), first, last))

@@ -30,9 +30,9 @@ from model_planning import rows_of, told
 from small_model import holds
 
 from scenewright import synthesize
-from scenewright.apps.planning import ask_for_plan
 from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.staged import Staged
+from scenewright.cli.plan import ask_for_plan
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.evals.planning import Share, compare, score
 from scenewright.graph.run import DEFAULT_INTERSECTION
@@ -111,11 +111,11 @@ class Ends:
 
 def plans(rows: Sequence[dict[str, Any]], model: Counting) -> None:
     """Plans as in a run: at most three answers each."""
-    on = load_map(DEFAULT_INTERSECTION)
+    intersection_map = load_map(DEFAULT_INTERSECTION)
     made, calls, unusable, empty = [], [], 0, 0
     for row in rows:
         model.answers.clear()
-        plan = ask_for_plan(row, model, on=on)
+        plan = ask_for_plan(row, model, intersection_map=intersection_map)
         calls.append(model.answers["plan"])
         unusable += UNUSABLE in str(getattr(plan, "reason", ""))
         empty += getattr(plan, "agents", None) == () and not row["expected"]["refused"]

@@ -36,7 +36,7 @@ from scenewright.evals.understanding.evaluate import Evaluated, evaluate, load
 from scenewright.evals.understanding.methods import method_named
 from scenewright.evals.understanding.observing import observe
 from scenewright.evals.understanding.report import markdown
-from scenewright.graph.atomic import write_atomically
+from scenewright.files import write_atomically
 from scenewright.graph.run import synthesize
 from scenewright.intersections import ships_refiner
 

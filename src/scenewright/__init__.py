@@ -14,8 +14,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scenewright.apps.planning import plan
     from scenewright.backends import load_backend
+    from scenewright.cli.plan import plan
     from scenewright.graph.run import Scene, synthesize, verify
     from scenewright.intersections import load_map as load_intersection
     from scenewright.scene.map import IntersectionMap
@@ -41,7 +41,7 @@ _HOMES = {
     "SocialGraph": ("scenewright.scene.social", "SocialGraph"),
     "load_backend": ("scenewright.backends", "load_backend"),
     "load_intersection": ("scenewright.intersections", "load_map"),
-    "plan": ("scenewright.apps.planning", "plan"),
+    "plan": ("scenewright.cli.plan", "plan"),
     "synthesize": ("scenewright.graph.run", "synthesize"),
     "verify": ("scenewright.graph.run", "verify"),
 }

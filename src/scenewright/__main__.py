@@ -2,7 +2,7 @@
 
 import sys
 
-from scenewright.apps.cli import main
+from scenewright.cli.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

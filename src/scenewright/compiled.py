@@ -34,7 +34,7 @@ def compiled(function: FunctionT) -> FunctionT:
     gives what IEEE 754 says instead of raising. Where nothing can be kept, every process compiles
     for itself.
     """
-    folder = kept_at()
+    folder = find_cache_folder()
     if folder is None:
         return cast(FunctionT, numba.njit(error_model="numpy")(function))
     with _keeping_at(folder):
@@ -42,7 +42,7 @@ def compiled(function: FunctionT) -> FunctionT:
 
 
 @cache
-def kept_at() -> Path | None:
+def find_cache_folder() -> Path | None:
     """Where machine code of these sources is kept; None where nothing can be."""
     for root in _roots():
         folder = root / f"{_KEPT}{_state_of_sources()}"
@@ -56,9 +56,9 @@ def kept_at() -> Path | None:
     return None
 
 
-def anything_kept() -> bool:
+def has_cache() -> bool:
     """Whether machine code of these sources is at hand, or all of it has to be compiled first."""
-    folder = kept_at()
+    folder = find_cache_folder()
     return folder is not None and any(folder.rglob("*.nbc"))
 
 

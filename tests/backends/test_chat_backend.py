@@ -24,11 +24,11 @@ from backends.misbehaving import (
     status,
 )
 from scenewright import synthesize, verify
-from scenewright.apps.cli import main
 from scenewright.backends import Question, Wording, load_backend
 from scenewright.backends.chat import ChatModel, Limits, chat_model, naming, patience, transport
 from scenewright.backends.chat.patience import Patience
 from scenewright.backends.spoken import Spoken
+from scenewright.cli.main import main
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import Scene
 from scenewright.nodes.schema import inlined

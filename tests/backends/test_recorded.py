@@ -20,7 +20,7 @@ from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.graph.run import scene_bytes
 from scenewright.nodes.revision import Turn, read_by_model
 from scenewright.nodes.scene_planner import FOUR_LEGS
-from scenewright.scene.edits import Edits, Present, Situation
+from scenewright.scene.edits import AgentView, Edits, Situation
 from scenewright.scene.social import SocialGraph
 
 YIELD = "A car from the south turning right yields to a pedestrian. Nobody else is around."
@@ -153,7 +153,7 @@ def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
 
 def test_what_a_turn_was_read_as_is_replayed(tmp_path: Path) -> None:
     file = tmp_path / "answers.jsonl"
-    car = Present(id="vehicle-1", number=0, type="vehicle", entry="north", exit="south",
+    car = AgentView(id="vehicle-1", number=0, type="vehicle", entry="north", exit="south",
                   movement="straight", role="foreground", speed=8.0)  # fmt: skip
     graph = SocialGraph.model_validate({"agents": [{"id": "vehicle-1", "type": "vehicle"}]})
     turn = Turn("a bit less haste", Situation(graph=graph, present=(car,)), "A car", FOUR_LEGS)

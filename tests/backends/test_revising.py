@@ -13,21 +13,21 @@ from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
 from scenewright.backends.builtin.references import answered
 from scenewright.backends.builtin.revising import read
 from scenewright.scene.edits import (
-    Ask,
-    Decline,
+    AgentView,
+    Clarification,
+    DeclinedTurn,
     Edits,
-    Fresh,
-    Present,
+    NewScene,
     Situation,
     Wish,
-    difference,
-    edited,
+    apply_edits,
+    diff_graphs,
 )
+from scenewright.scene.route_table import RouteDescription
 from scenewright.scene.social import SocialGraph
-from scenewright.scene.ways import Way
 
 
-def there(name: str, **told: Any) -> Present:
+def there(name: str, **told: Any) -> AgentView:
     kind = name.partition("-")[0]
     facts = {
         "id": name, "number": 1, "type": kind, "subtype": "car" if kind == "vehicle" else None,
@@ -35,10 +35,10 @@ def there(name: str, **told: Any) -> Present:
         "movement": "straight" if kind == "vehicle" else "crossing",
         "role": "foreground", "speed": 10.0 if kind == "vehicle" else 1.4,
     }  # fmt: skip
-    return Present.model_validate(facts | told)
+    return AgentView.model_validate(facts | told)
 
 
-def situation(text: str, *present: Present) -> Situation:
+def situation(text: str, *present: AgentView) -> Situation:
     graph = plan(text)
     assert isinstance(graph, SocialGraph)
     return Situation(graph=graph, present=present)
@@ -160,14 +160,14 @@ FIVE = Site(
     compass=False,
     ways=(
         *(
-            Way("vehicle", entry, ARMS[(at + turn) % 5], name)
+            RouteDescription("vehicle", entry, ARMS[(at + turn) % 5], name)
             for at, entry in enumerate(ARMS)
             for turn, name in ((1, "right"), (2, "straight"), (3, "straight"), (4, "left"))
         ),
-        Way("pedestrian", "northeast", "south", "crossing", "east"),
-        Way("pedestrian", "south", "northeast", "crossing", "east"),
-        Way("pedestrian", "north", "south", "crossing", "west"),
-        Way("pedestrian", "north", "east", "crossing", "northeast"),
+        RouteDescription("pedestrian", "northeast", "south", "crossing", "east"),
+        RouteDescription("pedestrian", "south", "northeast", "crossing", "east"),
+        RouteDescription("pedestrian", "north", "south", "crossing", "west"),
+        RouteDescription("pedestrian", "north", "east", "crossing", "northeast"),
     ),
 )
 
@@ -219,13 +219,13 @@ def test_in_left_hand_traffic_an_edit_means_the_mirrored_turn(
     where = situation("A car nearly hits a bus", there("vehicle-1"), there("vehicle-2"))
     reading = read(words, where, site=site)
     assert isinstance(reading, Edits), reading
-    graph = edited(where.graph, reading.edits)
+    graph = apply_edits(where.graph, reading.edits)
     assert (graph.agents[0].movement, graph.relations[0].kind) == (turn, kind)
 
 
 def test_a_figure_of_before_stays_where_nobody_speaks_of_it() -> None:
     (edit,) = told("make it a near miss with a PET of 1 s")
-    graph = edited(ONE.graph, read("make it a near miss with a PET of 1 s", ONE).edits)  # type: ignore[union-attr]
+    graph = apply_edits(ONE.graph, read("make it a near miss with a PET of 1 s", ONE).edits)  # type: ignore[union-attr]
     assert edit["edge"]["target_pet"] == 1.0
     later = ONE.model_copy(update={"graph": graph})
     assert told("make it 5 pm", later) == [{"": "ChangeContext", "time_of_day": "17:00"}]
@@ -244,7 +244,7 @@ def test_a_figure_of_before_stays_where_nobody_speaks_of_it() -> None:
 )
 def test_what_may_mean_several_is_asked(words: str, among: list[str]) -> None:
     asked = read(words, TWO)
-    assert isinstance(asked, Ask)
+    assert isinstance(asked, Clarification)
     assert [each.answer for each in asked.choices] == among
     noun = asked.choices[0].means.partition("=")[0]
     for name in among:
@@ -276,7 +276,7 @@ def test_who_is_told_apart_is_not_asked_for(words: str, agent: str) -> None:
 )  # fmt: skip
 def test_an_answer_is_taken_if_it_means_one(answer: str, name: str | None) -> None:
     asked = read("slow the vehicle down", TWO)
-    assert isinstance(asked, Ask)
+    assert isinstance(asked, Clarification)
     choice = answered(answer, asked)
     assert (None if choice is None else choice.answer) == name
 
@@ -296,7 +296,7 @@ def test_an_answer_is_taken_if_it_means_one(answer: str, name: str | None) -> No
 )
 def test_what_cannot_be_says_why(words: str, code: str, says: str) -> None:
     reading = read(words, ONE)
-    assert isinstance(reading, Decline), reading
+    assert isinstance(reading, DeclinedTurn), reading
     assert reading.code == code
     assert says in reading.reason
 
@@ -336,14 +336,14 @@ def test_who_stands_or_has_no_reason_to_cannot_be_made_to(
     words: str, where: Situation, says: str
 ) -> None:
     reading = read(words, where)
-    assert isinstance(reading, Decline), reading
+    assert isinstance(reading, DeclinedTurn), reading
     assert says in reading.reason
 
 
 def test_a_scene_of_its_own_and_wishes_are_told_apart() -> None:
-    assert isinstance(read("A bus follows a car", ONE), Fresh)
-    assert isinstance(read("new scene: a car hits a bus", ONE), Fresh)
-    assert isinstance(read("add three cars", None), Fresh)
+    assert isinstance(read("A bus follows a car", ONE), NewScene)
+    assert isinstance(read("new scene: a car hits a bus", ONE), NewScene)
+    assert isinstance(read("add three cars", None), NewScene)
     for words, wish in {"why did you refuse?": "why", "undo": "undo", "go back": "undo"}.items():
         assert read(words, ONE) == Wish.model_validate({"wish": wish})
 
@@ -366,11 +366,11 @@ def test_any_words_of_the_trade_are_read_as_something(words: list[str]) -> None:
     if isinstance(reading, Edits):
         graph = TWO.graph
         for edit in reading.edits:
-            graph = edited(graph, [edit])
+            graph = apply_edits(graph, [edit])
 
 
 def test_the_difference_of_two_graphs_leads_from_one_to_the_other() -> None:
     for before, after in ((ONE.graph, TWO.graph), (TWO.graph, ONE.graph), (ONE.graph, ONE.graph)):
-        made = edited(before, difference(before, after))
+        made = apply_edits(before, diff_graphs(before, after))
         assert {n.id: n for n in made.agents} == {n.id: n for n in after.agents}
         assert set(made.relations) == set(after.relations)

@@ -18,7 +18,7 @@ from scenewright.errors import Unsatisfiable
 from scenewright.graph.run import synthesize
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
 from scenewright.tools.relation_checker import RoadUser, read_users
-from scenewright.tools.relation_checker.foreign import read_csv
+from scenewright.tools.track_io.external_tracks import read_csv
 
 CAR, TRUCK = vehicle_shape("car"), vehicle_shape("truck")
 INSTRUCTIONS = Path(__file__).parents[2] / "examples" / "instructions.txt"

@@ -63,7 +63,7 @@ def test_a_quiet_dataset_is_as_varied_as_quiet_hours() -> None:
     quiet = [traffic(2, 8.0) for _ in range(30)]
     corpus = [traffic(2, 8.0) for _ in range(30)] + [traffic(9, 1.0) for _ in range(30)]
     watched: list[list[Watched]] = [
-        list(watch(each, on=None))
+        list(watch(each, intersection_map=None))
         for each in (quiet, windows_beside(quiet, corpus, least=30), corpus)
     ]
     found = speeds(watched[0], Reference(*watched[1:]), draws=50, seed=0)

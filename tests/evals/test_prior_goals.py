@@ -21,8 +21,8 @@ from scenewright.evals.realism.rollout_tasks import (
 from scenewright.scene.track import Track, vehicle_shape
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.map_import import import_map
-from scenewright.tools.recordings import RecordedAgent, Recording
-from scenewright.tools.recordings.taf_bw import read_taf_bw
+from scenewright.tools.track_io import RecordedAgent, Recording
+from scenewright.tools.track_io.taf_bw import read_taf_bw
 
 ROUTE = "vehicle:south>north:straight"
 SITE = "k9_2020-01-01"

@@ -36,14 +36,14 @@ from scenewright.evals.realism.stops import all_stops, line_gap, standstills, yi
 from scenewright.graph.run import synthesize
 from scenewright.intersections import load_map
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, vehicle_shape
-from scenewright.tools.recordings import RecordedAgent, Recording, save_recordings
 from scenewright.tools.relation_checker import RoadUser, as_mover
+from scenewright.tools.track_io import RecordedAgent, Recording, save_recordings
 
 values = st.lists(st.floats(-50, 50), min_size=1, max_size=30).map(np.array)
 
 
 @pytest.fixture(scope="module")
-def on():
+def intersection_map():
     return load_map("amsterdam_120")
 
 
@@ -145,7 +145,7 @@ def mover(s, *, shape=None, origin=(0.0, 0.0), heading=0.0):
 
 
 def test_a_stop_is_measured_as_it_was_driven():
-    (stop,) = all_stops([mover(ride())], on=None)
+    (stop,) = all_stops([mover(ride())], intersection_map=None)
     # At 0.3 m/s or less it stands: 0.15 s of the braking and 0.3 s of the starting.
     assert stop.duration == pytest.approx(3.45, abs=0.2)
     assert stop.braking == pytest.approx(2.0, abs=0.02)
@@ -158,31 +158,33 @@ def test_a_stop_is_measured_as_it_was_driven():
 def test_what_the_scene_cuts_off_is_not_measured():
     whole = ride()
     standing = standstills(mover(whole))[0]
-    (late,) = all_stops([mover(whole[: standing.start + 15])], on=None)
+    (late,) = all_stops([mover(whole[: standing.start + 15])], intersection_map=None)
     assert (late.duration, late.starting) == (None, None)
     assert late.braking == pytest.approx(2.0, abs=0.02)
-    assert not list(all_stops([mover(whole[standing.start + 5 :])], on=None))
+    assert not list(all_stops([mover(whole[standing.start + 5 :])], intersection_map=None))
 
 
 @pytest.mark.parametrize("leg", ["north", "south", "east", "west"])
-def test_the_gap_to_the_stop_line_is_from_the_front_bumper(on, leg):
-    line = next(each for each in on.stop_lines if each.leg == leg)
+def test_the_gap_to_the_stop_line_is_from_the_front_bumper(intersection_map, leg):
+    line = next(each for each in intersection_map.stop_lines if each.leg == leg)
     middle = np.array(line.line).mean(axis=0)
-    bearing = next(each.bearing for each in on.legs if each.name == leg)
+    bearing = next(each.bearing for each in intersection_map.legs if each.name == leg)
     inwards = -np.array([np.cos(bearing), np.sin(bearing)])
     length = vehicle_shape().length
     for gap in (0.5, 3.0):
         place = middle - inwards * (gap + length / 2)
         here = mover(np.zeros(9), origin=place, heading=bearing + np.pi)
-        assert line_gap(here, 4, on) == pytest.approx(gap, abs=1e-6)
+        assert line_gap(here, 4, intersection_map) == pytest.approx(gap, abs=1e-6)
     away = mover(np.zeros(9), origin=middle + inwards * 5.0, heading=bearing)
-    assert line_gap(away, 4, on) is None or line_gap(away, 4, on) < 1.0
-    assert line_gap(mover(np.zeros(9), shape=PEDESTRIAN, origin=middle), 4, on) is None
+    assert line_gap(away, 4, intersection_map) is None or line_gap(away, 4, intersection_map) < 1.0
+    assert (
+        line_gap(mover(np.zeros(9), shape=PEDESTRIAN, origin=middle), 4, intersection_map) is None
+    )
 
 
-def test_the_stop_of_who_was_asked_to_yield_is_found(on, yielding):
+def test_the_stop_of_who_was_asked_to_yield_is_found(intersection_map, yielding):
     scene = played(yielding.record)
-    stops, yields = yield_stops(scene, on=on)
+    stops, yields = yield_stops(scene, intersection_map=intersection_map)
     assert scene.asked
     (asked,) = [stop for stop in stops if stop.asked]
     assert asked.type == "vehicle"
@@ -200,19 +202,33 @@ def with_another(scene):
     return replace(scene, users=(*scene.users, RoadUser(99, track, walker.shape)))
 
 
-def test_who_lets_one_pass_is_told_from_who_lets_several(on, yielding):
+def test_who_lets_one_pass_is_told_from_who_lets_several(intersection_map, yielding):
     scene = played(yielding.record)
-    [stop] = [stop for stop in yield_stops(scene, on=on)[0] if stop.asked]
+    [stop] = [
+        stop for stop in yield_stops(scene, intersection_map=intersection_map)[0] if stop.asked
+    ]
     assert (stop.to, stop.alone) == ("pedestrian", True)
-    [stop] = [stop for stop in yield_stops(with_another(scene), on=on)[0] if stop.asked]
+    [stop] = [
+        stop
+        for stop in yield_stops(with_another(scene), intersection_map=intersection_map)[0]
+        if stop.asked
+    ]
     assert (stop.to, stop.alone) == ("pedestrian", False)
 
 
-def test_who_stands_once_for_several_counts_once(on, yielding):
+def test_who_stands_once_for_several_counts_once(intersection_map, yielding):
     scene = played(yielding.record)
     several = with_another(scene)
-    asked = [each for each in cases([scene], on=on) if each.pair == ("vehicle", "pedestrian")]
-    twice = [each for each in cases([several], on=on) if each.pair == ("vehicle", "pedestrian")]
+    asked = [
+        each
+        for each in cases([scene], intersection_map=intersection_map)
+        if each.pair == ("vehicle", "pedestrian")
+    ]
+    twice = [
+        each
+        for each in cases([several], intersection_map=intersection_map)
+        if each.pair == ("vehicle", "pedestrian")
+    ]
     assert len(asked) == len(twice)
     assert all(each.stood_at is not None for each in twice)
     found = paces(asked * 20)["vehicle"]
@@ -244,25 +260,29 @@ def even_traffic(name, *, speed, seconds=61.0):
     return Recording(name, 0.0, seconds, (*cars, walker), split="test", signal_time=4.0)
 
 
-def test_scenes_cut_from_a_corpus_have_its_agents_and_its_lights(on):
-    cut = list(cut_scenes([even_traffic("a", speed=8.0)], on=on))
+def test_scenes_cut_from_a_corpus_have_its_agents_and_its_lights(intersection_map):
+    cut = list(cut_scenes([even_traffic("a", speed=8.0)], intersection_map=intersection_map))
     assert len(cut) == 2
     for k, (name, scene) in enumerate(cut):
         assert name == "a"
         assert all(u.track.start >= 0.0 and u.track.end <= 30.0 + 1e-9 for u in scene.users)
         for record in scene.signals:
             if record.stop_line is not None and record.colour == "green":
-                at = (4.0 + 30.0 * k + (record.start + record.end) / 2) % on.signals.cycle
-                assert _colour(on, record.stop_line, at) == "green"
+                at = (
+                    4.0 + 30.0 * k + (record.start + record.end) / 2
+                ) % intersection_map.signals.cycle
+                assert _colour(intersection_map, record.stop_line, at) == "green"
         assert scene.signals
     assert [len(scene.users) for _, scene in cut] == [4, 3]
 
 
-def _colour(on, stop_line, time):
-    movement = next(m for m in on.movements if m.stop_line == stop_line)
-    group = next(g.id for g in on.signals.groups if movement.id in g.movements)
-    ends = np.cumsum([phase.duration for phase in on.signals.phases])
-    return on.signals.phases[int(np.searchsorted(ends, time, side="right"))].colours[group]
+def _colour(intersection_map, stop_line, time):
+    movement = next(m for m in intersection_map.movements if m.stop_line == stop_line)
+    group = next(g.id for g in intersection_map.signals.groups if movement.id in g.movements)
+    ends = np.cumsum([phase.duration for phase in intersection_map.signals.phases])
+    return intersection_map.signals.phases[int(np.searchsorted(ends, time, side="right"))].colours[
+        group
+    ]
 
 
 def test_motion_is_sorted_into_standing_moving_and_unimpeded():
@@ -336,12 +356,20 @@ def test_parts_of_a_scene_are_told_apart(yielding):
     assert front + back == whole
 
 
-def test_the_corpus_against_itself_and_against_a_faster_one(on):
+def test_the_corpus_against_itself_and_against_a_faster_one(intersection_map):
     corpus = [even_traffic("a", speed=8.0), even_traffic("b", speed=8.0)]
     same, fast = (
-        [scene for _, scene in cut_scenes([even_traffic("c", speed=v)], on=on)] for v in (8.0, 10.0)
+        [
+            scene
+            for _, scene in cut_scenes(
+                [even_traffic("c", speed=v)], intersection_map=intersection_map
+            )
+        ]
+        for v in (8.0, 10.0)
     )
-    report = judge({"fast": fast, "same": same}, corpus, on=on, draws=20)
+    report = judge(
+        {"fast": fast, "same": same}, corpus, intersection_map=intersection_map, draws=20
+    )
     rows = {(r.topic, r.type, r.measure, r.scenes): r for r in report.rows}
     speed = rows["Motion", "vehicle", "speed", "fast"]
     assert speed.distance.value == pytest.approx(2.0, abs=0.01)

@@ -20,7 +20,7 @@ from scenewright.evals.realism.rollouts import (
     table,
 )
 from scenewright.scene.track import Track, vehicle_shape
-from scenewright.tools.recordings import RecordedAgent, Recording
+from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 
 torch.set_num_threads(1)

@@ -10,7 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenewright.apps.cli import main
+from scenewright.cli.main import main
+from scenewright.dataset.batch import carry_out as carrying
+from scenewright.dataset.batch.worker import Options
+from scenewright.dataset.orders.order_spec import read_order
+from scenewright.dataset.orders.run import Order, fill
 from scenewright.evals.planning import Share
 from scenewright.evals.tables.diversity import held_out, lateral
 from scenewright.evals.tables.likelihood import (
@@ -23,10 +27,6 @@ from scenewright.evals.tables.likelihood import (
 )
 from scenewright.evals.tables.reading import Dataset, Given
 from scenewright.evals.tables.robustness import robustness
-from scenewright.graph.batch import carrying
-from scenewright.graph.batch.work import Options
-from scenewright.graph.order.run import Order, fill
-from scenewright.graph.order.wish import read_order
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.gmm_sampler import load_priors, sample_waypoints, waypoint_nll

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenewright.apps.cli import main
+from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.evals.trajnet.recording import read_recording
 from scenewright.evals.trajnet.score import mean_with_interval

@@ -12,7 +12,7 @@ from scenewright.nodes.scene_planner.wording import worded_plan
 from scenewright.nodes.waypoint_filter.wording import worded_program
 from scenewright.nodes.wording import Example
 from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
-from scenewright.scene.edits import Present, Situation
+from scenewright.scene.edits import AgentView, Situation
 from scenewright.scene.social import SocialGraph
 
 TEXT = (
@@ -92,7 +92,7 @@ def _situation() -> Situation:
         "pedestrian-1": ("north", "south", "crossing"),
     }
     front = [
-        Present(
+        AgentView(
             id=name, number=n, type=name.partition("-")[0], entry=way[0], exit=way[1],
             movement=way[2], crosswalk="east" if n else None, role="foreground",
             speed=1.4 if n else 8.2, stops=not n, subtype=None if n else "truck",
@@ -100,7 +100,7 @@ def _situation() -> Situation:
         for n, (name, way) in enumerate(kinds.items())
     ]  # fmt: skip
     others = [
-        Present(
+        AgentView(
             id=f"vehicle-{n}", number=n, type="vehicle", subtype="car", entry="west", exit="east",
             movement="straight", role="background", speed=9.0,
         )

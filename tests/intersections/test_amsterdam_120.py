@@ -8,8 +8,8 @@ import pytest
 import shapely
 
 from scenewright.errors import InputError
-from scenewright.intersections import bundle_folder, list_intersections, load_map
-from scenewright.tools.map_builder import build_map
+from scenewright.intersections import find_bundle_folder, list_intersections, load_map
+from scenewright.tools.map_import.map_builder import build_map
 
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
 RIGHT = {"north": "west", "east": "north", "south": "east", "west": "south"}
@@ -43,7 +43,7 @@ def test_unknown_names_list_what_exists_and_never_leave_the_folder():
 def test_a_users_folder_of_bundles_is_found(tmp_path, monkeypatch):
     own = tmp_path / "mine"
     own.mkdir()
-    (own / "map.json").write_bytes((bundle_folder("amsterdam_120") / "map.json").read_bytes())
+    (own / "map.json").write_bytes((find_bundle_folder("amsterdam_120") / "map.json").read_bytes())
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path))
     assert list_intersections() == ["amsterdam_120", "mine"]
     assert load_map("mine").name == "amsterdam_120"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 
+from scenewright.authoring.versions import Setting, begin
 from scenewright.backends import load_backend
-from scenewright.graph.session.making import Setting, begin
-from scenewright.scene.pins import Earlier
+from scenewright.scene.frozen_agents import PreviousVersion
 
 
 @cache
-def first_version() -> Earlier:
+def first_version() -> PreviousVersion:
     setting = Setting("amsterdam_120", load_backend("builtin"), 1)
     return begin("A car yields to a pedestrian at 5 am", setting).earlier

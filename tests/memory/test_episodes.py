@@ -11,7 +11,7 @@ from scenewright import synthesize
 from scenewright.backends.scripted import ScriptedSpeaker
 from scenewright.backends.spoken import Spoken
 from scenewright.errors import BackendFault
-from scenewright.graph.recalling import recall_from
+from scenewright.graph.examples import recall_from
 from scenewright.memory.episodes import Episodes
 
 YIELD = "A car from the south yields to a pedestrian on the north crosswalk"

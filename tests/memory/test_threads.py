@@ -12,15 +12,15 @@ import pytest
 from conversations import first_version
 
 from scenewright.errors import InputError
-from scenewright.memory.products import from_bytes, to_bytes
+from scenewright.memory.products import deserialize_version, serialize_version
 from scenewright.memory.threads import PlainSerializer, Threads
 
 
 def test_products_come_back_to_the_last_bit() -> None:
     earlier = first_version()
-    data = to_bytes(earlier)
-    again = from_bytes(data)
-    assert to_bytes(again) == data
+    data = serialize_version(earlier)
+    again = deserialize_version(data)
+    assert serialize_version(again) == data
     for name, each in earlier.agents.items():
         other = again.agents[name]
         assert each.track.xy.tobytes() == other.track.xy.tobytes()
@@ -35,14 +35,14 @@ def test_products_come_back_to_the_last_bit() -> None:
 )
 def test_other_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(InputError):
-        from_bytes(data)
+        deserialize_version(data)
 
 
 def test_products_name_no_class() -> None:
-    value = json.loads(zlib.decompress(to_bytes(first_version())))
+    value = json.loads(zlib.decompress(serialize_version(first_version())))
     value["agents"][0]["track"]["xy"] = {"__class__": "os.system", "args": ["true"]}
     with pytest.raises(InputError):
-        from_bytes(zlib.compress(json.dumps(value).encode()))
+        deserialize_version(zlib.compress(json.dumps(value).encode()))
 
 
 def test_a_checkpoint_takes_plain_values_alone() -> None:

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from scenewright import synthesize
 from scenewright.backends import Question, load_backend
 from scenewright.errors import Rejected
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map
 from scenewright.nodes.agent_generator import generate_agents
 from scenewright.nodes.ask import ask, earlier, latest
@@ -27,9 +28,8 @@ from scenewright.nodes.waypoint_filter.wording import worded_program
 from scenewright.scene.behavior import BehaviorProgram, Segment
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.ground import Ground
 
-GROUND = Ground(load_map("amsterdam_120"))
+GROUND = MapAreas(load_map("amsterdam_120"))
 PRIORS = load_priors("amsterdam_120")
 TEXT = "A car from the north turning left yields to an oncoming car, nobody else around, at noon."
 CAR, OTHER = "vehicle-1", "vehicle-2"
@@ -297,7 +297,7 @@ def test_a_scene_without_events_says_normal_in_one_row(run):
         run["selection"],
         run["behavior"],
         {},
-        on=GROUND.on,
+        intersection_map=GROUND.intersection_map,
         seed=0,
     )
     assert bare.agents == ()
@@ -428,7 +428,7 @@ def test_a_model_is_told_where_people_drive_on_the_left(
     run: dict[str, Any], left_hand: bool
 ) -> None:
     """Which turn leads across oncoming traffic is asked of it by two stages."""
-    here = Ground(GROUND.on.model_copy(update={"left_hand_traffic": left_hand}))
+    here = MapAreas(GROUND.intersection_map.model_copy(update={"left_hand_traffic": left_hand}))
     backend = Scripted({"note": "no answer"})
     runs_at = runtime(backend)
     runs_at.context = replace(runs_at.context, ground=here)

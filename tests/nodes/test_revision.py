@@ -19,7 +19,16 @@ from scenewright.nodes.revision.reply import EditsReply, new_ids, read_as
 from scenewright.nodes.revision.wording import worded_edits
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.nodes.schema import inlined
-from scenewright.scene.edits import Ask, Decline, Edits, Fresh, Present, Reading, Situation, edited
+from scenewright.scene.edits import (
+    AgentView,
+    Clarification,
+    DeclinedTurn,
+    Edits,
+    NewScene,
+    Reading,
+    Situation,
+    apply_edits,
+)
 from scenewright.scene.social import SocialGraph
 
 GRAPH = SocialGraph.model_validate(
@@ -35,11 +44,11 @@ GRAPH = SocialGraph.model_validate(
     }
 )  # fmt: skip
 PRESENT = (
-    Present(id="vehicle-1", number=0, type="vehicle", subtype="car", entry="north", exit="east",
+    AgentView(id="vehicle-1", number=0, type="vehicle", subtype="car", entry="north", exit="east",
             movement="left", role="foreground", speed=8.0, stops=True),
-    Present(id="pedestrian-1", number=1, type="pedestrian", entry="south", exit="north",
+    AgentView(id="pedestrian-1", number=1, type="pedestrian", entry="south", exit="north",
             movement="crossing", crosswalk="east", role="foreground", speed=1.4),
-    Present(id="vehicle-2", number=2, type="vehicle", subtype="bus", entry="west", exit="east",
+    AgentView(id="vehicle-2", number=2, type="vehicle", subtype="bus", entry="west", exit="east",
             movement="straight", role="background", speed=9.0),
 )  # fmt: skip
 SITUATION = Situation(graph=GRAPH, present=PRESENT)
@@ -54,7 +63,7 @@ def said(*lines: dict[str, Any]) -> list[dict[str, Any]]:
     """The edits that the lines amount to, what is left open left out."""
     found = reading({"edits": list(lines)})
     assert isinstance(found, Edits)
-    assert edited(GRAPH, found.edits)
+    assert apply_edits(GRAPH, found.edits)
     return [each.model_dump(mode="json", by_alias=True, exclude_none=True) for each in found.edits]
 
 
@@ -151,15 +160,15 @@ def test_what_cannot_be_is_told_to_whoever_said_it(line: dict[str, Any], words: 
 def test_a_question_a_scene_of_its_own_and_a_refusal() -> None:
     asked = {"edits": [], "ask": {"about": "car", "among": ["vehicle-1", "vehicle-2"]}}
     found = reading(asked)
-    assert isinstance(found, Ask)
+    assert isinstance(found, Clarification)
     assert [each.answer for each in found.choices] == ["vehicle-1", "vehicle-2"]
     with pytest.raises(Rejected, match=r"answered already \(car: vehicle-2\)"):
         reading(asked, car="vehicle-2")
     with pytest.raises(Rejected, match="only one agent is meant"):
         reading({"ask": {"about": "car", "among": ["vehicle-1", "vehicle-1"]}})
-    assert isinstance(reading({"edits": [], "fresh": True}), Fresh)
+    assert isinstance(reading({"edits": [], "fresh": True}), NewScene)
     no = reading({"edits": [], "refused": "no_change", "reason": "It is night already."})
-    assert no == Decline(code="no_change", reason="It is night already.")
+    assert no == DeclinedTurn(code="no_change", reason="It is night already.")
     for nothing in (
         {"edits": []},
         {"fresh": False},

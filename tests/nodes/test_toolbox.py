@@ -13,8 +13,8 @@ from langchain_core.outputs import ChatGeneration, ChatResult
 from langchain_core.tools import BaseTool
 
 from scenewright import verify
+from scenewright.authoring.agent import Authored, author, workbench
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.graph.agent import Authored, author, workbench
 from scenewright.nodes.toolbox import Workbench, tools_of
 
 PLAN: dict[str, Any] = {

@@ -11,16 +11,16 @@ import torch
 
 from scenewright import synthesize
 from scenewright.backends import load_backend
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS, SHARES, refine_trajectories
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.ground import Ground
 from scenewright.tools.trajnet_refiner.bundled import Learned
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 
-GROUND = Ground(load_map("amsterdam_120"))
+GROUND = MapAreas(load_map("amsterdam_120"))
 PRIORS = load_priors("amsterdam_120")
 TEXT = "A car from the north turning left yields to an oncoming car, six background cars, at noon."
 GIVER, TAKER = "vehicle-1", "vehicle-2"

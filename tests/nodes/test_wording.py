@@ -20,7 +20,7 @@ from scenewright.backends.staged import Staged
 from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.nodes.event_reasoner.reply import BehaviorReply, SummaryReply, places_of
-from scenewright.nodes.scene_planner import FOUR_LEGS, ask_for_plan, ways_of
+from scenewright.nodes.scene_planner import FOUR_LEGS, ask_for_plan, describe_routes
 from scenewright.nodes.scene_planner.reply import ID, TIME, PlanReply, completed, patterns_told
 from scenewright.nodes.scene_planner.wording import times_told, worded_plan
 from scenewright.nodes.schema import inlined
@@ -356,7 +356,7 @@ def test_what_entry_exit_and_turn_entail_is_filled_in(
     text: dict[str, str], agent: str | None, exit_: str | None
 ) -> None:
     graph = SocialGraph.model_validate({"agents": [{"id": "vehicle-1", "type": "vehicle", **text}]})
-    for ways in (FOUR_LEGS, ways_of(load_map("amsterdam_120"))):
+    for ways in (FOUR_LEGS, describe_routes(load_map("amsterdam_120"))):
         [found] = completed(graph, ways).agents
         assert found.exit == exit_
         assert agent in (found.entry, found.movement, "movement", None)

@@ -17,7 +17,7 @@ from scenewright.scene.constraints import (
     UnaryClause,
 )
 from scenewright.scene.events import EVENT_OF_RELATION
-from scenewright.scene.relations import pattern_named, patterns
+from scenewright.scene.relations import get_pattern, load_patterns
 from scenewright.tools.dsl_validator.parse import parse
 
 SERVED_BY = {
@@ -41,13 +41,13 @@ def clauses(pattern):
 def test_every_file_is_a_pattern_named_like_its_file():
     folder = resources.files("scenewright.scene.relations")
     files = sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".toml"))
-    assert [f"{pattern.id}.toml" for pattern in patterns()] == files
-    assert all(pattern_named(pattern.id) is pattern for pattern in patterns())
+    assert [f"{pattern.id}.toml" for pattern in load_patterns()] == files
+    assert all(get_pattern(pattern.id) is pattern for pattern in load_patterns())
     with pytest.raises(KeyError):
-        pattern_named("no_such_pattern")
+        get_pattern("no_such_pattern")
 
 
-@pytest.mark.parametrize("pattern", patterns(), ids=lambda pattern: pattern.id)
+@pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_the_clauses_serve_the_relation_and_fit_the_roles(pattern):
     found = clauses(pattern)
     [event] = [c for c in found if isinstance(c, tuple(SERVED_BY.values()))]
@@ -63,7 +63,7 @@ def test_the_clauses_serve_the_relation_and_fit_the_roles(pattern):
             assert clause.agent in names(pattern).values()
 
 
-@pytest.mark.parametrize("pattern", patterns(), ids=lambda pattern: pattern.id)
+@pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_roles_movements_and_segments_go_together(pattern):
     for role in (pattern.from_, pattern.to):
         on_foot = set(role.movements) <= {"crossing", "jaywalking"}
@@ -75,7 +75,7 @@ def test_roles_movements_and_segments_go_together(pattern):
     assert pattern.weight > 0
 
 
-@pytest.mark.parametrize("pattern", patterns(), ids=lambda pattern: pattern.id)
+@pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
     """A figure that a file bounds is brought about by the clause with the same bounds."""
     aims = {TimeGap: "pet", Headway: "least_headway"}
@@ -89,19 +89,19 @@ def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
 
 
 def test_an_order_is_one_more_clause_of_a_near_miss():
-    pattern = pattern_named("straight_crossing_near_miss")
+    pattern = get_pattern("straight_crossing_near_miss")
     for order, line in (("from", "before({from}, {to})"), ("to", "before({to}, {from})")):
         assert pattern.model_copy(update={"order": order}).clauses[-1] == line
     assert pattern.clauses == pattern.constraints
 
 
 def test_every_relation_and_every_kind_of_collision_has_a_pattern():
-    assert {pattern.relation for pattern in patterns()} == set(SERVED_BY)
+    assert {pattern.relation for pattern in load_patterns()} == set(SERVED_BY)
     kinds = {"pedestrian_strike", "rear_end", "sideswipe", "head_on", "left_turn", "angle"}
-    assert kinds <= {pattern.kind for pattern in patterns()}
+    assert kinds <= {pattern.kind for pattern in load_patterns()}
 
 
 def test_a_missing_folder_is_told(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path / "nowhere"))
     with pytest.raises(InputError, match="nowhere"):
-        patterns()
+        load_patterns()

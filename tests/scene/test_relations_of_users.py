@@ -9,9 +9,9 @@ import pytest
 
 from scenewright.backends.builtin.planner import plan
 from scenewright.errors import InputError
-from scenewright.scene.relations import Pattern, pattern_named, patterns
+from scenewright.scene.relations import Pattern, get_pattern, load_patterns
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.relation_files import checked_patterns
+from scenewright.tools.map_grounding.relation_files import checked_patterns
 
 PAGE = Path(__file__).parents[2] / "docs" / "relations.md"
 EXAMPLE = PAGE.read_text("utf-8").split("```toml\n")[1].split("```")[0]
@@ -160,31 +160,31 @@ def test_one_id_in_two_files_is_told(folder: Path) -> None:
 def test_what_is_no_file_is_told(folder: Path) -> None:
     os.mkfifo(folder / "pipe.toml")
     with pytest.raises(InputError, match=r"pipe\.toml is not a relation: not a file"):
-        patterns()
+        load_patterns()
 
 
 def test_a_missing_folder_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path / "nowhere"))
     with pytest.raises(InputError, match="nowhere"):
-        patterns()
+        load_patterns()
 
 
 def test_other_files_of_the_folder_are_left_alone(folder: Path) -> None:
     (folder / "README.md").write_text("not a relation", "utf-8")
     (folder / "mine.toml").write_text(EXAMPLE, "utf-8")
-    assert pattern_named("noses_out").bounds() == {"pet": (0.7, 1.1)}
+    assert get_pattern("noses_out").bounds() == {"pet": (0.7, 1.1)}
 
 
 def test_a_file_with_a_shipped_id_replaces_it(folder: Path) -> None:
     (folder / "mine.toml").write_text(edited("noses_out", "straight_crossing_near_miss"), "utf-8")
-    assert pattern_named("straight_crossing_near_miss").order == "from"
-    assert len({pattern.id for pattern in patterns()}) == len(patterns())
+    assert get_pattern("straight_crossing_near_miss").order == "from"
+    assert len({pattern.id for pattern in load_patterns()}) == len(load_patterns())
 
 
 def test_text_is_data(folder: Path) -> None:
     text = edited('theme = "vehicle', 'theme = "{from} {0.__class__} $(id) vehicle')
     (folder / "mine.toml").write_text(text, "utf-8")
-    assert pattern_named("noses_out").theme.startswith("{from} {0.__class__} $(id)")
+    assert get_pattern("noses_out").theme.startswith("{from} {0.__class__} $(id)")
 
 
 def planned(text: str) -> SocialGraph:
@@ -201,12 +201,12 @@ def told_of(pattern: Pattern, phrase: str) -> str:
     return f"{phrase[0].upper()}{phrase[1:]}."
 
 
-SHIPPED = [(pattern.id, phrase) for pattern in patterns() for phrase in pattern.phrases]
+SHIPPED = [(pattern.id, phrase) for pattern in load_patterns() for phrase in pattern.phrases]
 
 
 @pytest.mark.parametrize(("name", "phrase"), SHIPPED, ids=[phrase for _, phrase in SHIPPED])
 def test_every_phrase_asks_for_its_pattern_and_roles(name: str, phrase: str) -> None:
-    pattern = pattern_named(name)
+    pattern = get_pattern(name)
     graph = planned(told_of(pattern, phrase))
     (edge,) = graph.relations
     assert (edge.type, edge.pattern) == (pattern.relation, name)

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from scenewright import verify
+from scenewright.authoring.session import Session, Shown
 from scenewright.backends import Backend, load_backend
-from scenewright.graph.session.session import Session, Shown
 from scenewright.memory.threads import Threads
 from scenewright.scene.record import AgentRecord
 

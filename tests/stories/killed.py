@@ -12,8 +12,8 @@ import signal
 import sys
 from collections.abc import Callable
 
+from scenewright.authoring.session import Session
 from scenewright.backends import load_backend
-from scenewright.graph.session.session import Session
 from scenewright.memory.threads import Threads
 
 FIRST = "A car yields to a pedestrian at 5 am with no background traffic"

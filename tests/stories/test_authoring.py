@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from conversation import Conversation, agents, events, same
 
+from scenewright.authoring.session import Shown
 from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.scripted import scripted
 from scenewright.backends.staged import Staged
-from scenewright.graph.session.session import Shown
 from scenewright.scene.behavior import Segment
-from scenewright.scene.manners import Habits
+from scenewright.scene.yielding_behavior import Habits
 from scenewright.tools.gmm_sampler import priors
-from scenewright.tools.gmm_sampler.manners import load_manners
+from scenewright.tools.gmm_sampler.behavior_files import load_manners
 
 YIELD = "A car from the north yields to a pedestrian on the east crosswalk at 5 am"
 

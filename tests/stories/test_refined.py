@@ -10,10 +10,11 @@ import pytest
 
 from scenewright import synthesize, verify
 from scenewright.graph.run import scene_bytes
-from scenewright.intersections import REFINER_WEIGHTS, bundle_folder
+from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 
 pytestmark = pytest.mark.skipif(
-    not (bundle_folder("amsterdam_120") / REFINER_WEIGHTS).is_file(), reason="no weights shipped"
+    not (find_bundle_folder("amsterdam_120") / REFINER_WEIGHTS).is_file(),
+    reason="no weights shipped",
 )
 STORIES = {
     "yielding": "A car from the south yields to a pedestrian on the north crosswalk.",

@@ -13,11 +13,11 @@ from scenewright import synthesize
 from scenewright.graph.run import Scene
 from scenewright.intersections import load_map
 from scenewright.scene.record import AgentRecord, SceneRecord
-from scenewright.scene.relations import Pattern, Role, pattern_named, patterns
+from scenewright.scene.relations import Pattern, Role, get_pattern, load_patterns
 from scenewright.scene.track import Track
 from scenewright.tools.relation_checker import RoadUser, check, find_events, read_users
 
-NAMES = [pattern.id for pattern in patterns()]
+NAMES = [pattern.id for pattern in load_patterns()]
 MAP = load_map("amsterdam_120")
 MINUTE = 60.0
 
@@ -27,7 +27,7 @@ every_pattern = pytest.mark.parametrize("name", NAMES)
 @cache
 def played(name: str) -> Scene:
     """A scene of the pattern with nobody else in it, asked for in the file's first phrase."""
-    return synthesize(f"{said(pattern_named(name))}. Nobody else is around.", seed=3)
+    return synthesize(f"{said(get_pattern(name))}. Nobody else is around.", seed=3)
 
 
 def said(pattern: Pattern) -> str:
@@ -95,7 +95,7 @@ def sampled(step: float) -> Callable[[Track], Track]:
 
 @every_pattern
 def test_its_phrase_brings_about_the_event_of_its_file(name: str) -> None:
-    pattern, scene = pattern_named(name), played(name)
+    pattern, scene = get_pattern(name), played(name)
     assert scene.provenance["patterns"] == [name]
     assert scene.provenance["taxonomy"] == [f"{pattern.theme} / {pattern.subtype} / {name}"]
     (seen,) = scene.proof.events

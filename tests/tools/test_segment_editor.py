@@ -6,6 +6,20 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+
+from scenewright.geometry.driving_profile import (
+    StopCommand,
+    compute_arrival,
+    compute_motion,
+    sample_track,
+)
+from scenewright.geometry.map_areas import MapAreas
+from scenewright.intersections import load_map
+from scenewright.scene.behavior import Segment
+from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Slowing, Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.event_summary import summarise
+from scenewright.tools.segment_editor import edit, terminated
 from solver_actors import (
     EAST,
     SOUTH,
@@ -18,18 +32,9 @@ from solver_actors import (
     walker,
 )
 
-from scenewright.intersections import load_map
-from scenewright.scene.behavior import Segment
-from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Slowing, Stop
-from scenewright.scene.track import STEP
-from scenewright.tools.event_summary import summarise
-from scenewright.tools.ground import Ground
-from scenewright.tools.segment_editor import edit, terminated
-from scenewright.tools.time_law import Hold, arrival, move, track_of
-
 ROAD = candidate(straight((0.0, 0.0), EAST, 200.0))
 BEND = candidate(bend(80.0, 15.0, 60.0), time_law=law(9.0))
-GROUND = Ground(load_map("amsterdam_120"))
+GROUND = MapAreas(load_map("amsterdam_120"))
 DURATION = 30.0
 SMOOTHED = 0.4
 
@@ -59,7 +64,7 @@ def along(track, of):
 @given(st.sampled_from([ROAD, BEND]), TENTHS)
 def test_keep_is_the_prior(of, enters):
     track = edited(selected(of, enters=enters), segment(enters, DURATION, "goal", "keep"))
-    prior = track_of(move(of), enters=enters, until=DURATION)
+    prior = sample_track(compute_motion(of), enters=enters, until=DURATION)
     assert (track.xy == prior.xy).all()
     assert (track.heading == prior.heading).all()
     assert (track.start, track.step) == (prior.start, STEP)
@@ -71,7 +76,7 @@ def stops(draw):
     of = draw(st.sampled_from([ROAD, BEND]))
     enters = draw(TENTHS)
     s = draw(st.floats(30.0, 120.0))
-    start = enters + arrival(of, Hold(s, 0.0))
+    start = enters + compute_arrival(of, StopCommand(s, 0.0))
     until = start + draw(st.floats(1.5, 10.0))
     assume(0.0 < until < DURATION - STEP)
     return of, enters, s, start, until
@@ -104,17 +109,17 @@ def test_stop_never_moves_while_it_stands(case):
 def test_proceed_resumes_the_deferred_remainder(case):
     """Back at the prior's speed, it goes where the prior went, later by one constant delay."""
     of, enters, s, start, until = case
-    prior = move(of)
+    prior = compute_motion(of)
     agent = selected(of, enters=enters, stops=(Stop("p", s, start, until, "gives_way"),))
-    hold = Hold(s, until - enters)
-    motion = move(of, holds=(hold,))
+    hold = StopCommand(s, until - enters)
+    motion = compute_motion(of, holds=(hold,))
     resumed = of.path.length - 40.0
     delays = [motion.time_at(x) - prior.time_at(x) for x in np.linspace(resumed, resumed + 35, 9)]
     if s + 30.0 < resumed:
         assert np.ptp(delays) < 0.02
         assert delays[0] > until - start
     track = stopped(case)
-    expected = track_of(motion, enters=agent.enters, until=DURATION)
+    expected = sample_track(motion, enters=agent.enters, until=DURATION)
     assert (track.xy == expected.xy).all()
 
 
@@ -122,7 +127,7 @@ def test_proceed_resumes_the_deferred_remainder(case):
 def test_before_the_braking_nothing_changes(case):
     of, enters, s, _, _ = case
     track = stopped(case)
-    prior = track_of(move(of), enters=enters, until=DURATION)
+    prior = sample_track(compute_motion(of), enters=enters, until=DURATION)
     braking = s - of.time_law.speed**2 / (2 * of.time_law.braking)
     early = along(prior, of)[0] < braking - 0.5 * of.time_law.speed - 1.0
     assert (track.xy[: early.sum()] == prior.xy[early]).all()
@@ -151,7 +156,7 @@ def test_terminate_ends_within_a_tenth_of_a_second(of, enters, after):
         segment(enters, contact, "contact", "keep"),
         segment(contact, contact, "contact", "terminate"),
     )
-    prior = track_of(move(of), enters=enters, until=DURATION)
+    prior = sample_track(compute_motion(of), enters=enters, until=DURATION)
     if contact > prior.end:
         return
     assert contact - 1e-6 <= track.end <= contact + STEP
@@ -180,7 +185,7 @@ def test_slowings_of_the_selection_are_kept():
 
 
 def test_terminated_is_cut_at_the_first_sample_not_before():
-    motion = move(ROAD)
+    motion = compute_motion(ROAD)
     assert len(terminated(motion, 3.0).s) == 31
     assert len(terminated(motion, 3.01).s) == 32
 
@@ -223,7 +228,7 @@ def test_anchors_lie_in_order_and_are_timed_by_the_prior():
 @given(TENTHS, st.floats(5.0, 60.0), st.floats(1.0, 8.0), st.sampled_from([SOUTHWARDS, ACROSS]))
 def test_anchors_are_always_in_order_and_name_every_stay(enters, s, stays, of):
     s = min(s, of.path.length - 5.0)
-    start = enters + arrival(of, Hold(s, 0.0))
+    start = enters + compute_arrival(of, StopCommand(s, 0.0))
     stop = Stop("yield_point", s, start, start + stays, "gives_way")
     [summary] = summary_of(selected(of, enters=enters, stops=(stop,))).agents
     arc = [anchor.s for anchor in summary.anchors]
@@ -268,7 +273,7 @@ def test_who_started_before_the_scene_comes_from_its_stop_and_shows_none():
     agent = selected(ROAD, enters=-15.0, stops=(stop,))
     selection = Selection({agent.name: agent}, (), DURATION, None, 0.0, 0.0, optimal=False)
     [summary] = summarise(selection, ground=GROUND).agents
-    segments = summary.suggested(DURATION)
+    segments = summary.suggest_segments(DURATION)
     assert [each.status for each in segments] == ["keep"]
     places = {anchor.id: anchor.s for anchor in summary.anchors}
     track = edit(agent, segments, places, duration=DURATION)
@@ -281,7 +286,7 @@ def test_who_rolls_keeps_and_proceeds_without_a_stop():
     agent = selected(ROAD, stops=(stop,))
     selection = Selection({agent.name: agent}, (), DURATION, None, 0.0, 0.0, optimal=False)
     [summary] = summarise(selection, ground=GROUND).agents
-    segments = summary.suggested(DURATION)
+    segments = summary.suggest_segments(DURATION)
     assert [each.status for each in segments] == ["keep", "proceed"]
     places = {anchor.id: anchor.s for anchor in summary.anchors}
     asked_to_stop = (*segments[:1], segment(9.0, 12.0, "yield_point@80.0", "stop"), *segments[1:])

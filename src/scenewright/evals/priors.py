@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.intersections import bundle_folder
+from scenewright.intersections import find_bundle_folder
 from scenewright.scene.base import FloatArray
 from scenewright.tools.gmm_sampler import Priors, WaypointPrior, load_priors, waypoint_nll
 
@@ -93,7 +93,7 @@ def evaluate_priors(name: str | Path) -> PriorReport:
     Raises:
         InputError: unknown bundle, no priors, or no held-out part.
     """
-    folder = name if isinstance(name, Path) else bundle_folder(name)
+    folder = name if isinstance(name, Path) else find_bundle_folder(name)
     priors = load_priors(folder)
     file = folder / "heldout.npz"
     if not file.is_file():

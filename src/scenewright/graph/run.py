@@ -20,30 +20,29 @@ from pydantic_core import PydanticSerializationError
 
 from scenewright.backends import Backend, Call, Named, load_backend
 from scenewright.errors import InputError, ScenewrightError, Unsatisfiable
-from scenewright.graph.atomic import write_atomically
+from scenewright.files import write_atomically
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
 from scenewright.nodes.wording import Recall, nothing_recalled
 from scenewright.scene.events import Event, Finding, Proof
-from scenewright.scene.pins import Pins
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.relations import pattern_named
+from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.dsl_validator.select import Mode
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.ground import Ground
 from scenewright.tools.relation_checker import check
-from scenewright.tools.relation_checker.foreign import (
+from scenewright.tools.relation_checker.recording import ExternalTracks, off_map, recorded_events
+from scenewright.tools.solver.select import Mode
+from scenewright.tools.track_io.external_tracks import (
     MOST_BYTES,
-    ForeignTracks,
     read_tracks,
     too_large,
 )
-from scenewright.tools.relation_checker.recording import off_map, recorded_events
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.bundled import Learned
@@ -103,7 +102,7 @@ def synthesize(
     selection: Mode = "draw",
     previous: str | None = None,
     planned: SocialGraph | None = None,
-    pinned: Pins | None = None,
+    pinned: FrozenAgents | None = None,
     budgets: Budgets | None = None,
     recall: Recall | None = None,
     lenient: bool = False,
@@ -192,7 +191,7 @@ def verify(scene: SceneRecord | Scene | str | Path, *, intersection: str | None 
 
 
 def verify_tracks(
-    path: str | Path | ForeignTracks, *, intersection: str | None = None
+    path: str | Path | ExternalTracks, *, intersection: str | None = None
 ) -> tuple[Event, ...]:
     """Every event in tracks that scenewright never made, in order of time (SEMANTICS section 4).
 
@@ -205,11 +204,11 @@ def verify_tracks(
         InputError: unreadable (the line is named), or no such intersection.
     """
     ground = None if intersection is None else load_map(intersection)
-    tracks = path if isinstance(path, ForeignTracks) else load_tracks(path)
+    tracks = path if isinstance(path, ExternalTracks) else load_tracks(path)
     return recorded_events(tracks, ground=ground)
 
 
-def off_ground_in(tracks: ForeignTracks, *, intersection: str) -> tuple[Finding, ...]:
+def off_ground_in(tracks: ExternalTracks, *, intersection: str) -> tuple[Finding, ...]:
     """Agents of foreign tracks that leave the ground of their class on a map.
 
     Raises:
@@ -218,7 +217,7 @@ def off_ground_in(tracks: ForeignTracks, *, intersection: str) -> tuple[Finding,
     return off_map(tracks, load_map(intersection))
 
 
-def load_tracks(path: str | Path) -> ForeignTracks:
+def load_tracks(path: str | Path) -> ExternalTracks:
     """The tracks in a CSV or a TrajNet++ ndjson file; see docs/formats.md.
 
     Raises:
@@ -290,14 +289,14 @@ def proof_bytes(proof: Proof) -> bytes:
     return json_bytes(proof.model_dump(mode="json", by_alias=True))
 
 
-_grounds: dict[str, Ground] = {}
+_grounds: dict[str, MapAreas] = {}
 
 
-def ground_of(name: str) -> Ground:
+def ground_of(name: str) -> MapAreas:
     """Map and prepared areas of a bundle as it is now; InputError if there is none so named."""
     place, known = load_map(name), _grounds.get(name)
-    if known is None or known.on is not place:
-        known = _grounds[name] = Ground(place)
+    if known is None or known.intersection_map is not place:
+        known = _grounds[name] = MapAreas(place)
     return known
 
 
@@ -437,7 +436,7 @@ def _optimality(selection: Selection, mode: Mode) -> dict[str, Any]:
 
 def _leaf(pattern: str) -> str:
     """Where a pattern stands in the taxonomy (paper 3.1)."""
-    found = pattern_named(pattern)
+    found = get_pattern(pattern)
     return f"{found.theme} / {found.subtype} / {found.id}"
 
 

@@ -55,12 +55,12 @@ def list_intersections() -> list[str]:
     return sorted(_bundles())
 
 
-def shipped_names() -> list[str]:
+def list_shipped() -> list[str]:
     """Names of the bundles that come with the package."""
     return sorted(e.name for e in _SHIPPED.iterdir() if (e / "map.json").is_file())
 
 
-def bundle_folder(name: str) -> Path:
+def find_bundle_folder(name: str) -> Path:
     """The folder of a bundle; InputError, listing what exists, where there is none so named."""
     found = _bundle(name)
     if found is None:
@@ -71,10 +71,10 @@ def bundle_folder(name: str) -> Path:
 
 def ships_refiner(name: str) -> bool:
     """Whether a bundle holds a trained refiner; InputError where there is none so named."""
-    return (bundle_folder(name) / REFINER_WEIGHTS).is_file()
+    return (find_bundle_folder(name) / REFINER_WEIGHTS).is_file()
 
 
-def checked_name(name: str) -> str:
+def check_name(name: str) -> str:
     """A name that one's own bundle may have.
 
     Raises:
@@ -85,20 +85,20 @@ def checked_name(name: str) -> str:
             f"{name[:60]!r} is no name for an intersection: small letters, digits, - and _, "
             "at most 40 of them"
         )
-    if name in shipped_names():
+    if name in list_shipped():
         raise InputError(f"{name!r} comes with scenewright; choose another name")
     return name
 
 
-def own_root() -> Path:
+def find_custom_root() -> Path:
     """The folder of one's own bundles; it need not exist."""
     named = os.environ.get("SCENEWRIGHT_INTERSECTIONS")
     if named:
         return Path(named)
-    return data_folder() / "intersections"
+    return find_data_folder() / "intersections"
 
 
-def data_folder() -> Path:
+def find_data_folder() -> Path:
     """The folder for the user's own data, which the variable SCENEWRIGHT_DATA names otherwise."""
     named = os.environ.get("SCENEWRIGHT_DATA")
     if named:
@@ -116,10 +116,10 @@ def data_folder() -> Path:
 
 def load_map(name: str) -> IntersectionMap:
     """The map of a bundle, read once per process; InputError where it is unknown or broken."""
-    return _read_map(bundle_folder(name))
+    return _read_map(find_bundle_folder(name))
 
 
-def bundle_header(folder: Path) -> dict[str, Any]:
+def read_bundle_header(folder: Path) -> dict[str, Any]:
     """What `bundle.toml` says, {} where there is none.
 
     Raises:
@@ -154,7 +154,7 @@ def check_bundle(folder: Path, *only: str) -> None:
     Raises:
         InputError: a file that is listed is missing or is not what it was.
     """
-    sums = bundle_header(folder).get("sha256", {})
+    sums = read_bundle_header(folder).get("sha256", {})
     if not isinstance(sums, dict):
         raise InputError(f"bundle.toml of {folder.name!r} lists no checksums")
     if any(name != Path(name).name for name in sums):
@@ -231,7 +231,7 @@ def _names(root: Path) -> list[str]:
 
 
 def _roots() -> list[Path]:
-    return [own_root(), _SHIPPED]
+    return [find_custom_root(), _SHIPPED]
 
 
 def _read_map(folder: Path) -> IntersectionMap:

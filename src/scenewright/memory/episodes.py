@@ -93,9 +93,10 @@ class Episodes:
         Of two that are equally alike, the later one; who shows what is there already comes after
         others, so that three examples are not three times the same.
         """
-        wanted = embedding(text)
+        wanted = embed_text(text)
         scored = [
-            (_cosine(wanted, embedding(each.request)), n, each) for n, each in enumerate(self.all())
+            (_cosine(wanted, embed_text(each.request)), n, each)
+            for n, each in enumerate(self.all())
         ]
         near = sorted((s for s in scored if s[0] >= _LEAST_ALIKE), key=lambda s: (-s[0], -s[1]))
         shown: set[tuple[str, ...]] = set()
@@ -124,7 +125,7 @@ class Episodes:
             raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
 
 
-def embedding(text: str) -> dict[int, float]:
+def embed_text(text: str) -> dict[int, float]:
     """The text as a sparse vector of length one: hashed groups of letters, damped counts."""
     plain = " ".join(re.findall(r"[a-z0-9]+", text.lower()[:_LONGEST_REQUEST]))
     padded = f" {plain} "

@@ -18,18 +18,18 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.behavior import Segment
-from scenewright.scene.candidates import Candidate, Path, TimeLaw
-from scenewright.scene.grounding import CastPattern
+from scenewright.scene.candidates import Candidate, DrivingProfile, Path
+from scenewright.scene.frozen_agents import PreviousAgent, PreviousVersion
+from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.map import Route
-from scenewright.scene.pins import Earlier, EarlierAgent
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Slowing, Stop
 from scenewright.scene.track import Shape, Track
 
 _VERSION = 1
 
 
-def to_bytes(earlier: Earlier) -> bytes:
-    """The products, so that `from_bytes` gives the same to the last bit."""
+def serialize_version(earlier: PreviousVersion) -> bytes:
+    """The products, so that `deserialize_version` gives the same to the last bit."""
     value = {
         "version": _VERSION,
         "hour": earlier.hour,
@@ -43,7 +43,7 @@ def to_bytes(earlier: Earlier) -> bytes:
     return zlib.compress(text.encode(), level=1)
 
 
-def from_bytes(data: bytes) -> Earlier:
+def deserialize_version(data: bytes) -> PreviousVersion:
     """The products that were written.
 
     Raises:
@@ -56,9 +56,9 @@ def from_bytes(data: bytes) -> Earlier:
                 f"a version of format {value['version']}, not {_VERSION}, is kept here"
             )
         agents = [_read_agent(each) for each in value["agents"]]
-        return Earlier(
+        return PreviousVersion(
             agents={each.agent.name: each for each in agents},
-            patterns=tuple(CastPattern.model_validate(each) for each in value["patterns"]),
+            patterns=tuple(AssignedPattern.model_validate(each) for each in value["patterns"]),
             hour=float(value["hour"]),
             duration=float(value["duration"]),
             signal_offset=_optional(value["signal_offset"]),
@@ -68,7 +68,7 @@ def from_bytes(data: bytes) -> Earlier:
         raise InputError(f"a kept version cannot be read: {error}") from error
 
 
-def _agent(each: EarlierAgent) -> dict[str, Any]:
+def _agent(each: PreviousAgent) -> dict[str, Any]:
     agent, candidate = each.agent, each.agent.candidate
     path = candidate.path
     return {
@@ -101,9 +101,9 @@ def _agent(each: EarlierAgent) -> dict[str, Any]:
     }
 
 
-def _read_agent(value: Mapping[str, Any]) -> EarlierAgent:
+def _read_agent(value: Mapping[str, Any]) -> PreviousAgent:
     track = value["track"]
-    return EarlierAgent(
+    return PreviousAgent(
         number=int(value["number"]),
         agent=SelectedAgent(
             name=str(value["name"]),
@@ -130,7 +130,7 @@ def _read_candidate(value: Mapping[str, Any]) -> Candidate:
         waypoints=_read_array(value["waypoints"]),
         path=Path(xy, s, heading, curvature),
         nll=float(value["nll"]),
-        time_law=TimeLaw(**value["time_law"]),
+        time_law=DrivingProfile(**value["time_law"]),
         time_nll=float(value["time_nll"]),
         shape=Shape(**value["shape"]),
         subtype=value["subtype"],

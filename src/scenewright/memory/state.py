@@ -15,8 +15,8 @@ from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.events import Proof
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
-from scenewright.scene.pins import Pins
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.refinement import Refinement
 from scenewright.scene.rejection import Rejection
@@ -41,7 +41,7 @@ class SceneState(TypedDict, total=False):
     instruction: str
     previous: str | None
     planned: SocialGraph | None
-    pinned: Pins | None
+    pinned: FrozenAgents | None
     social_graph: SocialGraph
     grounding: Grounding
     candidates: CandidateSet

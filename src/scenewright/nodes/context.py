@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from scenewright.backends import Backend, Call
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.nodes.wording import Recall, nothing_recalled
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection, Stage
-from scenewright.tools.dsl_validator.select import Mode
 from scenewright.tools.gmm_sampler import Priors
-from scenewright.tools.ground import Ground
+from scenewright.tools.solver.select import Mode
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.bundled import Learned
@@ -50,7 +50,7 @@ class RunContext:
     """
 
     backend: Backend
-    ground: Ground
+    ground: MapAreas
     priors: Priors
     seed: int
     entropy: int = 0
@@ -67,7 +67,7 @@ class RunContext:
     @property
     def intersection(self) -> IntersectionMap:
         """The map."""
-        return self.ground.on
+        return self.ground.intersection_map
 
     def rng(self, stage: Stage, rejections: list[Rejection]) -> np.random.Generator:
         """A generator of this stage's own, fresh at every attempt, the same for the same run."""

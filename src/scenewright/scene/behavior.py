@@ -46,7 +46,7 @@ class AgentSummary(Model):
     stays: tuple[Stay, ...] = ()
     contact: float | None = None
 
-    def suggested(self, duration: float) -> tuple[Segment, ...]:
+    def suggest_segments(self, duration: float) -> tuple[Segment, ...]:
         """What the solver found: Keep, then Stop and Proceed at every stay, Terminate at a contact.
 
         A stay that ended before the scene began is no part of it.
@@ -79,7 +79,7 @@ class EventSummary(Model):
     agents: tuple[AgentSummary, ...]
     evidence: tuple[dict[str, Any], ...] = ()
 
-    def narrowed(self, places: Mapping[str, Sequence[str]]) -> EventSummary:
+    def keep_places(self, places: Mapping[str, Sequence[str]]) -> EventSummary:
         """The summary with these anchors alone of the agents that are named."""
         agents = tuple(
             each.model_copy(
@@ -106,11 +106,11 @@ class BehaviorProgram(Model):
 
     segments: dict[str, tuple[Segment, ...]]
 
-    def as_suggested(self, summary: EventSummary) -> bool:
+    def is_as_suggested(self, summary: EventSummary) -> bool:
         """Whether everybody stands and ends just where and when the solver found it."""
         return all(
             _moments(self.segments.get(agent.agent, ()))
-            == _moments(agent.suggested(summary.duration))
+            == _moments(agent.suggest_segments(summary.duration))
             for agent in summary.agents
         )
 

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.scene.base import AgentClass, FloatArray, frozen
-from scenewright.scene.grounding import Cast
-from scenewright.scene.manners import Habits
+from scenewright.scene.grounding import RoleAssignment
 from scenewright.scene.map import Route
 from scenewright.scene.track import Shape
+from scenewright.scene.yielding_behavior import Habits
 
 K = 10
 """Waypoints per candidate, at equal arc length (SEMANTICS section 6)."""
 
 
 @dataclass(frozen=True)
-class TimeLaw:
+class DrivingProfile:
     """How an agent drives or walks its path when nothing holds it.
 
     Attributes:
@@ -61,7 +61,7 @@ class Path:
         return float(self.s[-1])
 
 
-def evenly(length: float, count: int) -> FloatArray:
+def sample_evenly(length: float, count: int) -> FloatArray:
     """[count] arc lengths [m] from 0 to the very end; what `linspace` gives, in a third of it."""
     s = np.arange(count) * (length / (count - 1))
     s[-1] = length
@@ -82,14 +82,14 @@ class Candidate:
     waypoints: FloatArray
     path: Path
     nll: float
-    time_law: TimeLaw
+    time_law: DrivingProfile
     time_nll: float
     shape: Shape
     subtype: str | None
 
 
 @dataclass(frozen=True, eq=False)
-class Draws:
+class DrawnWaypoints:
     """M draws from the priors of one agent, as arrays, in the order drawn.
 
     Attributes:
@@ -101,12 +101,12 @@ class Draws:
     waypoints: FloatArray
     nll: FloatArray
     component: NDArray[np.intp]
-    time_laws: tuple[TimeLaw, ...]
+    time_laws: tuple[DrivingProfile, ...]
     time_nll: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class AgentDraws:
+class AgentCandidates:
     """What is offered for one agent: M candidates.
 
     Attributes:
@@ -124,14 +124,14 @@ class AgentDraws:
     route: Route
     shape: Shape
     subtype: str | None
-    draw: Callable[[], Draws]
+    draw: Callable[[], DrawnWaypoints]
     build: Callable[[int], Candidate]
     arrival: float | None = None
     chance: float | None = None
     spare: bool = False
 
     @property
-    def drawn(self) -> Draws:
+    def drawn(self) -> DrawnWaypoints:
         """The draws themselves."""
         return self.draw()
 
@@ -157,8 +157,8 @@ class CandidateSet:
         manners: how people give way here.
     """
 
-    agents: Mapping[str, AgentDraws]
-    cast: Cast
+    agents: Mapping[str, AgentCandidates]
+    cast: RoleAssignment
     hour: float
     background: Mapping[AgentClass, int]
     manners: Habits = field(default_factory=dict)

@@ -21,7 +21,7 @@ from scenewright.scene.social import (
 )
 
 
-class Present(Model):
+class AgentView(Model):
     """An agent of the scene as it is, for whoever reads words about it.
 
     Attributes:
@@ -49,7 +49,7 @@ class Situation(Model):
     """What words of a conversation are read against."""
 
     graph: SocialGraph
-    present: tuple[Present, ...]
+    present: tuple[AgentView, ...]
 
 
 class ChangeAgent(Model):
@@ -170,7 +170,7 @@ class Choice(Model):
     means: str = Field(max_length=1000)
 
 
-class Ask(Model):
+class Clarification(Model):
     """The words may mean several things; the question is put once."""
 
     reading: Literal["ask"] = "ask"
@@ -178,7 +178,7 @@ class Ask(Model):
     choices: tuple[Choice, ...] = Field(min_length=2, max_length=24)
 
 
-class Decline(Model):
+class DeclinedTurn(Model):
     """The words cannot become an edit; the reason says why and what would."""
 
     reading: Literal["decline"] = "decline"
@@ -186,7 +186,7 @@ class Decline(Model):
     reason: str
 
 
-class Fresh(Model):
+class NewScene(Model):
     """The words describe a scene of their own."""
 
     reading: Literal["fresh"] = "fresh"
@@ -199,11 +199,11 @@ class Wish(Model):
     wish: Literal["why", "undo", "redo", "show", "help", "quit"]
 
 
-Reading = Edits | Ask | Decline | Fresh | Wish
+Reading = Edits | Clarification | DeclinedTurn | NewScene | Wish
 """What the words of a turn amount to."""
 
 
-def edited(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
+def apply_edits(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
     """The social graph after the edits.
 
     Raises:
@@ -302,7 +302,7 @@ def _refused(detail: str) -> Rejected:
     return Rejected(Rejection(stage="scene_planner", code="contradictory", detail=detail))
 
 
-def difference(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
+def diff_graphs(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
     """The edits that lead from one graph to the other, where ids mean the same agents."""
     old = {each.id: each for each in before.agents}
     new = {each.id: each for each in after.agents}

@@ -6,7 +6,7 @@ from scenewright.scene.base import Model
 from scenewright.scene.map import Route
 
 
-class CastPattern(Model):
+class AssignedPattern(Model):
     """How one relation is played: its pattern, who has which role, who runs the red light."""
 
     edge: int
@@ -16,14 +16,14 @@ class CastPattern(Model):
     violator: str | None
 
 
-class Cast(Model):
+class RoleAssignment(Model):
     """One consistent choice of routes for all agents of the social graph."""
 
     routes: dict[str, Route]
-    patterns: tuple[CastPattern, ...]
+    patterns: tuple[AssignedPattern, ...]
 
 
 class Grounding(Model):
-    """Routes that each agent may travel; at least one `Cast` over them is known to exist."""
+    """Routes that each agent may travel; at least one `RoleAssignment` over them exists."""
 
     routes: dict[str, tuple[Route, ...]]

@@ -152,6 +152,11 @@ class Route(Model):
     side: str | None = None
     movement_id: str | None = None
 
+    @property
+    def zone_key(self) -> str:
+        """How conflict zones and signal groups name the route: its movement, or its crosswalk."""
+        return self.movement_id or f"{self.crosswalk}:crosswalk"
+
 
 class IntersectionMap(Model):
     """A whole intersection."""
@@ -178,3 +183,16 @@ class IntersectionMap(Model):
     def zone_pairs(self) -> frozenset[frozenset[str]]:
         """Ids of the movements and crosswalks whose swept areas overlap, as unordered pairs."""
         return frozenset(frozenset((zone.first, zone.second)) for zone in self.conflict_zones)
+
+    def signal_group_of(self, route: Route) -> str | None:
+        """The signal group that controls a route; None for jaywalkers and unsignalised ways."""
+        if self.signals is None or route.movement == "jaywalking":
+            return None
+        for group in self.signals.groups:
+            if route.zone_key in group.movements or route.zone_key in group.crosswalks:
+                return group.id
+        return None
+
+    def movement_of(self, route: Route) -> VehicleMovement | None:
+        """The vehicle movement of a route; None for pedestrians."""
+        return next((each for each in self.movements if each.id == route.movement_id), None)

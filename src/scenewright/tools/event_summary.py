@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+from scenewright.geometry.driving_profile import Motion, compute_motion
+from scenewright.geometry.landmarks import find_landmarks
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.ground import Ground
-from scenewright.tools.landmarks import landmarks
-from scenewright.tools.map_grounding import movement_of
 from scenewright.tools.segment_editor import editing_of
-from scenewright.tools.time_law import Motion, move
 
 
-def summarise(selection: Selection, *, ground: Ground) -> EventSummary:
+def summarise(selection: Selection, *, ground: MapAreas) -> EventSummary:
     """What the selected tracks pass and when, and the stays that the solver found to work."""
     agents = tuple(_agent(agent, selection.duration, ground) for agent in selection.agents.values())
     evidence = tuple(
@@ -25,20 +24,20 @@ def summarise(selection: Selection, *, ground: Ground) -> EventSummary:
     return EventSummary(duration=selection.duration, agents=agents, evidence=evidence)
 
 
-def anchor_name(stop: Stop, candidate: Candidate, *, ground: Ground) -> str:
+def anchor_name(stop: Stop, candidate: Candidate, *, ground: MapAreas) -> str:
     """The map entity of a stop, by name."""
     route = candidate.route
     if stop.anchor == "stop_line":
-        movement = movement_of(route, on=ground.on)
+        movement = ground.intersection_map.movement_of(route)
         return movement.stop_line if movement else "stop_line"
     if stop.anchor == "kerb":
         return f"{route.crosswalk}:kerb:{route.entry}"
     return f"{stop.anchor}@{stop.s:.1f}"
 
 
-def _agent(agent: SelectedAgent, duration: float, ground: Ground) -> AgentSummary:
+def _agent(agent: SelectedAgent, duration: float, ground: MapAreas) -> AgentSummary:
     editing = editing_of(agent)
-    motion = move(agent.candidate, holds=editing.holds, slowings=editing.slowings)
+    motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
     leaves = min(agent.enters + STEP * (len(motion.s) - 1), duration)
     leaves = leaves if agent.contact is None else min(leaves, agent.contact)
     stays = tuple(
@@ -54,7 +53,7 @@ def _agent(agent: SelectedAgent, duration: float, ground: Ground) -> AgentSummar
         agent=agent.name,
         enters=agent.enters,
         leaves=round(leaves, 3),
-        anchors=_anchors(agent, move(agent.candidate), duration, ground),
+        anchors=_anchors(agent, compute_motion(agent.candidate), duration, ground),
         stays=stays,
         # 14.330000000000002 would be later than it leaves.
         contact=None if agent.contact is None else round(agent.contact, 9),
@@ -62,10 +61,10 @@ def _agent(agent: SelectedAgent, duration: float, ground: Ground) -> AgentSummar
 
 
 def _anchors(
-    agent: SelectedAgent, prior: Motion, duration: float, ground: Ground
+    agent: SelectedAgent, prior: Motion, duration: float, ground: MapAreas
 ) -> tuple[Anchor, ...]:
     """Every anchor on the path in order of arc length, timed by the unedited prior."""
-    marks = landmarks(agent.candidate, ground=ground)
+    marks = find_landmarks(agent.candidate, ground=ground)
     places: list[tuple[str, float]] = [
         (anchor_name(stop, agent.candidate, ground=ground), stop.s) for stop in agent.stops
     ]

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.geometry.driving_profile import Motion, StopCommand, compute_motion, sample_track
 from scenewright.scene.behavior import Segment
 from scenewright.scene.selection import SelectedAgent, Slowing, Stop
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.time_law import Hold, Motion, move, track_of
 
 _STAYS_ON = 5.0
 
@@ -27,14 +27,14 @@ _STAYS_ON = 5.0
 class Editing:
     """Edits in local time (0 = the agent enters the map)."""
 
-    holds: tuple[Hold, ...]
+    holds: tuple[StopCommand, ...]
     slowings: tuple[Slowing, ...]
     end: float | None
 
 
-def hold_of(stop: Stop, enters: float) -> Hold:
+def hold_of(stop: Stop, enters: float) -> StopCommand:
     """A stop in the time of an agent that enters then [s]."""
-    return Hold(stop.s, stop.until - enters, stop.braking, stop.speed)
+    return StopCommand(stop.s, stop.until - enters, stop.braking, stop.speed)
 
 
 def editing_of(agent: SelectedAgent) -> Editing:
@@ -60,7 +60,7 @@ def edit(
         The track; None if nothing of it falls into the scene.
     """
     motion = edited_motion(agent, segments, anchors, duration=duration)
-    return track_of(motion, enters=agent.enters, until=duration)
+    return sample_track(motion, enters=agent.enters, until=duration)
 
 
 def edited_motion(
@@ -72,7 +72,7 @@ def edited_motion(
 ) -> Motion:
     """The same as motion along the path, from where the agent enters the map to where it ends."""
     editing = _editing(agent, segments, anchors, duration)
-    motion = move(agent.candidate, holds=editing.holds, slowings=editing.slowings)
+    motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
     return motion if editing.end is None else terminated(motion, editing.end)
 
 
@@ -99,7 +99,7 @@ def _editing(
             s = anchors[segment.anchor]
             # Who still stands when the scene ends has not begun to start.
             lasts = segment.end + (_STAYS_ON if segment.end >= duration - STEP else 0.0)
-            holds.append(Hold(s, lasts - agent.enters, braking.get(round(s, 1))))
+            holds.append(StopCommand(s, lasts - agent.enters, braking.get(round(s, 1))))
         if segment.status == "terminate":
             end = segment.start - agent.enters
     return Editing(tuple(holds), agent.slowings, end)

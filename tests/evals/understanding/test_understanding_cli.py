@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from scenewright.apps.cli import main
+from scenewright.cli.main import main
 
 WORDS = ["evals", "understanding"]
 

@@ -10,7 +10,7 @@ from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.reader.learned_plan import read_plan
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.behavior import AgentSummary
-from scenewright.scene.relations import Pattern, RoleName, pattern_named
+from scenewright.scene.relations import Pattern, RoleName, get_pattern
 from scenewright.scene.social import SocialGraph
 
 _PET_BAND, _TTC_BAND = 0.05, 0.08
@@ -84,7 +84,7 @@ def _program(facts: dict[str, Any]) -> str:
     """Every relation's clauses, in order, then those of agents that no relation binds."""
     lines: list[str] = []
     for relation in facts["relations"]:
-        clauses = _clauses(pattern_named(relation["pattern"]), relation)
+        clauses = _clauses(get_pattern(relation["pattern"]), relation)
         lines += [_headway(line, relation, facts["relations"]) for line in clauses]
     for agent in facts["agents"]:
         name = agent["id"]
@@ -189,5 +189,5 @@ def _places(agent: dict[str, Any]) -> list[str]:
 
 def _segments(agent: dict[str, Any], duration: float) -> list[dict[str, Any]]:
     """What the solver found to work."""
-    found = AgentSummary.model_validate(agent).suggested(duration)
+    found = AgentSummary.model_validate(agent).suggest_segments(duration)
     return [segment.model_dump(mode="json") for segment in found]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.references import People
-from scenewright.scene.edits import ComeLater, Edit, MoveStop, Present, SetPace, WaitLonger
+from scenewright.scene.edits import AgentView, ComeLater, Edit, MoveStop, SetPace, WaitLonger
 
 _NUMBERS = {
     "a": 1.0, "an": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0,
@@ -36,10 +36,10 @@ _FASTEST_SHARE, _SLOWEST_SHARE = 2.0, 0.3
 @dataclass(frozen=True)
 class _Dial:
     pattern: re.Pattern[str]
-    make: Callable[[re.Match[str], str, People, Present | None], Edit]
+    make: Callable[[re.Match[str], str, People, AgentView | None], Edit]
 
 
-def turned(text: str, people: People, agent: Present | None) -> Edit | None:
+def turned(text: str, people: People, agent: AgentView | None) -> Edit | None:
     """The edit of one agent's motion that the words amount to; None if they turn no dial.
 
     Args:
@@ -63,28 +63,28 @@ def _amount(found: re.Match[str], default: float) -> float:
     return default if word is None else number(word)
 
 
-def _stop(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+def _stop(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     metres = _bounded(_amount(found, 1.0), 15.0, "m")
     back = re.search(rf"\b{_BACK}\b", text) is not None
     who = agent or _stopping(people)
     return MoveStop(agent=who.id, metres=-metres if back else metres)
 
 
-def _wait(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+def _wait(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     seconds = _bounded(_amount(found, 1.0), 20.0, "s")
     less = re.search(r"\b(?:less|shorter)\b", text) is not None
     who = agent or _stopping(people)
     return WaitLonger(agent=who.id, seconds=-seconds if less else seconds)
 
 
-def _later(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+def _later(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     seconds = _bounded(_amount(found, 1.0), 20.0, "s")
     sooner = re.search(r"\b(?:earlier|sooner|before)\b", text) is not None
     who = agent or people.pick(people.foreground(), "agent")
     return ComeLater(agent=who.id, seconds=-seconds if sooner else seconds)
 
 
-def _pace(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+def _pace(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     who = agent or _driving(people)
     slower = found.group("slower") is not None
     percent = re.search(r"(\d+(?:\.\d+)?) ?(?:%|percent|per cent)", text)
@@ -102,7 +102,7 @@ def _pace(found: re.Match[str], text: str, people: People, agent: Present | None
     return SetPace(agent=who.id, factor=_share(factor))
 
 
-def _speed(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+def _speed(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     del text
     who = agent or _driving(people)
     unit = found.group("unit")
@@ -128,7 +128,7 @@ def _bounded(amount: float, most: float, unit: str) -> float:
     return amount
 
 
-def _halt(found: re.Match[str], text: str, people: People, agent: Present | None) -> Edit:
+def _halt(found: re.Match[str], text: str, people: People, agent: AgentView | None) -> Edit:
     """Who slows down shall stand."""
     del text
     who = agent or _stopping(people)
@@ -145,7 +145,7 @@ def _halt(found: re.Match[str], text: str, people: People, agent: Present | None
     return WaitLonger(agent=who.id, seconds=seconds)
 
 
-def _stopping(people: People) -> Present:
+def _stopping(people: People) -> AgentView:
     here = people.foreground()
     stopping = [each for each in here if each.stops] or [e for e in here if e.slows_to is not None]
     if not stopping:
@@ -153,7 +153,7 @@ def _stopping(people: People) -> Present:
     return people.pick(stopping, "agent")
 
 
-def _driving(people: People) -> Present:
+def _driving(people: People) -> AgentView:
     here = people.foreground()
     vehicles = [each for each in here if each.type == "vehicle"]
     if not here:

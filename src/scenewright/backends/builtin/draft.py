@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import ImpactPoint
-from scenewright.scene.ways import FOUR_LEGS, Way, ways_of
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 
@@ -36,7 +36,7 @@ class Site:
 
     compass: bool = True
     left_hand: bool = False
-    ways: tuple[Way, ...] = FOUR_LEGS
+    ways: tuple[RouteDescription, ...] = FOUR_LEGS
     roads: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -50,13 +50,13 @@ def is_compass(legs: Iterable[str]) -> bool:
     return _FOUR.issuperset(legs)
 
 
-def site_of(on: IntersectionMap) -> Site:
+def site_of(intersection_map: IntersectionMap) -> Site:
     """What must be known of a map."""
     return Site(
-        compass=is_compass(leg.name for leg in on.legs),
-        left_hand=on.left_hand_traffic,
-        ways=ways_of(on),
-        roads=tuple((leg.name, leg.road) for leg in on.legs),
+        compass=is_compass(leg.name for leg in intersection_map.legs),
+        left_hand=intersection_map.left_hand_traffic,
+        ways=describe_routes(intersection_map),
+        roads=tuple((leg.name, leg.road) for leg in intersection_map.legs),
     )
 
 

@@ -14,7 +14,7 @@ from rapidfuzz.distance import OSA
 
 from scenewright.backends.builtin.normalise import Token, stem, tokenise
 from scenewright.backends.builtin.phrases import Phrase, all_phrases
-from scenewright.scene.recent import Recent
+from scenewright.scene.cache import RecentCache
 
 _MENDED_TAGS = [
     "AGENT",
@@ -205,7 +205,7 @@ def lexicon() -> Lexicon:
     return _COMPILED.get(None, spoken, make=lambda: _compiled(spoken))
 
 
-_COMPILED: Recent[None, Lexicon] = Recent(most=1)
+_COMPILED: RecentCache[None, Lexicon] = RecentCache(most=1)
 
 
 def _compiled(spoken: tuple[Phrase, ...]) -> Lexicon:

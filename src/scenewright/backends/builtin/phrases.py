@@ -13,8 +13,8 @@ from scenewright.backends.builtin.draft import AgentDraft, Refused, RelationDraf
 from scenewright.backends.builtin.impacts import read_impacts
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.shorthand import expand
-from scenewright.scene.recent import Recent
-from scenewright.scene.relations import Pattern, Role, patterns
+from scenewright.scene.cache import RecentCache
+from scenewright.scene.relations import Pattern, Role, load_patterns
 from scenewright.scene.social import RelationType
 
 _TAGS: dict[RelationType, str] = {
@@ -39,7 +39,7 @@ class Phrase:
 
 def all_phrases() -> tuple[Phrase, ...]:
     """Every phrase of every relation file; the same tuple as long as the files are the same."""
-    found = patterns()
+    found = load_patterns()
     return _SPOKEN.get(
         None, found, make=lambda: tuple(itertools.chain.from_iterable(map(_phrases, found)))
     )
@@ -53,7 +53,7 @@ def says_a_phrase(text: str) -> bool:
     )
 
 
-_SPOKEN: Recent[None, tuple[Phrase, ...]] = Recent(most=1)
+_SPOKEN: RecentCache[None, tuple[Phrase, ...]] = RecentCache(most=1)
 
 
 def _phrases(pattern: Pattern) -> Iterator[Phrase]:
@@ -94,7 +94,7 @@ def cast(relation: RelationDraft, site: Site) -> None:
     Raises:
         Refused: the phrase cannot be said of these two.
     """
-    pattern = next((each for each in patterns() if each.id == relation.pattern), None)
+    pattern = next((each for each in load_patterns() if each.id == relation.pattern), None)
     if pattern is None:
         return
     if site.left_hand and pattern.names_a_turn:

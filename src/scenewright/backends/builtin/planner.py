@@ -20,10 +20,10 @@ from scenewright.backends.builtin.reader.learned_plan import (
 )
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.scope import check_language, check_text
+from scenewright.scene.cache import RecentCache
 from scenewright.scene.edits import still_holds
 from scenewright.scene.phrasing import describe_graph
-from scenewright.scene.recent import Recent
-from scenewright.scene.relations import patterns
+from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import (
     Plan,
     Refusal,
@@ -47,7 +47,7 @@ _TAKEN_BACK = re.compile(
 _DENIED = compile_negations("nor", "instead", "all but", "either")
 MOST_OFFERS = 3
 
-_KNOWN: Recent[tuple[str, str | None, Site], Plan] = Recent(most=256)
+_KNOWN: RecentCache[tuple[str, str | None, Site], Plan] = RecentCache(most=256)
 """One text is asked for with many seeds."""
 
 
@@ -60,7 +60,7 @@ def plan(text: str, *, previous: str | None = None, site: Site | None = None) ->
         site: where it is to happen; None: four legs in right-hand traffic.
     """
     asked = text, previous, site or Site()
-    return _KNOWN.get(asked, patterns(), make=lambda: _plan(*asked))
+    return _KNOWN.get(asked, load_patterns(), make=lambda: _plan(*asked))
 
 
 @dataclass(frozen=True)

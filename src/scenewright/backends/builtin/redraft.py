@@ -29,9 +29,9 @@ from scenewright.backends.builtin.references import People
 from scenewright.backends.builtin.scope import check_language, check_scope, check_text
 from scenewright.backends.builtin.shorthand import expand
 from scenewright.backends.builtin.ties import ties
-from scenewright.scene.edits import Edit, Situation, difference
+from scenewright.scene.edits import Edit, Situation, diff_graphs
+from scenewright.scene.route_table import WAY_FIELDS, resolve_route
 from scenewright.scene.social import EntryTie, RelationEdge, SceneContext, SocialGraph
-from scenewright.scene.ways import WAY_FIELDS, with_what_goes
 
 
 def next_item(items: Sequence[Item], at: int) -> Item | None:
@@ -51,7 +51,7 @@ def by_grammar(text: str, situation: Situation, people: People, *, site: Site) -
         check_scope(whole, chunks, editing=True)
     base = _Base(situation, site)
     base.change(plain, chunks, clock, people)
-    return difference(situation.graph, base.graph(clock))
+    return diff_graphs(situation.graph, base.graph(clock))
 
 
 def _tells_time(chunks: Sequence[Chunk]) -> bool:
@@ -164,7 +164,7 @@ class _Base:
             told = {key: each for key, each in now.items() if each not in (None, was[key])}
             if told.get("movement") == "jaywalking":
                 was["crosswalk"] = None
-            found = with_what_goes(agent.type, was, told, self._draft.site.ways)
+            found = resolve_route(agent.type, was, told, self._draft.site.ways)
             # Where no way goes with what is told, it is said of the words as they are.
             found = found or {**now, "crosswalk": now["crosswalk"] or was["crosswalk"]}
             for key, each in found.items():

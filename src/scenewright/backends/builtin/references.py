@@ -9,7 +9,7 @@ from scenewright.backends.builtin.coreference import OPPOSITE
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.mentions import Item, Mention
-from scenewright.scene.edits import Ask, Choice, Present, Situation
+from scenewright.scene.edits import AgentView, Choice, Clarification, Situation
 
 _ORDINALS = {"first": 0, "second": 1, "third": 2, "last": -1}
 _NEW = frozenset({"indefinite", "another", "no"})
@@ -61,7 +61,7 @@ _SIDE_OF = {"northbound": "south", "southbound": "north", "eastbound": "west", "
 class Unclear(Exception):
     """The words may mean several agents; carries the question."""
 
-    def __init__(self, ask: Ask) -> None:
+    def __init__(self, ask: Clarification) -> None:
         super().__init__(ask.question)
         self.ask = ask
 
@@ -77,7 +77,7 @@ class People:
         self._present = {each.id: each for each in situation.present}
         self._chosen = chosen
 
-    def named(self, mention: Mention, after: Item | None = None) -> Present | None:
+    def named(self, mention: Mention, after: Item | None = None) -> AgentView | None:
         """The agent that the mention means; None where it introduces one or stands for a group.
 
         Args:
@@ -98,7 +98,7 @@ class People:
             return self._present.get(self._chosen[key])
         return self._one(self._fitting(mention, after), mention, key)
 
-    def by_id(self, text: str) -> Present | None:
+    def by_id(self, text: str) -> AgentView | None:
         """The agent whose id stands in the text, such as vehicle-12.
 
         Raises:
@@ -114,11 +114,11 @@ class People:
             raise Refused("impossible", f"There is no {found[0]} in this scene; /show lists all.")
         return agent
 
-    def foreground(self) -> list[Present]:
+    def foreground(self) -> list[AgentView]:
         """Those of the social graph."""
         return [each for each in self._present.values() if each.role == "foreground"]
 
-    def pick(self, among: Sequence[Present], noun: str) -> Present:
+    def pick(self, among: Sequence[AgentView], noun: str) -> AgentView:
         """The only one of them, or the one that was answered; Unclear if there are several."""
         if noun in self._chosen and self._chosen[noun] in self._present:
             return self._present[self._chosen[noun]]
@@ -126,7 +126,7 @@ class People:
             return among[0]
         raise Unclear(which(among, noun))
 
-    def _fitting(self, mention: Mention, after: Item | None) -> list[Present]:
+    def _fitting(self, mention: Mention, after: Item | None) -> list[AgentView]:
         if mention.label is not None:
             numbered = f"{mention.type}-{mention.label}"
             return [self._present[numbered]] if numbered in self._present else []
@@ -146,7 +146,7 @@ class People:
             narrowed = [each for each in narrowed if _as_told(each, after)] or narrowed
         return narrowed
 
-    def _one(self, found: list[Present], mention: Mention, key: str) -> Present | None:
+    def _one(self, found: list[AgentView], mention: Mention, key: str) -> AgentView | None:
         if len(found) == 1:
             return found[0]
         if found:
@@ -163,12 +163,12 @@ def phrase(mention: Mention) -> str:
     return " ".join(f"{premods} {mention.head} {mention.label or ''}".split())
 
 
-def which(found: Sequence[Present], noun: str) -> Ask:
+def which(found: Sequence[AgentView], noun: str) -> Clarification:
     """The question which of several is meant."""
     shown = found[:6]
     told = [described(each) for each in shown]
     options = f"{', '.join(told[:-1])} or {told[-1]}"
-    return Ask(
+    return Clarification(
         question=f"Which {noun}: {options}?",
         choices=tuple(
             Choice(answer=each.id, means=f"{noun}={each.id}: {described(each)}")
@@ -177,7 +177,7 @@ def which(found: Sequence[Present], noun: str) -> Ask:
     )
 
 
-def described(agent: Present) -> str:
+def described(agent: AgentView) -> str:
     """An agent with what tells it apart, and its id."""
     if agent.type == "pedestrian":
         where = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"
@@ -187,7 +187,7 @@ def described(agent: Present) -> str:
     return f"the {agent.subtype or 'vehicle'} from the {agent.entry}, {turn} ({agent.id})"
 
 
-def answered(words: str, ask: Ask) -> Choice | None:
+def answered(words: str, ask: Clarification) -> Choice | None:
     """The choice that an answer means; None if it is none of them, or several."""
     said = words.lower().strip(" .!")
     exact = [each for each in ask.choices if each.answer in said.split()]
@@ -207,13 +207,13 @@ def _words(text: str) -> set[str]:
     return set(re.findall(r"[a-z0-9-]+", text.lower()))
 
 
-def _alike(agent: Present, mention: Mention) -> bool:
+def _alike(agent: AgentView, mention: Mention) -> bool:
     if agent.type != mention.type:
         return False
     return mention.subtype not in _SUBTYPES or agent.subtype == mention.subtype
 
 
-def _as_told(agent: Present, told: Modifier) -> bool:
+def _as_told(agent: AgentView, told: Modifier) -> bool:
     if not told.values:
         return told.means != "straight" or agent.movement == "straight"
     value = told.values[0]

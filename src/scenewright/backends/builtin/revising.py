@@ -22,12 +22,12 @@ from scenewright.backends.builtin.references import People, Unclear
 from scenewright.errors import Rejected
 from scenewright.scene.edits import (
     AddAgent,
+    AgentView,
     ChangeAgent,
-    Decline,
+    DeclinedTurn,
     Edit,
     Edits,
-    Fresh,
-    Present,
+    NewScene,
     Reading,
     Redraw,
     Relate,
@@ -36,7 +36,7 @@ from scenewright.scene.edits import (
     Situation,
     Unrelate,
     Wish,
-    edited,
+    apply_edits,
 )
 from scenewright.scene.social import RelationEdge, RelationType
 
@@ -103,15 +103,15 @@ def read(
         if re.match(rf"(?:please |ok(?:ay)?,? |so )?{pattern}", plain):
             return Wish.model_validate({"wish": wish})
     if situation is None or _FRESH.search(plain):
-        return Fresh()
+        return NewScene()
     try:
         return _edits(words, situation, chosen or {}, site or Site())
     except Unclear as unclear:
         return unclear.ask
     except Refused as refused:
-        return Decline.model_validate({"code": refused.code, "reason": refused.reason})
+        return DeclinedTurn.model_validate({"code": refused.code, "reason": refused.reason})
     except Rejected as rejected:
-        return Decline(code="contradictory", reason=rejected.rejection.detail)
+        return DeclinedTurn(code="contradictory", reason=rejected.rejection.detail)
 
 
 def begins_anew(words: str) -> bool:
@@ -124,16 +124,16 @@ def _edits(words: str, situation: Situation, chosen: Mapping[str, str], site: Si
     if again is not None:
         return Edits(edits=(_redraw(again, situation, chosen),))
     if not grammar_of_edits.is_edit(words) and not _of_scene(words, situation, chosen):
-        return Fresh()
+        return NewScene()
     found: list[Edit] = []
     for part in _PARTS.split(words.strip()):
         if part.strip():
             made = _part(part, situation, chosen, site)
             found += made
-            graph = edited(situation.graph, made)
+            graph = apply_edits(situation.graph, made)
             situation = situation.model_copy(update={"graph": graph})
     if not found:
-        return Decline(
+        return DeclinedTurn(
             code="no_change",
             reason="That changes nothing in the scene; say what shall be different.",
         )
@@ -243,7 +243,7 @@ def _spelt_out(text: str, people: People) -> str:
     return f"{text[: found.start('it')]}the {kind}{text[found.end('it') :]}"
 
 
-def _subject(items: Sequence[Item], people: People) -> Present | None:
+def _subject(items: Sequence[Item], people: People) -> AgentView | None:
     """The first agent that is named."""
     for at, item in enumerate(items):
         if isinstance(item, Mention):

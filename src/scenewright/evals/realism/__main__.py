@@ -11,11 +11,11 @@ from pathlib import Path
 from scenewright.errors import InputError
 from scenewright.evals.realism.judge import judge
 from scenewright.evals.realism.scenes import make_scenes, read_scenes
-from scenewright.graph.atomic import write_atomically
+from scenewright.files import write_atomically
 from scenewright.graph.run import make_folder
 from scenewright.intersections import load_map
-from scenewright.tools.recordings import load_recordings
-from scenewright.tools.recordings.taf_bw import read_taf_bw
+from scenewright.tools.track_io import load_recordings
+from scenewright.tools.track_io.taf_bw import read_taf_bw
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -62,7 +62,7 @@ def _judge(words: argparse.Namespace) -> None:
     report = judge(
         {name: read_scenes(folder) for name, folder in sets.items()},
         corpus,
-        on=load_map(words.intersection),
+        intersection_map=load_map(words.intersection),
         real=read_taf_bw(words.taf_bw) if words.taf_bw else None,
         draws=words.draws,
         seed=words.seed,

@@ -29,9 +29,9 @@ from scenewright.evals.realism.scenes import Played, cut_scenes
 from scenewright.evals.realism.stops import MEASURES, Stop, Yields, all_stops, yield_stops
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.recordings import Recording
-from scenewright.tools.recordings.taf_bw import RealTracks
 from scenewright.tools.relation_checker import as_movers
+from scenewright.tools.track_io import Recording
+from scenewright.tools.track_io.taf_bw import RealTracks
 
 CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
 PARTS: tuple[Part, ...] = ("all", "foreground", "background")
@@ -61,7 +61,7 @@ def judge(
     sets: Mapping[str, Sequence[Played]],
     corpus: Sequence[Recording],
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     real: RealTracks | None = None,
     draws: int = 200,
     seed: int = 0,
@@ -75,12 +75,12 @@ def judge(
         real: real tracks; None where they are not at hand.
         draws: resamplings for the intervals; seed: of their random numbers.
     """
-    cut = list(cut_scenes(corpus, on=on))
+    cut = list(cut_scenes(corpus, intersection_map=intersection_map))
     hours = list(dict.fromkeys(name for name, _ in cut))
     side = [hours.index(name) % 2 == 0 if len(hours) > 1 else k % 2 == 0
             for k, (name, _) in enumerate(cut)]  # fmt: skip
-    known = seen([scene for _, scene in cut], on=on, side=side)
-    made = {name: seen(scenes, on=on) for name, scenes in sets.items()}
+    known = seen([scene for _, scene in cut], intersection_map=intersection_map, side=side)
+    made = {name: seen(scenes, intersection_map=intersection_map) for name, scenes in sets.items()}
     options: dict[str, Any] = {"draws": draws, "seed": seed}
     rows = list(_motion_rows(made, known, options))
     rows += _alike_shares(
@@ -94,12 +94,18 @@ def judge(
 
 
 def seen(
-    scenes: Sequence[Played], *, on: IntersectionMap, side: Sequence[bool] | None = None
+    scenes: Sequence[Played],
+    *,
+    intersection_map: IntersectionMap,
+    side: Sequence[bool] | None = None,
 ) -> Seen:
     """Scenes with their stops measured."""
-    measured = [yield_stops(scene, on=on) for scene in scenes]
+    measured = [yield_stops(scene, intersection_map=intersection_map) for scene in scenes]
     halves = side if side is not None else [k % 2 == 0 for k in range(len(scenes))]
-    anybody = (tuple(all_stops(as_movers(list(scene.users)), on=on)) for scene in scenes)
+    anybody = (
+        tuple(all_stops(as_movers(list(scene.users)), intersection_map=intersection_map))
+        for scene in scenes
+    )
     return Seen(
         tuple(scenes),
         tuple(halves),

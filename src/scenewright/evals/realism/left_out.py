@@ -14,18 +14,18 @@ from scenewright.evals.realism.prior_goals import Way, WayOf
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.gmm_sampler import Priors, WaypointPrior
-from scenewright.tools.gmm_sampler.derived import Lines
-from scenewright.tools.gmm_sampler.fitting import (
+from scenewright.tools.fitting.derive_priors import Lines
+from scenewright.tools.fitting.fit_tracks import (
     Fitted,
     fit_tracks,
     foretelling,
     frame_shift,
 )
-from scenewright.tools.gmm_sampler.matching import Match, Matcher
+from scenewright.tools.fitting.route_matching import Match, Matcher
+from scenewright.tools.gmm_sampler import Priors, WaypointPrior
 from scenewright.tools.map_import import import_map
-from scenewright.tools.recordings import RecordedAgent, Recording
-from scenewright.tools.recordings.track_files import FileTracks, read_track_files
+from scenewright.tools.track_io import RecordedAgent, Recording
+from scenewright.tools.track_io.track_files import FileTracks, read_track_files
 
 
 class _Site(NamedTuple):

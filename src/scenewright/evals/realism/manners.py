@@ -17,15 +17,15 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.evals.realism.scenes import Played, cut_scenes
 from scenewright.evals.realism.stops import given_way, standstills
-from scenewright.graph.atomic import write_atomically
+from scenewright.files import write_atomically
 from scenewright.intersections import load_map, sign_bundle
 from scenewright.scene.base import AgentClass
 from scenewright.scene.events import Event
-from scenewright.scene.manners import LEVELS, Habits, Manners, Quantiles
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.gmm_sampler.manners import Pace, Paces, to_json
-from scenewright.tools.recordings import load_recordings
+from scenewright.scene.yielding_behavior import LEVELS, Habits, Quantiles, YieldingBehavior
+from scenewright.tools.gmm_sampler.behavior_files import Pace, Paces, to_json
 from scenewright.tools.relation_checker import Mover, observe
+from scenewright.tools.track_io import load_recordings
 
 FEWEST = 20
 """Yields of two classes below which their habits are not told."""
@@ -38,7 +38,7 @@ LATEST = 3.5
 
 @dataclass(frozen=True)
 class Case:
-    """One yield that was seen whole; measures as in `Manners`, None where there is none.
+    """One yield that was seen whole; measures as in `YieldingBehavior`, None where there is none.
 
     Attributes:
         stood_at: when its standstill began [s]; None if it never stood.
@@ -59,21 +59,23 @@ class Case:
     brakes: float | None = None
 
 
-def cases(scenes: Iterable[Played], *, on: IntersectionMap) -> Iterator[Case]:
+def cases(scenes: Iterable[Played], *, intersection_map: IntersectionMap) -> Iterator[Case]:
     """Every yield in which the giver enters the zone before its track ends.
 
     Who stands once for several counts once, with the nearest of them: the others are waited for
     from further off than anybody would for their sake.
     """
     for scene in scenes:
-        found = observe(scene.users, ground=on, signals=scene.signals, asked=(), detailed=())
+        found = observe(
+            scene.users, ground=intersection_map, signals=scene.signals, asked=(), detailed=()
+        )
         movers = {mover.id: mover for mover in found.movers}
         standing: dict[tuple[int, float], Case] = {}
         rolling: dict[int, Case] = {}
         for event in found.events:
             if event.type != "yielding" or event.evidence.get("entered") is None:
                 continue
-            case = _case(event, movers, scene, on)
+            case = _case(event, movers, scene, intersection_map)
             if case.stood_at is None:
                 rolling.setdefault(event.from_, case)
             else:
@@ -94,12 +96,14 @@ def _distance(case: Case) -> float:
     return np.inf if case.gap is None else case.gap
 
 
-def _case(event: Event, movers: dict[int, Mover], scene: Played, on: IntersectionMap) -> Case:
+def _case(
+    event: Event, movers: dict[int, Mover], scene: Played, intersection_map: IntersectionMap
+) -> Case:
     giver, seen = movers[event.from_], event.evidence
     pair = (giver.type, movers[event.to].type)
     begin, entered = float(seen["begins_to_slow"]), float(seen["entered"])
     cleared = float(seen["other_cleared"])
-    stop = given_way(giver, event, scene, on, tuple(movers.values()))
+    stop = given_way(giver, event, scene, intersection_map, tuple(movers.values()))
     if stop is None:
         part = slice(giver.index(begin), giver.index(entered) + 1)
         low = part.start + int(np.argmin(giver.speed[part]))
@@ -160,7 +164,7 @@ def _lognormal(values: Sequence[float]) -> tuple[float, float]:
     return round(float(np.exp(centre)), 3), round(max(spread, LEAST_SPREAD), 3)
 
 
-def _manners(found: Sequence[Case]) -> Manners:
+def _manners(found: Sequence[Case]) -> YieldingBehavior:
     rolling = [c for c in found if c.margin is not None and c.margin <= LATEST]
     rolling = rolling if len(rolling) >= FEWEST_ROLLING else []
     standing = [each for each in found if each.stood_at is not None]
@@ -168,7 +172,7 @@ def _manners(found: Sequence[Case]) -> Manners:
     # one standstill waits longer than anybody does in a scene.
     alone = [each for each in standing if each.alone]
     alone = alone if len(alone) >= FEWEST else standing
-    return Manners(
+    return YieldingBehavior(
         rolls=round(len(rolling) / (len(rolling) + len(standing)), 3),
         **{name: _quantiles(rolling, name) for name in ("pace", "place", "margin")},
         **{name: _quantiles(alone, name) for name in ("gap", "stands", "reacts")},
@@ -192,9 +196,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     words.add_argument("--out", type=Path, required=True)
     told = words.parse_args(argv)
     try:
-        on = load_map(told.intersection)
+        intersection_map = load_map(told.intersection)
         hours = [r for s in ("fit", "validation") for r in load_recordings(told.corpus, split=s)]
-        seen = list(cases((scene for _, scene in cut_scenes(hours, on=on)), on=on))
+        seen = list(
+            cases(
+                (scene for _, scene in cut_scenes(hours, intersection_map=intersection_map)),
+                intersection_map=intersection_map,
+            )
+        )
         found = habits(seen)
         if not found:
             raise InputError(f"{told.corpus} shows too few yields in its fit hours: {len(seen)}")

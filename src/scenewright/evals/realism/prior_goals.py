@@ -14,26 +14,26 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.geometry.along import sample_poses
+from scenewright.geometry.driving_profile import compute_motion
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import Candidate, K, Path, TimeLaw
+from scenewright.scene.candidates import Candidate, DrivingProfile, K, Path
 from scenewright.scene.map import Route
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import PEDESTRIAN, STEP
-from scenewright.tools.along import poses_along
 from scenewright.tools.gmm_sampler import (
     Priors,
     WaypointPrior,
     load_priors,
-    sample_time_laws,
+    sample_driving_profiles,
     sample_waypoints,
 )
-from scenewright.tools.gmm_sampler.given import given
+from scenewright.tools.gmm_sampler.conditional import given
 from scenewright.tools.gmm_sampler.sample import nll_and_component
 from scenewright.tools.gmm_sampler.spline import SPACING, even_path, path_of
-from scenewright.tools.recordings import RecordedAgent, Recording
-from scenewright.tools.recordings.windows import TRAJNET_EVERY
-from scenewright.tools.time_law import move
+from scenewright.tools.track_io import RecordedAgent, Recording
+from scenewright.tools.track_io.windows import TRAJNET_EVERY
 
 geos: Any = import_module("shapely")
 
@@ -86,7 +86,7 @@ def abreast(way: Way, seen: FloatArray, xy: FloatArray) -> FloatArray:
     rest = given(way.prior, seen)
     likeliest = int(rest.weights.argmax())
     path = path_of(rest, rest.means[likeliest].reshape(K, 2), likeliest)
-    return poses_along(path, _along(path, xy))[:, :2]
+    return sample_poses(path, _along(path, xy))[:, :2]
 
 
 def driven(
@@ -103,26 +103,28 @@ def driven(
     rest = given(way.prior, seen)
     waypoints = sample_waypoints(rest, rng, size=size)
     _, component = nll_and_component(rest, waypoints)
-    laws = sample_time_laws(way.priors, way.route.id, rng, size=size)
+    laws = sample_driving_profiles(way.priors, way.route.id, rng, size=size)
     speed = float(np.hypot(*(seen[-1] - seen[-2]))) / (TRAJNET_EVERY * STEP)
     drawn = np.full((size, steps, 2), np.nan)
     for k in range(size):
         path = path_of(rest, waypoints[k], int(component[k]))
         s = _onward(way.route, path, laws[k], float(_along(path, seen[-1:])[0]), speed)
-        places = poses_along(path, s[:steps])[:, :2]
+        places = sample_poses(path, s[:steps])[:, :2]
         drawn[k, : len(places)] = places
     return drawn
 
 
-def _onward(route: Route, path: Path, law: TimeLaw, begin: float, speed: float) -> FloatArray:
+def _onward(
+    route: Route, path: Path, law: DrivingProfile, begin: float, speed: float
+) -> FloatArray:
     """Arc length [m] at the next steps of 0.4 s, from a place and speed on until the path ends."""
     if begin > path.length - 2 * SPACING:
         return np.zeros(0)
     rest = even_path(
-        poses_along(path, np.append(np.arange(begin, path.length, SPACING), path.length))[:, :2]
+        sample_poses(path, np.append(np.arange(begin, path.length, SPACING), path.length))[:, :2]
     )
     candidate = Candidate(route, np.zeros((K, 2)), rest, 0.0, law, 0.0, _ANYBODY, None)
-    motion = move(candidate, slowings=(Slowing(0.0, speed, law.braking),))
+    motion = compute_motion(candidate, slowings=(Slowing(0.0, speed, law.braking),))
     return begin + motion.s[TRAJNET_EVERY::TRAJNET_EVERY]
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from scenewright.evals.realism.prior_goals import Way, WayOf, abreast, driven
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
-from scenewright.tools.recordings import Recording, Window, cut_windows
-from scenewright.tools.recordings.recording import IntArray
-from scenewright.tools.recordings.windows import TRAJNET_EVERY, BoolArray
+from scenewright.tools.track_io import Recording, Window, cut_windows
+from scenewright.tools.track_io.recording import IntArray
+from scenewright.tools.track_io.windows import TRAJNET_EVERY, BoolArray
 
 COLUMNS = 75
 GIVEN, SPACING = 9, 8

@@ -34,9 +34,9 @@ from scenewright.evals.realism.rollout_tasks import (
 from scenewright.evals.realism.samples import UNIMPEDED
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
-from scenewright.tools.recordings import Recording, load_recordings
-from scenewright.tools.recordings.taf_bw import SMOOTHING, read_taf_bw
-from scenewright.tools.recordings.windows import TRAJNET_EVERY
+from scenewright.tools.track_io import Recording, load_recordings
+from scenewright.tools.track_io.taf_bw import SMOOTHING, read_taf_bw
+from scenewright.tools.track_io.windows import TRAJNET_EVERY
 
 LEAD = 1
 """Steps before a goal is due from which the next one counts; chosen on validation hours."""

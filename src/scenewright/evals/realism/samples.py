@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scenewright.evals.realism.distances import Sample
 from scenewright.evals.realism.scenes import Played
 from scenewright.evals.realism.stops import MEASURES, STANDING, Stop
+from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import Shape, Track
-from scenewright.tools.recordings import Recording
-from scenewright.tools.recordings.kinematics import kinematics
+from scenewright.tools.track_io import Recording
 
 Part = Literal["all", "foreground", "background"]
 UNITS: Mapping[str, str] = {
@@ -123,7 +123,7 @@ def motion(clusters: Sequence[Agents], sieve: Sieve, *, side: Sequence[bool]) ->
 
 def _motion(track: Track, sieve: Sieve) -> tuple[FloatArray, ...]:
     """The values of one agent, in the order of MOTION."""
-    done = kinematics(track.xy, smoothing=sieve.smoothing)
+    done = compute_kinematics(track.xy, smoothing=sieve.smoothing)
     least = float(done.speed.min(initial=np.inf))
     here = np.ones(len(done), dtype=np.bool_)
     if sieve.within is not None:

@@ -18,9 +18,9 @@ from scenewright.graph.run import load_scene, synthesize
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord, SignalRecord
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.recordings import Recording, Window, cut_windows
+from scenewright.tools.map_grounding.signal_plan import SignalClock, plan_records
 from scenewright.tools.relation_checker import RoadUser, read_users
-from scenewright.tools.signals import SignalClock, plan_records
+from scenewright.tools.track_io import Recording, Window, cut_windows
 
 LENGTH = 30.0
 """Of the scenes cut from a corpus [s]: that of the longest scenes we make."""
@@ -112,25 +112,29 @@ def read_scenes(folder: Path) -> list[Played]:
 
 
 def cut_scenes(
-    recordings: Iterable[Recording], *, on: IntersectionMap, length: float = LENGTH
+    recordings: Iterable[Recording], *, intersection_map: IntersectionMap, length: float = LENGTH
 ) -> Iterator[tuple[str, Played]]:
     """Scenes of equal length, end to end, each with the name of its recording."""
     steps = round(length / STEP) + 1
     for recording in recordings:
         for window in cut_windows(recording, steps=steps, every=1, stride=steps - 1, least_whole=0):
-            yield recording.name, _played(window, recording, on)
+            yield recording.name, _played(window, recording, intersection_map)
 
 
-def _played(window: Window, recording: Recording, on: IntersectionMap) -> Played:
+def _played(window: Window, recording: Recording, intersection_map: IntersectionMap) -> Played:
     users = (
         RoadUser(number, track, recording.agents[member].shape)
         for number, (member, track) in enumerate(zip(window.members, _tracks(window), strict=True))
     )
     signals: Sequence[SignalRecord] = ()
-    if on.signals is not None and recording.signal_time is not None:
-        offset = (recording.signal_time + window.start) % on.signals.cycle
+    if intersection_map.signals is not None and recording.signal_time is not None:
+        offset = (recording.signal_time + window.start) % intersection_map.signals.cycle
         until = window.step * (window.present.shape[1] - 1)
-        signals = plan_records(SignalClock(on.signals, offset), on=on, until=until)
+        signals = plan_records(
+            SignalClock(intersection_map.signals, offset),
+            intersection_map=intersection_map,
+            until=until,
+        )
     return Played(tuple(user for user in users if len(user.track.xy) > 1), tuple(signals))
 
 

@@ -80,16 +80,20 @@ class Yields:
     stood: int
 
 
-def yield_stops(scene: Played, *, on: IntersectionMap) -> tuple[tuple[Stop, ...], Yields]:
+def yield_stops(
+    scene: Played, *, intersection_map: IntersectionMap
+) -> tuple[tuple[Stop, ...], Yields]:
     """The stops of everybody who gives way in a scene, one for each giver."""
-    found = observe(scene.users, ground=on, signals=scene.signals, asked=scene.asked, detailed=())
+    found = observe(
+        scene.users, ground=intersection_map, signals=scene.signals, asked=scene.asked, detailed=()
+    )
     movers = {mover.id: mover for mover in found.movers}
     stops: dict[int, Stop] = {}
     givers: dict[int, bool] = {}
     for event in found.events:
         if event.type != "yielding":
             continue
-        stop = given_way(movers[event.from_], event, scene, on, found.movers)
+        stop = given_way(movers[event.from_], event, scene, intersection_map, found.movers)
         givers[event.from_] = givers.get(event.from_, False) or stop is not None
         if stop is not None:
             stops[event.from_] = _nearer(stops.get(event.from_), stop)
@@ -107,7 +111,11 @@ def _nearer(known: Stop | None, other: Stop) -> Stop:
 
 
 def given_way(
-    giver: Mover, event: Event, scene: Played, on: IntersectionMap, everybody: Sequence[Mover]
+    giver: Mover,
+    event: Event,
+    scene: Played,
+    intersection_map: IntersectionMap,
+    everybody: Sequence[Mover],
 ) -> Stop | None:
     """The last standstill between the giver's slowing and its entering the zone, if it stood."""
     begin = float(event.evidence["begins_to_slow"])
@@ -117,7 +125,7 @@ def given_way(
     if not inside:
         return None
     stand = inside[-1]
-    stop = _measured(giver, stand, on, yields=True)
+    stop = _measured(giver, stand, intersection_map, yields=True)
     ahead = [] if stop.line_gap is None or stop.line_gap < 0 else [stop.line_gap]
     if entered is not None:
         zone = np.interp(float(entered), giver.times, giver.s) - giver.s[stand.stop - 1]
@@ -170,12 +178,14 @@ def _queues(giver: Mover, k: int, gap: float, everybody: Iterable[Mover]) -> boo
     return False
 
 
-def all_stops(movers: Iterable[Mover], *, on: IntersectionMap | None) -> Iterator[Stop]:
+def all_stops(
+    movers: Iterable[Mover], *, intersection_map: IntersectionMap | None
+) -> Iterator[Stop]:
     """Every stop of everybody, whatever its reason: what tracks without signals still show."""
     for mover in movers:
         for stand in standstills(mover):
             if stand.start and float(mover.speed[: stand.start].max()) >= MOVED[mover.type]:
-                yield _measured(mover, stand, on, yields=False)
+                yield _measured(mover, stand, intersection_map, yields=False)
 
 
 def standstills(mover: Mover) -> list[slice]:
@@ -189,7 +199,7 @@ def standstills(mover: Mover) -> list[slice]:
 def _measured(
     mover: Mover,
     stand: slice,
-    on: IntersectionMap | None,
+    intersection_map: IntersectionMap | None,
     *,
     yields: bool,
 ) -> Stop:
@@ -202,7 +212,9 @@ def _measured(
         type=mover.type,
         yields=yields,
         duration=(stand.stop - stand.start) * STEP if whole else None,
-        line_gap=None if on is None else line_gap(mover, stand.start, on),
+        line_gap=None
+        if intersection_map is None
+        else line_gap(mover, stand.start, intersection_map),
         braking=braking,
         mean_braking=mean_braking,
         starting=starting,
@@ -231,7 +243,7 @@ def _starting(mover: Mover, span: slice) -> tuple[float | None, float | None]:
     return float(mover.acceleration[span][:-3].max()), float((speed[first] - speed[0]) / 2.0)
 
 
-def line_gap(mover: Mover, k: int, on: IntersectionMap) -> float | None:
+def line_gap(mover: Mover, k: int, intersection_map: IntersectionMap) -> float | None:
     """Distance from a vehicle's front to the stop line straight ahead of it [m].
 
     None for pedestrians and where no line lies within 12 m ahead (or 1 m behind) of the front.
@@ -240,10 +252,10 @@ def line_gap(mover: Mover, k: int, on: IntersectionMap) -> float | None:
         return None
     heading = np.array([np.cos(mover.heading[k]), np.sin(mover.heading[k])])
     front = mover.xy[k] + heading * mover.half_length
-    bearing = {leg.name: leg.bearing for leg in on.legs}
+    bearing = {leg.name: leg.bearing for leg in intersection_map.legs}
     gaps = [
         _ahead(front, heading, np.array(line.line))
-        for line in on.stop_lines
+        for line in intersection_map.stop_lines
         if np.cos(mover.heading[k] - bearing[line.leg]) < -INWARDS
     ]
     near = (gap for gap in gaps if gap is not None and -1.0 <= gap <= LINE_REACH)

@@ -28,10 +28,10 @@ import numpy as np
 
 from scenewright.evals.tables.likelihood import nearest_on
 from scenewright.evals.tables.nearness import CLASSES, STANDING, Watched
-from scenewright.intersections import bundle_folder
+from scenewright.geometry.kinematics import compute_kinematics
+from scenewright.intersections import find_bundle_folder
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.record import SceneRecord
-from scenewright.tools.recordings.kinematics import kinematics
 
 BAR = 0.8
 FEWEST = 5
@@ -137,7 +137,7 @@ class Held:
 
 def held_out(bundle: str | Path) -> dict[str, Held]:
     """The held-out tracks of a bundle by route; none if it keeps none."""
-    file = (bundle if isinstance(bundle, Path) else bundle_folder(bundle)) / "heldout.npz"
+    file = (bundle if isinstance(bundle, Path) else find_bundle_folder(bundle)) / "heldout.npz"
     if not file.is_file():
         return {}
     with np.load(file, allow_pickle=False) as stored:
@@ -215,7 +215,9 @@ def _column(scenes: Sequence[Watched], *, kind: AgentClass, least: float) -> Flo
 
 
 def _top(watched: Watched, kind: AgentClass, least: float) -> FloatArray:
-    done = (kinematics(u.track.xy).speed for u in watched.scene.users if u.shape.type == kind)
+    done = (
+        compute_kinematics(u.track.xy).speed for u in watched.scene.users if u.shape.type == kind
+    )
     kept = (speed for speed in done if len(speed) >= _LONG and speed.min() >= least)
     moving = (speed[speed > STANDING] for speed in kept)
     return np.array([np.quantile(speed, _TOP) for speed in moving if len(speed) >= _LONG])

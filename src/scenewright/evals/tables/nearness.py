@@ -14,11 +14,11 @@ import numpy as np
 
 from scenewright.evals.realism import Distance, Sample, distance, wasserstein
 from scenewright.evals.realism.scenes import Played
+from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.recordings import Recording
-from scenewright.tools.recordings.kinematics import kinematics
 from scenewright.tools.relation_checker import Observation, RoadUser, observe
+from scenewright.tools.track_io import Recording
 
 STANDING = 0.3
 MOST_HEADWAY = 10.0
@@ -58,11 +58,17 @@ class Near:
     reference_quantiles: tuple[float, ...] | None
 
 
-def watch(scenes: Iterable[Played], *, on: IntersectionMap | None) -> Iterator[Watched]:
+def watch(
+    scenes: Iterable[Played], *, intersection_map: IntersectionMap | None
+) -> Iterator[Watched]:
     """Scenes with what the checker measures."""
     for scene in scenes:
         seen = observe(
-            scene.users, ground=on, signals=scene.signals, asked=scene.asked, detailed=()
+            scene.users,
+            ground=intersection_map,
+            signals=scene.signals,
+            asked=scene.asked,
+            detailed=(),
         )
         yield Watched(scene, seen)
 
@@ -107,7 +113,7 @@ def alone(recordings: Iterable[Recording]) -> list[Played]:
 
 def _motion(scene: Played, kind: AgentClass, smoothing: float) -> tuple[FloatArray, ...]:
     done = [
-        kinematics(user.track.xy, smoothing=smoothing)
+        compute_kinematics(user.track.xy, smoothing=smoothing)
         for user in scene.users
         if user.shape.type == kind
     ]

@@ -16,8 +16,8 @@ from scenewright.evals.tables.nearness import Near, alone, compared, motion_of, 
 from scenewright.evals.tables.reading import Dataset, commit, read_dataset
 from scenewright.evals.tables.robustness import Rate, out_of_scope, robustness
 from scenewright.intersections import load_map
-from scenewright.tools.recordings import load_recordings
-from scenewright.tools.recordings.taf_bw import read_taf_bw
+from scenewright.tools.track_io import load_recordings
+from scenewright.tools.track_io.taf_bw import read_taf_bw
 
 MOST_WINDOWS = 150
 """Windows of a recording that are looked at, spread evenly over it."""
@@ -141,28 +141,36 @@ def _against(
     tell: Callable[[str], None],
 ) -> tuple[list[Spread], list[Near]]:
     """What needs a corpus: how scenes move, and whether they differ enough."""
-    on = load_map(place)
+    intersection_map = load_map(place)
     recordings = load_recordings(corpus, split="test")
     if not recordings:
         raise InputError(f"{corpus} holds no test hours")
     tell("encounters in the dataset")
     scenes = [played(scene) for _, scene in dataset.scenes(_thinned(dataset.rows, MOST_SCENES))]
-    ours = list(watch(scenes, on=on))
+    ours = list(watch(scenes, intersection_map=intersection_map))
     tell("encounters in the corpus")
-    windows = [scene for _, scene in cut_scenes(recordings, on=on) if scene.users]
-    known = list(watch(_thinned(windows, MOST_WINDOWS), on=on))
+    windows = [
+        scene
+        for _, scene in cut_scenes(recordings, intersection_map=intersection_map)
+        if scene.users
+    ]
+    known = list(watch(_thinned(windows, MOST_WINDOWS), intersection_map=intersection_map))
     near = list(compared(values_of(ours), values_of(known), named="corpus", draws=draws, seed=seed))
     if real is not None:
         tell("encounters in real tracks")
         recordings = read_taf_bw(real).recordings
-        cut = [scene for _, scene in cut_scenes(recordings, on=on) if scene.users]
-        theirs = list(watch(_thinned(cut, MOST_WINDOWS), on=None))
+        cut = [
+            scene
+            for _, scene in cut_scenes(recordings, intersection_map=intersection_map)
+            if scene.users
+        ]
+        theirs = list(watch(_thinned(cut, MOST_WINDOWS), intersection_map=None))
         smooth = values_of(ours, smoothing=ROUGH)
         # Real tracks are short: whole windows are few, so motion is that of every track.
         reference = {**values_of(theirs), **motion_of(alone(recordings), smoothing=ROUGH)}
         near += compared(smooth, reference, named="TAF-BW", draws=draws, seed=seed)
     beside = windows_beside(scenes, windows, least=MOST_SCENES)
-    against = Reference(list(watch(beside, on=on)), known)
+    against = Reference(list(watch(beside, intersection_map=intersection_map)), known)
     spreads = speeds(ours, against, draws=draws, seed=seed)
     return [*spreads, *events(ours, against, draws=draws, seed=seed)], near
 

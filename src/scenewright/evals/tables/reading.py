@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from scenewright.dataset.batch.manifest import read_manifest
+from scenewright.dataset.tables.parquet import parquet
 from scenewright.errors import InputError
-from scenewright.graph.batch.manifest import read_manifest
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import SceneRecord
-from scenewright.tools.exporters.tables import parquet
 
 _COLUMNS = ["row", "folder", "status", "code", "asked", "backend", "verified", "relations", "seed"]
 

@@ -23,7 +23,7 @@ from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, SignalProgram
-from scenewright.tools.signals import shows
+from scenewright.tools.map_grounding.signal_plan import shows
 
 BoolArray = NDArray[np.bool_]
 
@@ -131,13 +131,13 @@ def outlook(
     Args:
         known: fits that were made already, by agent.
     """
-    on = load_map(observation.intersection)
+    intersection_map = load_map(observation.intersection)
     agents = tuple(agent for agent in observation.agents if not agent.left)
     made = fits_of(observation) if known is None else known
     fits = tuple(made[agent.id] for agent in agents)
     chance = [_chance(agent.xy.tobytes()) for agent in agents]
     drives = [_drive(a, f, c, size) for a, f, c in zip(agents, fits, chance, strict=True)]
-    offsets = _offsets(on, observation, size)
+    offsets = _offsets(intersection_map, observation, size)
     futures: dict[int, Future] = {}
     undelayed: dict[int, Future] = {}
     stops: dict[int, tuple[FloatArray, FloatArray]] = {}
@@ -146,7 +146,9 @@ def outlook(
         ahead = _leader(n, drives)
         queue = None if ahead is None or ahead not in stops else stops[ahead]
         leader = None if ahead is None else drives[ahead]
-        plan = _stops(drives[n], on, offsets, observation.now, chance[n], queue, leader)
+        plan = _stops(
+            drives[n], intersection_map, offsets, observation.now, chance[n], queue, leader
+        )
         stops[n] = plan
         drives[n], plan = _heedless(drives[n], plan, chance[n])
         futures[n] = _go(drives[n], plan)
@@ -281,15 +283,17 @@ def _leader(n: int, drives: Sequence[_Drive]) -> int | None:
     return None if found is None else found[1]
 
 
-def _offsets(on: IntersectionMap, observation: Observation, size: int) -> FloatArray | None:
+def _offsets(
+    intersection_map: IntersectionMap, observation: Observation, size: int
+) -> FloatArray | None:
     """[K] offsets of the programme under which the lights show what was seen."""
-    program = on.signals
+    program = intersection_map.signals
     if program is None or not observation.lights:
         return None
     tried = np.arange(0.0, program.cycle, 0.25)
     good = np.ones(len(tried), dtype=np.bool_)
     for light in observation.lights:
-        group = group_of(light, on)
+        group = group_of(light, intersection_map)
         if group is None:
             continue
         times = np.arange(light.start + 0.05, max(light.end - 0.05, light.start + 0.06), 0.4)
@@ -299,12 +303,12 @@ def _offsets(on: IntersectionMap, observation: Observation, size: int) -> FloatA
     return _chance(fits.tobytes()).choice(fits, size=size) if len(fits) else None
 
 
-def group_of(light: SeenLight, on: IntersectionMap) -> str | None:
+def group_of(light: SeenLight, intersection_map: IntersectionMap) -> str | None:
     """The signal group that a light belongs to."""
-    if on.signals is None:
+    if intersection_map.signals is None:
         return None
-    lines = {movement.id: movement.stop_line for movement in on.movements}
-    for group in on.signals.groups:
+    lines = {movement.id: movement.stop_line for movement in intersection_map.movements}
+    for group in intersection_map.signals.groups:
         if light.crosswalk in group.crosswalks and light.crosswalk is not None:
             return group.id
         if light.stop_line is not None and light.stop_line in (lines[m] for m in group.movements):
@@ -314,7 +318,7 @@ def group_of(light: SeenLight, on: IntersectionMap) -> str | None:
 
 def _stops(
     drive: _Drive,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     offsets: FloatArray | None,
     now: float,
     rng: np.random.Generator,
@@ -324,7 +328,7 @@ def _stops(
     """[K] where it stops [m of its own way], inf for nowhere; [K] when it goes on [s from now]."""
     size = len(drive.begins)
     place, release = np.full(size, np.inf), np.zeros(size)
-    program = on.signals
+    program = intersection_map.signals
     groups = [drive.ways.group[c] for c in drive.component]
     gap = rng.uniform(*_LINE_GAP, size) if drive.agent.vehicle else np.full(size, 0.3)
     lag = rng.uniform(*_START_LAG, size)

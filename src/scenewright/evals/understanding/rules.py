@@ -20,7 +20,7 @@ from scenewright.scene.events import Event
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP, Shape, Track
 from scenewright.tools.relation_checker import RoadUser, find_events
-from scenewright.tools.relation_checker.foreign import headings
+from scenewright.tools.track_io.external_tracks import headings
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.model import Refiner
@@ -103,15 +103,17 @@ def _at_steps(agent: Seen, now: float, count: int, step: float) -> FloatArray:
 
 def findings(observation: Observation, predict: Predictor) -> tuple[Event, ...]:
     """What the rule checker sees in observed and predicted tracks; ids are places in `agents`."""
-    on = load_map(observation.intersection)
+    intersection_map = load_map(observation.intersection)
     ahead = predict(observation)
     users = [
         user
         for n, (agent, xy) in enumerate(zip(observation.agents, ahead, strict=True))
-        if (user := _user(n, agent, xy, on.extent)) is not None
+        if (user := _user(n, agent, xy, intersection_map.extent)) is not None
     ]
     signals = [SignalRecord.model_validate(each.model_dump()) for each in observation.lights]
-    seen = find_events(users, ground=on, signals=signals, until=observation.now + AHEAD)
+    seen = find_events(
+        users, ground=intersection_map, signals=signals, until=observation.now + AHEAD
+    )
     return tuple(event for event in seen if event.type in RELATIONS)
 
 

@@ -12,15 +12,15 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.geometry.landmarks import find_landmarks
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.base import AgentClass, FloatArray
-from scenewright.scene.candidates import Candidate, K, TimeLaw
+from scenewright.scene.candidates import Candidate, DrivingProfile, K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
-from scenewright.tools.gmm_sampler.priors import HOURS, TimeLawPrior
+from scenewright.tools.gmm_sampler.priors import HOURS, DrivingProfilePrior
 from scenewright.tools.gmm_sampler.spline import PER_INTERVAL, even_path, spline_matrix
-from scenewright.tools.ground import Ground
-from scenewright.tools.landmarks import landmarks
 
 _SPREAD = (-1.2, 0.0, 1.2)
 """Laws that are looked at lie so many standard deviations off the median."""
@@ -85,11 +85,13 @@ def ways_of(intersection: str, kind: AgentClass) -> Ways:
     from scenewright.graph.run import ground_of
 
     ground, priors = ground_of(intersection), load_priors(intersection)
-    routes = [r for r in ground.on.routes if r.type == kind and r.id in priors.waypoints]
+    routes = [
+        r for r in ground.intersection_map.routes if r.type == kind and r.id in priors.waypoints
+    ]
     return _ways(kind, routes, priors, ground)
 
 
-def _ways(kind: AgentClass, routes: list[Route], priors: Priors, ground: Ground) -> Ways:
+def _ways(kind: AgentClass, routes: list[Route], priors: Priors, ground: MapAreas) -> Ways:
     sets = [priors.waypoints[route.id] for route in routes]
     of = [r for r, way in enumerate(sets) for _ in way.weights]
     curve = np.concatenate([way.base for way in sets])[:, ::_THIN]
@@ -133,7 +135,7 @@ def _shape_of(curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return s, heading, curvature
 
 
-def _bends(s: FloatArray, curvature: FloatArray, laws: list[TimeLawPrior]) -> FloatArray:
+def _bends(s: FloatArray, curvature: FloatArray, laws: list[DrivingProfilePrior]) -> FloatArray:
     """[C, D, P] from curvature [C, P]: laws cautious and bold, in braking and in curves."""
     off = np.array([(0.0, 0.0, x, y) for x in _SPREAD for y in _SPREAD])[None]
     law = np.stack([each.median for each in laws])[:, None]
@@ -146,19 +148,19 @@ def _bends(s: FloatArray, curvature: FloatArray, laws: list[TimeLawPrior]) -> Fl
     return np.asarray(np.sqrt(np.maximum(back - 2.0 * braking * s[:, None], 0.0)))
 
 
-def _mark(route: Route, curve: FloatArray, ground: Ground) -> tuple[float, str | None]:
+def _mark(route: Route, curve: FloatArray, ground: MapAreas) -> tuple[float, str | None]:
     """Where its stop line or kerb lies [m], for a vehicle of length 0; and who rules it."""
     path = even_path(curve)
     shape = PEDESTRIAN if route.type == "pedestrian" else vehicle_shape()
-    law = TimeLaw(1.0, 1.0, 1.0, 1.0)
+    law = DrivingProfile(1.0, 1.0, 1.0, 1.0)
     probe = Candidate(route, path.xy[:K], path, 0.0, law, 0.0, shape, None)
-    marks = landmarks(probe, ground=ground)
+    marks = find_landmarks(probe, ground=ground)
     if marks.line is None:
         return np.inf, None
     front = shape.length / 2 if route.type == "vehicle" else 0.0
     return marks.line + front, marks.group
 
 
-def sides_of(on: IntersectionMap) -> tuple[str, ...]:
+def sides_of(intersection_map: IntersectionMap) -> tuple[str, ...]:
     """The legs of the map, by their compass names."""
-    return tuple(leg.name for leg in on.legs)
+    return tuple(leg.name for leg in intersection_map.legs)

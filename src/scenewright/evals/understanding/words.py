@@ -46,14 +46,14 @@ def describe(
         exits: of every agent, how likely each side is by the statistical model.
         events: what the rule checker finds in the predicted tracks.
     """
-    on = load_map(observation.intersection)
+    intersection_map = load_map(observation.intersection)
     names = names_of(observation)
     lines = [
-        *map_lines(on),
+        *map_lines(intersection_map),
         *_lights(observation),
         f"Agents after {observation.now:g} s:",
         *(
-            f"- {names[agent.id]}: {_agent(agent, on)}; statistical model: "
+            f"- {names[agent.id]}: {_agent(agent, intersection_map)}; statistical model: "
             f"{_chances(exits[agent.id], sides)}"
             for agent in observation.agents
         ),
@@ -73,26 +73,28 @@ def names_of(observation: Observation) -> dict[str, str]:
     return names
 
 
-def map_lines(on: IntersectionMap) -> list[str]:
+def map_lines(intersection_map: IntersectionMap) -> list[str]:
     """Legs, movements, crosswalks and what crosses what."""
-    ways = ", ".join(f"{m.entry} to {m.exit} ({m.turn})" for m in on.movements)
+    ways = ", ".join(f"{m.entry} to {m.exit} ({m.turn})" for m in intersection_map.movements)
     walks = ", ".join(
         f"the {c.leg} crosswalk between the {c.sides[0]} and the {c.sides[1]} side"
-        for c in on.crosswalks
+        for c in intersection_map.crosswalks
     )
     clashes = sorted(
-        f"{_way(zone.first, on)} and {_way(zone.second, on)}" for zone in on.conflict_zones
+        f"{_way(zone.first, intersection_map)} and {_way(zone.second, intersection_map)}"
+        for zone in intersection_map.conflict_zones
     )
+    legs = ", ".join(leg.name for leg in intersection_map.legs)
     return [
-        f"Intersection: {on.title}, legs {', '.join(leg.name for leg in on.legs)}.",
+        f"Intersection: {intersection_map.title}, legs {legs}.",
         f"Vehicles go {ways}.",
         f"Pedestrians use {walks}.",
         f"Ways that cross or merge: {'; '.join(clashes)}.",
     ]
 
 
-def _way(name: str, on: IntersectionMap) -> str:
-    for movement in on.movements:
+def _way(name: str, intersection_map: IntersectionMap) -> str:
+    for movement in intersection_map.movements:
         if movement.id == name:
             return f"{movement.entry} to {movement.exit}"
     return name.replace(":", " ")
@@ -110,12 +112,12 @@ def _lights(observation: Observation) -> list[str]:
     return [f"Lights: {', '.join(told)}."] if told else []
 
 
-def _agent(agent: Seen, on: IntersectionMap) -> str:
+def _agent(agent: Seen, intersection_map: IntersectionMap) -> str:
     side = _side(agent.xy[0])
     kind = "pedestrian" if not agent.vehicle else next(n for m, n in _SUBTYPES if agent.length < m)
     if agent.left:
         return f"{kind}, came from the {side}, has left"
-    return f"{kind}, came from the {side}, {_where(agent, on)}, {_motion(agent)}"
+    return f"{kind}, came from the {side}, {_where(agent, intersection_map)}, {_motion(agent)}"
 
 
 def _side(xy: FloatArray) -> str:
@@ -125,7 +127,7 @@ def _side(xy: FloatArray) -> str:
     return "north" if y > 0 else "south"
 
 
-def _where(agent: Seen, on: IntersectionMap) -> str:
+def _where(agent: Seen, intersection_map: IntersectionMap) -> str:
     """In words: how near the junction, and where it faces."""
     xy, heading = agent.xy[-1], float(agent.heading[-1])
     facing = ("east", "north", "west", "south")[round(heading / (np.pi / 2)) % 4]
@@ -138,15 +140,15 @@ def _where(agent: Seen, on: IntersectionMap) -> str:
     else:
         near = "near" if middle < _JUNCTION + 12 else "far from"
         place = f"on the {_side(xy)} approach, {near} the stop line"
-    lane = _lane(agent, on)
+    lane = _lane(agent, intersection_map)
     return f"{place}{f', in the {lane} lane' if lane else ''}, facing {facing}"
 
 
-def _lane(agent: Seen, on: IntersectionMap) -> str | None:
+def _lane(agent: Seen, intersection_map: IntersectionMap) -> str | None:
     """The inner or outer lane, where an approach has two."""
     if not agent.vehicle:
         return None
-    for lanelet in on.lanelets:
+    for lanelet in intersection_map.lanelets:
         if lanelet.kind == "approach" and lanelet.id.endswith((":inner", ":outer")):
             line = np.array(lanelet.centreline)
             low, high = line.min(axis=0) - lanelet.width / 2, line.max(axis=0) + lanelet.width / 2

@@ -8,12 +8,12 @@ from langgraph.runtime import Runtime
 
 from scenewright.nodes.context import RunContext
 from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
-from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph
+from scenewright.tools.gmm_sampler.frozen_agents import pinned_pool
 from scenewright.tools.gmm_sampler.generate import amplify, cast_foreground, hour_of
-from scenewright.tools.gmm_sampler.pinned import pinned_pool
 
 _CROWD_DRAWS = 4
 """Candidates of a background agent where the first that has room is taken (`draw`)."""
@@ -24,7 +24,7 @@ class GeneratorReads(TypedDict):
 
     social_graph: SocialGraph
     grounding: Grounding
-    pinned: Pins | None
+    pinned: FrozenAgents | None
     rejections: list[Rejection]
 
 
@@ -43,13 +43,18 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
     rng = context.rng("agent_generator", state.get("rejections", []))
     hour = hour_of(graph.context, context.priors, context.rng("agent_generator", []))
     cast = cast_foreground(
-        graph, state["grounding"], context.priors, on=context.intersection, hour=hour, rng=rng
+        graph,
+        state["grounding"],
+        context.priors,
+        intersection_map=context.intersection,
+        hour=hour,
+        rng=rng,
     )
     pool = amplify(
         graph,
         cast,
         context.priors,
-        on=context.intersection,
+        intersection_map=context.intersection,
         hour=hour,
         size=context.draws,
         crowd_size=_CROWD_DRAWS if context.selection == "draw" else None,
@@ -60,14 +65,14 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
     return {"candidates": pool}
 
 
-def _around(pins: Pins, state: GeneratorReads, context: RunContext) -> GeneratorWrites:
+def _around(pins: FrozenAgents, state: GeneratorReads, context: RunContext) -> GeneratorWrites:
     """The same around agents of an earlier version."""
     pool = pinned_pool(
         state["social_graph"],
         state["grounding"],
         pins,
         context.priors,
-        on=context.intersection,
+        intersection_map=context.intersection,
         size=context.draws,
         crowd_size=_CROWD_DRAWS if context.selection == "draw" else None,
         rng=context.rng("agent_generator", state.get("rejections", [])),

@@ -19,10 +19,10 @@ from scenewright.nodes.event_reasoner.reply import (
 from scenewright.nodes.event_reasoner.wording import bound, worded_behavior, worded_summary
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
-from scenewright.scene.grounding import Cast
-from scenewright.scene.pins import Pins
+from scenewright.scene.frozen_agents import FrozenAgents
+from scenewright.scene.grounding import RoleAssignment
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.relations import pattern_named
+from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import Selection
 from scenewright.tools.event_summary import facts_of, summarise
 
@@ -33,7 +33,7 @@ class ReasonerReads(TypedDict):
     instruction: str
     candidates: CandidateSet
     selection: Selection
-    pinned: Pins | None
+    pinned: FrozenAgents | None
     rejections: list[Rejection]
 
 
@@ -79,7 +79,7 @@ def _summarised(
         account=context.account,
     )
     reply = ask(context.backend, question, SummaryReply, stage="event_reasoner", of=SUMMARY)
-    return summary.narrowed(places_of(reply.anchors, agents))
+    return summary.keep_places(places_of(reply.anchors, agents))
 
 
 def _reasoned(
@@ -128,9 +128,9 @@ def _told(state: ReasonerReads, context: RunContext) -> tuple[str, ...]:
     return tuple(each.detail for each in found)
 
 
-def _relations(cast: Cast) -> list[str]:
+def _relations(cast: RoleAssignment) -> list[str]:
     return [
-        f"{each.from_} {pattern_named(each.pattern).relation} {each.to}" for each in cast.patterns
+        f"{each.from_} {get_pattern(each.pattern).relation} {each.to}" for each in cast.patterns
     ]
 
 
@@ -144,11 +144,11 @@ def _as_before(program: BehaviorProgram, state: ReasonerReads) -> BehaviorProgra
     return program.model_copy(update={"segments": {**program.segments, **here}})
 
 
-def _owed(cast: Cast) -> dict[str, list[str]]:
+def _owed(cast: RoleAssignment) -> dict[str, list[str]]:
     """By agent: the statuses that the files of its relations want among its segments."""
     owed: dict[str, list[str]] = {}
     for played in cast.patterns:
-        pattern = pattern_named(played.pattern)
+        pattern = get_pattern(played.pattern)
         for name, role in ((played.from_, pattern.from_), (played.to, pattern.to)):
             known = owed.setdefault(name, [])
             known += [status for status in role.segments if status not in known]

@@ -64,7 +64,7 @@ class BehaviorReply(BaseModel):
                 raise refused("malformed_reply", name, "is not in the scene")
         told = {name: _chained(each, agents[name]) for name, each in self.segments.items()}
         found = {
-            name: told[name] if name in told else agent.suggested(summary.duration)
+            name: told[name] if name in told else agent.suggest_segments(summary.duration)
             for name, agent in agents.items()
         }
         return BehaviorProgram(segments=found)

@@ -102,7 +102,7 @@ def _agent(agent: AgentSummary, owed: Sequence[str], duration: float) -> dict[st
     if agent.contact is not None:
         told["contact"] = agent.contact
     # Who stands until it is hit, say, has nothing left to proceed to.
-    possible = {segment.status for segment in agent.suggested(duration)}
+    possible = {segment.status for segment in agent.suggest_segments(duration)}
     return {**told, "needs": [status for status in owed if status in possible]}
 
 

@@ -15,7 +15,7 @@ from scenewright.nodes.ask import ask
 from scenewright.nodes.revision.reply import EditsReply, read_as
 from scenewright.nodes.revision.wording import worded_edits
 from scenewright.scene.edits import Reading, Situation
-from scenewright.scene.ways import Way
+from scenewright.scene.route_table import RouteDescription
 
 _ATTEMPTS = 3
 
@@ -32,7 +32,7 @@ class Turn:
     words: str
     situation: Situation
     before: str
-    ways: Sequence[Way]
+    ways: Sequence[RouteDescription]
     chosen: Mapping[str, str] = field(default_factory=dict)
     left_hand: bool = False
 

@@ -29,15 +29,15 @@ from scenewright.nodes.schema import (
 from scenewright.scene.base import AgentClass, AgentId
 from scenewright.scene.edits import (
     AddAgent,
+    AgentView,
     ChangeAgent,
     ChangeContext,
     ComeLater,
-    Decline,
+    DeclinedTurn,
     Edit,
     Edits,
-    Fresh,
     MoveStop,
-    Present,
+    NewScene,
     Reading,
     Redraw,
     Relate,
@@ -47,9 +47,10 @@ from scenewright.scene.edits import (
     Situation,
     Unrelate,
     WaitLonger,
-    edited,
+    apply_edits,
 )
 from scenewright.scene.rejection import Rejection
+from scenewright.scene.route_table import WAY_FIELDS, RouteDescription, resolve_route
 from scenewright.scene.social import (
     AgentNode,
     Cause,
@@ -60,7 +61,6 @@ from scenewright.scene.social import (
     SocialGraph,
     Subtype,
 )
-from scenewright.scene.ways import WAY_FIELDS, Way, with_what_goes
 
 _MOST_EDITS = 12
 _NEW = 2
@@ -196,7 +196,7 @@ def new_ids(situation: Situation) -> list[str]:
 
 
 def edits_schema(
-    situation: Situation, named: Sequence[str], ways: Sequence[Way], words: str
+    situation: Situation, named: Sequence[str], ways: Sequence[RouteDescription], words: str
 ) -> Schema:
     """The reply's schema: agents, sides and new ids are those there are.
 
@@ -260,7 +260,11 @@ def _form(
 
 
 def read_as(
-    reply: EditsReply, situation: Situation, *, ways: Sequence[Way], chosen: Mapping[str, str]
+    reply: EditsReply,
+    situation: Situation,
+    *,
+    ways: Sequence[RouteDescription],
+    chosen: Mapping[str, str],
 ) -> Reading:
     """What the reply amounts to, as a reading of the words.
 
@@ -268,9 +272,9 @@ def read_as(
         Rejected: it names whom or what there is not, or changes nothing; says what.
     """
     if reply.refused is not None:
-        return Decline(code=reply.refused, reason=str(reply.reason))
+        return DeclinedTurn(code=reply.refused, reason=str(reply.reason))
     if reply.fresh:
-        return Fresh()
+        return NewScene()
     if reply.ask is not None:
         return which(_among(reply.ask, situation, chosen), reply.ask.about)
     reader = _Reader(situation, ways)
@@ -281,7 +285,7 @@ def read_as(
     return Edits(edits=tuple(reader.found))
 
 
-def _among(asked: AskLine, situation: Situation, chosen: Mapping[str, str]) -> list[Present]:
+def _among(asked: AskLine, situation: Situation, chosen: Mapping[str, str]) -> list[AgentView]:
     here = {each.id: each for each in situation.present}
     if chosen:
         told = ", ".join(f"{noun}: {name}" for noun, name in chosen.items())
@@ -298,7 +302,7 @@ def _among(asked: AskLine, situation: Situation, chosen: Mapping[str, str]) -> l
 class _Reader:
     """The edits so far, and the graph that they leave."""
 
-    def __init__(self, situation: Situation, ways: Sequence[Way]) -> None:
+    def __init__(self, situation: Situation, ways: Sequence[RouteDescription]) -> None:
         self.found: list[Edit] = []
         self._graph, self._ways = situation.graph, ways
         self._present = {each.id: each for each in situation.present}
@@ -317,7 +321,7 @@ class _Reader:
             where = ".".join(str(part) for part in first["loc"])
             raise _refused(f"{line.edit}: {where}: {first['msg']}") from error
         for edit in made:
-            graph = edited(self._graph, (edit,))
+            graph = apply_edits(self._graph, (edit,))
             if not (isinstance(edit, _IN_GRAPH) and graph == self._graph):
                 self.found.append(edit)
             self._graph = graph
@@ -409,7 +413,7 @@ class _Reader:
         way = {each: told[each] for each in WAY_FIELDS if each in told}
         if way.items() <= was.items():
             return AgentNode.model_validate({**node.model_dump(), **told})
-        found = with_what_goes(node.type, was, way, self._ways)
+        found = resolve_route(node.type, was, way, self._ways)
         if found is None:
             words = ", ".join(f"{key} {value}" for key, value in way.items())
             raise _refused(f"{node.id}: there is no way here with {words}")

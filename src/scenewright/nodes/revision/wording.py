@@ -8,8 +8,8 @@ from scenewright.backends import Wording
 from scenewright.nodes.revision.reply import edits_schema, new_ids
 from scenewright.nodes.scene_planner.wording import crosswalks_told, times_told, ways_told
 from scenewright.nodes.wording import compact, faults_told, quoted, traffic_told, worded
-from scenewright.scene.edits import Present, Situation
-from scenewright.scene.ways import Way
+from scenewright.scene.edits import AgentView, Situation
+from scenewright.scene.route_table import RouteDescription
 
 _SAID = 400
 _LISTED = {"vehicle": 6, "pedestrian": 2}
@@ -21,7 +21,7 @@ def worded_edits(
     situation: Situation,
     *,
     before: str,
-    ways: Sequence[Way],
+    ways: Sequence[RouteDescription],
     left_hand: bool = False,
     chosen: Mapping[str, str] | None = None,
     rejections: Sequence[str] = (),
@@ -54,7 +54,7 @@ def worded_edits(
     )
 
 
-def _agent(agent: Present) -> str:
+def _agent(agent: AgentView) -> str:
     """What tells it apart, in a few words."""
     pace = f"{agent.speed:.1f} m/s" + _held(agent)
     if agent.type == "pedestrian":
@@ -64,7 +64,7 @@ def _agent(agent: Present) -> str:
     return f"{kind}, from {agent.entry}, {agent.movement} to {agent.exit}, {pace}"
 
 
-def _held(agent: Present) -> str:
+def _held(agent: AgentView) -> str:
     if agent.stops:
         return ", stops"
     return "" if agent.slows_to is None else f", slows to {agent.slows_to:.1f} m/s"

@@ -14,14 +14,14 @@ from scenewright.nodes.context import RunContext
 from scenewright.nodes.scene_planner.account import account_for
 from scenewright.nodes.scene_planner.reply import PlanReply, completed
 from scenewright.nodes.scene_planner.wording import worded_plan
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.phrasing import describe_graph
-from scenewright.scene.pins import Pins
 from scenewright.scene.rejection import Rejection, RejectionCode
+from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import Plan, Refusal, SocialGraph
-from scenewright.scene.ways import FOUR_LEGS, Way, ways_of
-from scenewright.tools.gmm_sampler.pinned import narrowed
-from scenewright.tools.map_grounding import ground
+from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
+from scenewright.tools.map_grounding.grounding import ground
 
 
 class PlannerReads(TypedDict):
@@ -30,7 +30,7 @@ class PlannerReads(TypedDict):
     instruction: str
     previous: str | None
     planned: SocialGraph | None
-    pinned: Pins | None
+    pinned: FrozenAgents | None
     rejections: list[Rejection]
 
 
@@ -41,7 +41,14 @@ class PlannerWrites(TypedDict):
     grounding: Grounding
 
 
-__all__ = ["FOUR_LEGS", "PlanReply", "Way", "ask_for_plan", "plan_scene", "ways_of"]
+__all__ = [
+    "FOUR_LEGS",
+    "PlanReply",
+    "RouteDescription",
+    "ask_for_plan",
+    "describe_routes",
+    "plan_scene",
+]
 
 _CODES: dict[str, RejectionCode] = {
     "out_of_scope": "out_of_scope",
@@ -55,15 +62,15 @@ def plan_scene(state: PlannerReads, *, runtime: Runtime[RunContext]) -> PlannerW
     context = runtime.context
     plan = state.get("planned") or _asked(state, context)
     context.tell("scene_planner", _summary(plan))
-    grounding, pins = ground(plan, on=context.intersection), state.get("pinned")
+    grounding, pins = ground(plan, intersection_map=context.intersection), state.get("pinned")
     if pins is not None:
-        grounding = narrowed(plan, grounding, pins, on=context.intersection)
+        grounding = restrict_grounding(plan, grounding, pins, intersection_map=context.intersection)
     return {"social_graph": plan, "grounding": grounding}
 
 
 def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
     instruction, told = state["instruction"], earlier(state.get("rejections", []), "scene_planner")
-    ways = ways_of(context.intersection)
+    ways = describe_routes(context.intersection)
     question = Question(
         task="plan",
         facts={
@@ -108,7 +115,7 @@ def _refuse_unrealised(plan: SocialGraph) -> None:
         )
 
 
-def ask_for_plan(backend: Backend, question: Question, ways: Sequence[Way]) -> Plan:
+def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescription]) -> Plan:
     """The backend's plan, with what it entails on the map filled in.
 
     Raises:
@@ -145,7 +152,7 @@ def _refuse_emptied(plan: SocialGraph, question: Question) -> None:
         )
 
 
-def _refuse_unknown_sides(plan: SocialGraph, ways: Sequence[Way]) -> None:
+def _refuse_unknown_sides(plan: SocialGraph, ways: Sequence[RouteDescription]) -> None:
     known = dict.fromkeys(side for way in ways for side in (way.entry, way.exit))
     for agent in plan.agents:
         for field in ("entry", "exit", "crosswalk"):

@@ -11,7 +11,8 @@ from pydantic import Discriminator, RootModel, Tag, model_validator
 from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared, text, whole
 from scenewright.scene.account import BECAME
 from scenewright.scene.base import AgentClass
-from scenewright.scene.relations import Pattern, patterns
+from scenewright.scene.relations import Pattern, load_patterns
+from scenewright.scene.route_table import RouteDescription
 from scenewright.scene.social import (
     AgentNode,
     Cause,
@@ -26,8 +27,7 @@ from scenewright.scene.social import (
     Subtype,
 )
 from scenewright.scene.stems import stem_word
-from scenewright.scene.ways import Way
-from scenewright.tools.map_grounding import lies
+from scenewright.tools.map_grounding.grounding import lies
 
 _CLOCK = "[0-2][0-9]:[0-5][0-9]"
 TIME = f"^{_CLOCK}(-{_CLOCK})?$"
@@ -136,7 +136,7 @@ def _of_its_class(agent: Any) -> Any:
     return {**agent, "type": kind} if kind in get_args(AgentClass) else agent
 
 
-def plan_schema(ways: Sequence[Way], told: Sequence[Pattern], words: str) -> Schema:
+def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words: str) -> Schema:
     """The reply's schema: sides, crosswalks and patterns are those there are.
 
     Args:
@@ -219,7 +219,7 @@ def patterns_told(instruction: str, *, left_hand: bool = False) -> tuple[Pattern
     """
     said = _stems(instruction)
     found = []
-    for pattern in patterns():
+    for pattern in load_patterns():
         if left_hand and pattern.names_a_turn:
             continue
         alike = max((_alike(words, said) for words, _ in pattern.spoken()), default=0.0)
@@ -238,7 +238,7 @@ def _alike(phrase: str, said: set[str]) -> float:
     return len(own & said) / len(own) if own else 0.0
 
 
-def completed(graph: SocialGraph, ways: Iterable[Way]) -> SocialGraph:
+def completed(graph: SocialGraph, ways: Iterable[RouteDescription]) -> SocialGraph:
     """The graph with what its entries, exits, turns and ties entail of one another (SEMANTICS 2).
 
     Nothing is changed that is told, and nothing added where several ways are left.
@@ -254,7 +254,7 @@ def completed(graph: SocialGraph, ways: Iterable[Way]) -> SocialGraph:
     return graph.model_copy(update={"agents": done})
 
 
-def _complete(agent: AgentNode, ways: Sequence[Way]) -> AgentNode:
+def _complete(agent: AgentNode, ways: Sequence[RouteDescription]) -> AgentNode:
     told = {field: getattr(agent, field) for field in _FIELDS}
     if agent.type == "pedestrian" and told["crosswalk"] and told["movement"] is None:
         told["movement"] = "crossing"
@@ -296,7 +296,11 @@ def _side_of(edge: RelationEdge) -> EntrySide | None:
 
 
 def _tie(
-    agents: dict[str, AgentNode], name: str, other: str, side: EntrySide, ways: Sequence[Way]
+    agents: dict[str, AgentNode],
+    name: str,
+    other: str,
+    side: EntrySide,
+    ways: Sequence[RouteDescription],
 ) -> None:
     """The entry of either from that of the other, where but one leg is left."""
     legs = dict.fromkeys(way.entry for way in ways if way.type == "vehicle")

@@ -17,7 +17,7 @@ from scenewright.nodes.wording import (
     worded,
 )
 from scenewright.scene.relations import Pattern
-from scenewright.scene.ways import Way
+from scenewright.scene.route_table import RouteDescription
 
 _PHRASES = 2
 _OR_REFUSE = "\nIf the request itself fixes what was refused, answer refused: impossible."
@@ -50,7 +50,7 @@ _TIMES = (
 def worded_plan(
     instruction: str,
     previous: str | None,
-    ways: Sequence[Way],
+    ways: Sequence[RouteDescription],
     *,
     left_hand: bool = False,
     rejections: Sequence[str] = (),
@@ -84,7 +84,7 @@ def _as_asked(answer: Mapping[str, Any]) -> dict[str, Any]:
     return {**answer, **({"agents": told} if told else {})}
 
 
-def ways_told(ways: Sequence[Way]) -> str:
+def ways_told(ways: Sequence[RouteDescription]) -> str:
     """Vehicles' ways by entry: "north (left east, straight south)"; every leg is there."""
     legs = dict.fromkeys(side for way in ways for side in (way.entry, way.exit))
     by_entry: dict[str, list[str]] = {leg: [] for leg in legs}
@@ -96,14 +96,14 @@ def ways_told(ways: Sequence[Way]) -> str:
     return ", ".join(f"{leg} ({', '.join(found) or 'none'})" for leg, found in by_entry.items())
 
 
-def _uturns_told(ways: Sequence[Way]) -> str:
+def _uturns_told(ways: Sequence[RouteDescription]) -> str:
     """Where vehicles may turn round, if anywhere."""
     legs = {side for way in ways for side in (way.entry, way.exit)}
     turns = [way.entry for way in ways if way.movement == "uturn"]
     return f"; uturn {_legs_told(turns, legs)}" if turns else ""
 
 
-def crosswalks_told(ways: Sequence[Way]) -> str:
+def crosswalks_told(ways: Sequence[RouteDescription]) -> str:
     """The legs that have one."""
     legs = {side for way in ways for side in (way.entry, way.exit)}
     found = [way.crosswalk for way in ways if way.crosswalk is not None]

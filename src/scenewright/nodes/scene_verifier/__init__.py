@@ -14,7 +14,7 @@ from scenewright.nodes.scene_verifier.braking import find_wrong_braker
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.events import Finding, Proof
-from scenewright.scene.pins import Pins
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.selection import Selection
@@ -34,7 +34,7 @@ class VerifierReads(TypedDict):
     summary: EventSummary
     behavior: BehaviorProgram
     refined: Tracks
-    pinned: Pins | None
+    pinned: FrozenAgents | None
 
 
 class VerifierWrites(TypedDict):
@@ -54,7 +54,7 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
         state["selection"],
         state["behavior"],
         state["refined"],
-        on=context.intersection,
+        intersection_map=context.intersection,
         seed=context.seed,
         pins=state.get("pinned"),
     )
@@ -77,7 +77,7 @@ def _repairable(found: Rejection, state: VerifierReads) -> bool:
     """
     bound = {name for edge in state["social_graph"].relations for name in (edge.from_, edge.to)}
     concerns = not found.agents or not bound.isdisjoint(found.agents)
-    return concerns and not state["behavior"].as_suggested(state["summary"])
+    return concerns and not state["behavior"].is_as_suggested(state["summary"])
 
 
 def with_events(scene: SceneRecord, proof: Proof) -> SceneRecord:

@@ -10,9 +10,9 @@ from scenewright.scene.account import number_agents
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
-from scenewright.scene.grounding import Cast, CastPattern
+from scenewright.scene.frozen_agents import FrozenAgents
+from scenewright.scene.grounding import AssignedPattern, RoleAssignment
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.pins import Pins
 from scenewright.scene.record import (
     AgentRecord,
     RelationRecord,
@@ -22,11 +22,11 @@ from scenewright.scene.record import (
     SignalRecord,
     TieRecord,
 )
-from scenewright.scene.relations import pattern_named
+from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.social import RelationEdge, SocialGraph
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.signals import SignalClock, plan_records
+from scenewright.tools.map_grounding.signal_plan import SignalClock, plan_records
 
 
 def assemble(
@@ -37,9 +37,9 @@ def assemble(
     behavior: BehaviorProgram,
     tracks: Tracks,
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     seed: int,
-    pins: Pins | None = None,
+    pins: FrozenAgents | None = None,
 ) -> SceneRecord:
     """The scene without its events, which only the checker may write.
 
@@ -53,7 +53,9 @@ def assemble(
         _agent(numbers[name], selection.agents[name], tracks[name], behavior) for name in numbers
     )
     return SceneRecord(
-        meta=_meta(instruction, graph, pool, selection, on=on, seed=seed),
+        meta=_meta(
+            instruction, graph, pool, selection, intersection_map=intersection_map, seed=seed
+        ),
         agents=agents,
         events=(),
         relations=_relations(graph, pool.cast, numbers),
@@ -61,7 +63,7 @@ def assemble(
             TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
             for each in graph.ties
         ),
-        signals=_signals(selection, on),
+        signals=_signals(selection, intersection_map),
         said=number_agents(graph.said, numbers),
     )
 
@@ -72,16 +74,16 @@ def _meta(
     pool: CandidateSet,
     selection: Selection,
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     seed: int,
 ) -> SceneMeta:
     minutes = round(pool.hour * 60) % 1440
     return SceneMeta(
-        scene_id=scene_id(instruction, on.name, seed),
-        map_id=on.map_id,
+        scene_id=scene_id(instruction, intersection_map.name, seed),
+        map_id=intersection_map.map_id,
         timestamp=minutes * 60.0,
         user_prompt=instruction,
-        intersection=on.name,
+        intersection=intersection_map.name,
         step=STEP,
         duration=selection.duration,
         time_of_day=f"{minutes // 60:02d}:{minutes % 60:02d}",
@@ -139,7 +141,7 @@ def _point(xy: FloatArray) -> Point:
 
 
 def _relations(
-    graph: SocialGraph, cast: Cast, numbers: dict[str, int]
+    graph: SocialGraph, cast: RoleAssignment, numbers: dict[str, int]
 ) -> tuple[RelationRecord, ...]:
     """What was asked for, and what the file of the pattern that plays it demands besides."""
     played = {each.edge: each for each in cast.patterns}
@@ -161,9 +163,11 @@ def _relations(
     )
 
 
-def _demands(edge: RelationEdge, played: CastPattern, numbers: dict[str, int]) -> dict[str, Any]:
+def _demands(
+    edge: RelationEdge, played: AssignedPattern, numbers: dict[str, int]
+) -> dict[str, Any]:
     """What the relation's file wants to see; the text may ask for more, or for other figures."""
-    pattern = pattern_named(played.pattern)
+    pattern = get_pattern(played.pattern)
     roles = {"from": numbers[played.from_], "to": numbers[played.to]}
     brakes = edge.target_ttc is not None or edge.cause == "late_brake"
     severe = brakes or edge.target_pet is not None
@@ -192,8 +196,8 @@ def _culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) ->
     return found[0] if len(found) == 1 else None
 
 
-def _signals(selection: Selection, on: IntersectionMap) -> tuple[SignalRecord, ...]:
-    if on.signals is None or selection.signal_offset is None:
+def _signals(selection: Selection, intersection_map: IntersectionMap) -> tuple[SignalRecord, ...]:
+    if intersection_map.signals is None or selection.signal_offset is None:
         return ()
-    clock = SignalClock(on.signals, selection.signal_offset)
-    return plan_records(clock, on=on, until=selection.duration)
+    clock = SignalClock(intersection_map.signals, selection.signal_offset)
+    return plan_records(clock, intersection_map=intersection_map, until=selection.duration)

@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, NotRequired, TypedDict
 
 from langgraph.runtime import Runtime
 
+from scenewright.geometry.driving_profile import Motion, sample_track
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.trajectory_refiner.guides import guides_of
 from scenewright.scene.base import FloatArray
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
-from scenewright.scene.pins import Pins
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.refinement import AgentRefinement, Refinement
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import Selection
 from scenewright.scene.track import Track
 from scenewright.tools.segment_editor import edited_motion
-from scenewright.tools.time_law import Motion, track_of
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.guided import Guide
@@ -43,7 +43,7 @@ class RefinerReads(TypedDict):
     selection: Selection
     summary: EventSummary
     behavior: BehaviorProgram
-    pinned: Pins | None
+    pinned: FrozenAgents | None
     rejections: list[Rejection]
     refused: NotRequired[Rejection | None]
     rolled: NotRequired[Mapping[str, FloatArray]]
@@ -107,7 +107,7 @@ def _edited(state: RefinerReads) -> tuple[dict[str, Motion], dict[str, Track]]:
 
 def _track(name: str, motion: Motion, state: RefinerReads) -> Track | None:
     selection = state["selection"]
-    return track_of(motion, enters=selection.agents[name].enters, until=selection.duration)
+    return sample_track(motion, enters=selection.agents[name].enters, until=selection.duration)
 
 
 def _with_earlier(tracks: Tracks, state: RefinerReads) -> Tracks:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection
 from scenewright.scene.track import STEP
-from scenewright.tools.time_law import Motion
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.guided import Guide

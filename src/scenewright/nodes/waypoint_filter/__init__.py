@@ -18,11 +18,11 @@ from scenewright.nodes.waypoint_filter.reply import (
 from scenewright.nodes.waypoint_filter.wording import worded_program
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
-from scenewright.scene.pins import Pins
+from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.dsl_validator.select import select
+from scenewright.tools.solver.select import select
 
 _STRICT_ATTEMPTS = 4
 
@@ -33,7 +33,7 @@ class FilterReads(TypedDict):
     instruction: str
     social_graph: SocialGraph
     candidates: CandidateSet
-    pinned: Pins | None
+    pinned: FrozenAgents | None
     rejections: list[Rejection]
 
 

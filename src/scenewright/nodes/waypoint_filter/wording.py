@@ -15,7 +15,7 @@ from scenewright.nodes.wording import (
     traffic_told,
     worded,
 )
-from scenewright.scene.relations import pattern_named
+from scenewright.scene.relations import get_pattern
 
 _MEANS = {
     "min_length": "the path is that long",
@@ -69,7 +69,7 @@ def worded_program(
 def _relation(relation: Mapping[str, Any]) -> dict[str, Any]:
     severity = {key: relation[key] for key in _SEVERITY if relation.get(key) is not None}
     wants = wanted_by(
-        pattern_named(relation["pattern"]),
+        get_pattern(relation["pattern"]),
         from_=relation["from"],
         to=relation["to"],
         striker=relation["striker"],

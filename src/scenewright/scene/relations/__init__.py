@@ -37,7 +37,7 @@ _FIELDS: dict[str, frozenset[str]] = {
 }
 
 
-def patterns() -> tuple[Pattern, ...]:
+def load_patterns() -> tuple[Pattern, ...]:
     """Every pattern, shipped or in the folder that SCENEWRIGHT_RELATIONS names, ordered by id.
 
     The files of a folder are read once, and the tuple is the same one from then on.
@@ -53,15 +53,15 @@ def _without_files(own: str | None) -> tuple[Pattern, ...]:
     return tuple(pattern for _, pattern in _patterns(own))
 
 
-def pattern_named(name: str) -> Pattern:
+def get_pattern(name: str) -> Pattern:
     """The pattern with this id; KeyError if there is none."""
-    for pattern in patterns():
+    for pattern in load_patterns():
         if pattern.id == name:
             return pattern
     raise KeyError(name)
 
 
-def file_of(pattern: Pattern) -> str:
+def get_pattern_file(pattern: Pattern) -> str:
     """The name of the file that holds a loaded pattern; KeyError if none does."""
     for name, each in _patterns(os.environ.get("SCENEWRIGHT_RELATIONS")):
         if each is pattern:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenewright.geometry.landmarks import Landmarks
+from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import (
     MinLength,
@@ -15,8 +17,6 @@ from scenewright.scene.constraints import (
     UnaryClause,
 )
 from scenewright.scene.rejection import Rejection
-from scenewright.tools.ground import Ground
-from scenewright.tools.landmarks import Landmarks
 
 _ON_ROAD, _ON_WALKABLE = 0.995, 0.999
 """Stricter than the 98 % of SEMANTICS section 5: a standstill weighs a spot many times, most of
@@ -26,7 +26,7 @@ _JUNCTION_RADIUS = 6.0
 
 
 def check(
-    candidate: Candidate, clause: UnaryClause, *, marks: Landmarks, ground: Ground
+    candidate: Candidate, clause: UnaryClause, *, marks: Landmarks, ground: MapAreas
 ) -> tuple[Rejection, ...]:
     """Empty if the candidate satisfies the clause, else why it does not."""
     problem = _problem(candidate, clause, marks, ground)
@@ -43,7 +43,7 @@ def check(
 
 
 def _problem(
-    candidate: Candidate, clause: UnaryClause, marks: Landmarks, ground: Ground
+    candidate: Candidate, clause: UnaryClause, marks: Landmarks, ground: MapAreas
 ) -> str | None:
     xy = candidate.path.xy
     match clause:

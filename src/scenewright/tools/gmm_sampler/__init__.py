@@ -5,8 +5,8 @@ At run time only numpy is needed; fitting and the corpus load scikit-learn, shap
 
 from scenewright.tools.gmm_sampler.priors import (
     CountPrior,
+    DrivingProfilePrior,
     Priors,
-    TimeLawPrior,
     WaypointPrior,
     load_priors,
 )
@@ -18,21 +18,24 @@ from scenewright.tools.gmm_sampler.sample import (
     waypoint_nll,
 )
 from scenewright.tools.gmm_sampler.spline import paths_of, spline_path
-from scenewright.tools.gmm_sampler.time_law_prior import sample_time_laws, time_law_nll
+from scenewright.tools.gmm_sampler.time_law_prior import (
+    compute_profile_nll,
+    sample_driving_profiles,
+)
 
 __all__ = [
     "CountPrior",
+    "DrivingProfilePrior",
     "Priors",
-    "TimeLawPrior",
     "WaypointPrior",
+    "compute_profile_nll",
     "count_nll",
     "load_priors",
     "paths_of",
     "sample_count",
-    "sample_time_laws",
+    "sample_driving_profiles",
     "sample_waypoints",
     "spline_path",
-    "time_law_nll",
     "total_mass",
     "waypoint_nll",
 ]

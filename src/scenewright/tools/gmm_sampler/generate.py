@@ -13,10 +13,10 @@ from typing import Any, Literal
 import numpy as np
 
 from scenewright.scene.base import AgentClass
-from scenewright.scene.candidates import AgentDraws, Candidate, CandidateSet, Draws
-from scenewright.scene.grounding import Cast, Grounding
+from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet, DrawnWaypoints
+from scenewright.scene.grounding import Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.scene.relations import pattern_named
+from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
 from scenewright.tools.gmm_sampler.maneuver import drift
@@ -27,7 +27,10 @@ from scenewright.tools.gmm_sampler.sample import (
     sample_waypoints,
 )
 from scenewright.tools.gmm_sampler.spline import path_of
-from scenewright.tools.gmm_sampler.time_law_prior import sample_time_laws, time_law_nll
+from scenewright.tools.gmm_sampler.time_law_prior import (
+    compute_profile_nll,
+    sample_driving_profiles,
+)
 
 DENSITIES: dict[str, tuple[int, int]] = {"low": (1, 4), "medium": (5, 10), "high": (11, 20)}
 """Background agents by density word (SEMANTICS section 5)."""
@@ -64,12 +67,12 @@ def cast_foreground(
     grounding: Grounding,
     priors: Priors,
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     hour: float,
     rng: np.random.Generator,
-) -> Cast:
+) -> RoleAssignment:
     """Routes and patterns of the foreground; no red light is run where that can be avoided."""
-    from scenewright.tools.map_grounding import at_odds, casts
+    from scenewright.tools.map_grounding.grounding import at_odds, casts
 
     weights = {
         route.id: math.sqrt(_rate(priors, route, hour)) + 1e-3
@@ -80,20 +83,26 @@ def cast_foreground(
     def weight(route: Route) -> float:
         return weights[route.id]
 
-    drawn = [next(casts(graph, grounding, on=on, rng=rng, weight=weight)) for _ in range(_CASTS)]
-    return min(drawn, key=lambda cast: (at_odds(cast, on=on), len(_violators(cast))))
+    drawn = [
+        next(casts(graph, grounding, intersection_map=intersection_map, rng=rng, weight=weight))
+        for _ in range(_CASTS)
+    ]
+    return min(
+        drawn,
+        key=lambda cast: (at_odds(cast, intersection_map=intersection_map), len(_violators(cast))),
+    )
 
 
-def _violators(cast: Cast) -> set[str]:
+def _violators(cast: RoleAssignment) -> set[str]:
     return {each.violator for each in cast.patterns if each.violator is not None}
 
 
 def amplify(
     graph: SocialGraph,
-    cast: Cast,
+    cast: RoleAssignment,
     priors: Priors,
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     hour: float,
     size: int,
     rng: np.random.Generator,
@@ -114,10 +123,12 @@ def amplify(
     counts = background_counts(graph, priors, hour=hour, rng=rng)
     for kind, count in counts.items():
         names = _names(graph, kind, count + _spares(count))
-        routes = _background_routes(kind, len(names), priors, on=on, hour=hour, rng=rng)
+        routes = _background_routes(
+            kind, len(names), priors, intersection_map=intersection_map, hour=hour, rng=rng
+        )
         arrivals = _arrivals(len(names), rng)
         if kind == "vehicle":
-            _queued(routes, arrivals, priors, on=on, hour=hour, rng=rng)
+            _queued(routes, arrivals, priors, intersection_map=intersection_map, hour=hour, rng=rng)
         routes, arrivals = _in_order(routes, arrivals, count)
         for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
             agents[name] = _draws(
@@ -166,15 +177,15 @@ def _draws(
     arrival: float | None = None,
     *,
     spare: bool = False,
-) -> AgentDraws:
+) -> AgentCandidates:
     """What the priors offer, with a random generator of the agent's own: drawn on demand."""
     seed: Any = rng.bit_generator.seed_seq
     [own] = seed.spawn(1)
     subtype, shape = _shape(route, subtype, priors, rng)
     prior = priors.waypoints[route.id]
-    made: list[Draws] = []
+    made: list[DrawnWaypoints] = []
 
-    def draw() -> Draws:
+    def draw() -> DrawnWaypoints:
         if not made:
             made.append(_drawn(prior, priors, np.random.default_rng(own), size))
         return made[0]
@@ -182,12 +193,14 @@ def _draws(
     return _offered(name, role, route, subtype, shape, draw, prior, arrival, spare=spare)
 
 
-def _drawn(prior: WaypointPrior, priors: Priors, rng: np.random.Generator, size: int) -> Draws:
+def _drawn(
+    prior: WaypointPrior, priors: Priors, rng: np.random.Generator, size: int
+) -> DrawnWaypoints:
     waypoints = sample_waypoints(prior, rng, size=size)
-    laws = sample_time_laws(priors, prior.route, rng, size=size)
-    time_nll = time_law_nll(priors, prior.route, laws)
+    laws = sample_driving_profiles(priors, prior.route, rng, size=size)
+    time_nll = compute_profile_nll(priors, prior.route, laws)
     nll, component = nll_and_component(prior, waypoints)
-    return Draws(waypoints, nll, component, tuple(laws), time_nll)
+    return DrawnWaypoints(waypoints, nll, component, tuple(laws), time_nll)
 
 
 def _offered(
@@ -196,12 +209,12 @@ def _offered(
     route: Route,
     subtype: str | None,
     shape: Shape,
-    draw: Callable[[], Draws],
+    draw: Callable[[], DrawnWaypoints],
     prior: WaypointPrior,
     arrival: float | None = None,
     *,
     spare: bool = False,
-) -> AgentDraws:
+) -> AgentCandidates:
     """The draws and how to make candidates of them."""
 
     def build(m: int) -> Candidate:
@@ -218,21 +231,21 @@ def _offered(
         )
 
     chance = None if arrival is None else arrival / _SECONDS
-    return AgentDraws(
+    return AgentCandidates(
         name, role, route, shape, subtype, draw, build, arrival, chance, spare
     )  # fmt: skip
 
 
 def _maneuvers(
-    agents: dict[str, AgentDraws],
-    cast: Cast,
+    agents: dict[str, AgentCandidates],
+    cast: RoleAssignment,
     priors: Priors,
     *,
     rng: np.random.Generator,
 ) -> None:
     """Lane changes and drifts over the centre line: waypoints that lead onto another's way."""
     for played in cast.patterns:
-        geometry = pattern_named(played.pattern).geometry
+        geometry = get_pattern(played.pattern).geometry
         if geometry not in ("lane_change", "opposing"):
             continue
         own, other = agents[played.from_], agents[played.to]
@@ -253,7 +266,7 @@ def _maneuvers(
         )
 
 
-def _same(drawn: Draws) -> Draws:
+def _same(drawn: DrawnWaypoints) -> DrawnWaypoints:
     return drawn
 
 
@@ -274,12 +287,12 @@ def _background_routes(
     count: int,
     priors: Priors,
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     hour: float,
     rng: np.random.Generator,
 ) -> list[Route]:
     """Routes of background agents, drawn by how busy they are at that hour."""
-    routes = [r for r in on.routes if r.type == kind and r.movement != "jaywalking"]
+    routes = [r for r in intersection_map.routes if r.type == kind and r.movement != "jaywalking"]
     rates = np.array([_rate(priors, route, hour) for route in routes]) + 1e-3
     chosen = rng.choice(len(routes), size=count, p=rates / rates.sum())
     return [routes[index] for index in chosen.tolist()]
@@ -290,7 +303,7 @@ def _queued(
     arrivals: list[float],
     priors: Priors,
     *,
-    on: IntersectionMap,
+    intersection_map: IntersectionMap,
     hour: float,
     rng: np.random.Generator,
 ) -> None:
@@ -305,7 +318,11 @@ def _queued(
         if rng.random() >= share:
             continue
         other = int(rng.integers(n))
-        same = [r for r in on.routes if r.type == "vehicle" and r.entry == routes[other].entry]
+        same = [
+            r
+            for r in intersection_map.routes
+            if r.type == "vehicle" and r.entry == routes[other].entry
+        ]
         rates = np.array([_rate(priors, route, hour) for route in same]) + 1e-3
         routes[n] = same[int(rng.choice(len(same), p=rates / rates.sum()))]
         apart = float(rng.uniform(*_BEHIND)) * (1.0 if rng.random() < 0.5 else -1.0)

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import InputError
-from scenewright.intersections import bundle_folder, check_bundle
+from scenewright.intersections import check_bundle, find_bundle_folder
 from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.candidates import K
-from scenewright.scene.manners import Habits
-from scenewright.tools.gmm_sampler.manners import BRISKEST, Paces, load_manners, load_paces
+from scenewright.scene.yielding_behavior import Habits
+from scenewright.tools.gmm_sampler.behavior_files import BRISKEST, Paces, load_manners, load_paces
 
 DIMENSIONS = 2 * K
 FORMAT = 1
@@ -106,7 +106,7 @@ class CountPrior:
 
 
 @dataclass(frozen=True, eq=False)
-class TimeLawPrior:
+class DrivingProfilePrior:
     """How agents move along a path when nothing holds them: independent, bounded lognormals.
 
     Attributes:
@@ -155,7 +155,7 @@ class Priors:
     waypoints: Mapping[str, WaypointPrior]
     counts: tuple[CountPrior, ...]
     instants: tuple[CountPrior, ...]
-    time_laws: Mapping[str, TimeLawPrior]
+    time_laws: Mapping[str, DrivingProfilePrior]
     frequency: Mapping[str, FloatArray]
     subtypes: Mapping[str, Mapping[str, float]]
     manners: Habits = field(default_factory=dict)
@@ -173,7 +173,7 @@ def load_priors(name: str | Path) -> Priors:
     Raises:
         InputError: unknown bundle, none fitted, damaged, or of another format.
     """
-    folder = name if isinstance(name, Path) else bundle_folder(name)
+    folder = name if isinstance(name, Path) else find_bundle_folder(name)
     file = folder / "priors.npz"
     if not file.is_file():
         raise InputError(
@@ -195,12 +195,12 @@ def _load(folder: Path, _changed: int) -> Priors:
     return replace(priors, manners=load_manners(folder), time_laws=laws)
 
 
-def paced(laws: Mapping[str, TimeLawPrior], paces: Paces) -> dict[str, TimeLawPrior]:
+def paced(laws: Mapping[str, DrivingProfilePrior], paces: Paces) -> dict[str, DrivingProfilePrior]:
     """Time laws by route id, setting off and braking as was seen of people."""
     return {route: _paced(law, route, paces) for route, law in laws.items()}
 
 
-def _paced(law: TimeLawPrior, route: str, paces: Paces) -> TimeLawPrior:
+def _paced(law: DrivingProfilePrior, route: str, paces: Paces) -> DrivingProfilePrior:
     kind = cast(AgentClass, route.partition(":")[0])
     if kind not in paces:
         return law
@@ -269,7 +269,9 @@ def _unpack(stored: dict[str, NDArray[np.generic]]) -> Priors:
         counts=_unpack_counts("counts", stored),
         instants=_unpack_counts("instants", stored),
         time_laws={
-            str(route): TimeLawPrior(laws[i, 0], laws[i, 1], laws[i, 2], laws[i, 3], law_tracks[i])
+            str(route): DrivingProfilePrior(
+                laws[i, 0], laws[i, 1], laws[i, 2], laws[i, 3], law_tracks[i]
+            )
             for i, route in enumerate(stored["law_routes"])
         },
         frequency={str(r): frequency[i] for i, r in enumerate(stored["frequency_routes"])},

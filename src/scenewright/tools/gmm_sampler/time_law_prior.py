@@ -11,23 +11,23 @@ import numpy as np
 from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import TimeLaw
-from scenewright.tools.gmm_sampler.priors import LAW_FIELDS, Priors, TimeLawPrior
+from scenewright.scene.candidates import DrivingProfile
+from scenewright.tools.gmm_sampler.priors import LAW_FIELDS, DrivingProfilePrior, Priors
 
 
-def sample_time_laws(
+def sample_driving_profiles(
     priors: Priors, route: str, rng: np.random.Generator, *, size: int
-) -> list[TimeLaw]:
+) -> list[DrivingProfile]:
     """Draw time laws of a route's agents, within the bounds of comfortable motion."""
     prior = _of_route(priors, route)
     low, high = prior.tails
     quantile = low + (high - low) * rng.uniform(size=(size, len(LAW_FIELDS)))
     drawn = prior.median * np.exp(prior.spread * _inverse_normal(quantile))
     drawn = np.minimum(np.maximum(drawn, prior.low), prior.high)
-    return [TimeLaw(*row) for row in drawn.tolist()]
+    return [DrivingProfile(*row) for row in drawn.tolist()]
 
 
-def time_law_nll(priors: Priors, route: str, laws: Sequence[TimeLaw]) -> FloatArray:
+def compute_profile_nll(priors: Priors, route: str, laws: Sequence[DrivingProfile]) -> FloatArray:
     """[m] -log density of time laws [nats]; infinite outside the bounds."""
     prior = _of_route(priors, route)
     values = np.array([_values(law) for law in laws]).reshape(-1, len(LAW_FIELDS))
@@ -58,7 +58,7 @@ def _nll(
     return nll
 
 
-def _of_route(priors: Priors, route: str) -> TimeLawPrior:
+def _of_route(priors: Priors, route: str) -> DrivingProfilePrior:
     if route not in priors.time_laws:
         raise InputError(f"no time law was fitted for route {route!r}")
     return priors.time_laws[route]

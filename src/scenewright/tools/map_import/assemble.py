@@ -25,13 +25,6 @@ from scenewright.scene.map import (
     StopLine,
     VehicleMovement,
 )
-from scenewright.tools.map_builder import (
-    area_of,
-    conflict_zones,
-    pedestrian_route,
-    ring,
-    vehicle_route,
-)
 from scenewright.tools.map_import import areas
 from scenewright.tools.map_import.areas import Section, even, geos, len_of
 from scenewright.tools.map_import.legs import (
@@ -44,6 +37,13 @@ from scenewright.tools.map_import.legs import (
     turn_by_name,
 )
 from scenewright.tools.map_import.lights import programme
+from scenewright.tools.map_import.map_builder import (
+    area_of,
+    conflict_zones,
+    pedestrian_route,
+    ring,
+    vehicle_route,
+)
 from scenewright.tools.map_import.survey import Survey, SurveyLane, SurveyWay
 
 LEAST_EXTENT, MOST_EXTENT = 50.0, 90.0

@@ -30,13 +30,16 @@ TOLERANCES = {
 
 
 def unmet(
-    relation: RelationRecord, event: Event, seen: Observation, on: IntersectionMap | None
+    relation: RelationRecord,
+    event: Event,
+    seen: Observation,
+    intersection_map: IntersectionMap | None,
 ) -> str | None:
     """Why an event of the right type and roles is not what the relation's file demands."""
     return (
         _out_of_bounds(relation, event)
         or _wrong_order(relation, seen)
-        or (_elsewhere(relation, event, seen, on))
+        or (_elsewhere(relation, event, seen, intersection_map))
     )
 
 
@@ -68,16 +71,19 @@ def _wrong_order(relation: RelationRecord, seen: Observation) -> str | None:
 
 
 def _elsewhere(
-    relation: RelationRecord, event: Event, seen: Observation, on: IntersectionMap | None
+    relation: RelationRecord,
+    event: Event,
+    seen: Observation,
+    intersection_map: IntersectionMap | None,
 ) -> str | None:
     zone = relation.zone
-    if zone is None or (zone != "lane" and on is None):
+    if zone is None or (zone != "lane" and intersection_map is None):
         return None
     movers = {mover.id: mover for mover in seen.movers}
     pair = movers[event.from_], movers[event.to]
     inside = _one_way(*pair, time=event.time) if zone == "lane" else False
-    if on is not None and zone != "lane":
-        inside = lies_in(_place(event, *pair), zone, on, on_foot=_walks(*pair))
+    if intersection_map is not None and zone != "lane":
+        inside = lies_in(_place(event, *pair), zone, intersection_map, on_foot=_walks(*pair))
     return None if inside else f"not in the zone demanded ({zone})"
 
 
@@ -85,16 +91,18 @@ def _walks(first: Mover, second: Mover) -> bool:
     return not (first.is_vehicle and second.is_vehicle)
 
 
-def lies_in(place: Point, zone: EventZone, on: IntersectionMap, *, on_foot: bool) -> bool:
+def lies_in(
+    place: Point, zone: EventZone, intersection_map: IntersectionMap, *, on_foot: bool
+) -> bool:
     """Whether a place [m] lies in a zone of the map; `on_foot`: one of the two walks."""
-    ground, point = ground_of(on), geos.Point(place)
+    ground, point = ground_of(intersection_map), geos.Point(place)
     marked = any(each.area.distance(point) <= ON_CROSSWALK for each in ground.crosswalks)
     on_road = bool(ground.road.contains(np.array([place]))[0])
     match zone:
         case "crosswalk":
             return marked
         case "conflict":
-            return on_road and not any(_covers(lane, point) for lane in on.lanelets)
+            return on_road and not any(_covers(lane, point) for lane in intersection_map.lanelets)
         case "roadway":
             return on_road and not (on_foot and marked)
         case "lane":

@@ -56,7 +56,7 @@ class CrosswalkArea:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class GroundRaster:
     """Where vehicles and pedestrians belong: road, walkable (with crosswalks), and both.
 
     Attributes:
@@ -87,10 +87,10 @@ def region(area: Area) -> Region:
     return Region(area, np.array((x[0], y[0])), cells)
 
 
-_prepared: list[tuple[IntersectionMap, Ground]] = []
+_prepared: list[tuple[IntersectionMap, GroundRaster]] = []
 
 
-def ground_of(intersection: IntersectionMap) -> Ground:
+def ground_of(intersection: IntersectionMap) -> GroundRaster:
     """The prepared areas of a map; the last four maps are remembered by identity."""
     for known, ground in _prepared:
         if known is intersection:
@@ -101,7 +101,7 @@ def ground_of(intersection: IntersectionMap) -> Ground:
     walkable = geos.union_all(walkable).buffer(KERB, quad_segs=2)
     routes = {r.id: (r.type, r.entry, r.exit, r.movement, r.crosswalk) for r in intersection.routes}
     goals = tuple((g.type, g.leg, _bounds(g.polygon)) for g in intersection.goal_regions)
-    ground = Ground(
+    ground = GroundRaster(
         region(road), region(walkable), region(road.union(walkable)), walks, routes, goals
     )
     _prepared[:] = [(intersection, ground), *_prepared[:3]]

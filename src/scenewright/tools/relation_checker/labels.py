@@ -92,13 +92,13 @@ def _unlabelled(event: Event) -> Finding:
 
 
 def false_journeys(
-    scene: SceneRecord, movers: Sequence[Mover], on: IntersectionMap
+    scene: SceneRecord, movers: Sequence[Mover], intersection_map: IntersectionMap
 ) -> tuple[Finding, ...]:
     """Agents whose route, entry, exit, movement or goal the map or their track contradicts.
 
     A map without routes says nothing about them.
     """
-    if not on.routes:
+    if not intersection_map.routes:
         return ()
     return tuple(
         Finding(
@@ -106,23 +106,25 @@ def false_journeys(
             detail=f"{agent.type} {agent.id}: {reason}",
         )
         for agent, mover in zip(scene.agents, movers, strict=True)
-        for reason in _misstatements(agent, mover, on)
+        for reason in _misstatements(agent, mover, intersection_map)
     )  # fmt: skip
 
 
-def _misstatements(agent: AgentRecord, mover: Mover, on: IntersectionMap) -> Iterator[str]:
+def _misstatements(
+    agent: AgentRecord, mover: Mover, intersection_map: IntersectionMap
+) -> Iterator[str]:
     said = (agent.type, agent.entry, agent.exit, agent.movement, agent.crosswalk)
-    routes = ground_of(on).routes
+    routes = ground_of(intersection_map).routes
     if agent.route not in routes:
         yield f"the map has no route {agent.route}"
     elif said != routes[agent.route]:
         yield f"its labels are not those of its route {agent.route}"
-    if not _near_goal(agent, on):
+    if not _near_goal(agent, intersection_map):
         yield f"its goal {agent.goal[0]:.0f}, {agent.goal[1]:.0f} is none of its exit"
     if agent.type == "vehicle":
         for word, label, seen in (
-            ("comes from", agent.entry, entry_of(mover, on)),
-            ("leaves to", agent.exit, exit_of(mover, on)),
+            ("comes from", agent.entry, entry_of(mover, intersection_map)),
+            ("leaves to", agent.exit, exit_of(mover, intersection_map)),
         ):
             if seen is not None and seen != label:
                 yield f"it {word} the {seen}, its label says {label}"
@@ -136,13 +138,13 @@ def _walks_back(agent: AgentRecord, mover: Mover) -> bool:
     return way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS
 
 
-def _near_goal(agent: AgentRecord, on: IntersectionMap) -> bool:
+def _near_goal(agent: AgentRecord, intersection_map: IntersectionMap) -> bool:
     """Whether a goal is one of its exit; jaywalkers may be bound for any place beside the road."""
     x, y = agent.goal
     if agent.movement == "jaywalking":
-        return not ground_of(on).road.contains(np.array([(x, y)]))[0]
+        return not ground_of(intersection_map).road.contains(np.array([(x, y)]))[0]
     return any(
         west - GOAL <= x <= east + GOAL and south - GOAL <= y <= north + GOAL
-        for kind, leg, (west, south, east, north) in ground_of(on).goals
+        for kind, leg, (west, south, east, north) in ground_of(intersection_map).goals
         if kind == agent.type and (leg == agent.exit or agent.type == "pedestrian")
     )

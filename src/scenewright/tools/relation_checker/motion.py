@@ -37,6 +37,9 @@ ON_GRID = 1e-4
 FULL_WINDOW = 3
 """Samples at either end of a track that have no full window for the acceleration."""
 
+FARTHEST = 1e8
+"""Positions [m] and headings beyond this are refused."""
+
 
 @dataclass(frozen=True, eq=False)
 class RoadUser:

@@ -9,13 +9,13 @@ the events whose time lies in the span.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from scenewright.errors import InputError
 from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.relation_checker.foreign import ForeignTracks
 from scenewright.tools.relation_checker.motion import RoadUser, as_movers
 from scenewright.tools.relation_checker.observation import find_events
 from scenewright.tools.relation_checker.plausibility import off_ground
@@ -28,8 +28,34 @@ ROOM = 15_000_000
 MOST = 10 * ROOM
 
 
+@dataclass(frozen=True, eq=False)
+class ExternalTracks:
+    """Tracks from a file, ready for the checker.
+
+    Attributes:
+        users: one for each stretch of a track without a gap; ids are numbers of this object.
+        names: id in the file, by id of the user; the stretches of one track share it.
+        subtypes: car, truck, bus, motorcycle, bicycle or pedestrian, by id of the user.
+        step: time between samples [s].
+        origin: time in the file at which the times of the users are 0 [s]; 0 but for clock times.
+        notes: what was assumed, one sentence each.
+    """
+
+    users: tuple[RoadUser, ...]
+    names: Mapping[int, str]
+    subtypes: Mapping[int, str]
+    step: float
+    origin: float = 0.0
+    notes: tuple[str, ...] = ()
+
+    @property
+    def renamed(self) -> frozenset[int]:
+        """Users whose id is not the one in the file."""
+        return frozenset(n for n, name in self.names.items() if str(n) != name)
+
+
 def recorded_events(
-    tracks: ForeignTracks, *, ground: IntersectionMap | None = None
+    tracks: ExternalTracks, *, ground: IntersectionMap | None = None
 ) -> tuple[Event, ...]:
     """Every event in a recording, in order of time; none between two stretches of one track.
 
@@ -48,7 +74,7 @@ def recorded_events(
     return tuple(e for e in found if names[e.from_] != names[e.to])
 
 
-def off_map(tracks: ForeignTracks, intersection: IntersectionMap) -> tuple[Finding, ...]:
+def off_map(tracks: ExternalTracks, intersection: IntersectionMap) -> tuple[Finding, ...]:
     """Agents that spend more than 2 % of their time where their class does not belong."""
     return off_ground(as_movers(tracks.users), intersection, jaywalkers=frozenset())
 

@@ -26,9 +26,8 @@ from scenewright.tools.relation_checker.certificate import (
 from scenewright.tools.relation_checker.collisions import is_at
 from scenewright.tools.relation_checker.conditions import unmet
 from scenewright.tools.relation_checker.entries import misplaced
-from scenewright.tools.relation_checker.foreign import FARTHEST
 from scenewright.tools.relation_checker.labels import false_journeys, false_labels
-from scenewright.tools.relation_checker.motion import Mover, RoadUser
+from scenewright.tools.relation_checker.motion import FARTHEST, Mover, RoadUser
 from scenewright.tools.relation_checker.observation import Observation, observe
 from scenewright.tools.relation_checker.plausibility import (
     Licence,

@@ -12,11 +12,11 @@ import torch
 from scenewright.errors import InputError
 from scenewright.intersections import (
     REFINER_WEIGHTS,
-    bundle_folder,
-    bundle_header,
+    find_bundle_folder,
+    read_bundle_header,
     sign_bundle,
 )
-from scenewright.tools.recordings import Recording
+from scenewright.tools.track_io import Recording
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig, predict
 from scenewright.tools.trajnet_refiner.store import save_refiner
 from scenewright.tools.trajnet_refiner.supervised import (
@@ -121,7 +121,7 @@ def out_folder(name: str, out: str | None) -> Path:
     Raises:
         InputError: no such intersection.
     """
-    folder = bundle_folder(name)
+    folder = find_bundle_folder(name)
     if out is not None:
         return Path(out)
     shipped = folder.is_relative_to(Path(__file__).parents[2])
@@ -174,7 +174,7 @@ def _add(sums: dict[str, float], key: str, value: torch.Tensor) -> None:
 def card(net: Refiner, about: Mapping[str, Any]) -> str:
     """The model card, as Markdown."""
     found, recipe, name = about["figures"], about["recipe"], about["intersection"]
-    licence = bundle_header(bundle_folder(name)).get("licence", "that of the bundle")
+    licence = read_bundle_header(find_bundle_folder(name)).get("licence", "that of the bundle")
     hours = about["hours"]
     rows = "\n".join(_row(kind, found) for kind in reversed(_CLASSES))
     return f"""# Refiner of {name}

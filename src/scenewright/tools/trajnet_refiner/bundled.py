@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from scenewright.errors import InputError
-from scenewright.intersections import REFINER_WEIGHTS, bundle_folder, check_bundle
+from scenewright.intersections import REFINER_WEIGHTS, check_bundle, find_bundle_folder
 from scenewright.tools.trajnet_refiner.model import Refiner
 from scenewright.tools.trajnet_refiner.store import load_refiner
 
@@ -27,7 +27,7 @@ def bundled_refiner(name: str) -> Learned | None:
     Raises:
         InputError: no such bundle, or the file is damaged or not the one that the bundle lists.
     """
-    folder = bundle_folder(name)
+    folder = find_bundle_folder(name)
     file = folder / REFINER_WEIGHTS
     if not file.is_file():
         return None

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from scenewright.scene.base import FloatArray
-from scenewright.tools.recordings import Recording, cut_windows
+from scenewright.tools.track_io import Recording, cut_windows
 from scenewright.tools.trajnet_refiner.model import CLASSES, Scenes
 from scenewright.tools.trajnet_refiner.train import Recipe
 from scenewright.tools.trajnet_refiner.windows import Window, batches

@@ -1,0 +1,255 @@
+"""What edits make of an earlier version: the graph as it shall be, and whom they concern."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from scenewright.authoring.motion_edits import moved_stop, moved_time, waiting
+from scenewright.errors import Rejected
+from scenewright.scene.base import AgentClass
+from scenewright.scene.edits import (
+    AddAgent,
+    ChangeAgent,
+    ChangeContext,
+    ComeLater,
+    Edit,
+    MoveStop,
+    Redraw,
+    Relate,
+    RemoveAgent,
+    SetBackground,
+    SetPace,
+    Unrelate,
+    WaitLonger,
+    apply_edits,
+)
+from scenewright.scene.frozen_agents import PreviousVersion
+from scenewright.scene.grounding import Grounding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.selection import SelectedAgent
+from scenewright.scene.social import SocialGraph
+from scenewright.tools.gmm_sampler.frozen_agents import paced
+from scenewright.tools.gmm_sampler.generate import DENSITIES
+from scenewright.tools.map_grounding.grounding import ground
+
+
+@dataclass(frozen=True, eq=False)
+class Revision:
+    """What edits make of an earlier version.
+
+    Attributes:
+        graph: the social graph now; before: as it was.
+        named: the agents that the edits speak of; touched: those that must be solved anew.
+        amended: those changed by hand, as they shall be.
+        other: the second agents of relations that changed: if the first cannot serve, these may.
+        pace: share of the free speed, by name.
+        by_hand: those of the amended whose stop or time was told, and stays as told.
+        redrawn: who is to take another path; anew: everybody is.
+    """
+
+    earlier: PreviousVersion
+    before: SocialGraph
+    graph: SocialGraph
+    grounding: Grounding
+    background: Mapping[AgentClass, int]
+    hour: float
+    named: frozenset[str]
+    touched: frozenset[str]
+    amended: Mapping[str, SelectedAgent] = field(default_factory=dict)
+    other: frozenset[str] = frozenset()
+    pace: Mapping[str, float] = field(default_factory=dict)
+    by_hand: frozenset[str] = frozenset()
+    redrawn: frozenset[str] = frozenset()
+    anew: bool = False
+
+    @property
+    def present(self) -> dict[str, SelectedAgent]:
+        """Earlier agents that are still there, as they were or as amended."""
+        foreground = {each.id for each in self.graph.agents}
+        once = {each.id for each in self.before.agents}
+        room = dict(self.background)
+        found: dict[str, SelectedAgent] = {}
+        for name, each in self.earlier.agents.items():
+            if name in foreground:
+                found[name] = self.amended.get(name, each.agent)
+            elif name not in once and name not in self.named - self.amended.keys():
+                kind = each.agent.candidate.route.type
+                room[kind] -= 1
+                if room[kind] >= 0:
+                    found[name] = self.amended.get(name, each.agent)
+        return found
+
+
+def revised(
+    earlier: PreviousVersion,
+    before: SocialGraph,
+    edits: tuple[Edit, ...],
+    *,
+    intersection_map: IntersectionMap,
+    pace: Mapping[str, float],
+) -> Revision:
+    """What the edits make of a version.
+
+    Raises:
+        Rejected: an edit cannot be, or the map cannot serve the graph.
+    """
+    graph = apply_edits(before, edits)
+    grounding = ground(graph, intersection_map=intersection_map)
+    amended, paces = _amended(earlier, edits, pace)
+    touched, other = _touched(before, graph, edits)
+    return Revision(
+        earlier=earlier,
+        before=before,
+        graph=graph,
+        grounding=grounding,
+        background=_background(earlier, before, graph, edits),
+        hour=_hour(earlier, edits),
+        named=frozenset(_named(edits)),
+        touched=touched,
+        amended=amended,
+        other=other,
+        pace=paces,
+        by_hand=frozenset(
+            each.agent for each in edits if isinstance(each, MoveStop | WaitLonger | ComeLater)
+        ),
+        redrawn=frozenset(e.agent for e in edits if isinstance(e, Redraw) and e.agent is not None),
+        anew=any(isinstance(each, Redraw) and each.agent is None for each in edits),
+    )
+
+
+def _touched(
+    before: SocialGraph, graph: SocialGraph, edits: tuple[Edit, ...]
+) -> tuple[frozenset[str], frozenset[str]]:
+    """Who must be solved anew, and the other ends of relations that changed."""
+    touched, other = set(), set()
+    for edit in edits:
+        match edit:
+            case ChangeAgent(node=node) | AddAgent(node=node):
+                touched.add(node.id)
+            case Relate(edge=edge):
+                touched.add(edge.from_)
+                other.add(edge.to)
+            case SetPace(agent=name) | Redraw(agent=str(name)):
+                touched.add(name)
+            case ComeLater(agent=name):
+                for edge in graph.relations:
+                    if name in (edge.from_, edge.to):
+                        touched.add(edge.to if name == edge.from_ else edge.from_)
+            case Unrelate() | RemoveAgent():
+                pass
+    new = {each.id for each in graph.agents} - {each.id for each in before.agents}
+    # Where somebody is new, it is the one that comes to the other.
+    if touched & new:
+        stay = {name for name in touched - new if not _is_changed(name, before, graph)}
+        touched, other = touched - stay, (other | stay) - new
+    foreground = {each.id for each in graph.agents}
+    return frozenset(touched & foreground), frozenset((other - touched) & foreground)
+
+
+def _is_changed(name: str, before: SocialGraph, graph: SocialGraph) -> bool:
+    return before.agent(name) != graph.agent(name)
+
+
+def _named(edits: tuple[Edit, ...]) -> set[str]:
+    """Whom the edits speak of."""
+    names: set[str] = set()
+    for edit in edits:
+        match edit:
+            case ChangeAgent(node=node) | AddAgent(node=node):
+                names.add(node.id)
+            case Relate(edge=edge):
+                names |= {edge.from_, edge.to}
+            case Unrelate(first=first, second=second):
+                names |= {first, second}
+            case RemoveAgent() | SetPace() | MoveStop() | WaitLonger() | ComeLater():
+                names.add(edit.agent)
+            case Redraw(agent=str(name)):
+                names.add(name)
+    return names
+
+
+def _amended(
+    earlier: PreviousVersion, edits: tuple[Edit, ...], pace: Mapping[str, float]
+) -> tuple[dict[str, SelectedAgent], dict[str, float]]:
+    """Agents changed by hand, and everybody's pace."""
+    amended: dict[str, SelectedAgent] = {}
+    paces = dict(pace)
+    for edit in edits:
+        if not isinstance(edit, MoveStop | WaitLonger | ComeLater | SetPace):
+            continue
+        if edit.agent not in earlier.agents:
+            raise _refused(edit.agent, "is not in the scene")
+        agent = amended.get(edit.agent, earlier.agents[edit.agent].agent)
+        match edit:
+            case MoveStop(metres=metres):
+                amended[edit.agent] = moved_stop(agent, metres)
+            case WaitLonger(seconds=seconds):
+                amended[edit.agent] = waiting(agent, seconds)
+            case ComeLater(seconds=seconds):
+                amended[edit.agent] = moved_time(agent, seconds)
+            case SetPace(factor=factor):
+                paces[edit.agent] = paces.get(edit.agent, 1.0) * factor
+                law = paced(agent.candidate.time_law, factor)
+                amended[edit.agent] = replace(
+                    agent, candidate=replace(agent.candidate, time_law=law)
+                )
+    return amended, paces
+
+
+def _background(
+    earlier: PreviousVersion, before: SocialGraph, graph: SocialGraph, edits: tuple[Edit, ...]
+) -> dict[AgentClass, int]:
+    """How many of each class: as they were, but where an edit says otherwise."""
+    once = {each.id for each in before.agents}
+    here = [each.agent for name, each in earlier.agents.items() if name not in once]
+    counts: dict[AgentClass, int] = {
+        kind: sum(agent.candidate.route.type == kind for agent in here)
+        for kind in ("vehicle", "pedestrian")
+    }
+    for edit in edits:
+        if isinstance(edit, RemoveAgent) and edit.agent not in once:
+            counts["vehicle" if edit.agent.startswith("vehicle") else "pedestrian"] -= 1
+        if isinstance(edit, SetBackground):
+            counts["vehicle"] = counts["vehicle"] if edit.vehicles is None else edit.vehicles
+            told = edit.pedestrians
+            counts["pedestrian"] = counts["pedestrian"] if told is None else told
+        if isinstance(edit, ChangeContext) and edit.density != before.context.density:
+            counts = _as_dense(counts, graph)
+    return {kind: max(count, 0) for kind, count in counts.items()}
+
+
+def _as_dense(counts: dict[AgentClass, int], graph: SocialGraph) -> dict[AgentClass, int]:
+    """The numbers moved into the range that the density word stands for, vehicles first."""
+    if graph.context.density is None:
+        return counts
+    low, high = DENSITIES[graph.context.density]
+    total = sum(counts.values())
+    missing = max(low + (high - low) // 3 - total, 0) if total < low else min(high - total, 0)
+    vehicles = max(counts["vehicle"] + round(0.7 * missing), 0)
+    return {"vehicle": vehicles, "pedestrian": max(total + missing - vehicles, 0)}
+
+
+def _hour(earlier: PreviousVersion, edits: tuple[Edit, ...]) -> float:
+    """The time of day as told; as it was, if that is within what is told."""
+    told = [each.time_of_day for each in edits if isinstance(each, ChangeContext)]
+    if not told or told[-1] is None:
+        return earlier.hour
+    start, _, end = told[-1].partition("-")
+    first, last = _clock(start), _clock(end or start)
+    within = (earlier.hour - first) % 24.0 <= (last - first) % 24.0
+    return earlier.hour if within else first
+
+
+def _clock(text: str) -> float:
+    hours, minutes = text.split(":")
+    return int(hours) + int(minutes) / 60.0
+
+
+def _refused(name: str, what: str) -> Rejected:
+    return Rejected(
+        Rejection(
+            stage="scene_planner", code="contradictory", agents=(name,), detail=f"{name} {what}"
+        )
+    )

@@ -1,0 +1,129 @@
+"""Changes to one agent's motion by hand: where it stands, how long, when it comes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from scenewright.errors import Rejected
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.selection import SelectedAgent, Stop
+
+_LEAST_STAND = 1.6
+"""A standstill lasts at least so long [s], its smoothed ends included."""
+
+
+def moved_stop(agent: SelectedAgent, metres: float) -> SelectedAgent:
+    """The agent standing that much further along its path; Rejected if it stands nowhere."""
+    stop = _its_stop(agent)
+    s = stop.s + metres
+    if not 2.0 < s < agent.candidate.path.length - 1.0:
+        raise _refused(agent, f"has no room to stop {metres:+g} m from where it does")
+    others = tuple(each for each in agent.stops if each is not stop)
+    holds = tuple(StopCommand(each.s, each.until - agent.enters, each.braking) for each in others)
+    stands = (
+        compute_arrival(agent.candidate, StopCommand(s, 0.0, stop.braking), holds) + agent.enters
+    )
+    ahead = None if stop.ahead is None else stop.ahead - metres
+    moved = replace(
+        stop,
+        anchor="yield_point",
+        s=s,
+        start=stands,
+        until=max(stop.until, stands + _LEAST_STAND),
+        ahead=ahead,
+    )
+    return replace(agent, stops=_in_order(*others, moved))
+
+
+def waiting(agent: SelectedAgent, seconds: float) -> SelectedAgent:
+    """The agent standing that much longer; Rejected if it stands nowhere or would not stand.
+
+    Who slows down without standing stands so long where it was slowest.
+    """
+    rolling = _only_slows(agent)
+    if rolling is not None and seconds > 0.0:
+        return _halted(agent, rolling, seconds)
+    stop = _its_stop(agent)
+    until = stop.until + seconds
+    if until < stop.start + _LEAST_STAND:
+        raise _refused(agent, f"stands for {stop.until - stop.start:.1f} s, which leaves nothing")
+    others = tuple(each for each in agent.stops if each is not stop)
+    return replace(agent, stops=_in_order(*others, replace(stop, until=until)))
+
+
+def moved_time(agent: SelectedAgent, seconds: float) -> SelectedAgent:
+    """The agent doing the same that much later, to the step.
+
+    When its light turns green is not its own: who came from a red light then comes on green.
+    """
+    seconds = round(seconds, 1)
+    if agent.role == "foreground" and any(stop.at_red for stop in agent.stops):
+        return moved_time(_without_light(agent), seconds)
+    stops = tuple(
+        replace(each, start=each.start + seconds, until=each.until + seconds)
+        for each in agent.stops
+    )
+    contact = None if agent.contact is None else agent.contact + seconds
+    return replace(agent, enters=round(agent.enters + seconds, 1), stops=stops, contact=contact)
+
+
+def _without_light(agent: SelectedAgent) -> SelectedAgent:
+    """The agent without its wait at red, as late as before where it gives way, or at its line."""
+    stops = tuple(stop for stop in agent.stops if not stop.at_red)
+    last = stops[0] if stops else agent.stops[-1]
+    reaches = compute_arrival(agent.candidate, StopCommand(last.s, 0.0, last.braking))
+    at = last.start if stops else last.until
+    return replace(agent, enters=round(at - reaches, 1), stops=stops)
+
+
+def _halted(agent: SelectedAgent, rolling: Stop, seconds: float) -> SelectedAgent:
+    """Who slows down standing that long instead, at the same place."""
+    others = tuple(each for each in agent.stops if each is not rolling)
+    holds = tuple(StopCommand(each.s, each.until - agent.enters, each.braking) for each in others)
+    stands = compute_arrival(agent.candidate, StopCommand(rolling.s, 0.0), holds) + agent.enters
+    until = stands + max(seconds, _LEAST_STAND)
+    stop = replace(rolling, start=stands, until=until, speed=0.0)
+    return replace(agent, stops=_in_order(*others, stop))
+
+
+def _its_stop(agent: SelectedAgent) -> Stop:
+    """Where it gives way; else, of the others, where they stand at all."""
+    stops = [each for each in agent.stands if each.reason == "gives_way"] or agent.stands
+    rolling = _only_slows(agent)
+    if rolling is not None:
+        raise _refused(agent, _slows(rolling))
+    if not stops:
+        but = " but at its light" if agent.stops else ""
+        raise _refused(agent, f"gives way to nobody and stands nowhere in this scene{but}")
+    return stops[0]
+
+
+def _only_slows(agent: SelectedAgent) -> Stop | None:
+    """Where who gives way without standing for it is slowest; None for everybody else."""
+    yields = [each for each in agent.stops if each.reason == "gives_way"]
+    return yields[0] if yields and all(each.rolls for each in yields) else None
+
+
+def _slows(rolling: Stop) -> str:
+    """What who gives way without standing does, and what may be said instead."""
+    where = "" if rolling.ahead is None else f", {rolling.ahead:.1f} m before the other's way"
+    return (
+        f"gives way without standing: it slows to {rolling.speed:.1f} m/s{where}; say 'make it "
+        "stop' first, and then where or how long"
+    )
+
+
+def _in_order(*stops: Stop) -> tuple[Stop, ...]:
+    return tuple(sorted(stops, key=lambda each: each.s))
+
+
+def _refused(agent: SelectedAgent, what: str) -> Rejected:
+    return Rejected(
+        Rejection(
+            stage="scene_planner",
+            code="contradictory",
+            agents=(agent.name,),
+            detail=f"{agent.name} {what}",
+        )
+    )

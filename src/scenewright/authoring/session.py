@@ -1,0 +1,541 @@
+"""An authoring session: turns of a conversation as a checkpointed LangGraph.
+
+    read ──► solve   the words are edits, or a scene of their own
+      └────► answer  a question back, a refusal, undo, redo, branches
+
+A version becomes the current one in the same checkpoint in which it is entered, after it has been
+verified and everything of it has been kept. Whoever is killed before that has the version before.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from contextvars import Context
+from dataclasses import dataclass, field
+from typing import Any, Literal, cast
+
+from langchain_core.runnables import RunnableConfig
+from langgraph.graph import END, START, StateGraph
+from langgraph.runtime import Runtime
+from pydantic import TypeAdapter
+
+from scenewright.authoring.read_turn import (
+    SENTENCE,
+    ask_what_is_meant,
+    read_words,
+    situation_of,
+)
+from scenewright.authoring.thread_state import Heading, Pending, Refused, ThreadState, Version
+from scenewright.authoring.versions import Made, Setting, begin, change
+from scenewright.backends import Account, Backend, Call, speaker
+from scenewright.backends.builtin.references import answered
+from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
+from scenewright.graph.run import (
+    Scene,
+    Tell,
+    check_arguments,
+    json_bytes,
+    paid_by_task,
+    proof_bytes,
+    scene_bytes,
+)
+from scenewright.intersections import load_map
+from scenewright.memory.products import deserialize_version, serialize_version
+from scenewright.memory.threads import Threads
+from scenewright.nodes.wording import Recall, nothing_recalled
+from scenewright.scene.edits import (
+    Clarification,
+    DeclinedTurn,
+    Edit,
+    Edits,
+    NewScene,
+    Reading,
+    Wish,
+)
+from scenewright.scene.events import Proof
+from scenewright.scene.record import SceneRecord
+from scenewright.scene.social import SocialGraph
+
+MAIN = "main"
+_READING: TypeAdapter[Reading] = TypeAdapter(Reading)
+_EDITS: TypeAdapter[tuple[Edit, ...]] = TypeAdapter(tuple[Edit, ...])
+_OPENING = re.compile(
+    r"^\s*(?:a )?(?:new scene|start over|from scratch)\s*[:;,.]?\s*(?=\S)", re.IGNORECASE
+)
+_LONGEST_TEXT = 1900
+"""Of what was said, as much as a scene's prompt keeps."""
+
+
+@dataclass(frozen=True)
+class SessionContext:
+    """What a turn happens in.
+
+    Attributes:
+        backend: who plans and reasons; tell: called with (stage, line) as the turn goes.
+        recall: finds accepted answers to requests like this one, for prompts.
+    """
+
+    threads: Threads
+    backend: Backend
+    tell: Tell = field(default=lambda _stage, _line: None)
+    recall: Recall = nothing_recalled
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A version with everything that is kept of it."""
+
+    version: Version
+    record: SceneRecord
+    proof: Proof
+    scene_json: bytes
+    proof_json: bytes
+    provenance_json: bytes
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """How it came about."""
+        found: dict[str, Any] = json.loads(self.provenance_json)
+        return found
+
+
+class Session:
+    """One thread of conversation.
+
+    Args:
+        thread: its name; a thread that is not there begins empty.
+        setting: of a new thread; one that is there keeps its own.
+
+    Raises:
+        InputError: nothing can be made with the setting.
+    """
+
+    def __init__(
+        self,
+        threads: Threads,
+        thread: str,
+        *,
+        backend: Backend,
+        setting: Heading,
+        tell: Tell | None = None,
+        recall: Recall | None = None,
+    ) -> None:
+        self.thread = thread
+        self._threads = threads
+        self._context = SessionContext(
+            threads, backend, tell or (lambda _stage, _line: None), recall or nothing_recalled
+        )
+        self._graph = build_session().compile(checkpointer=threads.saver)
+        self._config: RunnableConfig = {
+            "configurable": {"thread_id": thread},
+            "recursion_limit": 12,
+        }
+        snapshot = self._graph.get_state(self._config)
+        self.interrupted: str | None = None
+        if snapshot.values and snapshot.next:
+            self.interrupted = str(snapshot.values.get("words", ""))
+        self._heading: Heading = snapshot.values.get("heading") or _checked(setting)
+
+    @property
+    def state(self) -> ThreadState:
+        """The thread as it was last checkpointed."""
+        return cast(ThreadState, self._graph.get_state(self._config).values)
+
+    def say(self, words: str) -> dict[str, Any]:
+        """One turn in words; the reply says what became of it."""
+        return self._turn({"act": "say", "words": words})
+
+    def make(self, instruction: str) -> dict[str, Any]:
+        """A scene of its own, whatever was there before."""
+        return self._turn({"act": "make", "words": instruction})
+
+    def undo(self) -> dict[str, Any]:
+        """Back to the version that the current one was made from."""
+        return self._turn({"act": "undo", "words": "/undo"})
+
+    def redo(self) -> dict[str, Any]:
+        """Forth to what was undone last."""
+        return self._turn({"act": "redo", "words": "/redo"})
+
+    def branch(self, name: str) -> dict[str, Any]:
+        """A new branch from the current version; or over to the one of that name."""
+        return self._turn({"act": "branch", "words": f"/branch {name}", "argument": name})
+
+    def _turn(self, said: Mapping[str, Any]) -> dict[str, Any]:
+        self.interrupted = None
+        out = self._graph.invoke(
+            cast(
+                ThreadState,
+                {
+                    **{"argument": "", "heading": self._heading, "reading": None},
+                    **{"models": {}, "reply": {}},
+                    **said,
+                },
+            ),
+            config=self._config,
+            context=self._context,
+            durability="sync",
+        )
+        reply: dict[str, Any] = out["reply"]
+        return reply
+
+    def shown(self, which: str | int | None = None) -> Shown | None:
+        """A version by number or by branch; the current one if none is named.
+
+        Raises:
+            InputError: there is no such version.
+        """
+        state = self.state
+        version = _found(state, which)
+        if version is None:
+            return None
+        scene = self._threads.kept(version["scene"])
+        proof = self._threads.kept(version["proof"])
+        return Shown(
+            version,
+            SceneRecord.model_validate_json(scene),
+            Proof.model_validate_json(proof),
+            scene,
+            proof,
+            self._threads.kept(version["provenance"]),
+        )
+
+
+def _checked(setting: Heading) -> Heading:
+    """What a new thread is to keep; InputError where nothing could ever be made with it."""
+    load_map(setting["intersection"])
+    check_arguments(setting["seed"], setting["refiner"])
+    return setting
+
+
+def _found(state: ThreadState, which: str | int | None) -> Version | None:
+    if which is None or which == "":
+        number = state.get("current")
+    elif str(which).isdigit():
+        number = int(which)
+    else:
+        branches = branches_of(state)
+        if which not in branches:
+            raise InputError(f"there is no version or branch {which!r}; there is {_there(state)}")
+        number = branches[str(which)]
+    if number is None:
+        return None
+    for version in state.get("versions", []):
+        if version["number"] == number:
+            return version
+    raise InputError(f"there is no version {number}; there is {_there(state)}")
+
+
+def _there(state: ThreadState) -> str:
+    numbers = ", ".join(str(each["number"]) for each in state.get("versions", []))
+    return f"{numbers or 'none yet'}; branches: {', '.join(branches_of(state)) or 'none yet'}"
+
+
+def branches_of(state: ThreadState) -> dict[str, int]:
+    """The branches, the one worked on included."""
+    found = dict(state.get("branches", {}))
+    current = state.get("current")
+    if current is not None:
+        found[state.get("branch", MAIN)] = current
+    return found
+
+
+def build_session() -> StateGraph[ThreadState, SessionContext, Any, Any]:
+    """The graph of one turn, not yet compiled."""
+    graph: StateGraph[ThreadState, SessionContext, Any, Any] = StateGraph(
+        ThreadState, context_schema=SessionContext
+    )
+    graph.add_node("read", read)
+    graph.add_node("solve", solve)
+    graph.add_node("answer", answer)
+    graph.add_edge(START, "read")
+    graph.add_conditional_edges("read", after_read)
+    graph.add_edge("solve", END)
+    graph.add_edge("answer", END)
+    return graph
+
+
+def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState:
+    """What the words amount to, where the scene is as it is."""
+    if state["act"] == "make":
+        return {"reading": NewScene().model_dump(mode="json"), "pending": None}
+    if state["act"] != "say":
+        return {"reading": None}
+    words, chosen = _answered(state)
+    calls: list[Call] = []
+    reading = _read(words, chosen, state, runtime.context, account=calls.append)
+    pending = state.get("pending")
+    if isinstance(reading, NewScene) and speaker(runtime.context.backend, "plan").deterministic:
+        intersection_map = load_map(state["heading"]["intersection"])
+        reading = ask_what_is_meant(words, intersection_map) or reading
+    lost = isinstance(reading, DeclinedTurn) and reading.code in ("no_change", "out_of_scope")
+    if pending is not None and lost:
+        first = pending["ask"]["choices"][0]["answer"]
+        reason = f"I still cannot tell which is meant; say it anew with an id, such as {first}."
+        reading = DeclinedTurn(code="no_change", reason=reason)
+    plain = reading.model_dump(mode="json", by_alias=True)
+    asked: Pending = {"words": words, "ask": plain, "chosen": chosen}
+    open_ = asked if isinstance(reading, Clarification) else None
+    return {"words": words, "reading": plain, "pending": open_, "models": paid_by_task(calls)}
+
+
+def _answered(state: ThreadState) -> tuple[str, dict[str, str]]:
+    """The words that are to be read, and who was chosen for them if these are an answer."""
+    pending = state.get("pending")
+    choice = (
+        None
+        if pending is None
+        else answered(state["words"], Clarification.model_validate(pending["ask"]))
+    )
+    if pending is None or choice is None:
+        return state["words"], {}
+    noun, _, meant = choice.means.partition("=")
+    if noun == SENTENCE:
+        return meant or "none of these", {}
+    return pending["words"], {**pending["chosen"], noun: choice.answer}
+
+
+def _read(
+    words: str,
+    chosen: dict[str, str],
+    state: ThreadState,
+    context: SessionContext,
+    *,
+    account: Account,
+) -> Reading:
+    version, heading = _found(state, None), state["heading"]
+    situation = None
+    if version is not None:
+        situation = situation_of(
+            SocialGraph.model_validate(version["graph"]),
+            SceneRecord.model_validate_json(context.threads.kept(version["scene"])),
+            deserialize_version(context.threads.kept(version["earlier"])),
+        )
+    return read_words(
+        words,
+        situation,
+        backend=context.backend,
+        before=None if version is None else version["text"],
+        chosen=chosen,
+        intersection_map=load_map(heading["intersection"]),
+        seed=heading["seed"],
+        account=account,
+    )
+
+
+def after_read(state: ThreadState) -> Literal["solve", "answer"]:
+    """To the solver with edits and with scenes of their own."""
+    reading = state.get("reading")
+    return "solve" if reading and reading["reading"] in ("edits", "fresh") else "answer"
+
+
+def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState:
+    """The next version, verified and kept; or why there is none."""
+    context, heading = runtime.context, state["heading"]
+    setting = Setting(
+        heading["intersection"],
+        context.backend,
+        heading["seed"],
+        heading["refiner"],
+        context.recall,
+    )
+    reading = _READING.validate_python(state["reading"])
+    version = _found(state, None)
+    try:
+        if isinstance(reading, Edits) and version is not None:
+            text = _joined(version["text"], state["words"])
+            made = _apart(_changed, text, reading.edits, version, setting, context)
+        else:
+            text = _OPENING.sub("", state["words"])
+            made = _apart(begin, text, setting, tell=context.tell)
+    except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
+        return _refusal(state, error)
+    edits = reading.edits if isinstance(reading, Edits) else ()
+    return _entered(state, text, edits, made, context)
+
+
+def _apart(make: Callable[..., Made], *args: Any, **named: Any) -> Made:
+    """Run where LangGraph knows nothing of this graph: a pipeline inside it is not checkpointed."""
+    return Context().run(make, *args, **named)
+
+
+def _changed(
+    text: str, edits: tuple[Edit, ...], version: Version, setting: Setting, context: SessionContext
+) -> Made:
+    threads = context.threads
+    return change(
+        text,
+        edits,
+        setting,
+        before=SocialGraph.model_validate(version["graph"]),
+        earlier=deserialize_version(threads.kept(version["earlier"])),
+        record=SceneRecord.model_validate_json(threads.kept(version["scene"])),
+        pace=version["pace"],
+        by_hand=version["by_hand"],
+        tell=context.tell,
+    )
+
+
+def _joined(before: str, words: str) -> str:
+    """Everything said, the first words and the last kept where it is too much."""
+    text = f"{before}; then: {words}"
+    if len(text) <= _LONGEST_TEXT:
+        return text
+    first, _, rest = text.partition("; then: ")
+    return f"{first[:900]}; then: … {rest[-900:]}"
+
+
+def _entered(
+    state: ThreadState, text: str, edits: tuple[Edit, ...], made: Made, context: SessionContext
+) -> ThreadState:
+    """The version kept, entered and current, all in one checkpoint."""
+    keep, scene = context.threads.keep, made.scene
+    versions = state.get("versions", [])
+    parent = state.get("current")
+    version: Version = {
+        "number": max((each["number"] for each in versions), default=0) + 1,
+        "parent": parent,
+        "words": state["words"],
+        "text": text,
+        "edits": [each.model_dump(mode="json", by_alias=True) for each in edits],
+        "graph": made.graph.model_dump(mode="json", by_alias=True),
+        "pace": dict(made.pace),
+        "scene": keep(scene_bytes(scene.record)),
+        "proof": keep(proof_bytes(scene.proof)),
+        "provenance": keep(json_bytes(_provenance(scene, edits, state.get("models", {})))),
+        "earlier": keep(serialize_version(made.earlier)),
+        "moved": list(made.moved),
+        "gone": list(made.gone),
+        "come": list(made.come),
+        "longer": made.longer,
+        "by_hand": list(made.by_hand),
+        "let_go": list(made.let_go),
+    }
+    return {
+        "versions": [*versions, version],
+        "current": version["number"],
+        "ahead": [],
+        "refused": None,
+        "reply": {"kind": "made", "version": version["number"], "from": parent},
+    }
+
+
+def _provenance(scene: Scene, edits: tuple[Edit, ...], models: Mapping[str, Any]) -> dict[str, Any]:
+    told = [each.model_dump(mode="json", by_alias=True) for each in edits]
+    paid = {**models, **scene.provenance.get("models", {})}
+    return {**scene.provenance, "edits": told, **({"models": paid} if paid else {})}
+
+
+def _refusal(
+    state: ThreadState, error: InputError | Unsatisfiable | Rejected | BackendFault
+) -> ThreadState:
+    """The refusal, in reply and for `why`; the current version stays."""
+    rejections = list(error.rejections) if isinstance(error, Unsatisfiable) else []
+    if isinstance(error, Rejected):
+        rejections = [error.rejection]
+    code: str = rejections[-1].code if rejections else "unusable_input"
+    if isinstance(error, BackendFault):
+        code = "backend_failed"
+    reason = error.rejection.detail if isinstance(error, Rejected) else str(error)
+    refused: Refused = {
+        "words": state["words"],
+        "code": code,
+        "reason": reason,
+        "rejections": [each.model_dump(mode="json") for each in rejections],
+    }
+    paid = {**state.get("models", {}), **error.models}
+    reply = {"kind": "refused", "code": code, "reason": reason, **_paid(paid)}
+    return {"refused": refused, "reply": reply}
+
+
+def _paid(models: Mapping[str, Any]) -> dict[str, Any]:
+    """What models were asked for a turn that made nothing; nothing where none was."""
+    return {"models": dict(models)} if models else {}
+
+
+def answer(state: ThreadState) -> ThreadState:
+    """Everything that makes no new version."""
+    match state["act"]:
+        case "undo":
+            return _undone(state)
+        case "redo":
+            return _redone(state)
+        case "branch":
+            return _branched(state, state.get("argument", ""))
+    reading = _READING.validate_python(state["reading"])
+    match reading:
+        case Clarification():
+            choices = [each.answer for each in reading.choices]
+            return {"reply": {"kind": "asked", "question": reading.question, "choices": choices}}
+        case DeclinedTurn():
+            refused: Refused = {
+                "words": state["words"],
+                "code": reading.code,
+                "reason": reading.reason,
+                "rejections": [],
+            }
+            reply = {"kind": "refused", "code": reading.code, "reason": reading.reason}
+            reply |= _paid(state.get("models", {}))
+            return {"refused": refused, "reply": reply}
+        case Wish(wish="undo"):
+            return _undone(state)
+        case Wish(wish="redo"):
+            return _redone(state)
+        case Wish(wish=wish):
+            return {"reply": {"kind": "wish", "wish": wish}}
+    return {"reply": {"kind": "nothing", "reason": "there is nothing to change yet"}}
+
+
+def _undone(state: ThreadState) -> ThreadState:
+    version = _found(state, None)
+    parent = None if version is None else version["parent"]
+    if version is None or parent is None:
+        return {"reply": {"kind": "nothing", "reason": "there is nothing to undo"}}
+    ahead = [*state.get("ahead", []), version["number"]]
+    return {
+        "current": parent,
+        "ahead": ahead,
+        "pending": None,
+        "reply": {"kind": "moved_to", "version": parent},
+    }
+
+
+def _redone(state: ThreadState) -> ThreadState:
+    ahead = list(state.get("ahead", []))
+    if not ahead:
+        return {"reply": {"kind": "nothing", "reason": "there is nothing to redo"}}
+    number = ahead.pop()
+    return {
+        "current": number,
+        "ahead": ahead,
+        "pending": None,
+        "reply": {"kind": "moved_to", "version": number},
+    }
+
+
+def _branched(state: ThreadState, name: str) -> ThreadState:
+    branches = branches_of(state)
+    current = state.get("current")
+    if not name.isidentifier() and not name.replace("-", "_").isidentifier():
+        reason = f"{name!r} is no name for a branch; use letters, digits, - and _"
+        return {"reply": {"kind": "nothing", "reason": reason}}
+    if name in branches:
+        return {
+            "branches": branches,
+            "branch": name,
+            "current": branches[name],
+            "ahead": [],
+            "pending": None,
+            "reply": {"kind": "moved_to", "version": branches[name], "branch": name},
+        }
+    if current is None:
+        return {"reply": {"kind": "nothing", "reason": "there is no scene to branch from yet"}}
+    return {
+        "branches": {**branches, name: current},
+        "branch": name,
+        "ahead": [],
+        "pending": None,
+        "reply": {"kind": "moved_to", "version": current, "branch": name},
+    }

@@ -1,0 +1,233 @@
+"""Versions: the first from an instruction, the next from the one before and what is to change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from scenewright.authoring.apply_edits import Revision, revised
+from scenewright.authoring.attempts import attempts
+from scenewright.backends import Backend
+from scenewright.errors import Unsatisfiable
+from scenewright.graph.run import Scene, Tell, synthesize
+from scenewright.intersections import load_map
+from scenewright.nodes.context import Budgets
+from scenewright.nodes.wording import Recall, nothing_recalled
+from scenewright.scene.edits import Edit
+from scenewright.scene.frozen_agents import FrozenAgents, PreviousAgent, PreviousVersion
+from scenewright.scene.record import SceneRecord
+from scenewright.scene.social import SocialGraph
+
+_PINNED = Budgets(planner=0, filter=1, reasoner=1, generator=1)
+_MOST_TRIES = 10
+"""Attempts with pins before everybody is drawn anew."""
+
+_UNPINNED = Budgets(generator=5)
+"""How long one attempt with pins is tried before more may move."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all versions of a thread share.
+
+    Attributes:
+        intersection: name of a bundle; backend: who plans and reasons.
+        seed: of everything drawn; refiner, recall: as in `synthesize`.
+    """
+
+    intersection: str
+    backend: str | Backend
+    seed: int
+    refiner: str = "none"
+    recall: Recall = nothing_recalled
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A verified version.
+
+    Attributes:
+        graph: what it shows; earlier: what later versions may be built on.
+        moved: agents that are not as they were though nobody spoke of them; gone, come likewise.
+        longer: how much longer the scene lasts than before [s].
+        by_hand: whose stop or time was told and is as told; let_go: whose is no longer.
+    """
+
+    scene: Scene
+    graph: SocialGraph
+    earlier: PreviousVersion
+    pace: Mapping[str, float] = field(default_factory=dict)
+    moved: tuple[str, ...] = ()
+    gone: tuple[str, ...] = ()
+    come: tuple[str, ...] = ()
+    longer: float = 0.0
+    by_hand: tuple[str, ...] = ()
+    let_go: tuple[str, ...] = ()
+
+
+def begin(text: str, setting: Setting, *, tell: Tell | None = None) -> Made:
+    """The first version, from an instruction (see `synthesize` for what it raises)."""
+    scene = synthesize(
+        text,
+        intersection=setting.intersection,
+        backend=setting.backend,
+        seed=setting.seed,
+        refiner=setting.refiner,
+        recall=setting.recall,
+        tell=tell,
+    )
+    return Made(scene, scene.state["social_graph"], earlier_of(scene))
+
+
+def change(
+    text: str,
+    edits: tuple[Edit, ...],
+    setting: Setting,
+    *,
+    before: SocialGraph,
+    earlier: PreviousVersion,
+    record: SceneRecord,
+    pace: Mapping[str, float],
+    by_hand: Sequence[str] = (),
+    tell: Tell | None = None,
+) -> Made:
+    """The next version: as little else as possible is other than before.
+
+    Args:
+        text: everything said so far, for the scene's prompt.
+        before: the social graph so far; record: the scene so far.
+        pace, by_hand: what was told of paces, and of whose stops and times.
+
+    Raises:
+        Rejected: the edits contradict the scene or the map.
+        Unsatisfiable: no verified scene was found, whoever was let go.
+        BackendFault: the backend failed for good.
+    """
+    revision = revised(
+        earlier, before, edits, intersection_map=load_map(setting.intersection), pace=pace
+    )
+    trial = _Trial(text, setting, revision, tell)
+    refused = Unsatisfiable("there is nothing to try")
+    for pins in attempts(revision):
+        if trial.idle(pins, refused):
+            continue
+        found = trial.around(pins)
+        if isinstance(found, Scene):
+            return _compared(found, revision, record, by_hand)
+        refused = found
+    raise refused
+
+
+class _Trial:
+    """One edit, tried with pins that get looser."""
+
+    def __init__(self, text: str, setting: Setting, revision: Revision, tell: Tell | None) -> None:
+        self._text, self._setting, self._revision = text, setting, revision
+        self._tell = tell or (lambda _stage, _line: None)
+        self._tries = 0
+
+    def idle(self, pins: FrozenAgents, refused: Unsatisfiable) -> bool:
+        """Whether these pins need not be tried after that refusal."""
+        if pins.known:
+            return self._tries >= _MOST_TRIES
+        return pins.background != self._revision.background and "no room" not in str(refused)
+
+    def around(self, firm: FrozenAgents) -> Scene | Unsatisfiable:
+        """A verified scene; else why there is none, also without those that were in the way."""
+        pins: FrozenAgents | None = firm
+        refused = Unsatisfiable("nobody can stop there and do the same")
+        while pins is not None:
+            self._tries += 1
+            everybody = len(pins.earlier.agents)
+            self._tell("session", f"trying with {len(pins.same)} of {everybody} agents as they are")
+            try:
+                scene = _solved(self._text, self._setting, self._revision, pins, self._tell)
+            except Unsatisfiable as error:
+                refused, pins = error, _loosened(pins, self._revision, error)
+            else:
+                return scene if _as_told(scene, self._revision) else refused
+        return refused
+
+
+def _solved(
+    text: str, setting: Setting, revision: Revision, pins: FrozenAgents, tell: Tell | None
+) -> Scene:
+    return synthesize(
+        text,
+        intersection=setting.intersection,
+        backend=setting.backend,
+        seed=setting.seed,
+        refiner=setting.refiner,
+        planned=revision.graph,
+        pinned=pins,
+        budgets=_PINNED if pins.known else _UNPINNED,
+        recall=setting.recall,
+        tell=tell,
+    )
+
+
+def _as_told(scene: Scene, revision: Revision) -> bool:
+    """Whether those whose stop was moved by hand stand where they were told to."""
+    chosen = scene.state["selection"].agents
+    return all(
+        name in chosen
+        and {round(each.s, 2) for each in agent.stops}
+        <= {round(s.s, 2) for s in chosen[name].stops}
+        for name, agent in revision.amended.items()
+        if name in revision.by_hand
+    )
+
+
+def _loosened(
+    pins: FrozenAgents, revision: Revision, refused: Unsatisfiable
+) -> FrozenAgents | None:
+    """The pins without those of the background that were in the way; None if nobody was."""
+    foreground = {each.id for each in revision.graph.agents}
+    blamed = {name for each in refused.rejections for name in each.agents} - foreground
+    blamed &= pins.fixed.keys()
+    return pins.without(blamed) if blamed else None
+
+
+def earlier_of(scene: Scene) -> PreviousVersion:
+    """What a later version needs of this one."""
+    state = scene.state
+    selection, behavior, tracks = state["selection"], state["behavior"], state["refined"]
+    return PreviousVersion(
+        agents={
+            each.name: PreviousAgent(
+                each.id,
+                selection.agents[each.name],
+                behavior.segments[each.name],
+                tracks[each.name],
+            )
+            for each in scene.record.agents
+        },
+        patterns=state["candidates"].cast.patterns,
+        hour=state["candidates"].hour,
+        duration=selection.duration,
+        signal_offset=selection.signal_offset,
+        events=selection.events,
+    )
+
+
+def _compared(
+    scene: Scene, revision: Revision, before: SceneRecord, by_hand: Sequence[str]
+) -> Made:
+    """The version, and who is other than before."""
+    old = {each.name: each for each in before.agents}
+    new = {each.name: each for each in scene.record.agents}
+    unlike = [name for name, each in new.items() if name in old and old[name] != each]
+    let_go = [n for n in by_hand if n in unlike and n not in revision.by_hand]
+    told = {n for n in (*by_hand, *revision.by_hand) if n in new and n not in let_go}
+    return Made(
+        scene=scene,
+        graph=revision.graph,
+        earlier=earlier_of(scene),
+        pace=revision.pace,
+        moved=tuple(name for name in unlike if name not in revision.named),
+        gone=tuple(n for n in old if n not in new and n not in revision.named),
+        come=tuple(name for name in new if name not in old),
+        longer=scene.record.meta.duration - before.meta.duration,
+        by_hand=tuple(sorted(told)),
+        let_go=tuple(let_go),
+    )

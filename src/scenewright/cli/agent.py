@@ -1,0 +1,213 @@
+"""`scenewright agent` and `scenewright dataset paper`: orders filled by the agent."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout
+from scenewright.cli.batch import (
+    AtOnce,
+    EngineName,
+    Json,
+    Out,
+    Place,
+    Quiet,
+    Refiner,
+    RowTimeout,
+    Workers,
+    asking_of,
+    batch_progress,
+    cores,
+    folder_of_option,
+    options_of,
+    seconds_of,
+)
+from scenewright.cli.console import one_line, put, put_json, say
+from scenewright.cli.dataset import dataset
+from scenewright.errors import BackendFault, Unsatisfiable
+
+if TYPE_CHECKING:
+    from scenewright.dataset.orders.run import Order
+
+OrderSeed = Annotated[int, typer.Option(min=0, help="The same seed, the same dataset.")]
+WriterName = Annotated[
+    str, typer.Option(help="Who words the instructions: builtin, or a backend with a model.")
+]
+_SHOWN = 8
+
+
+def agent(
+    order: Annotated[str, typer.Argument(help="How many scenes of which kinds.")],
+    out: Out,
+    writer: WriterName = "builtin",
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    at_once: AtOnce = None,
+    row_timeout: RowTimeout = None,
+    refiner: Refiner = None,
+    intersection: Place = "amsterdam_120",
+    seed: OrderSeed = 0,
+    budget: Annotated[
+        int | None,
+        typer.Option(min=1, help="Instructions at most; twice the scenes and 20 if not said."),
+    ] = None,
+    workers: Workers = None,
+    engine: EngineName = "process",
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what was understood, write nothing.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Fill an order such as `40 collisions and 50 yields at rush hour`.
+
+    Writes instructions in the manner of many writers, evenly over the patterns that there are,
+    has the scenes made, and words anew or replaces what is refused, within the budget. Killed, the
+    same command goes on. Exit code 3 if the order could not be filled; what there is stays.
+    """
+    from scenewright.dataset.orders.order_spec import read_order
+    from scenewright.dataset.orders.run import Order
+
+    wish = read_order(order)
+    if dry_run:
+        if as_json:
+            put_json({"ok": True, "dry_run": True, "understood": wish.lines()})
+        else:
+            put("".join(f"{line}\n" for line in wish.lines()))
+        return
+    wanted = Order(
+        text=order,
+        wish=wish,
+        out=folder_of_option(out),
+        options=options_of(
+            intersection=intersection,
+            backend=backend,
+            refiner=refiner,
+            seed=seed,
+            base_url=base_url,
+        ),
+        writer=writer,
+        budget=budget,
+        workers=cores() if workers is None else workers,
+        engine=engine,
+        row_timeout=seconds_of(row_timeout),
+        asking=asking_of(record=record, timeout=timeout, at_once=at_once),
+    )
+    fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
+
+
+@dataset.command("paper")
+def paper(
+    out: Out,
+    backend: Annotated[
+        list[str] | None,
+        typer.Option(help="Who plans and reasons; may be given again. builtin if not said."),
+    ] = None,
+    writer: WriterName = "builtin",
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    at_once: AtOnce = None,
+    row_timeout: RowTimeout = None,
+    refiner: Refiner = None,
+    intersection: Place = "amsterdam_120",
+    seed: OrderSeed = 0,
+    scale: Annotated[
+        float, typer.Option(min=0.01, max=100.0, help="Of all counts, for a small one to try.")
+    ] = 1.0,
+    workers: Workers = None,
+    engine: EngineName = "process",
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make a dataset composed as the paper's.
+
+    100 normal scenes, and for each backend 40 collisions and 50 yields: two agents in the
+    foreground, medium density (5 to 10 more), from varied instructions. Killed, the same command
+    goes on.
+    """
+    from scenewright.dataset.orders.run import Order, paper_wish
+
+    backends = list(dict.fromkeys(backend or ["builtin"]))
+    wanted = Order(
+        text=f"the paper's composition x {scale:g}: {', '.join(backends)}",
+        wish=paper_wish(backends, scale=scale),
+        out=folder_of_option(out),
+        options=options_of(
+            intersection=intersection,
+            backend=backends[:1],
+            refiner=refiner,
+            seed=seed,
+            base_url=base_url,
+        ),
+        writer=writer,
+        workers=cores() if workers is None else workers,
+        engine=engine,
+        title="The paper's composition",
+        row_timeout=seconds_of(row_timeout),
+        asking=asking_of(record=record, timeout=timeout, at_once=at_once),
+    )
+    fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
+
+
+def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None:
+    """Fills an order and says what came of it.
+
+    Raises:
+        BackendFault: a backend could not be reached for some of it.
+        Unsatisfiable: not all of it could be filled.
+    """
+    from scenewright.dataset.orders.run import fill
+
+    if not quiet:
+        for line in order.wish.lines():
+            say(f"understood: {one_line(line)}")
+    with batch_progress(quiet=quiet, out=out) as tell:
+        report = fill(order, tell=tell)
+    if not quiet:
+        _tell_report(report, writer=order.writer)
+    if report["waiting"]:
+        raise BackendFault(
+            f"the backend failed for {report['waiting']} of {order.wish.count} scenes; table "
+            f"scenes in {out} says how, and the same command goes on",
+            final=True,
+        )
+    if not report["filled"]:
+        missing = order.wish.count - report["scenes"]
+        raise Unsatisfiable(
+            f"{missing} of {order.wish.count} scenes could not be made within "
+            f"{report['instructions']} instructions; {out} holds the others, report.json says why"
+        )
+    if as_json:
+        put_json({"ok": True, "out": out, **report})
+    else:
+        put(f"{out}\n")
+
+
+def _tell_report(report: dict[str, Any], *, writer: str) -> None:
+    if writer != "builtin" and report["by the builtin writer"]:
+        say(
+            f"{report['by the builtin writer']} of {report['instructions']} instructions are the "
+            "builtin writer's: the model told other stories"
+        )
+    for quota in report["quotas"]:
+        who = f" by {quota['backend']}" if quota["backend"] else ""
+        say(
+            f"{quota['name']}{who}: {quota['filled']} of {quota['wanted']} in "
+            f"{quota['attempts']} attempts, {_coverage(quota['patterns'])}"
+        )
+        for reason, count in list(quota["refused"].items())[:_SHOWN]:
+            say(one_line(f"  refused {count}x {reason}"))
+
+
+def _coverage(patterns: dict[str, int]) -> str:
+    if not patterns:
+        return "no pattern"
+    counts = list(patterns.values())
+    return (
+        f"{sum(n > 0 for n in counts)} of {len(counts)} patterns, {min(counts)}-{max(counts)} each"
+    )

@@ -1,0 +1,95 @@
+"""`scenewright author`: a scene made by an agent that calls the stages as tools."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from scenewright.cli.backend_options import BaseUrl, Timeout
+from scenewright.cli.console import one_line, progress, put, put_json, say
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from scenewright.authoring.agent import Authored
+
+_SECONDS, _MOST_TOKENS = 120.0, 4096
+
+
+def author(
+    text: Annotated[str, typer.Argument(help="What shall happen; `-` reads it from stdin.")],
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Who calls the tools, such as openai:MODEL; else a fixed router."
+        ),
+    ] = None,
+    base_url: BaseUrl = None,
+    timeout: Timeout = None,
+    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
+    seed: Annotated[int, typer.Option(min=0, help="Of everything drawn.")] = 0,
+    most_calls: Annotated[int, typer.Option(min=1, max=200, help="Most calls of tools.")] = 24,
+    out: Annotated[str | None, typer.Option(help="Folder to write; scenes/ID if none.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Have an agent make a scene by calling the stages as tools: a model, or a fixed router."""
+    from scenewright.authoring.agent import author as authored
+    from scenewright.cli.make import SCENES, folder_name, read_instruction
+    from scenewright.cli.output_folder import target_folder
+
+    instruction = read_instruction(text)
+    target = None if out is None else target_folder(out, force=False)
+    speaker, hide = _model(model, base_url, timeout)
+    with progress(quiet=quiet) as tell:
+        made = authored(
+            instruction,
+            model=speaker,
+            intersection=intersection,
+            seed=seed,
+            most_calls=most_calls,
+            tell=tell,
+            hide=hide,
+        )
+    if target is None:
+        name = folder_name(made.record.meta.scene_id)
+        target = target_folder(str(Path(SCENES) / name), force=False)
+    files = _write(made, target, seed=seed, model=model)
+    if not quiet:
+        for name, fine in made.calls:
+            say(f"  {one_line(name, limit=40)}{'' if fine else ': refused'}")
+    if as_json:
+        calls = [{"tool": name, "ok": fine} for name, fine in made.calls]
+        put_json({"ok": True, "folder": str(target), "files": files, "calls": calls})
+    else:
+        put(f"{target}\n")
+
+
+def _model(
+    name: str | None, base_url: str | None, timeout: float | None
+) -> tuple[Any, Callable[[str], str]]:
+    """The chat model, and what hides its key in whatever is said of it."""
+    if name is None:
+        return None, lambda text: text
+    from scenewright.backends.chat.faults import hidden
+    from scenewright.backends.chat.naming import chat_model
+
+    endpoint = chat_model(
+        name, base_url=base_url, timeout=timeout or _SECONDS, max_tokens=_MOST_TOKENS
+    )
+    return endpoint.model, lambda text: hidden(text, endpoint.key)
+
+
+def _write(made: Authored, target: Path, *, seed: int, model: str | None) -> list[str]:
+    from scenewright.authoring.agent import provenance_bytes
+    from scenewright.cli.output_folder import whole_folder
+    from scenewright.files import write_atomically
+    from scenewright.graph.run import proof_bytes, scene_bytes
+
+    with whole_folder(target) as part:
+        write_atomically(part / "provenance.json", provenance_bytes(made, seed=seed, model=model))
+        write_atomically(part / "proof.json", proof_bytes(made.proof))
+        write_atomically(part / "scene.json", scene_bytes(made.record))
+        return sorted(entry.name for entry in part.iterdir())

@@ -1,0 +1,284 @@
+"""`scenewright batch`: many scenes in one run, which may be killed and gone on with."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout
+from scenewright.cli.console import is_terminal, one_line, put, put_json, say
+from scenewright.cli.interruption import keep
+from scenewright.cli.interrupts import stop_if_asked
+from scenewright.errors import InputError
+
+if TYPE_CHECKING:
+    from scenewright.dataset.batch.answering import Asking
+    from scenewright.dataset.batch.carry_out import Progress, Tell
+    from scenewright.dataset.batch.run import Request, Summary
+    from scenewright.dataset.batch.worker import Options
+
+EVERY = 5.0
+"""Seconds between lines of progress where there is no terminal."""
+SHOWN = 5
+"""Rows that a dry run shows."""
+
+Out = Annotated[str, typer.Option(metavar="DIR", help="Folder to write.")]
+Workers = Annotated[
+    int | None, typer.Option(help="Processes at work; as many as there are cores if not said.")
+]
+EngineName = Annotated[
+    Literal["process", "ray"],
+    typer.Option(help="Processes of this machine, or tasks of a Ray cluster (extra `ray`)."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
+Refiner = Annotated[
+    str | None, typer.Option(help="Learned refinement of the tracks: trajnet or none.")
+]
+RowTimeout = Annotated[
+    float | None,
+    typer.Option(metavar="S", help="Longest that one row may take [s]; half an hour if not said."),
+]
+AtOnce = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N", help="Questions to models at a time, over all workers; one each if not said."
+    ),
+]
+Seed = Annotated[int, typer.Option(help="Rows without a seed get one from this and their id.")]
+Place = Annotated[str, typer.Option(help="Where it happens.")]
+
+
+def batch(
+    rows: Annotated[str, typer.Argument(metavar="IN.jsonl", help="Rows with `id` and `text`.")],
+    out: Out,
+    workers: Workers = None,
+    engine: EngineName = "process",
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    at_once: AtOnce = None,
+    row_timeout: RowTimeout = None,
+    refiner: Refiner = None,
+    selection: Annotated[
+        Literal["draw", "map"],
+        typer.Option(help="Draw among the combinations that fit, or take the likeliest."),
+    ] = "draw",
+    intersection: Place = "amsterdam_120",
+    seed: Seed = 0,
+    lenient: Annotated[
+        bool,
+        typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
+    ] = False,
+    limit: Annotated[int | None, typer.Option(help="Only the first rows.")] = None,
+    shard: Annotated[
+        str, typer.Option(metavar="I/N", help="Only every N-th row, from the I-th on.")
+    ] = "1/1",
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Read everything, write nothing, say what is to do.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make a scene of every row and a dataset of the scenes.
+
+    Killed at any moment, the same command goes on where it was. Rows without a scene are kept with
+    the reason and stop nothing.
+    """
+    from scenewright.dataset.batch.run import Request, run_batch, shard_of
+
+    request = Request(
+        source=Path(rows),
+        out=folder_of_option(out),
+        options=options_of(
+            intersection=intersection,
+            backend=backend,
+            refiner=refiner,
+            selection=selection,
+            seed=seed,
+            base_url=base_url,
+            lenient=lenient,
+        ),
+        workers=workers or cores(),
+        engine=engine,
+        limit=limit,
+        shard=shard_of(shard),
+        row_timeout=seconds_of(row_timeout),
+        asking=asking_of(record=record, timeout=timeout, at_once=at_once),
+    )
+    if workers is not None and workers < 1:
+        raise InputError(f"--workers is a number from 1, got {workers}")
+    if dry_run:
+        _tell_what_is_to_do(request, as_json=as_json)
+        return
+    with batch_progress(quiet=quiet, out=out) as tell:
+        summary = run_batch(request, tell=tell)
+    if not quiet:
+        tell_summary(summary)
+    if as_json:
+        put_json({"ok": True, "out": out, **summary_object(summary)})
+    else:
+        put(f"{out}\n")
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return max(len(os.sched_getaffinity(0)), 1)
+    return os.cpu_count() or 1
+
+
+def options_of(
+    *,
+    intersection: str,
+    backend: Sequence[str] | None,
+    refiner: str | None,
+    seed: int,
+    base_url: str | None,
+    selection: Literal["draw", "map"] = "draw",
+    lenient: bool = False,
+) -> Options:
+    """What all rows share, as the command line says it."""
+    from scenewright.dataset.batch.answering import BUILTIN
+    from scenewright.dataset.batch.worker import Options
+    from scenewright.graph.run import refiner_or_default
+
+    return Options(
+        intersection=intersection,
+        backend=tuple(backend or BUILTIN),
+        refiner=refiner_or_default(refiner),
+        selection=selection,
+        seed=seed,
+        base_url=base_url,
+        lenient=lenient,
+    )
+
+
+def seconds_of(row_timeout: float | None) -> float:
+    """Longest that one row may take [s]."""
+    from scenewright.dataset.batch.run import ROW_TIMEOUT
+
+    return ROW_TIMEOUT if row_timeout is None else row_timeout
+
+
+def asking_of(*, record: str | None, timeout: float | None, at_once: int | None) -> Asking:
+    """How the options say that questions are put."""
+    from scenewright.dataset.batch.answering import Asking
+
+    return Asking(None if record is None else Path(record), timeout, at_once)
+
+
+def folder_of_option(out: str) -> Path:
+    """The folder that --out names; InputError if it cannot be one."""
+    if not out.strip() or "\0" in out:
+        raise InputError("--out must name a folder")
+    target = Path(out)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{out} is a file; --out must name a folder")
+    return target
+
+
+def _tell_what_is_to_do(request: Request, *, as_json: bool) -> None:
+    from scenewright.dataset.batch.run import outlook
+
+    found = outlook(request, shown=SHOWN)
+    if as_json:
+        put_json({"ok": True, "dry_run": True, **found})
+        return
+    lines = [f"{found['rows']} rows, {found['done']} done, {found['to_do']} to do"]
+    lines += [f"{each['id']!r} -> {each['folder']}" for each in found["first"]]
+    put("".join(one_line(line) + "\n" for line in lines))
+
+
+def summary_object(summary: Summary) -> dict[str, Any]:
+    """What `--json` prints of a run."""
+    return {
+        "rows": summary.rows,
+        **{status: summary.counts.get(status, 0) for status in ("made", "refused", "failed")},
+        "left": summary.counts.get("left", 0),
+        "done_now": summary.now,
+        "complete": summary.complete,
+        "reasons": summary.codes,
+        "paid": summary.paid,
+    }
+
+
+def tell_summary(summary: Summary) -> None:
+    """Two lines for people."""
+    counts = ", ".join(f"{count} {status}" for status, count in summary.counts.items())
+    say(f"{summary.rows} rows: {counts or 'none'}")
+    if summary.codes:
+        codes = ", ".join(f"{code} ({count})" for code, count in summary.codes.items())
+        say(f"without a scene: {codes}; table scenes has each row's reason")
+    if summary.paid:
+        say(", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.paid.items()))
+    if summary.counts.get("failed"):
+        say("rows that failed are tried again by the same command")
+
+
+@contextmanager
+def batch_progress(*, quiet: bool, out: str) -> Iterator[Tell]:
+    """Tells how far a batch is: a bar on a terminal, a line every 5 s elsewhere."""
+    keep(f"what is done stays in {out}, and the same command goes on from there")
+    if quiet:
+        yield lambda _: stop_if_asked()
+    elif is_terminal(sys.stderr):
+        with _bar() as tell:
+            yield tell
+    else:
+        yield _Lines()
+
+
+class _Lines:
+    """Says a line now and then, and at the end."""
+
+    def __init__(self) -> None:
+        self._last = time.monotonic()
+
+    def __call__(self, progress: Progress) -> None:
+        stop_if_asked()
+        now = time.monotonic()
+        if now - self._last >= EVERY or (progress.done == progress.of and progress.rate):
+            self._last = now
+            say(line_of(progress))
+
+
+@contextmanager
+def _bar() -> Iterator[Tell]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = (BarColumn(bar_width=30), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def tell(progress: Any) -> None:
+            stop_if_asked()
+            words = line_of(progress)
+            bar.update(task, total=progress.of, completed=progress.done, description=words)
+
+        yield tell
+
+
+def line_of(progress: Progress) -> str:
+    """`120 of 1000 rows (3 refused), 18.2 rows/s, 48 s left`."""
+    unmade = [f"{n} {status}" for status, n in progress.counts.items() if status != "made"]
+    told = f" ({', '.join(unmade)})" if unmade else ""
+    rate = f", {progress.rate:.3g} rows/s" if progress.rate else ""
+    left = "" if progress.left is None else f", {duration(progress.left)} left"
+    return f"{progress.done} of {progress.of} rows{told}{rate}{left}"
+
+
+def duration(seconds: float) -> str:
+    """`48 s`, `12 min`, `3.5 h`."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,418 @@
+"""`scenewright chat`: a scene made and changed in conversation."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenewright.cli.console import is_terminal, one_line, progress, put, put_json, say
+from scenewright.cli.interrupts import forget_interrupt, was_terminated
+from scenewright.cli.user_folders import threads_file
+from scenewright.errors import InputError
+from scenewright.intersections import find_data_folder
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from scenewright.authoring.session import Session, Shown
+    from scenewright.backends import Backend
+    from scenewright.graph.run import Tell
+    from scenewright.memory.episodes import Episodes
+
+HELP = """\
+Say what shall happen, then what shall be different: "make the pedestrian come from the east",
+"now have it be a collision", "add three cars", "stop one metre later", "slow the car down".
+
+/undo, /redo        back to the version before, and forth again
+/branch NAME        a branch from here, or over to the one of that name
+/branches           which branches there are
+/history            all versions
+/show [N]           a version in words: the current one, or number N, or branch N
+/compare A B        two versions or branches, agent by agent
+/save [DIR]         write the scene to a folder
+/why                why the last words were refused
+/help, /quit"""
+
+_LONGEST_WORDS = 20_000
+_LONGEST_HISTORY = 2000
+
+
+@dataclass(frozen=True)
+class ChatRequest:
+    """What `chat` was asked for."""
+
+    thread: str | None
+    threads: str | None
+    intersection: str
+    backend: Backend
+    seed: int
+    refiner: str | None
+    out: str | None
+    memory: bool
+    quiet: bool
+    as_json: bool
+
+
+def chat(request: ChatRequest) -> None:
+    """Talks until the input ends.
+
+    Raises:
+        InputError: the thread cannot be used.
+    """
+    from scenewright.authoring.session import Session
+    from scenewright.graph.examples import recall_from
+    from scenewright.graph.run import refiner_or_default
+    from scenewright.memory.threads import Threads
+
+    threads = Threads(threads_file(request.threads))
+    try:
+        thread = request.thread or _unused_name(list(threads.names()))
+        _check_name(thread)
+        threads.hold(thread)
+        episodes = _episodes(request)
+        teller = _Teller()
+        session = Session(
+            threads,
+            thread,
+            backend=request.backend,
+            setting={
+                "intersection": request.intersection,
+                "seed": request.seed,
+                "refiner": refiner_or_default(request.refiner),
+            },
+            tell=teller,
+            recall=None if episodes is None else recall_from(episodes),
+        )
+        talk = _Talk(session, request, teller, episodes)
+        talk.run()
+    finally:
+        threads.close()
+
+
+def list_threads(told: str | None) -> list[str]:
+    """The names of all threads, last used first."""
+    from scenewright.memory.threads import Threads
+
+    threads = Threads(threads_file(told))
+    try:
+        return list(threads.names())
+    finally:
+        threads.close()
+
+
+def _episodes(request: ChatRequest) -> Episodes | None:
+    from scenewright.cli.user_folders import memory_file
+    from scenewright.memory.episodes import Episodes
+
+    return Episodes(memory_file()) if request.memory else None
+
+
+def _unused_name(names: list[str]) -> str:
+    number = 1
+    while f"thread-{number}" in names:
+        number += 1
+    return f"thread-{number}"
+
+
+def _check_name(thread: str) -> None:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
+        raise InputError(
+            f"{one_line(thread, limit=80)!r} is no name for a thread; use up to 64 letters, "
+            "digits, ., - and _"
+        )
+
+
+class _Teller:
+    """Hands what a turn says to whoever shows it just now."""
+
+    def __init__(self) -> None:
+        self.to: Tell = lambda _stage, _line: None
+
+    def __call__(self, stage: str, line: str) -> None:
+        self.to(stage, line)
+
+
+class _Talk:
+    """Reads lines, lets the session act, says what became of it."""
+
+    def __init__(
+        self,
+        session: Session,
+        request: ChatRequest,
+        teller: _Teller,
+        episodes: Episodes | None,
+    ) -> None:
+        self._session, self._request, self._teller = session, request, teller
+        self._episodes = episodes
+        self._json = request.as_json
+        self._page = None if request.as_json else _page()
+        self._commands: dict[str, Callable[[list[str]], dict[str, Any]]] = {
+            "undo": lambda _: self._session.undo(),
+            "redo": lambda _: self._session.redo(),
+            "branch": self._branch,
+            "branches": lambda _: self._branches(),
+            "history": lambda _: self._history(),
+            "show": self._show,
+            "compare": self._compare,
+            "save": self._save,
+            "why": lambda _: self._why(),
+            "help": lambda _: {"kind": "help", "text": HELP},
+        }
+
+    def run(self) -> None:
+        """Until the input ends, or somebody quits."""
+        self._greet()
+        for line in _lines(self._prompt(), quiet=self._json):
+            words = line.strip()
+            if not words:
+                continue
+            if words.lower() in ("/quit", "/exit", "/q", "quit", "exit"):
+                return
+            self._say_back(words, self._answer(words))
+
+    def _prompt(self) -> str:
+        return f"{self._session.thread}> "
+
+    def _greet(self) -> None:
+        state, cut = self._session.state, self._session.interrupted
+        version = state.get("current")
+        if self._json:
+            return
+        if version is None:
+            say(f"thread {self._session.thread}: say what shall happen, or /help")
+        else:
+            say(f"thread {self._session.thread}, at version {version}; /show, /help")
+        if cut:
+            say(f"the last turn was cut short and left nothing behind: {one_line(cut)!r}")
+
+    def _answer(self, words: str) -> dict[str, Any]:
+        try:
+            if words.startswith("/"):
+                return self._command(words)
+            if len(words) > _LONGEST_WORDS:
+                raise InputError(f"{len(words)} characters are too many for one turn")
+            if any("\ud800" <= char <= "\udfff" for char in words):
+                raise InputError("these words are not valid UTF-8 text")
+            reply = self._said(words)
+        except InputError as error:
+            return {"kind": "refused", "code": "unusable_input", "reason": str(error)}
+        if reply["kind"] == "wish":
+            return self._wish(reply["wish"])
+        return reply
+
+    def _said(self, words: str) -> dict[str, Any]:
+        """One turn; Ctrl-C gives it up and leaves the thread as it was."""
+        quiet = self._json or self._request.quiet or not is_terminal(sys.stderr)
+        try:
+            with progress(quiet=quiet) as tell:
+                self._teller.to = tell
+                return self._session.say(words)
+        except KeyboardInterrupt:
+            if was_terminated():
+                raise
+            forget_interrupt()
+            return {"kind": "nothing", "reason": "given up; the scene is as it was"}
+        finally:
+            self._teller.to = lambda _stage, _line: None
+
+    def _command(self, words: str) -> dict[str, Any]:
+        name, *arguments = words[1:].split()
+        act = self._commands.get(name.lower() if name else "")
+        if act is None:
+            raise InputError(f"there is no /{one_line(name or '', limit=40)}; /help lists all")
+        return act(arguments)
+
+    def _wish(self, wish: str) -> dict[str, Any]:
+        if wish == "quit":
+            return {"kind": "nothing", "reason": "/quit ends the conversation"}
+        return self._commands[wish]([])
+
+    def _branch(self, arguments: list[str]) -> dict[str, Any]:
+        return self._session.branch(arguments[0]) if arguments else self._branches()
+
+    def _branches(self) -> dict[str, Any]:
+        from scenewright.authoring.session import MAIN, branches_of
+
+        state = self._session.state
+        return {
+            "kind": "branches",
+            "branches": branches_of(state),
+            "branch": state.get("branch", MAIN),
+        }
+
+    def _history(self) -> dict[str, Any]:
+        state = self._session.state
+        rows = [
+            {"version": each["number"], "from": each["parent"], "words": each["words"]}
+            for each in state.get("versions", [])
+        ]
+        return {"kind": "history", "versions": rows, "current": state.get("current")}
+
+    def _show(self, arguments: list[str]) -> dict[str, Any]:
+        shown = self._needed(arguments[0] if arguments else None)
+        return {"kind": "shown", "version": shown.version["number"], **facts(shown)}
+
+    def _compare(self, arguments: list[str]) -> dict[str, Any]:
+        from scenewright.authoring.compare import compared
+
+        if len(arguments) != 2:
+            raise InputError("/compare needs two versions or branches, such as /compare 1 2")
+        first, second = (self._needed(each) for each in arguments)
+        return {
+            "kind": "compared",
+            "first": first.version["number"],
+            "second": second.version["number"],
+            **compared(first.record, first.proof, second.record, second.proof),
+        }
+
+    def _needed(self, which: str | None) -> Shown:
+        shown = self._session.shown(which)
+        if shown is None:
+            raise InputError("there is no scene yet; say what shall happen")
+        return shown
+
+    def _save(self, arguments: list[str]) -> dict[str, Any]:
+        from scenewright.cli.save import save_version
+
+        shown = self._needed(None)
+        name = f"{self._session.thread}-{shown.version['number']}"
+        told = " ".join(arguments) or self._request.out or str(Path("scenes") / name)
+        folder, files, warnings = save_version(shown, told)
+        warnings += self._remember(shown)
+        return {"kind": "saved", "folder": str(folder), "files": files, "warnings": warnings}
+
+    def _remember(self, shown: Shown) -> list[str]:
+        """What went wrong, if it did: the scene is saved in any case."""
+        if self._episodes is None:
+            return []
+        try:
+            self._episodes.accept(
+                request=shown.version["text"],
+                graph=shown.version["graph"],
+                taxonomy=shown.provenance.get("taxonomy", []),
+            )
+        except InputError as error:
+            return [f"not remembered: {error}"]
+        return []
+
+    def _why(self) -> dict[str, Any]:
+        from scenewright.authoring.explain import why
+
+        refused = self._session.state.get("refused")
+        lines = ["nothing was refused since the last change"] if refused is None else why(refused)
+        return {"kind": "why", "lines": lines, "refused": refused}
+
+    def _say_back(self, words: str, reply: dict[str, Any]) -> None:
+        shown = self._session.shown() if reply["kind"] in ("made", "moved_to") else None
+        if shown is not None:
+            reply = {**reply, **facts(shown)}
+        if self._page is None:
+            ok = reply["kind"] != "refused"
+            put_json({"ok": ok, "thread": self._session.thread, "words": words, **reply})
+            return
+        from scenewright.cli.turn_report import told
+
+        for style, line in told(reply, shown):
+            _print(self._page, style, line)
+
+
+def facts(shown: Shown) -> dict[str, Any]:
+    """What a script wants to know of a version."""
+    version = shown.version
+    return {
+        "verified": shown.proof.verified,
+        "events": shown.record.to_json()["events"],
+        "agents": [
+            {
+                "id": each.id,
+                "name": each.name,
+                "type": each.type,
+                "subtype": each.subtype,
+                "entry": each.entry,
+                "exit": each.exit,
+                "role": each.role,
+            }
+            for each in shown.record.agents
+        ],
+        "duration": shown.record.meta.duration,
+        "time_of_day": shown.record.meta.time_of_day,
+        "edits": version["edits"],
+        "moved": version["moved"],
+        "gone": version["gone"],
+        "come": version["come"],
+        "longer": version["longer"],
+        "let_go": version["let_go"],
+    }
+
+
+def _page() -> Console:
+    from rich.console import Console
+
+    tty = is_terminal(sys.stdout)
+    return Console(
+        file=sys.stdout, highlight=False, markup=False, emoji=False, soft_wrap=True,
+        force_terminal=tty or None,
+    )  # fmt: skip
+
+
+def _print(page: Console, style: str, line: str) -> None:
+    from io import StringIO
+
+    from rich.console import Console
+    from rich.text import Text
+
+    plain = one_line(line, limit=_LONGEST_HISTORY)
+    indent = line[: len(line) - len(line.lstrip(" "))]
+    if not page.is_terminal:
+        put(f"{indent}{plain}\n")
+        return
+    buffer = StringIO()
+    Console(file=buffer, force_terminal=True, soft_wrap=True).print(Text(indent + plain, style))
+    put(buffer.getvalue())
+
+
+def _lines(prompt: str, *, quiet: bool) -> Iterator[str]:
+    """What is typed, or what a script sends, line by line; Ctrl-D ends it."""
+    if sys.stdin is None:
+        return
+    if quiet or not is_terminal(sys.stdin):
+        for raw in sys.stdin.buffer:
+            yield raw[: 4 * _LONGEST_WORDS].decode("utf-8", "surrogateescape")
+        return
+    with _line_history():
+        while True:
+            try:
+                yield input(prompt)
+            except EOFError:
+                say("")
+                return
+            except KeyboardInterrupt:
+                if was_terminated():
+                    raise
+                forget_interrupt()
+                say("\n/quit or Ctrl-D ends the conversation")
+
+
+class _line_history:  # noqa: N801 - used as a function
+    """Arrow keys bring back what was typed, also in earlier conversations."""
+
+    def __enter__(self) -> None:
+        self._file = find_data_folder() / "chat_history"
+        with suppress(ImportError, OSError):
+            import readline
+
+            readline.set_history_length(1000)
+            readline.read_history_file(self._file)
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(ImportError, OSError):
+            import readline
+
+            self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            readline.write_history_file(self._file)
+            self._file.chmod(0o600)

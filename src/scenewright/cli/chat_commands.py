@@ -1,0 +1,114 @@
+"""The commands of authoring in conversation: `chat`, `memory`, `mcp`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout, backend_of
+from scenewright.cli.console import one_line, put, put_json, say
+
+memory = typer.Typer(name="memory", help="Accepted scenes, recalled as examples for prompts.")
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+def chat(
+    thread: Annotated[
+        str | None, typer.Option(help="Thread to go on with; a new one if none is named.")
+    ] = None,
+    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
+    refiner: Annotated[
+        str | None, typer.Option(help="trajnet or none, in a new thread; that of make.")
+    ] = None,
+    out: Annotated[str | None, typer.Option(help="Folder that /save writes to.")] = None,
+    threads: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Where threads are kept.")
+    ] = None,
+    no_memory: Annotated[
+        bool, typer.Option("--no-memory", help="Recall nothing, remember nothing.")
+    ] = False,
+    list_: Annotated[bool, typer.Option("--list", help="List the threads there are.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object for every line of stdin.")
+    ] = False,
+) -> None:
+    """Make a scene in conversation, and change it in words until it is right."""
+    from scenewright.cli.chat import ChatRequest, list_threads
+    from scenewright.cli.chat import chat as talk
+
+    if list_:
+        names = list_threads(threads)
+        if as_json:
+            put_json({"ok": True, "threads": names})
+        else:
+            put("".join(f"{name}\n" for name in names))
+        return
+    talk(
+        ChatRequest(
+            thread=thread,
+            threads=threads,
+            intersection=intersection,
+            backend=backend_of(backend, base_url=base_url, record=record, timeout=timeout),
+            seed=seed,
+            refiner=refiner,
+            out=out,
+            memory=not no_memory,
+            quiet=quiet,
+            as_json=as_json,
+        )
+    )
+
+
+def mcp(
+    thread: Annotated[str, typer.Option(help="Thread that the tools work on.")] = "mcp",
+    intersection: Annotated[str, typer.Option(help="Where it happens.")] = "amsterdam_120",
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
+    out: Annotated[str | None, typer.Option(help="Folder that scenes may be kept in.")] = None,
+    threads: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Where threads are kept.")
+    ] = None,
+) -> None:
+    """Serve the tools over the Model Context Protocol, on stdin and stdout (extra `mcp`)."""
+    from scenewright.cli.mcp import Served, serve
+
+    speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
+    serve(Served(threads, thread, intersection, speaker, seed, out))
+
+
+@memory.command("list")
+def list_memory(as_json: Json = False) -> None:
+    """List what is remembered."""
+    from scenewright.cli.user_folders import memory_file
+    from scenewright.memory.episodes import Episodes
+
+    found = Episodes(memory_file()).all()
+    if as_json:
+        rows = [{"request": e.request, "taxonomy": list(e.taxonomy)} for e in found]
+        put_json({"ok": True, "file": str(memory_file()), "episodes": rows})
+    else:
+        put("".join(f"{', '.join(e.taxonomy) or 'normal'}: {one_line(e.request)}\n" for e in found))
+
+
+@memory.command("wipe")
+def wipe_memory(as_json: Json = False) -> None:
+    """Forget everything that is remembered."""
+    from scenewright.cli.user_folders import memory_file
+    from scenewright.memory.episodes import Episodes
+
+    count = Episodes(memory_file()).wipe()
+    if as_json:
+        put_json({"ok": True, "forgotten": count})
+    else:
+        say(f"{count} episodes forgotten")

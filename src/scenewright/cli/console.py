@@ -1,0 +1,165 @@
+"""What goes to the terminal: results to stdout, everything said to people to stderr."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import unicodedata
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TextIO
+
+from scenewright.cli.interrupts import stop_if_asked
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from scenewright.graph.run import Tell
+
+LONGEST_LINE = 600
+PIPED_WIDTH = 4000
+"""Wide enough for any row: what reads a pipe can cut lines, but cannot mend them."""
+_STAGES = {
+    "scene_planner": "planning",
+    "agent_generator": "drawing agents",
+    "waypoint_filter": "solving",
+    "event_reasoner": "reasoning",
+    "trajectory_refiner": "refining",
+    "scene_verifier": "checking",
+}
+
+
+class ReaderGoneError(Exception):
+    """Whoever read stdout has closed it."""
+
+
+def one_line(text: str, *, limit: int = LONGEST_LINE) -> str:
+    """The text on one line that cannot steer a terminal, at most `limit` long."""
+    kept = "".join(c if unicodedata.category(c)[0] != "C" else " " for c in text[: 4 * limit])
+    line = " ".join(kept.split())
+    return line if len(line) <= limit else line[: limit - 1] + "…"
+
+
+def say(line: str) -> None:
+    """One line to stderr; a closed or full stderr is nobody's business."""
+    if sys.stderr is None:
+        return
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except (OSError, ValueError):
+        return
+
+
+def put(text: str) -> None:
+    """Text to stdout, at once, as UTF-8 whatever the locale; paths keep their bytes.
+
+    Raises:
+        ReaderGoneError: nobody reads any more.
+        OSError: stdout cannot be written.
+    """
+    if sys.stdout is None:
+        return
+    try:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(text.encode("utf-8", "surrogateescape"))
+        sys.stdout.buffer.flush()
+    except BrokenPipeError as error:
+        abandon_stdout()
+        raise ReaderGoneError from error
+    except OSError:
+        abandon_stdout()
+        raise
+
+
+def put_json(value: Mapping[str, Any]) -> None:
+    """One JSON object on one line to stdout."""
+    put(json.dumps(value, allow_nan=False) + "\n")
+
+
+def abandon_stdout() -> None:
+    """Keeps the interpreter from flushing the rest into a stdout that takes nothing."""
+    try:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+    except (OSError, ValueError):
+        return
+
+
+def rendered(table: Table) -> str:
+    """A table as text, in colour on a terminal, never cut short in a pipe."""
+    from io import StringIO
+
+    from rich.console import Console
+
+    tty = is_terminal(sys.stdout)
+    page = StringIO()
+    Console(file=page, force_terminal=tty, width=None if tty else PIPED_WIDTH).print(table)
+    return "\n".join(line.rstrip() for line in page.getvalue().splitlines()) + "\n"
+
+
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether a person looks at the stream."""
+    try:
+        return stream is not None and stream.isatty()
+    except ValueError:
+        return False
+
+
+@contextmanager
+def progress(*, quiet: bool) -> Iterator[Tell]:
+    """Tells how a run goes: a changing line on a terminal, plain lines elsewhere.
+
+    Every line is also a moment at which a run that shall stop does.
+    """
+    if quiet:
+        yield _heeding(lambda *_: None)
+    elif is_terminal(sys.stderr):
+        _say_if_new()
+        with _spinner() as tell:
+            yield _heeding(tell)
+    else:
+        yield _heeding(_Lines())
+
+
+def _say_if_new() -> None:
+    """Tells who makes a first scene why that takes longer."""
+    from scenewright.compiled import has_cache
+
+    if not has_cache():
+        say("compiling the innermost loops, once after an installation: some 15 s")
+
+
+def _heeding(tell: Tell) -> Tell:
+    def heed(stage: str, line: str) -> None:
+        stop_if_asked()
+        tell(stage, line)
+
+    return heed
+
+
+class _Lines:
+    """Says what happens, a refusal only if the run goes on: the last one is the run's answer."""
+
+    def __init__(self) -> None:
+        self._held: str | None = None
+
+    def __call__(self, stage: str, line: str) -> None:
+        words = f"{_STAGES.get(stage, stage)}: {one_line(line)}"
+        if self._held is not None:
+            say(self._held)
+        self._held = words if line.startswith("refused") else None
+        if self._held is None:
+            say(words)
+
+
+@contextmanager
+def _spinner() -> Iterator[Tell]:
+    from rich.console import Console
+    from rich.text import Text
+
+    with Console(stderr=True).status(Text("starting")) as status:
+        yield lambda stage, line: status.update(
+            Text(f"{_STAGES.get(stage, stage)}: {one_line(line, limit=100)}")
+        )

@@ -1,0 +1,460 @@
+"""`scenewright intersections import, simulate, fit`: from map and tracks to a bundle for scenes."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from scenewright.errors import InputError
+from scenewright.intersections import (
+    REFINER_WEIGHTS,
+    check_bundle,
+    check_name,
+    find_bundle_folder,
+    find_custom_root,
+    load_map,
+    read_bundle_header,
+)
+from scenewright.scene.base import FloatArray
+from scenewright.scene.map import IntersectionMap
+from scenewright.tools.fitting.custom_bundle import OwnBundle, open_own, write_own
+from scenewright.tools.fitting.derive_priors import derived_priors
+from scenewright.tools.fitting.fit_tracks import Lanes
+from scenewright.tools.gmm_sampler.priors import Priors
+from scenewright.tools.map_import import Imported, import_map
+from scenewright.tools.track_io import Recording
+
+Tell = Callable[[str, str], None]
+REFINER_CARD = "refiner.md"
+_FORMATS = {
+    "osm": "OpenStreetMap",
+    "lanelet2": "Lanelet2",
+    "opendrive": "OpenDRIVE",
+    "sumo": "SUMO network",
+}
+
+
+def import_file(
+    file: str,
+    *,
+    name: str,
+    center: str | None,
+    junction: str | None,
+    left_hand: bool | None,
+    extent: float | None,
+    title: str | None,
+    signals: str,
+    licence: str | None,
+    force: bool,
+    tell: Tell,
+) -> dict[str, Any]:
+    """Imports a map and writes its bundle; what was made, for printing.
+
+    Raises:
+        InputError: the file or an option cannot be used; nothing is written.
+    """
+    check_name(name)
+    if (find_custom_root() / name).exists() and not force:
+        raise InputError(f"intersection {name!r} exists already; --force replaces it")
+    tell("reading", file)
+    made = import_map(
+        file,
+        name=name,
+        center=None if center is None else parsed_center(center),
+        junction=junction,
+        left_hand=left_hand,
+        extent=extent,
+        title=title,
+        signals=signals,
+    )
+    tell("deriving", "priors from the map, nothing was seen there yet")
+    place, lines = made.assembled.place, made.assembled.lines
+    folder = write_own(
+        name,
+        place,
+        lines,
+        derived_priors(place, lines),
+        provenance=_provenance(file, made),
+        frame={"origin": made.origin, "offset": made.offset},
+        notes=made.assembled.notes,
+        licence=licence,
+        force=force,
+    )
+    return {
+        "name": name,
+        "folder": str(folder),
+        "format": _FORMATS[made.kind],
+        "title": place.title,
+        "legs": [{"name": leg.name, "road": leg.road} for leg in place.legs],
+        "movements": len(place.movements),
+        "crosswalks": len(place.crosswalks),
+        "signals": place.signals is not None,
+        "notes": list(made.assembled.notes),
+    }
+
+
+def simulate_own(name: str, *, minutes: int, seed: int, train: bool, tell: Tell) -> dict[str, Any]:
+    """Simulates traffic on an imported map, fits its priors anew and trains its refiner.
+
+    Args:
+        train: whether to train; else a refiner that the bundle has stays as it is.
+
+    Raises:
+        InputError: no such imported intersection, SUMO not installed, a number that cannot be.
+    """
+    from scenewright.tools.fitting.simulated_priors import fitted_priors, simulate_place
+
+    bundle = open_own(name)
+    made = simulate_place(
+        bundle.place,
+        bundle.ways,
+        minutes=minutes,
+        seed=seed,
+        progress=lambda line: tell("simulating", line),
+    )
+    tell("fitting", f"priors on {len(made.trips)} trips")
+    priors = fitted_priors(bundle.place, bundle.ways, made.trips, made.present)
+    extra: dict[str, bytes] = {}
+    facts: dict[str, Any] = {}
+    if train:
+        command = f"scenewright intersections simulate {name} --minutes {minutes} --seed {seed}"
+        extra, facts = _trained(name, made.recordings, command, seed, tell)
+    on_foot = sum(trip.subtype is None for trip in made.trips)
+    folder = _rewritten(
+        bundle,
+        priors,
+        {"priors": "fitted on simulated traffic (Eclipse SUMO); demand assumed, walked ways "
+         "derived from the map",
+         "simulated_minutes": minutes, "simulated_trips": len(made.trips),
+         "simulated_walks": on_foot, "seed": seed},
+        extra,
+    )  # fmt: skip
+    return {
+        "name": name,
+        "folder": folder,
+        "trips": len(made.trips),
+        "walks": on_foot,
+        "minutes": minutes,
+        "trained": train,
+        "figures": facts,
+    }
+
+
+def _trained(
+    name: str, recordings: Sequence[Recording], command: str, seed: int, tell: Tell
+) -> tuple[dict[str, bytes], dict[str, Any]]:
+    """A refiner for the simulated traffic, as files of the bundle, and what it is worth.
+
+    It goes on from the shipped intersection's, which knows how people drive but not how they do
+    here: from nothing, so little traffic would not teach it.
+    """
+    import tempfile
+
+    from scenewright.tools.fitting.path_frame import SHIPPED
+    from scenewright.tools.trajnet_refiner.bundle_training import CARD, train_bundle
+    from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+    from scenewright.tools.trajnet_refiner.supervised import RECIPE
+
+    shipped = bundled_refiner(SHIPPED)
+    recipe = RECIPE.model_copy(update={**_GOES_ON, "seed": seed})
+    tell("training", f"a refiner on {len(recordings)} recordings")
+    with tempfile.TemporaryDirectory() as scratch:
+        about = train_bundle(
+            name, recordings, out=Path(scratch), recipe=recipe, command=command,
+            start=None if shipped is None else shipped.net,
+            after_epoch=lambda epoch: tell(
+                "training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}"
+            ),
+        )  # fmt: skip
+        files = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
+    return files, dict(about["figures"])
+
+
+_GOES_ON = {"epochs": 6, "rate": 3e-4}
+"""How a network that has been trained elsewhere goes on here: briefly, in small steps."""
+
+
+def fit_own(
+    name: str,
+    paths: Sequence[str],
+    *,
+    columns: str | None,
+    origin: str | None,
+    shift: str | None,
+    start: str | None,
+    counts: str | None,
+    licence: str | None,
+    tell: Tell,
+    scale: float | None = None,
+    pool: Sequence[str] = (),
+    pool_scale: float | None = None,
+) -> dict[str, Any]:
+    """Fits an imported intersection's priors on recorded tracks.
+
+    Args:
+        scale: metres per pixel of tracks in pixels.
+        pool: files or folders of vehicles' tracks at a place without a map, for the pool; and
+            pool_scale theirs.
+
+    Raises:
+        InputError: no such imported intersection, or tracks or options that cannot be used.
+    """
+    from scenewright.tools.fitting.fit_tracks import fit_tracks, read_hourly
+    from scenewright.tools.track_io.track_files import read_track_files
+
+    bundle = open_own(name)
+    tell("reading", f"{len(paths)} files or folders")
+    files = read_track_files(
+        paths, columns=None if columns is None else parsed_columns(columns), scale=scale
+    )
+    elsewhere, told = _elsewhere(pool, pool_scale)
+    removed = sum((file.removed for file in files[1:]), start=files[0].removed)
+    tell("fitting", f"{sum(len(file.tracks) for file in files)} tracks")
+    fitted = fit_tracks(
+        bundle.place,
+        bundle.ways,
+        files,
+        origin=bundle.origin,
+        track_origin=None if origin is None else parsed_center(origin),
+        shift=None if shift is None else parsed_center(shift),
+        begin=None if start is None else _parsed_clock(start),
+        hourly=None if counts is None else read_hourly(counts),
+        elsewhere=elsewhere,
+    )
+    folder = _rewritten(
+        bundle,
+        fitted.priors,
+        {"priors": "fitted on recorded tracks; what they do not tell is derived from the map",
+         "track_files": sorted(file.name for file in files)[:50],
+         "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
+         "pool": ", ".join(told) or None},
+        {"seen.npz": seen_bytes(fitted.seen)},
+    )  # fmt: skip
+    return {
+        "name": name,
+        "folder": folder,
+        "files": len(files),
+        "cleaning": removed.lines(),
+        "matched": fitted.matched,
+        "off": fitted.off,
+        "open": fitted.open_,
+        "notes": [*told, *fitted.lines],
+        "heldout": [
+            {"share": share, "tracks": n, "pooled_nll": pooled, "unpooled_nll": alone}
+            for share, n, pooled, alone in fitted.heldout
+        ],
+    }
+
+
+def _elsewhere(paths: Sequence[str], scale: float | None) -> tuple[Lanes, list[str]]:
+    """How drivers of other places keep to their lanes, and a line on each file."""
+    from scenewright.tools.fitting.lane_keeping import kept_lanes, measured_scale
+    from scenewright.tools.track_io.track_files import read_track_files
+
+    found: dict[str, list[FloatArray]] = {}
+    told = []
+    for file in read_track_files(paths, scale=scale) if paths else ():
+        tracks = [track.xy for subtype, track in file.tracks if subtype != "pedestrian"]
+        lanes = kept_lanes(tracks)
+        for turn, own in lanes.items():
+            found.setdefault(turn, []).extend(own)
+        count = sum(len(own) for lane in lanes.values() for own in lane)
+        wide = None if scale is None else measured_scale(tracks, scale)
+        words = (
+            f"{file.name}: {count} tracks on {sum(map(len, lanes.values()))} lanes, for the pool"
+        )
+        if scale is not None:
+            words += f", at {scale:g} m per pixel"
+        if wide is not None:
+            words += f" ({wide:.3f} would make its lanes 3.25 m wide)"
+        told.append(words)
+    if paths and not found:
+        raise InputError(f"{', '.join(paths)[:200]}: no lane that three vehicles share")
+    return found, told
+
+
+def seen_bytes(tracks: Sequence[Any]) -> bytes:
+    """Up to 400 tracks in the map's frame as a file of plain arrays, for the picture."""
+    import io
+
+    import numpy as np
+
+    kept = list(tracks)[:: max(len(tracks) // 400, 1)]
+    buffer = io.BytesIO()
+    save: Any = np.savez_compressed
+    save(
+        buffer,
+        lengths=np.array([len(xy) for xy in kept], dtype=np.int64),
+        points=np.concatenate([np.zeros((0, 2)), *kept]).astype(np.float32),
+    )
+    return buffer.getvalue()
+
+
+def _rewritten(
+    bundle: OwnBundle, priors: Priors, facts: Mapping[str, Any], extra: Mapping[str, bytes]
+) -> str:
+    """The bundle with new priors; its map's origin and its refiner stay, if not replaced."""
+    header = bundle.header
+    kept = {
+        file: (bundle.folder / file).read_bytes()
+        for file in (REFINER_WEIGHTS, REFINER_CARD)
+        if (bundle.folder / file).is_file()
+    }
+    old = {k: v for k, v in header.get("provenance", {}).items() if k.startswith("map")}
+    folder = write_own(
+        bundle.folder.name,
+        bundle.place,
+        bundle.ways,
+        priors,
+        provenance={**old, **facts},
+        frame=header.get("frame", {}),
+        notes=header.get("notes", ()),
+        licence=header.get("licence"),
+        force=True,
+        extra={**kept, **extra},
+    )
+    return str(folder)
+
+
+def parsed_columns(text: str) -> dict[str, str]:
+    """Columns by our names.
+
+    >>> parsed_columns("t=frame/25,id=track,x=px,y=py,class==car")["class"]
+    '=car'
+    """
+    found = dict(part.split("=", 1) for part in text.split(",") if "=" in part)
+    strange = sorted(found.keys() - {"t", "id", "class", "x", "y"})
+    if strange or not found:
+        raise InputError(
+            f"--columns is t=...,id=...,class=...,x=...,y=..., got {', '.join(strange) or text!r}"
+        )
+    return {key.strip(): value.strip() for key, value in found.items()}
+
+
+def _parsed_clock(text: str) -> float:
+    try:
+        hours, minutes = (int(part) for part in text.split(":"))
+    except ValueError:
+        hours, minutes = -1, 0
+    if not (0 <= hours < 24 and 0 <= minutes < 60):
+        raise InputError(f"a time of day is HH:MM, got {text[:20]!r}")
+    return hours + minutes / 60
+
+
+def fit_text(facts: dict[str, Any]) -> list[str]:
+    """What was read, removed and fitted, as lines for people."""
+    rows = [
+        f"held out, {row['tracks']} tracks to fit on: {row['pooled_nll']:.2f} nats per waypoint "
+        f"pooled, {row['unpooled_nll']:.2f} unpooled"
+        for row in facts["heldout"]
+    ]
+    most = sorted(facts["matched"].items(), key=lambda each: -each[1])[:12]
+    return [
+        *facts["cleaning"],
+        *facts["notes"],
+        "tracks: " + ", ".join(f"{route} {n}" for route, n in most),
+        *rows,
+    ]
+
+
+def draw_own(png: str, name: str) -> None:
+    """A bundle's picture: map, legs, movements, recorded tracks if it keeps some, its priors."""
+    from scenewright.viz.intersection_picture import draw_intersection
+
+    place = load_map(name)
+    samples = [path for drawn in _drawn(name, place).values() for path in drawn]
+    draw_intersection(png, intersection=place, tracks=_seen(name), samples=samples)
+
+
+def record_own(rrd: str, name: str) -> None:
+    """The same as a recording for the rerun viewer, with what was assumed beside it."""
+    from scenewright.viz.intersection_recording import record_intersection
+
+    place, header = load_map(name), read_bundle_header(find_bundle_folder(name))
+    facts = [f"{key}: {value}" for key, value in header.get("provenance", {}).items()]
+    facts += [f"licence: {header.get('licence', 'unstated')}", *header.get("notes", ())]
+    record_intersection(
+        rrd,
+        intersection=place,
+        tracks=_seen(name),
+        priors=_drawn(name, place),
+        facts=[each for each in map(str, facts) if len(each) < _LONGEST_FACT],
+    )
+
+
+def _drawn(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
+    """By route id, paths drawn from its prior; jaywalkers', who go anywhere, are left out."""
+    import numpy as np
+
+    from scenewright.tools.gmm_sampler import load_priors, paths_of, sample_waypoints
+
+    if not (find_bundle_folder(name) / "priors.npz").is_file():
+        return {}
+    priors, rng = load_priors(name), np.random.default_rng(0)
+    return {
+        route.id: [
+            path.xy
+            for path in paths_of(
+                priors.waypoints[route.id],
+                sample_waypoints(priors.waypoints[route.id], rng, size=_SHOWN[route.type]),
+            )
+        ]
+        for route in place.routes
+        if route.movement != "jaywalking"
+    }
+
+
+def _seen(name: str) -> list[FloatArray]:
+    """The recorded tracks that a bundle keeps, [T, 2] each [m]."""
+    import numpy as np
+
+    folder = find_bundle_folder(name)
+    if not (folder / "seen.npz").is_file():
+        return []
+    check_bundle(folder, "seen.npz")
+    with np.load(folder / "seen.npz", allow_pickle=False) as stored:
+        return np.split(stored["points"].astype(float), np.cumsum(stored["lengths"])[:-1])
+
+
+_LONGEST_FACT = 300
+_SHOWN = {"vehicle": 6, "pedestrian": 1}
+"""Paths drawn of every route."""
+
+
+def parsed_center(text: str) -> tuple[float, float]:
+    """LAT,LON (or X,Y).
+
+    >>> parsed_center("49.0053,8.4374")
+    (49.0053, 8.4374)
+    """
+    try:
+        first, second = (float(part) for part in text.split(","))
+        if not (math.isfinite(first) and math.isfinite(second)):
+            raise ValueError
+    except ValueError:
+        raise InputError(f"a centre is LAT,LON, two numbers, got {text[:40]!r}") from None
+    return first, second
+
+
+def _provenance(file: str, made: Imported) -> dict[str, Any]:
+    return {
+        "map": Path(file).name,
+        "map_format": _FORMATS[made.kind],
+        "map_sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest(),
+        "priors": "derived from the map and the pool of amsterdam_120; nothing was seen there",
+    }
+
+
+def import_text(facts: dict[str, Any]) -> list[str]:
+    """What was made and assumed, as lines for people."""
+    legs = ", ".join(f"{leg['name']} ({leg['road']})" for leg in facts["legs"])
+    lights = "signals" if facts["signals"] else "no signals"
+    return [
+        f"{facts['name']}: {facts['title']} ({facts['format']})",
+        f"legs: {legs}",
+        f"{facts['movements']} movements, {facts['crosswalks']} crosswalks, {lights}",
+        *(f"note: {line}" for line in facts["notes"]),
+    ]

@@ -1,0 +1,73 @@
+"""`scenewright dataset`: datasets checked, and the one of the paper made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from scenewright.cli.batch import cores
+from scenewright.cli.console import one_line, progress, put, put_json, say
+from scenewright.cli.errors import NOT_VERIFIED
+from scenewright.cli.interrupts import stop_if_asked
+
+if TYPE_CHECKING:
+    from scenewright.graph.run import Tell
+
+dataset = typer.Typer(name="dataset", help="Datasets of scenes: check them, make the paper's.")
+
+Folder = Annotated[str, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
+_SHOWN = 20
+
+
+def _tell_now_and_then(tell: Tell, done: int, of: int) -> None:
+    if done % 100 == 0 or done == of:
+        tell("checking", f"{done} of {of} scenes")
+    stop_if_asked()
+
+
+@dataset.command("check")
+def check(
+    folder: Folder,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; as many as there are cores if not said.")
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Recompute every hash, compare tables with scenes, run the checker over every scene.
+
+    Exit code 0 if all of it holds, 1 if something does not.
+    """
+    from scenewright.dataset.batch.audit import audit
+
+    with progress(quiet=quiet) as tell:
+        found = audit(
+            Path(folder),
+            workers=workers or cores(),
+            tell=lambda done, of: _tell_now_and_then(tell, done, of),
+        )
+    told: dict[str, Any] = {
+        "folder": folder,
+        "files": found.files,
+        "scenes": found.scenes,
+        "verified": found.verified,
+        "complete": found.complete,
+    }
+    if as_json:
+        faults = [vars(fault) for fault in found.faults]
+        put_json({"ok": not found.faults, **told, "faults": faults})
+    else:
+        counts = f"{found.files} files, {found.verified} of {found.scenes} scenes verified"
+        put(f"{folder}: {counts}, {'in order' if not found.faults else 'NOT in order'}\n")
+    for fault in found.faults[:_SHOWN]:
+        say(one_line(f"{fault.where}: {fault.what}"))
+    if len(found.faults) > _SHOWN:
+        say(f"and {len(found.faults) - _SHOWN} more; --json has them")
+    if not found.complete and not quiet:
+        say("note: the dataset is not complete; the command that made it goes on with it")
+    if found.faults:
+        raise typer.Exit(NOT_VERIFIED)

@@ -1,0 +1,117 @@
+"""What went wrong, as one line for people and one object for machines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from scenewright.cli.console import one_line
+from scenewright.cli.interrupts import was_stopped, was_terminated
+from scenewright.errors import BackendFault, InputError, ScenewrightError, Unsatisfiable
+
+NOT_VERIFIED = 1
+UNUSABLE = 2
+INTERNAL = 70
+INTERRUPTED = 130
+READER_GONE = 141
+TERMINATED = 143
+
+_ADVICE = {
+    "contradictory": "Change or drop one of the two.",
+    "impossible": "`scenewright intersections show NAME` lists what there is.",
+    "ungroundable": "`scenewright intersections show NAME` lists what there is.",
+    "role_mismatch": "Ask for other movements, or leave them open.",
+    "unknown_direction": "`scenewright intersections show NAME` lists the legs.",
+    "no_surviving_combination": "Another --seed, less traffic or fewer fixed directions may help.",
+    "background_interferes": "Another --seed or less background traffic may help.",
+    "relation_not_realised": "Another --seed or a less exact request may help.",
+    "wrong_braker": "Another --seed or a less exact request may help.",
+    "implausible_motion": "Another --seed or a less severe event may help.",
+}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A failure as the command line reports it.
+
+    Attributes:
+        code: for machines; exit_code: of the process.
+        reason: one sentence; details: further keys of the JSON object.
+    """
+
+    code: str
+    exit_code: int
+    reason: str
+    details: dict[str, Any] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        return {
+            "ok": False,
+            "code": self.code,
+            "exit_code": self.exit_code,
+            "reason": self.reason,
+            **self.details,
+        }
+
+
+def fault_of(error: BaseException) -> Fault:
+    """The fault that an exception amounts to; one that nobody foresaw is `internal_error`."""
+    if isinstance(error, KeyboardInterrupt) or was_stopped():
+        code = TERMINATED if was_terminated() else INTERRUPTED
+        return Fault("interrupted", code, "interrupted; nothing was written")
+    match error:
+        case Unsatisfiable():
+            return _unsatisfiable(error)
+        case BackendFault():
+            reason = one_line(str(error))
+            return Fault("backend_failed", error.exit_code, reason, _paid(error))
+        case InputError():
+            return Fault("unusable_input", UNUSABLE, one_line(str(error)), _paid(error))
+        case MemoryError():
+            return Fault("out_of_memory", UNUSABLE, "there is not enough memory for this")
+        case OSError():
+            return Fault("unusable_input", UNUSABLE, _system(error))
+    return _usage(error) or _internal(error)
+
+
+def _unsatisfiable(error: Unsatisfiable) -> Fault:
+    codes = [each.code for each in error.rejections]
+    advice = _ADVICE.get(codes[-1]) if codes else None
+    details: dict[str, Any] = {
+        "advice": advice,
+        "rejections": [each.model_dump(mode="json") for each in error.rejections],
+        **_paid(error),
+    }
+    reason = one_line(str(error))
+    if advice is not None and not reason.endswith((".", "!", "?")):
+        reason += "."
+    line = reason if advice is None else f"{reason} {advice}"
+    return Fault("unsatisfiable", error.exit_code, line, details)
+
+
+def _paid(error: ScenewrightError) -> dict[str, Any]:
+    """What models were asked until then, if any were."""
+    return {"models": dict(error.models)} if error.models else {}
+
+
+def _system(error: OSError) -> str:
+    what = error.strerror or str(error) or type(error).__name__
+    return one_line(f"{what}: {error.filename}" if error.filename else what)
+
+
+def _usage(error: BaseException) -> Fault | None:
+    # typer brings a private copy of click, so its base class has no stable import path.
+    message = getattr(error, "format_message", None)
+    if message is None:
+        return None
+    return Fault("unusable_input", UNUSABLE, one_line(message()))
+
+
+def _internal(error: BaseException) -> Fault:
+    reason = f"this is a fault in scenewright: {type(error).__name__}: {error}"
+    return Fault(
+        "internal_error",
+        INTERNAL,
+        one_line(f"{reason} (SCENEWRIGHT_TRACEBACK=1 shows where)"),
+    )

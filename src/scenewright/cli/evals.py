@@ -1,0 +1,198 @@
+"""`scenewright evals`: benchmarks of the parts on data of one's own."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenewright.cli.console import (
+    is_terminal,
+    one_line,
+    progress,
+    put,
+    put_json,
+    rendered,
+    say,
+)
+from scenewright.cli.interrupts import stop_if_asked
+from scenewright.errors import InputError
+
+if TYPE_CHECKING:
+    from scenewright.evals.trajnet.evaluate import Evaluated
+    from scenewright.evals.trajnet.recording import Recording
+    from scenewright.evals.trajnet.score import Row
+    from scenewright.tools.trajnet_refiner.train import Epoch, Tell
+
+evals = typer.Typer(name="evals", help="Benchmarks of the parts on data of your own.")
+
+Files = Annotated[
+    list[str], typer.Argument(metavar="FILE...", help="TrajNet++ recordings, .ndjson.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")]
+
+
+@evals.command("trajnet")
+def trajnet(
+    files: Files,
+    weights: Annotated[
+        str | None,
+        typer.Option(help="The refiner's weights, .safetensors; constant velocity alone without."),
+    ] = None,
+    out: Annotated[
+        str | None,
+        typer.Option(help="Folder for the predictions in the benchmark's format."),
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Score predicted pedestrians as TrajNet++ does: ADE, FDE, Col-I and Col-II by type of scene.
+
+    The refiner predicts without goals, told each pedestrian's destination, and told where it is at
+    the end of the scene. Files without the future are predicted but not scored.
+    """
+    from scenewright.evals.trajnet.evaluate import evaluate
+
+    recordings = read_recordings(files)
+    with progress(quiet=quiet) as tell:
+        evaluated = evaluate(
+            recordings,
+            weights=None if weights is None else Path(weights),
+            tell=lambda line: tell("predicting", line),
+        )
+    if out is not None:
+        write_predictions(Path(out), recordings, evaluated)
+    if not evaluated[0].rows:
+        say("note: no file holds what really happened, so there is nothing to score")
+    if as_json:
+        results = [each.to_json() for each in evaluated]
+        put_json({"ok": True, "files": files, "out": out, "results": results})
+    else:
+        put("".join(scores_table(each) for each in evaluated if each.rows) or f"{out or ''}\n")
+
+
+def read_recordings(files: Iterable[str]) -> list[Recording]:
+    """Every file, in order.
+
+    Raises:
+        InputError: one is no TrajNet++ file, or two have the same name.
+    """
+    from scenewright.evals.trajnet.recording import read_recording
+
+    recordings = [read_recording(Path(file)) for file in files]
+    names = [recording.name for recording in recordings]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"two files are called {twice[0]}.ndjson; rename one of them")
+    return recordings
+
+
+def write_predictions(
+    folder: Path, recordings: Iterable[Recording], evaluated: Iterable[Evaluated]
+) -> None:
+    """One folder per predictor and kind of goals, one file per recording.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    from scenewright.evals.trajnet.score import lines
+    from scenewright.files import write_atomically
+
+    for each in evaluated:
+        name = each.predictor.replace(" ", "_")
+        place = folder / (name if each.goals == "none" else f"{name}_told_{each.goals}")
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot write {place}: {error.strerror or error}") from error
+        for recording, scenes in zip(recordings, each.predicted, strict=True):
+            text = "".join(line + "\n" for line in lines(recording, scenes))
+            write_atomically(place / f"{recording.name}.ndjson", text.encode())
+
+
+def scores_table(evaluated: Evaluated) -> str:
+    """A headline and one line per kind of scene, intervals in brackets."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    told = "" if evaluated.goals == "none" else f", told the {evaluated.goals}"
+    page = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    page.add_column("scenes")
+    for title in ("n", "people", "ADE [m]", "FDE [m]", "Col-I [%]", "Col-II [%]"):
+        page.add_column(Text(title), justify="right", no_wrap=True)
+    for row in evaluated.rows:
+        cells = [_cell(row, measure) for measure in ("ade", "fde", "col1", "col2")]
+        page.add_row(row.name, str(row.scenes), str(row.people), *cells)
+    return one_line(f"{evaluated.predictor}{told}") + "\n" + rendered(page)
+
+
+def _cell(row: Row, measure: str) -> str:
+    value, interval = row.values[measure], row.intervals[measure]
+    if value is None or interval is None:
+        return "none"
+    digits = 1 if measure.startswith("col") else 2
+    return f"{value:.{digits}f} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
+
+
+@evals.command("trajnet-train")
+def trajnet_train(
+    files: Files,
+    out: Annotated[str, typer.Option(metavar="W.safetensors", help="File for the weights.")],
+    epochs: Annotated[
+        int, typer.Option(min=1, help="How often half of all windows are seen, at first.")
+    ] = 18,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed, the same weights.")] = 0,
+    held_out: Annotated[
+        list[str] | None, typer.Option(help="A recording to validate on; may be given again.")
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Train the refiner on recordings; started again after a kill, it goes on where it was."""
+    from scenewright.evals.trajnet.training import own_recipe, train_on
+
+    target = Path(out)
+    if not target.parent.is_dir():
+        raise InputError(f"cannot write {out}: there is no folder {target.parent}")
+    recordings, held = read_recordings(files), read_recordings(held_out or [])
+    with training_bar(quiet=quiet) as (tell, told):
+        about = train_on(
+            recordings,
+            held_out=held,
+            out=target,
+            recipe=own_recipe(epochs=epochs, seed=seed),
+            tell=tell,
+            after_epoch=told,
+        )
+    if as_json:
+        put_json({"ok": True, "out": out, **about})
+    else:
+        put(f"{out}\n")
+
+
+@contextmanager
+def training_bar(*, quiet: bool) -> Iterator[tuple[Tell | None, Callable[[Epoch], None]]]:
+    """A bar over all batches on a terminal, and a line after every epoch, unless `quiet`."""
+    if quiet:
+        yield None, lambda _: stop_if_asked()
+    elif not is_terminal(sys.stderr):
+        yield None, _say_epoch
+    else:
+        from rich.console import Console
+        from rich.progress import Progress
+
+        with Progress(console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task("training", total=None)
+            yield lambda done, of: bar.update(task, completed=done, total=of), _say_epoch
+
+
+def _say_epoch(epoch: Epoch) -> None:
+    stop_if_asked()
+    held = "" if epoch.ade is None else f", held out {epoch.ade:.3f} m"
+    say(f"epoch {epoch.number}: loss {epoch.loss:.3f}{held}, {epoch.seconds:.0f} s")

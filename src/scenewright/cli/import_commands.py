@@ -1,0 +1,158 @@
+"""The commands for intersections of one's own: import, simulate, fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal
+
+import typer
+
+from scenewright.cli.console import one_line, progress, put, put_json, say
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
+
+
+def import_map_file(
+    file: Annotated[
+        str, typer.Argument(help="OpenStreetMap or Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml.")
+    ],
+    name: Annotated[str, typer.Option(help="What to call it: small letters, digits, - and _.")],
+    center: Annotated[
+        str | None,
+        typer.Option(metavar="LAT,LON", help="Where the junction is; X,Y if it has no degrees."),
+    ] = None,
+    junction: Annotated[
+        str | None, typer.Option(metavar="ID", help="Which junction, by its id in the file.")
+    ] = None,
+    left_hand: Annotated[
+        bool | None,
+        typer.Option("--left-hand/--right-hand", help="Which side is driven on, if not as said."),
+    ] = None,
+    signals: Annotated[
+        Literal["keep", "assume", "none"],
+        typer.Option(help="Signals: the file's, an assumed programme if it has none, or none."),
+    ] = "keep",
+    extent: Annotated[
+        float | None, typer.Option(help="Half the side of the square that is mapped [m].")
+    ] = None,
+    title: Annotated[str | None, typer.Option(help="Its title; else its streets' names.")] = None,
+    licence: Annotated[
+        str | None, typer.Option(help="Licence of the map, to be kept with the bundle.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace one of that name.")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make an intersection of your own from a map file: scenes can be made there at once."""
+    from scenewright.cli.custom_intersections import import_file, import_text
+
+    with progress(quiet=quiet) as tell:
+        facts = import_file(
+            file,
+            name=name,
+            center=center,
+            junction=junction,
+            left_hand=left_hand,
+            extent=extent,
+            title=title,
+            signals=signals,
+            licence=licence,
+            force=force,
+            tell=tell,
+        )
+    _tell(facts, () if quiet else import_text(facts), as_json=as_json)
+
+
+def simulate(
+    name: Annotated[str, typer.Argument(help="Its name.")],
+    minutes: Annotated[int, typer.Option(min=10, max=240, help="How much traffic [min].")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 0,
+    train: Annotated[
+        bool, typer.Option("--train/--no-train", help="Train a refiner on it, about half a minute.")
+    ] = True,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Simulate traffic at an imported intersection, fit its priors, train its refiner.
+
+    Needs the extra `simulate`.
+    """
+    from scenewright.cli.custom_intersections import simulate_own
+
+    with progress(quiet=quiet) as tell:
+        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, tell=tell)
+    _tell(facts, (), as_json=as_json)
+
+
+def fit(
+    name: Annotated[str, typer.Argument(help="Its name.")],
+    tracks: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="TRACKS...",
+            help="TAF-BW or inD-style csv, TrajNet++ ndjson, SUMO FCD xml, any csv; or folders.",
+        ),
+    ],
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP", help="A csv's columns: t=frame/25,id=track,class==car,x=px,y=py."
+        ),
+    ] = None,
+    origin: Annotated[
+        str | None, typer.Option(metavar="LAT,LON", help="Where x = y = 0 of the tracks lies.")
+    ] = None,
+    shift: Annotated[
+        str | None, typer.Option(metavar="X,Y", help="Added to the positions instead [m].")
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option(metavar="HH:MM", help="Time of day, where the files state none.")
+    ] = None,
+    counts: Annotated[
+        str | None,
+        typer.Option(metavar="CSV", help="Counts: columns hour, vehicles[, pedestrians]."),
+    ] = None,
+    licence: Annotated[str | None, typer.Option(help="Licence of the tracks.")] = None,
+    scale: Annotated[
+        float | None, typer.Option(metavar="M", help="Metres per pixel of tracks in pixels.")
+    ] = None,
+    pool: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TRACKS", help="Vehicles at a place without a map, for the pool."),
+    ] = None,
+    pool_scale: Annotated[
+        float | None, typer.Option(metavar="M", help="Metres per pixel of those.")
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Fit an imported intersection's priors on recorded tracks, few or many."""
+    from scenewright.cli.custom_intersections import fit_own, fit_text
+
+    with progress(quiet=quiet) as tell:
+        facts = fit_own(
+            name,
+            tracks,
+            columns=columns,
+            origin=origin,
+            shift=shift,
+            start=start,
+            counts=counts,
+            licence=licence,
+            tell=tell,
+            scale=scale,
+            pool=pool or (),
+            pool_scale=pool_scale,
+        )
+    _tell(facts, () if quiet else fit_text(facts), as_json=as_json)
+
+
+def _tell(facts: Mapping[str, Any], lines: Iterable[str], *, as_json: bool) -> None:
+    """Remarks to people; then the facts as one object, or just where the bundle is."""
+    for line in lines:
+        say(one_line(line))
+    if as_json:
+        put_json({"ok": True, **facts})
+    else:
+        put(f"{facts['folder']}\n")

@@ -1,0 +1,95 @@
+"""`scenewright intersections`: what bundles there are, how one looks, and building one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from scenewright.cli.console import one_line, rendered
+from scenewright.intersections import find_bundle_folder, list_intersections, load_map
+from scenewright.scene.map import IntersectionMap
+
+
+def overview() -> list[dict[str, Any]]:
+    """A few facts on every bundle; a broken one is listed with what is wrong."""
+    from scenewright.errors import InputError
+
+    rows: list[dict[str, Any]] = []
+    for name in list_intersections():
+        try:
+            rows.append(_brief(load_map(name), name))
+        except InputError as error:
+            rows.append({"name": name, "error": one_line(str(error))})
+    return rows
+
+
+def _brief(intersection_map: IntersectionMap, name: str) -> dict[str, Any]:
+    return {
+        "name": name,
+        "title": intersection_map.title,
+        "legs": [leg.name for leg in intersection_map.legs],
+        "signals": intersection_map.signals is not None,
+        "priors": (find_bundle_folder(name) / "priors.npz").is_file(),
+    }
+
+
+def details(name: str) -> dict[str, Any]:
+    """What an instruction may refer to at an intersection.
+
+    Raises:
+        InputError: there is no such bundle, or it is broken.
+    """
+    intersection_map = load_map(name)
+    return {
+        **_brief(intersection_map, name),
+        "legs": [{"name": leg.name, "road": leg.road} for leg in intersection_map.legs],
+        "movements": [
+            {"entry": each.entry, "exit": each.exit, "turn": each.turn}
+            for each in intersection_map.movements
+        ],
+        "crosswalks": [each.leg for each in intersection_map.crosswalks],
+        "signals": None
+        if intersection_map.signals is None
+        else {"cycle": intersection_map.signals.cycle},
+        "extent": intersection_map.extent,
+        "right_hand_traffic": not intersection_map.left_hand_traffic,
+    }
+
+
+def overview_table(rows: list[dict[str, Any]]) -> str:
+    """The bundles as a table."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for title in ("name", "title", "legs", "signals", "priors"):
+        table.add_column(title, overflow="fold")
+    for row in rows:
+        if "error" in row:
+            cells = [row["name"], row["error"], "", "", ""]
+        else:
+            answers = ["yes" if row[key] else "no" for key in ("signals", "priors")]
+            cells = [row["name"], row["title"], ", ".join(row["legs"]), *answers]
+        table.add_row(*(Text(one_line(cell)) for cell in cells))
+    return rendered(table)
+
+
+def details_text(facts: dict[str, Any]) -> str:
+    """The facts on one intersection as lines."""
+    signals = facts["signals"]
+    lights = "none" if signals is None else f"cycle of {signals['cycle']:g} s"
+    ways: dict[str, list[str]] = {}
+    for each in facts["movements"]:
+        way = f"{each['turn']} to {each['exit']}"
+        if way not in ways.setdefault(each["entry"], []):
+            ways[each["entry"]].append(way)
+    lines = [
+        f"{facts['name']}: {facts['title']}",
+        f"traffic: {'right' if facts['right_hand_traffic'] else 'left'}-hand",
+        f"signals: {lights}",
+        f"priors: {'fitted' if facts['priors'] else 'none'}",
+        f"crosswalks: {', '.join(facts['crosswalks']) or 'none'}",
+        *(f"{leg['name']} leg: {leg['road']}" for leg in facts["legs"]),
+        *(f"from {entry}: {', '.join(found)}" for entry, found in ways.items()),
+    ]
+    return "".join(one_line(line) + "\n" for line in lines)

@@ -1,0 +1,202 @@
+"""`scenewright make`: one instruction, one folder."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from scenewright.cli.console import one_line
+from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.output_folder import target_folder, whole_folder
+from scenewright.errors import InputError, ScenewrightError
+
+if TYPE_CHECKING:
+    from scenewright.backends import Backend
+    from scenewright.graph.run import Scene, Tell
+
+SCENES = "scenes"
+MOST_TEXT = 1 << 20
+OFFERED = 8
+"""Candidates per agent that a recording shows."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What `make` was asked for."""
+
+    text: str
+    intersection: str
+    backend: str | Backend
+    seed: int
+    refiner: str
+    selection: Literal["draw", "map"]
+    profile: Literal["full", "paper"]
+    out: str | None
+    force: bool
+    picture: bool
+    recording: bool
+    gif: bool
+    lenient: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A scene that was written, where, and what could not be added to it."""
+
+    scene: Scene
+    folder: Path
+    files: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def summary(self) -> list[str]:
+        """A few lines for people."""
+        from scenewright.cli.scene_summary import summary
+        from scenewright.intersections import load_map
+
+        intersection_map = load_map(self.scene.record.meta.intersection)
+        lines = summary(self.scene.record, self.scene.proof, intersection_map)
+        return [*lines, f"  {self.folder}: {', '.join(self.files)}"]
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        record, proof = self.scene.record, self.scene.proof
+        return {
+            "ok": True,
+            "scene_id": record.meta.scene_id,
+            "folder": str(self.folder),
+            "files": list(self.files),
+            "verified": proof.verified,
+            "events": record.to_json()["events"],
+            "agents": len(record.agents),
+            "seed": record.meta.seed,
+            "intersection": record.meta.intersection,
+            "warnings": list(self.warnings),
+        }
+
+
+def read_instruction(text: str) -> str:
+    """The instruction, from stdin where the text is `-`.
+
+    Raises:
+        InputError: it is not UTF-8.
+    """
+    if text == "-":
+        data = sys.stdin.buffer.read(MOST_TEXT) if sys.stdin is not None else b""
+        text = data.decode("utf-8", "surrogateescape")
+    if any("\ud800" <= char <= "\udfff" for char in text):
+        raise InputError("the instruction is not valid UTF-8 text")
+    return text
+
+
+def make_scene(request: Request, *, tell: Tell) -> Made:
+    """Synthesises a scene and writes its folder as a whole.
+
+    A picture or a recording that cannot be drawn is a warning: the scene is worth more.
+
+    Raises:
+        InputError, Unsatisfiable, BackendFault: as `synthesize`; or the folder cannot be written.
+    """
+    target = None if request.out is None else target_folder(request.out, force=request.force)
+    scene = _synthesize(request, tell)
+    if target is None:
+        name = Path(SCENES) / folder_name(scene.record.meta.scene_id)
+        target = target_folder(str(name), force=request.force)
+    with whole_folder(target) as part:
+        scene.save(part, profile=request.profile)
+        warnings = _add_views(scene, part, request, tell)
+        files = tuple(sorted(entry.name for entry in part.iterdir()))
+        stop_if_asked()
+    return Made(scene, _shown(target), files, warnings)
+
+
+def folder_name(scene_id: str) -> str:
+    """A scene id as a plain file name: it derives from text that anybody may have written."""
+    slug = re.sub(r"[^a-z0-9_]+", "-", scene_id.lower()).strip("-")[:80].rstrip("-")
+    return slug or "scene"
+
+
+def _shown(target: Path) -> Path:
+    """Relative where that is shorter to read."""
+    here = Path.cwd()
+    return target.relative_to(here) if target.is_relative_to(here) else target
+
+
+def _synthesize(request: Request, tell: Tell) -> Scene:
+    from scenewright.graph.run import synthesize
+
+    return synthesize(
+        request.text,
+        intersection=request.intersection,
+        backend=request.backend,
+        seed=request.seed,
+        refiner=request.refiner,
+        selection=request.selection,
+        lenient=request.lenient,
+        tell=tell,
+    )
+
+
+def _add_views(scene: Scene, folder: Path, request: Request, tell: Tell) -> tuple[str, ...]:
+    views: list[tuple[bool, str, Callable[[Scene, Path], None]]] = [
+        (request.picture, "scene.png", _draw),
+        (request.recording, "scene.rrd", _record),
+        (request.gif, "scene.gif", _animate),
+    ]
+    warnings = []
+    for wanted, name, write in views:
+        if wanted:
+            tell("writing", name)
+            warnings += _attempt(partial(write, scene, folder / name), name)
+    return tuple(warnings)
+
+
+def _attempt(write: Callable[[], None], name: str) -> list[str]:
+    """What went wrong, unless it is the disk, which concerns the scene as well."""
+    try:
+        write()
+    except (ScenewrightError, MemoryError):
+        raise
+    except Exception as error:  # a library or its environment; the scene stands without it
+        stop_if_asked()
+        return [one_line(f"no {name}: {type(error).__name__}: {error}", limit=300)]
+    return []
+
+
+def _draw(scene: Scene, path: Path) -> None:
+    from scenewright.intersections import load_map
+    from scenewright.viz.still import draw_scene
+
+    intersection_map = load_map(scene.record.meta.intersection)
+    draw_scene(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
+
+
+def _animate(scene: Scene, path: Path) -> None:
+    from scenewright.intersections import load_map
+    from scenewright.viz.animation import animate_scene
+
+    intersection_map = load_map(scene.record.meta.intersection)
+    animate_scene(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
+
+
+def _record(scene: Scene, path: Path) -> None:
+    from scenewright.intersections import load_map
+    from scenewright.viz.recording import record_scene
+
+    offered, chosen = scene.state["candidates"].agents, scene.state["selection"].agents
+    record_scene(
+        path,
+        scene=scene.record,
+        proof=scene.proof,
+        intersection=load_map(scene.record.meta.intersection),
+        candidates={
+            name: [offered[name].build(m).path.xy for m in range(len(offered[name].nll[:OFFERED]))]
+            for name in chosen
+        },
+        priors={name: agent.candidate.path.xy for name, agent in chosen.items()},
+        messages=scene.messages,
+    )

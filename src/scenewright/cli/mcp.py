@@ -1,0 +1,256 @@
+"""`scenewright mcp`: scenes made, changed and checked over the Model Context Protocol.
+
+Two kinds of tools. `make_scene`, `edit_scene`, `undo`, `show_scene`, `explain_refusal`,
+`verify_scene` and `scene_json` work on a conversation, as `scenewright chat` does. `start_scene`
+and the tools of `nodes/toolbox.py` make one step by step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenewright.errors import InputError
+from scenewright.nodes.toolbox import AgentSegments
+from scenewright.scene.social import SocialGraph
+
+if TYPE_CHECKING:
+    from mcp.server import MCPServer
+
+    from scenewright.authoring.session import Session
+    from scenewright.backends import Backend
+    from scenewright.nodes.toolbox import Workbench
+
+_GUIDE = """\
+Makes verified traffic scenes at one intersection. make_scene takes an instruction in plain
+language, edit_scene what shall be different, in words; everything that need not change stays as it
+was. A refusal has "ok": false and a reason; mend exactly that. To go step by step instead:
+start_scene, ground_plan, draw_candidates, solve, edit_segments, refine, check_scene, record_scene.
+"""
+
+
+@dataclass(frozen=True)
+class Served:
+    """What the server works with.
+
+    Attributes:
+        out: folder that scenes are kept in; None: nowhere.
+    """
+
+    threads: str | None
+    thread: str
+    intersection: str
+    backend: Backend
+    seed: int
+    out: str | None
+
+
+def serve(served: Served) -> None:
+    """Serves on stdin and stdout until the client hangs up.
+
+    Raises:
+        InputError: the package `mcp` is not installed, or the thread cannot be used.
+    """
+    server_of(served).run("stdio")
+
+
+def server_of(served: Served) -> MCPServer[Any]:
+    """The server with its tools, not yet running."""
+    try:
+        from mcp.server import MCPServer
+    except ImportError as error:
+        raise InputError("this needs the package mcp; pip install 'scenewright[mcp]'") from error
+    server: MCPServer[Any] = MCPServer("scenewright", instructions=_GUIDE, log_level="WARNING")
+    desk = _Desk(served)
+    for tool in (
+        desk.make_scene, desk.edit_scene, desk.undo, desk.redo, desk.show_scene,
+        desk.explain_refusal, desk.verify_scene, desk.scene_json, desk.save_scene,
+        desk.start_scene, desk.ground_plan, desk.draw_candidates, desk.check_program, desk.solve,
+        desk.edit_segments, desk.refine, desk.check_scene, desk.record_scene,
+    ):  # fmt: skip
+        server.add_tool(tool, structured_output=True)
+    return server
+
+
+class _Desk:
+    """What one client works at: a conversation and a workbench."""
+
+    def __init__(self, served: Served) -> None:
+        from scenewright.authoring.session import Session
+        from scenewright.cli.user_folders import threads_file
+        from scenewright.memory.threads import Threads
+
+        self._served = served
+        from scenewright.graph.run import refiner_or_default
+
+        threads = Threads(threads_file(served.threads))
+        threads.hold(served.thread)
+        self._session: Session = Session(
+            threads,
+            served.thread,
+            backend=served.backend,
+            setting={
+                "intersection": served.intersection,
+                "seed": served.seed,
+                "refiner": refiner_or_default(None),
+            },
+        )
+        self._bench: Workbench | None = None
+
+    def make_scene(self, instruction: str) -> dict[str, Any]:
+        """A new scene from an instruction, such as "A car yields to a pedestrian at 8 am"."""
+        return self._reply(self._session.make(instruction))
+
+    def edit_scene(self, words: str) -> dict[str, Any]:
+        """Changes the scene as the words say, such as "now have it be a collision"."""
+        return self._reply(self._session.say(words))
+
+    def undo(self) -> dict[str, Any]:
+        """Back to the version before."""
+        return self._reply(self._session.undo())
+
+    def redo(self) -> dict[str, Any]:
+        """Forth to the version that was undone."""
+        return self._reply(self._session.redo())
+
+    def show_scene(self) -> dict[str, Any]:
+        """The current version: who is there, what happens, whether it is verified."""
+        return self._reply({"kind": "shown"})
+
+    def explain_refusal(self) -> dict[str, Any]:
+        """Why the last words were refused, and what may help."""
+        from scenewright.authoring.explain import why
+
+        refused = self._session.state.get("refused")
+        return {"ok": True, "lines": [] if refused is None else why(refused)}
+
+    def verify_scene(self, scene: dict[str, Any] | None = None) -> dict[str, Any]:
+        """Checks the current version, or the content of a scene.json that is handed over."""
+        from pydantic import ValidationError
+
+        from scenewright.graph.run import verify
+        from scenewright.scene.record import SceneRecord
+
+        try:
+            record = self._shown_record() if scene is None else SceneRecord.model_validate(scene)
+            proof = verify(record)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = ".".join(str(part) for part in first["loc"])
+            return _no("unusable_input", f"this is no scene: {where}: {first['msg']}")
+        except InputError as error:
+            return _no("unusable_input", str(error))
+        return {"ok": True, **proof.model_dump(mode="json", by_alias=True)}
+
+    def scene_json(self) -> dict[str, Any]:
+        """The current version as in scene.json: tracks every 0.1 s, annotations, signals."""
+        try:
+            return {"ok": True, "scene": self._shown_record().to_json()}
+        except InputError as error:
+            return _no("unusable_input", str(error))
+
+    def save_scene(self) -> dict[str, Any]:
+        """Writes the current version to a folder under the one that the server was started with."""
+        from scenewright.cli.save import save_version
+
+        shown = self._session.shown()
+        if shown is None:
+            return _no("unusable_input", "there is no scene yet; call make_scene first")
+        if self._served.out is None:
+            return _no("unusable_input", "the server was started without --out, so nothing is kept")
+        name = f"{self._served.thread}-{shown.version['number']}"
+        try:
+            folder, files, _ = save_version(shown, str(Path(self._served.out) / name))
+        except InputError as error:
+            return _no("unusable_input", str(error))
+        return {"ok": True, "folder": str(folder), "files": files}
+
+    def start_scene(self, instruction: str, seed: int = 0) -> dict[str, Any]:
+        """Clears the workbench for a scene that is made step by step; next: ground_plan."""
+        from scenewright.authoring.agent import workbench
+
+        if not 0 <= seed < 2**63:
+            return _no("unusable_input", "a seed is a whole number from 0 to 2^63 - 1")
+        intersection_map = self._served.intersection
+        self._bench = workbench(
+            instruction, intersection=intersection_map, seed=seed, record=self._keep
+        )
+        return {"ok": True, "next": "ground_plan"}
+
+    def ground_plan(self, plan: SocialGraph) -> dict[str, Any]:
+        """Map grounding: binds the agents and relations of a plan to the map."""
+        return self._step("ground_plan", plan=plan)
+
+    def draw_candidates(self) -> dict[str, Any]:
+        """GMM sampler: draws who else is there, and ways to go for everybody."""
+        return self._step("draw_candidates")
+
+    def check_program(self, program: str) -> dict[str, Any]:
+        """DSL validator: reads a constraint program; says where it leaves the language."""
+        return self._step("check_program", program=program)
+
+    def solve(self, program: str | None = None) -> dict[str, Any]:
+        """DSL validator: candidates, times and standstills under which all clauses hold."""
+        return self._step("solve", program=program)
+
+    def edit_segments(self, agents: list[AgentSegments] | None = None) -> dict[str, Any]:
+        """Segment editor: keep, stop, proceed, terminate, at anchors; empty: as suggested."""
+        return self._step("edit_segments", agents=agents)
+
+    def refine(self) -> dict[str, Any]:
+        """TrajNet++ refiner: turns the edited priors into final tracks."""
+        return self._step("refine")
+
+    def check_scene(self) -> dict[str, Any]:
+        """Relation checker: looks at the final tracks and decides."""
+        return self._step("check_scene")
+
+    def record_scene(self) -> dict[str, Any]:
+        """Recorder: keeps the verified scene under the folder that the server was started with."""
+        return self._step("record_scene")
+
+    def _step(self, name: str, **arguments: Any) -> dict[str, Any]:
+        from scenewright.errors import Rejected
+
+        if self._bench is None:
+            return _no(
+                "unusable_input", "there is no scene on the workbench; call start_scene first"
+            )
+        try:
+            return {"ok": True, **getattr(self._bench, name)(**arguments)}
+        except Rejected as error:
+            told = error.rejection.model_dump(mode="json", include={"code", "agents", "detail"})
+            return {"ok": False, **told}
+
+    def _keep(self, record: Any, proof: Any) -> str:
+        """A scene of the workbench, under the server's folder."""
+        from scenewright.files import write_atomically
+        from scenewright.graph.run import make_folder, proof_bytes, scene_bytes
+
+        if self._served.out is None:
+            return "nowhere: the server was started without --out"
+        folder = make_folder(Path(self._served.out) / record.meta.scene_id)
+        write_atomically(folder / "proof.json", proof_bytes(proof))
+        write_atomically(folder / "scene.json", scene_bytes(record))
+        return str(folder)
+
+    def _shown_record(self) -> Any:
+        shown = self._session.shown()
+        if shown is None:
+            raise InputError("there is no scene yet; call make_scene first")
+        return shown.record
+
+    def _reply(self, reply: dict[str, Any]) -> dict[str, Any]:
+        from scenewright.cli.chat import facts
+
+        shown = self._session.shown()
+        if reply["kind"] == "refused":
+            return {"ok": False, **reply}
+        if shown is None:
+            return _no("unusable_input", str(reply.get("reason", "there is no scene yet")))
+        return {"ok": True, **reply, "version": shown.version["number"], **facts(shown)}
+
+
+def _no(code: str, detail: str) -> dict[str, Any]:
+    return {"ok": False, "code": code, "detail": detail}

@@ -1,0 +1,310 @@
+"""`scenewright plan`: rows of text in, rows of social graphs out."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenewright.backends import Backend, Call, Named, Question
+from scenewright.cli.console import one_line, put, say
+from scenewright.cli.errors import fault_of
+from scenewright.cli.interrupts import stop_if_asked
+from scenewright.errors import BackendFault, InputError, Rejected
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.plan_row import plan_to_row
+from scenewright.scene.social import Plan, Refusal
+
+if TYPE_CHECKING:
+    from scenewright.nodes.scene_planner import RouteDescription
+
+Account = Callable[[Call], None]
+ATTEMPTS = 3
+
+
+def read_rows(path: str) -> list[Any]:
+    """The JSON values of a file of lines, in order; `-` is stdin. Blank lines are none.
+
+    Raises:
+        InputError: unreadable, not UTF-8, or a line that is not JSON; says which.
+    """
+    name = "standard input" if path == "-" else path
+    try:
+        data = _stdin() if path == "-" else Path(path).read_bytes()
+        text = data.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot read {name}: {reason}") from error
+    lines = enumerate(text.split("\n"), start=1)
+    return [_parse(line, f"{name}, line {number}") for number, line in lines if line.strip()]
+
+
+def _stdin() -> bytes:
+    return sys.stdin.buffer.read() if sys.stdin is not None else b""
+
+
+def _parse(line: str, where: str) -> Any:
+    try:
+        return json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: not JSON: {error}") from error
+
+
+def plan_rows(
+    rows: list[Any],
+    backend: Backend,
+    *,
+    intersection_map: IntersectionMap | None = None,
+    account: Account = lambda _call: None,
+) -> Iterator[dict[str, Any]]:
+    """One row out per row in, in order; a row that cannot be planned is a refusal.
+
+    Args:
+        on: the map that the rows are about; None: four legs, in right-hand traffic.
+        account: called with what every answer of a model has cost.
+
+    Raises:
+        BackendFault: the backend failed for good.
+    """
+    for row, plan in zip(
+        rows, _understood_all(rows, backend, intersection_map, account), strict=True
+    ):
+        stop_if_asked()
+        given = row if isinstance(row, dict) else {}
+        yield {**plan_to_row("", plan), "id": _echo(given.get("id"))}
+
+
+def plan(
+    text: str,
+    *,
+    previous: str | None = None,
+    intersection: str | None = None,
+    backend: Named | Backend = "builtin",
+) -> dict[str, Any]:
+    """What is understood of an instruction: the row that `scenewright plan` writes, without an id.
+
+    Args:
+        previous: an earlier instruction that the text may change.
+        intersection: where it happens; None: four legs, in right-hand traffic.
+        backend: as in `synthesize`.
+
+    Raises:
+        InputError: no such intersection or backend.
+        BackendFault: the backend failed for good.
+    """
+    from scenewright.backends import load_backend
+    from scenewright.intersections import load_map
+
+    if isinstance(backend, str | Sequence | Mapping):
+        backend = load_backend(backend)
+    intersection_map = None if intersection is None else load_map(intersection)
+    (row,) = plan_rows(
+        [{"id": "", "text": text, "previous": previous}],
+        backend,
+        intersection_map=intersection_map,
+    )
+    del row["id"]
+    return row
+
+
+def all_planned(
+    rows: list[Any],
+    backend: Backend,
+    calls: list[Call],
+    *,
+    intersection_map: IntersectionMap | None = None,
+) -> list[dict[str, Any]]:
+    """Every row out; what answers have cost is added to `calls`, and to a fault of the backend.
+
+    Raises:
+        BackendFault: the backend failed for good.
+    """
+    try:
+        return list(
+            plan_rows(rows, backend, intersection_map=intersection_map, account=calls.append)
+        )
+    except BackendFault as fault:
+        from scenewright.graph.run import paid_by_task
+
+        fault.models = paid_by_task(calls)
+        raise
+
+
+def _understood_all(
+    rows: list[Any], backend: Backend, intersection_map: IntersectionMap | None, account: Account
+) -> Iterator[Plan]:
+    """The plans in order; several at a time by who has to be awaited.
+
+    The threads do not outlive an interruption, as those of an executor would.
+    """
+    many = min(_at_once(backend), len(rows))
+    if many <= 1:
+        yield from (_understood(row, backend, intersection_map, account) for row in rows)
+        return
+    replies: list[Future[Plan]] = [Future() for _ in rows]
+    left = iter(list(zip(rows, replies, strict=True)))
+    turn = threading.Lock()
+
+    def work() -> None:
+        while True:
+            with turn:
+                row, reply = next(left, (None, None))
+            if reply is None:
+                return
+            try:
+                reply.set_result(_understood(row, backend, intersection_map, account))
+            except BaseException as error:
+                reply.set_exception(error)
+
+    for _ in range(many):
+        threading.Thread(target=work, daemon=True).start()
+    yield from (reply.result() for reply in replies)
+
+
+def _at_once(backend: Backend) -> int:
+    """How many rows are worth planning at a time: one by rule, several by who has to be awaited."""
+    from scenewright.backends import speaker
+
+    return int(getattr(speaker(backend, "plan"), "at_once", 1))
+
+
+def _understood(
+    row: Any, backend: Backend, intersection_map: IntersectionMap | None, account: Account
+) -> Plan:
+    fault = _fault_in(row)
+    return refusal(fault) if fault else _plan(row, backend, intersection_map, account)
+
+
+def spent(calls: list[Call]) -> dict[str, int]:
+    """Requests to models, and tokens in and out as far as they were counted; empty without any."""
+    asked = sum(call.asked for call in calls)
+    if not asked:
+        return {}
+    return {
+        "requests": asked,
+        "input_tokens": sum(call.input_tokens or 0 for call in calls),
+        "output_tokens": sum(call.output_tokens or 0 for call in calls),
+    }
+
+
+def _plan(
+    row: dict[str, Any],
+    backend: Backend,
+    intersection_map: IntersectionMap | None,
+    account: Account,
+) -> Plan:
+    """The row's plan. A bug that one text brings out must not cost all the other rows."""
+    try:
+        return ask_for_plan(row, backend, intersection_map=intersection_map, account=account)
+    except BackendFault:
+        raise
+    except Exception as error:
+        if os.environ.get("SCENEWRIGHT_TRACEBACK"):
+            raise
+        fault = fault_of(error)
+        say(f"warning: row {one_line(row['id'], limit=60)!r}: {fault.reason}")
+        return refusal(fault.reason)
+
+
+def _echo(identity: Any) -> str | int | None:
+    """The id that a row came with, right or wrong, as far as one can be told from it."""
+    return identity if isinstance(identity, str | int) else None
+
+
+def _fault_in(row: Any) -> str | None:
+    """What is wrong with a row, if anything."""
+    if not isinstance(row, dict):
+        return "A row is an object with 'id' and 'text'."
+    for key in ("id", "text"):
+        if not isinstance(row.get(key), str):
+            return f"The row needs {key!r} as a string."
+    if not isinstance(row.get("previous"), str | None):
+        return "'previous' must be a string, the text of the earlier turn."
+    return None
+
+
+def refusal(reason: str) -> Refusal:
+    """A row's no."""
+    return Refusal(code="out_of_scope", reason=reason)
+
+
+def ask_for_plan(
+    row: dict[str, Any],
+    backend: Backend,
+    *,
+    intersection_map: IntersectionMap | None = None,
+    account: Account = lambda _call: None,
+) -> Plan:
+    """The backend's plan; told what was wrong, it may mend a malformed one."""
+    from scenewright.backends import speaker
+    from scenewright.nodes import scene_planner
+
+    wrong: list[str] = []
+    for _ in range(1 if speaker(backend, "plan").deterministic else ATTEMPTS):
+        ways = (
+            scene_planner.FOUR_LEGS
+            if intersection_map is None
+            else scene_planner.describe_routes(intersection_map)
+        )
+        question = _question(row, ways, intersection_map, tuple(wrong), account)
+        try:
+            return scene_planner.ask_for_plan(backend, question, ways)
+        except Rejected as error:
+            wrong.append(error.rejection.detail)
+    return refusal(f"The backend gave no usable plan: {wrong[-1]}")
+
+
+def _question(
+    row: dict[str, Any],
+    ways: Sequence[RouteDescription],
+    intersection_map: IntersectionMap | None,
+    wrong: tuple[str, ...],
+    account: Account,
+) -> Question:
+    from scenewright.nodes.scene_planner.wording import worded_plan
+
+    text, previous = row["text"], row.get("previous")
+    left_hand = intersection_map is not None and intersection_map.left_hand_traffic
+    return Question(
+        task="plan",
+        facts={
+            "instruction": text,
+            "previous": previous,
+            "legs": list(dict.fromkeys(way.entry for way in ways)),
+            "left_hand": left_hand,
+            "roads": {}
+            if intersection_map is None
+            else {leg.name: leg.road for leg in intersection_map.legs},
+        },
+        rejections=wrong,
+        wording=lambda: worded_plan(text, previous, ways, left_hand=left_hand, rejections=wrong),
+        account=account,
+    )
+
+
+def write_rows(path: str, rows: list[dict[str, Any]]) -> None:
+    """The rows as lines of JSON, the file whole or not at all; `-` is stdout.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from scenewright.files import write_atomically
+
+    lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
+    data = lines.encode("utf-8", "backslashreplace")
+    if path == "-":
+        put(data.decode("utf-8"))
+    else:
+        write_atomically(path, data)
+
+
+def check_out(path: str) -> None:
+    """InputError, before any work, where the file clearly cannot be written."""
+    target = Path(path)
+    if path != "-" and (target.is_dir() or not target.parent.is_dir() or not path.strip()):
+        raise InputError(f"cannot write {path!r}: --out must name a file in a folder that exists")

@@ -1,0 +1,74 @@
+"""A version of a conversation, written as the folder that `make` would have written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenewright.cli.console import one_line
+from scenewright.cli.interrupts import stop_if_asked
+from scenewright.cli.output_folder import target_folder, whole_folder
+from scenewright.errors import ScenewrightError
+
+if TYPE_CHECKING:
+    from scenewright.authoring.session import Shown
+
+
+def save_version(shown: Shown, path: str) -> tuple[Path, list[str], list[str]]:
+    """The folder, its files and what could not be added.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    from scenewright.files import write_atomically
+
+    target = target_folder(path, force=False)
+    with whole_folder(target) as part:
+        write_atomically(part / "scene.json", shown.scene_json)
+        write_atomically(part / "proof.json", shown.proof_json)
+        write_atomically(part / "provenance.json", shown.provenance_json)
+        warnings = _views(shown, part)
+        files = sorted(entry.name for entry in part.iterdir())
+    here = Path.cwd()
+    told = target.relative_to(here) if target.is_relative_to(here) else target
+    return told, files, warnings
+
+
+def _views(shown: Shown, folder: Path) -> list[str]:
+    """Adds the picture and the recording; what could not be added is a warning."""
+    views: dict[str, Callable[[Shown, Path], None]] = {"scene.png": _draw, "scene.rrd": _record}
+    warnings = []
+    for name, write in views.items():
+        try:
+            write(shown, folder / name)
+        except (ScenewrightError, MemoryError):
+            raise
+        except Exception as error:  # a library or its environment; the scene stands without it
+            stop_if_asked()
+            warnings.append(one_line(f"no {name}: {type(error).__name__}: {error}", limit=300))
+    return warnings
+
+
+def _draw(shown: Shown, path: Path) -> None:
+    from scenewright.intersections import load_map
+    from scenewright.viz.still import draw_scene
+
+    intersection_map = load_map(shown.record.meta.intersection)
+    draw_scene(path, scene=shown.record, proof=shown.proof, intersection=intersection_map)
+
+
+def _record(shown: Shown, path: Path) -> None:
+    """The tracks and what was said; candidates and paths are not kept with a version."""
+    from scenewright.intersections import load_map
+    from scenewright.viz.recording import record_scene
+
+    record_scene(
+        path,
+        scene=shown.record,
+        proof=shown.proof,
+        intersection=load_map(shown.record.meta.intersection),
+        candidates=None,
+        priors=None,
+        messages=[("chat", words) for words in shown.version["text"].split("; then: ")],
+    )

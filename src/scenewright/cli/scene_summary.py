@@ -1,0 +1,133 @@
+"""A scene in words, for people in a hurry."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+
+from scenewright.cli.console import one_line
+from scenewright.scene.account import SaidRecord, SaidSpan, list_manner, list_unrealised
+from scenewright.scene.base import Point
+from scenewright.scene.events import Event, Finding, Proof
+from scenewright.scene.map import IntersectionMap, Lanelet
+from scenewright.scene.record import AgentRecord, SceneRecord
+
+VERBS = {
+    "yielding": "yields to",
+    "follow": "follows",
+    "collision": "collides with",
+    "near_miss": "has a near miss with",
+}
+KERB = 1.0
+"""How far [m] outside a crosswalk a place still counts as on it."""
+
+
+def summary(scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap) -> list[str]:
+    """What happens, whether it is proven and who else is there: a few lines."""
+    lines = [happening(event, scene, intersection_map) for event in proof.events]
+    if not lines:
+        lines = ["nothing happens: no collision, near miss or yielding"]
+    result = [verdict(proof), *(f"  {line}" for line in lines), f"  {_crowd(scene)}"]
+    return [*result, *(f"  {line}" for line in unshown(proof.said))]
+
+
+def unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
+    """The words of the instruction that tracks do not show, a line for each kind."""
+    kinds = (("left out", list_unrealised(said)), ("without effect on tracks", list_manner(said)))
+    return [
+        f"{title}: {', '.join(repr(one_line(each, limit=80)) for each in words)}"
+        for title, words in kinds
+        if words
+    ]
+
+
+def verdict(proof: Proof) -> str:
+    """Verified, or how many findings stand against it."""
+    against = len(findings(proof))
+    return "verified" if proof.verified else f"not verified ({against} findings)"
+
+
+def findings(proof: Proof) -> tuple[Finding, ...]:
+    """Everything that stands against a scene, weightiest first."""
+    return (*proof.missing, *proof.interference, *proof.signal_violations, *proof.implausible)
+
+
+def happening(event: Event, scene: SceneRecord, intersection_map: IntersectionMap) -> str:
+    """One event: who does what to whom, when and where."""
+    agents = {agent.id: agent for agent in scene.agents}
+    first, second = (who(agents.get(each), each) for each in (event.from_, event.to))
+    kind = f" ({event.kind.replace('_', ' ')})" if event.kind else ""
+    pet = event.evidence.get("pet")
+    gap = f", {pet:.1f} s apart" if isinstance(pet, float) else ""
+    return (
+        f"{event.time:.1f} s: {first} {VERBS[event.type]} {second}{kind}, "
+        f"{place(event.location, intersection_map)}{gap}"
+    )
+
+
+def who(agent: AgentRecord | None, number: int) -> str:
+    """An agent by name, with what tells it apart."""
+    if agent is None:
+        return f"agent {number}"
+    name = one_line(agent.name, limit=40)
+    if agent.type == "vehicle":
+        what = one_line(agent.subtype or "vehicle", limit=20)
+        return f"{name} ({what}, {agent.entry} to {agent.exit})"
+    way = "jaywalking" if agent.crosswalk is None else f"{agent.crosswalk} crosswalk"
+    return f"{name} ({way})"
+
+
+def place(spot: Point, intersection_map: IntersectionMap) -> str:
+    """Where a place [m] is, as people say it."""
+    for crosswalk in intersection_map.crosswalks:
+        if _near_polygon(spot, crosswalk.polygon):
+            return f"on the {crosswalk.leg} crosswalk"
+    lanelet = min(intersection_map.lanelets, key=lambda each: _gap(spot, each), default=None)
+    if lanelet is None or lanelet.leg is None:
+        return "in the junction"
+    return f"on the {lanelet.leg} leg"
+
+
+def _gap(spot: Point, lanelet: Lanelet) -> float:
+    line = lanelet.centreline
+    return min(
+        (_to_segment(spot, a, b) for a, b in pairwise(line)),
+        default=math.inf,
+    )
+
+
+def _near_polygon(spot: Point, ring: tuple[Point, ...]) -> bool:
+    """Inside, or within `KERB` of the edge."""
+    inside = False
+    for a, b in zip(ring, (*ring[1:], ring[0]), strict=True):
+        if _to_segment(spot, a, b) <= KERB:
+            return True
+        if (a[1] > spot[1]) != (b[1] > spot[1]):
+            x = a[0] + (spot[1] - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
+            inside ^= spot[0] < x
+    return inside
+
+
+def _to_segment(spot: Point, a: Point, b: Point) -> float:
+    along = (b[0] - a[0], b[1] - a[1])
+    square = along[0] ** 2 + along[1] ** 2
+    offset = (spot[0] - a[0], spot[1] - a[1])
+    t = 0.0 if square == 0 else (offset[0] * along[0] + offset[1] * along[1]) / square
+    t = min(1.0, max(0.0, t))
+    return math.dist(spot, (a[0] + t * along[0], a[1] + t * along[1]))
+
+
+def _crowd(scene: SceneRecord) -> str:
+    counts = Counter(agent.type for agent in scene.agents if agent.role == "background")
+    vehicles, walkers = counts["vehicle"], counts["pedestrian"]
+    meta = scene.meta
+    return (
+        f"background: {_number(vehicles, 'vehicle')}, {_number(walkers, 'pedestrian')}; "
+        f"{one_line(meta.time_of_day, limit=20)}, {meta.duration:g} s, seed {meta.seed}"
+    )
+
+
+def _number(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -1,0 +1,66 @@
+"""`scenewright evals tables`: every table of the paper on a dataset of ours."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scenewright.cli.console import progress, put, put_json, say
+
+FOLDER = "evaluation"
+
+
+def tables(
+    folder: Annotated[str, typer.Argument(metavar="DIR", help="Folder of the dataset.")],
+    corpus: Annotated[
+        str | None,
+        typer.Option(metavar="F.npz", help="Recorded hours, of `intersections corpus`."),
+    ] = None,
+    taf_bw: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Real tracks, the TAF-BW data set.")
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option(help="Folder to write; DIR/evaluation if none is named.")
+    ] = None,
+    understanding: Annotated[
+        bool, typer.Option("--understanding/--no-understanding", help="Measure Table 3.")
+    ] = True,
+    draws: Annotated[int, typer.Option(min=10, help="Resamplings for the intervals.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the resamplings.")] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object on stdout.")
+    ] = False,
+) -> None:
+    """Print and write Tables 1 to 5 of the paper, realism and diversity, for a dataset.
+
+    Writes tables.md and tables.json. How scenes move and differ needs recorded hours.
+    """
+    from scenewright.evals.tables.produce import make_tables
+    from scenewright.evals.tables.report import markdown, to_json
+    from scenewright.files import write_atomically
+    from scenewright.graph.run import make_folder
+
+    with progress(quiet=quiet) as tell:
+        found = make_tables(
+            Path(folder),
+            corpus=None if corpus is None else Path(corpus),
+            real=None if taf_bw is None else Path(taf_bw),
+            understand=understanding,
+            draws=draws,
+            seed=seed,
+            tell=lambda line: tell("measuring", line),
+        )
+    target = make_folder(out or Path(folder) / FOLDER)
+    page, values = markdown(found), to_json(found)
+    data = json.dumps(values, ensure_ascii=False, indent=1, allow_nan=False)
+    write_atomically(target / "tables.json", (data + "\n").encode("utf-8"))
+    write_atomically(target / "tables.md", page.encode("utf-8"))
+    if as_json:
+        put_json({"ok": True, "out": str(target), **values})
+    else:
+        put(page)
+        say(f"written: {target}/tables.md, tables.json")

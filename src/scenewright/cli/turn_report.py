@@ -1,0 +1,131 @@
+"""What became of a turn, in lines for people; each with its style."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from scenewright.cli.scene_summary import VERBS
+
+if TYPE_CHECKING:
+    from scenewright.authoring.session import Shown
+
+Line = tuple[str, str]
+GOOD, BAD, PLAIN, FAINT, ASK = "green", "red", "", "dim", "yellow"
+_MOST_NAMES = 8
+
+
+def told(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
+    """The lines of a reply.
+
+    Args:
+        shown: the version that the reply is about, if it is about one.
+    """
+    match reply["kind"]:
+        case "made" | "moved_to":
+            return _version(reply, shown)
+        case "asked":
+            return [(ASK, reply["question"])]
+        case "refused":
+            return [(BAD, f"refused: {reply['reason']}")]
+        case "nothing":
+            return [(FAINT, reply["reason"])]
+        case "shown":
+            return _shown(reply)
+        case "compared":
+            return _compared(reply)
+        case "saved":
+            warned = [(ASK, f"warning: {each}") for each in reply["warnings"]]
+            return [*warned, (GOOD, f"{reply['folder']}: {', '.join(reply['files'])}")]
+        case "history":
+            return _history(reply) or [(FAINT, "there is no version yet")]
+        case "branches":
+            marks = {name: "*" if name == reply["branch"] else " " for name in reply["branches"]}
+            rows = [f"{marks[n]} {n}: version {v}" for n, v in reply["branches"].items()]
+            return [(PLAIN, row) for row in rows] or [(FAINT, "there is no version yet")]
+        case "why":
+            return [(PLAIN, each) for each in reply["lines"]]
+        case "help":
+            return [(PLAIN, each) for each in reply["text"].splitlines()]
+    return [(PLAIN, str(reply))]
+
+
+def _version(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
+    if shown is None:
+        return [(PLAIN, f"version {reply['version']}")]
+    from scenewright.cli.scene_summary import summary
+    from scenewright.intersections import load_map
+
+    intersection_map = load_map(shown.record.meta.intersection)
+    first, *rest = summary(shown.record, shown.proof, intersection_map)
+    branch = f" on branch {reply['branch']}" if "branch" in reply else ""
+    lines = [(GOOD, f"version {reply['version']}{branch}: {first}"), *((PLAIN, r) for r in rest)]
+    if reply["kind"] == "made" and reply.get("from") is not None and reply["edits"]:
+        lines.append((FAINT, f"  {_others(reply)}"))
+    return lines
+
+
+def _others(reply: dict[str, Any]) -> str:
+    """Who else is other than before."""
+    said = []
+    for key, verb in (("moved", "also moved"), ("gone", "gone"), ("come", "new")):
+        if reply[key]:
+            said.append(f"{verb}: {_names(reply[key])}")
+    if reply["let_go"]:
+        said.append(f"solved anew, so no longer as told: {_names(reply['let_go'])}")
+    if reply["longer"]:
+        much = abs(reply["longer"])
+        said.append(f"the scene lasts {much:g} s {'longer' if reply['longer'] > 0 else 'less'}")
+    return "; ".join(said) if said else "everybody else is as before, to the last bit"
+
+
+def _names(names: list[str]) -> str:
+    shown = ", ".join(names[:_MOST_NAMES])
+    more = len(names) - _MOST_NAMES
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def _shown(reply: dict[str, Any]) -> list[Line]:
+    proven = "verified" if reply["verified"] else "not verified"
+    lines = [
+        (GOOD, f"version {reply['version']}: {proven}, {reply['time_of_day']}, "
+               f"{reply['duration']:g} s"),
+    ]  # fmt: skip
+    names = {each["id"]: each["name"] for each in reply["agents"]}
+    for event in reply["events"]:
+        if event["from"] is None:
+            lines.append((PLAIN, "  nothing happens"))
+        else:
+            verb = VERBS[event["type"]]
+            pair = f"{names[event['from']]} {verb} {names[event['to']]}"
+            lines.append((PLAIN, f"  {event['time']:.1f} s: {pair}"))
+    for agent in reply["agents"]:
+        what = agent["subtype"] or agent["type"]
+        role = "" if agent["role"] == "foreground" else ", background"
+        lines.append(
+            (PLAIN if not role else FAINT,
+             f"  {agent['id']:>3} {agent['name']}: {what}, {agent['entry']} to "
+             f"{agent['exit']}{role}")
+        )  # fmt: skip
+    return lines
+
+
+def _compared(reply: dict[str, Any]) -> list[Line]:
+    lines = [(GOOD, f"versions {reply['first']} and {reply['second']}")]
+    lines += [(PLAIN, f"  {key}: {one} | {other}") for key, one, other in reply["differences"]]
+    for key, words in (
+        ("same", "the same to the last bit"), ("changed", "in both, but different"),
+        ("only_first", f"only in {reply['first']}"), ("only_second", f"only in {reply['second']}"),
+    ):  # fmt: skip
+        if reply[key]:
+            lines.append((FAINT, f"  {words}: {_names(reply[key])}"))
+    return lines
+
+
+def _history(reply: dict[str, Any]) -> list[Line]:
+    lines = []
+    for row in reply["versions"]:
+        mark = "*" if row["version"] == reply["current"] else " "
+        origin = "" if row["from"] is None else f" (from {row['from']})"
+        style = GOOD if mark == "*" else PLAIN
+        lines.append((style, f"{mark} {row['version']}{origin}: {row['words']}"))
+    return lines

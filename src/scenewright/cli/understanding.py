@@ -1,0 +1,174 @@
+"""`scenewright evals understanding`: who leaves where, who has to do with whom, told early."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout, backend_of
+from scenewright.cli.console import progress, put, put_json, say
+from scenewright.errors import InputError
+
+if TYPE_CHECKING:
+    from scenewright.evals.understanding.dataset import Case, Split
+    from scenewright.evals.understanding.evaluate import Evaluated, Tell
+
+Folder = Annotated[str, typer.Argument(metavar="DIR", help="A folder with a folder per scene.")]
+
+
+def understanding(
+    folder: Folder,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="M",
+            help="gmm, gmm_waypoints, trajnet, constant_velocity, reasoner, agent, oracle, "
+            "oracle_seen, or a file of predictions, .jsonl; may be given again.",
+        ),
+    ] = None,
+    split: Annotated[
+        Literal["dev", "test", "all"], typer.Option(help="Which half of the scenes.")
+    ] = "test",
+    windows: Annotated[
+        str | None,
+        typer.Option(metavar="S,S,...", help="Lengths of observation [s]; 0.5 to 5 by 0.5."),
+    ] = None,
+    write_observations: Annotated[
+        str | None,
+        typer.Option(metavar="F.jsonl", help="Write what may be seen, without the labels."),
+    ] = None,
+    out: Annotated[
+        str | None,
+        typer.Option(help="Folder for report.md, report.json and every method's predictions."),
+    ] = None,
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object on stdout.")
+    ] = False,
+) -> None:
+    """Score how early exits and relations are told: accuracy and agent-level F1 by window.
+
+    A method sees motion, sizes and lights up to the window's end and nothing else. Anybody's
+    predictions can be scored; docs/understanding.md describes the files.
+    """
+    from scenewright.evals.understanding.evaluate import evaluate, load
+
+    if not method and write_observations is None:
+        raise InputError("nothing to do: name a --method, or a file to --write-observations to")
+    lengths, half = read_windows(windows), None if split == "all" else split
+    named = backend_of(backend, base_url=base_url, record=record, timeout=timeout) if (
+        backend
+    ) else None  # fmt: skip
+    _check_places(out, write_observations)
+    with progress(quiet=quiet) as told:
+        tell: Tell = lambda line: told("understanding", line)  # noqa: E731
+        cases = load(Path(folder), split=_split(half), tell=tell)
+        if write_observations is not None:
+            _write_observations(Path(write_observations), cases, lengths)
+        found = [
+            evaluate(cases, each, windows=lengths, backend=named, tell=tell)
+            for each in method or ()
+        ]
+    _hand_out(found, cases, split=split, folder=folder, out=out, as_json=as_json,
+              observations=write_observations)  # fmt: skip
+
+
+def _hand_out(
+    found: list[Evaluated],
+    cases: list[Case],
+    *,
+    split: str,
+    folder: str,
+    out: str | None,
+    as_json: bool,
+    observations: str | None,
+) -> None:
+    from scenewright.evals.understanding.report import markdown
+    from scenewright.evals.understanding.scoring import DEFINITION
+
+    name = cases[0].record.meta.intersection
+    text = markdown(found, scenes=len(cases), split=split, where=name) if found else ""
+    result = {
+        "ok": True,
+        "folder": folder,
+        "intersection": name,
+        "split": split,
+        "scenes": len(cases),
+        "definition": DEFINITION,
+        "methods": [each.to_json() for each in found],
+        "observations": observations,
+        "out": out,
+    }
+    if out is not None:
+        _write_report(Path(out), text, result, found)
+    if as_json:
+        put_json(result)
+    else:
+        put(text or f"{observations}\n")
+
+
+def read_windows(text: str | None) -> tuple[float, ...]:
+    """The windows that the option names [s].
+
+    Raises:
+        InputError: not numbers from 0.1 to 20.
+    """
+    from scenewright.evals.understanding.observing import WINDOWS
+
+    if text is None:
+        return WINDOWS
+    try:
+        found = tuple(sorted({round(float(each), 3) for each in text.split(",")}))
+    except ValueError:
+        found = ()
+    if not found or not all(0.1 <= each <= 20.0 for each in found):
+        raise InputError(f"--windows takes seconds from 0.1 to 20, such as 2,4; got {text[:80]!r}")
+    return found
+
+
+def _split(half: str | None) -> Split | None:
+    return None if half is None else "dev" if half == "dev" else "test"
+
+
+def _check_places(out: str | None, observations: str | None) -> None:
+    """Whether what is to be written can be, before any work is done."""
+    if observations is not None and not Path(observations).parent.is_dir():
+        raise InputError(
+            f"cannot write {observations}: there is no folder {Path(observations).parent}"
+        )
+    if out is not None and Path(out).exists() and not Path(out).is_dir():
+        raise InputError(f"{out} is a file; --out must name a folder")
+
+
+def _write_observations(file: Path, cases: list[Case], windows: tuple[float, ...]) -> None:
+    from scenewright.evals.understanding.evaluate import observations
+    from scenewright.evals.understanding.predictions import jsonl
+    from scenewright.files import write_atomically
+
+    write_atomically(file, jsonl(observations(cases, windows)))
+    say(f"{len(cases) * len(windows)} observations written to {file}")
+
+
+def _write_report(
+    folder: Path, text: str, result: dict[str, object], found: list[Evaluated]
+) -> None:
+    import json
+
+    from scenewright.evals.understanding.predictions import jsonl
+    from scenewright.files import write_atomically
+    from scenewright.graph.run import make_folder
+
+    target = make_folder(folder)
+    for each in found:
+        if each.predictions:
+            name = "".join(c if c.isalnum() else "_" for c in each.method)
+            write_atomically(target / f"predictions_{name}.jsonl", jsonl(each.predictions))
+    page = json.dumps(result, allow_nan=False, indent=1).encode("utf-8", "backslashreplace")
+    write_atomically(target / "report.json", page + b"\n")
+    write_atomically(target / "report.md", text.encode("utf-8", "backslashreplace"))

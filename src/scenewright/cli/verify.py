@@ -1,0 +1,174 @@
+"""`scenewright verify`: what the checker says about scenes and tracks that lie about as files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenewright.cli.console import one_line, rendered
+from scenewright.cli.scene_summary import findings, verdict, who
+from scenewright.cli.verify_tracks import CheckedTracks, check_tracks, tracks_report
+from scenewright.errors import InputError
+from scenewright.scene.events import Event, Proof
+from scenewright.scene.record import SceneRecord
+
+TRACKS = (".ndjson", ".csv")
+FOREIGN = (".txt", ".parquet", ".xosc", ".mcap", ".osi")
+SHOWN = 12
+"""Findings listed per scene; `--json` has them all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """A file and what came of checking it: a scene with its proof, or why it is none."""
+
+    path: Path
+    scene: SceneRecord | None = None
+    proof: Proof | None = None
+    error: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """One entry of `--json`."""
+        if self.proof is None:
+            return {"path": str(self.path), "verified": None, "error": self.error}
+        proof = self.proof.model_dump(mode="json", by_alias=True)
+        return {"path": str(self.path), "verified": self.proof.verified, "proof": proof}
+
+
+def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked | CheckedTracks]:
+    """Every scene and file of tracks in every path, in order; what is unusable is an entry too."""
+    checked: list[Checked | CheckedTracks] = []
+    for path in paths:
+        try:
+            files = scene_files(path)
+        except (InputError, OSError) as error:
+            checked.append(Checked(Path(path), error=_reason(error)))
+        else:
+            checked += [_check(file, intersection) for file in files]
+    return checked
+
+
+def scene_files(path: str) -> list[Path]:
+    """The file itself; the scene of a folder; or all scenes of the folders in it.
+
+    Raises:
+        InputError: there is none, or the file is of another format.
+    """
+    place = Path(path)
+    if place.suffix.lower() in FOREIGN:
+        raise InputError(
+            f"{path}: tracks in {place.suffix} files cannot be checked yet; give a scene.json, "
+            "a .csv or a TrajNet++ .ndjson"
+        )
+    if not place.is_dir() or (place / "scene.json").exists():
+        return [place]
+    inside = sorted(place.glob("*/scene.json"))
+    if not inside:
+        raise InputError(f"{path}: no scene.json in this folder or in the folders in it")
+    return [file.parent for file in inside]
+
+
+def _check(path: Path, intersection: str | None) -> Checked | CheckedTracks:
+    from scenewright.graph.run import load_scene, verify
+
+    try:
+        if path.suffix.lower() in TRACKS and not path.is_dir():
+            return check_tracks(path, intersection=intersection)
+        scene = load_scene(path)
+        return Checked(path, scene, verify(scene, intersection=intersection))
+    except (InputError, OSError) as error:
+        return Checked(path, error=_reason(error))
+
+
+def _reason(error: Exception) -> str:
+    return one_line(getattr(error, "strerror", None) or str(error))
+
+
+def as_object(checked: list[Checked | CheckedTracks]) -> dict[str, Any]:
+    """The object of `--json`: a list of all, or what one file of tracks holds."""
+    good = all(is_good(each) for each in checked)
+    if len(checked) == 1 and isinstance(checked[0], CheckedTracks):
+        return {"ok": good, **checked[0].to_json()}
+    return {"ok": good, "scenes": [each.to_json() for each in checked]}
+
+
+def is_good(checked: Checked | CheckedTracks) -> bool:
+    """Whether nothing stands against it; of tracks, in which nothing is asked for, nothing can."""
+    if isinstance(checked, CheckedTracks):
+        return True
+    return checked.proof is not None and checked.proof.verified
+
+
+def notes(checked: list[Checked | CheckedTracks]) -> list[str]:
+    """What was assumed about tracks, one line each."""
+    return [
+        one_line(f"{each.path}: {note}")
+        for each in checked
+        if isinstance(each, CheckedTracks)
+        for note in each.tracks.notes
+    ]
+
+
+def report(checked: list[Checked | CheckedTracks]) -> str:
+    """The scenes in one table, and each file of tracks in one of its own."""
+    scenes = [each for each in checked if isinstance(each, Checked)]
+    tracks = [each for each in checked if isinstance(each, CheckedTracks)]
+    listed = _scenes_report(scenes) if any(each.proof for each in scenes) else ""
+    return listed + "".join(tracks_report(each) for each in tracks)
+
+
+def _scenes_report(checked: list[Checked]) -> str:
+    """A table of events and verdicts, and below it what stands against a scene."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for title in ("scene", "verdict", "event", "from", "to"):
+        table.add_column(title, overflow="fold")
+    table.add_column("time", justify="right", no_wrap=True)
+    table.add_column("place", justify="right", no_wrap=True)
+    for each in checked:
+        for row in _rows(each):
+            table.add_row(*row)
+    return rendered(table) + "".join(line + "\n" for each in checked for line in _against(each))
+
+
+def _rows(checked: Checked) -> list[tuple[Any, ...]]:
+    from rich.text import Text
+
+    if checked.scene is None or checked.proof is None:
+        return []
+    good = checked.proof.verified
+    head = (
+        Text(one_line(str(checked.path))),
+        Text(verdict(checked.proof), style="green" if good else "red"),
+    )
+    tails = [_event(event, checked.scene) for event in checked.proof.events]
+    tails = tails or [(Text("normal"), Text(""), Text(""), Text(""), Text(""))]
+    blank = (Text(""), Text(""))
+    return [(*(blank if index else head), *tail) for index, tail in enumerate(tails)]
+
+
+def _event(event: Event, scene: SceneRecord) -> tuple[Any, ...]:
+    from rich.text import Text
+
+    agents = {agent.id: agent for agent in scene.agents}
+    words = event.type.replace("_", " ") + (f", {event.kind}" if event.kind else "")
+    x, y = event.location
+    return (
+        Text(words.replace("_", " ")),
+        Text(who(agents.get(event.from_), event.from_)),
+        Text(who(agents.get(event.to), event.to)),
+        Text(f"{event.time:.1f} s"),
+        Text(f"({x:.1f}, {y:.1f})"),
+    )
+
+
+def _against(checked: Checked) -> list[str]:
+    if checked.proof is None:
+        return []
+    found = findings(checked.proof)
+    lines = [one_line(f"{checked.path}: {each.rule}: {each.detail}") for each in found[:SHOWN]]
+    more = len(found) - SHOWN
+    return [*lines, f"{checked.path}: and {more} more"] if more > 0 else lines

@@ -1,0 +1,154 @@
+"""`scenewright verify` on tracks that scenewright never made: every event in them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenewright.cli.console import one_line, rendered
+from scenewright.scene.events import Event, Finding
+from scenewright.tools.relation_checker.recording import ExternalTracks
+
+_MEASURES = {
+    "collision": (("relative speed", "relative_speed", "m/s"),),
+    "near_miss": (("PET", "pet", "s"), ("path TTC", "path_ttc", "s"), ("gap", "clearance", "m")),
+    "yielding": (
+        ("PET", "pet", "s"),
+        ("came at", "approach_speed", "m/s"),
+        ("slowed to", "lowest_speed", "m/s"),
+    ),
+    "follow": (
+        ("until", "until", "s"),
+        ("headway", "least_headway", "s"),
+        ("gap", "least_gap", "m"),
+    ),
+}
+"""The evidence that is shown by type of event; `--json` has all of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedTracks:
+    """A file of tracks and what happens in it.
+
+    Attributes:
+        findings: who is off the map, where one was named.
+    """
+
+    path: Path
+    tracks: ExternalTracks
+    events: tuple[Event, ...]
+    findings: tuple[Finding, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of `--json`: agents with their ids in the file, events, findings."""
+        return {
+            "path": str(self.path),
+            "step": self.tracks.step,
+            "origin": self.tracks.origin,
+            "agents": [_agent(self.tracks, k) for k in range(len(self.tracks.users))],
+            "events": [event.model_dump(mode="json", by_alias=True) for event in self.events],
+            "findings": [finding.model_dump(mode="json") for finding in self.findings],
+            "notes": list(self.tracks.notes),
+        }
+
+
+def check_tracks(path: Path, *, intersection: str | None) -> CheckedTracks:
+    """Every event in a file of tracks.
+
+    Raises:
+        InputError: unreadable, or no such intersection.
+    """
+    from scenewright.graph.run import load_tracks, off_ground_in, verify_tracks
+
+    tracks = load_tracks(path)
+    events = verify_tracks(tracks, intersection=intersection)
+    findings = () if intersection is None else off_ground_in(tracks, intersection=intersection)
+    return CheckedTracks(path, tracks, events, findings)
+
+
+def _agent(tracks: ExternalTracks, k: int) -> dict[str, Any]:
+    user = tracks.users[k]
+    return {
+        "id": user.id,
+        "name": tracks.names[user.id],
+        "type": user.shape.type,
+        "subtype": tracks.subtypes[user.id],
+        "start": round(user.track.start, 3),
+        "end": round(user.track.end, 3),
+        "length": round(user.shape.length, 3),
+        "width": round(user.shape.width, 3),
+    }
+
+
+def tracks_report(checked: CheckedTracks) -> str:
+    """What was read, a table of the events, and below it who is who and who leaves the ground."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for title in ("event", "from", "to"):
+        table.add_column(title, overflow="fold")
+    for title in ("time", "place"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("evidence", overflow="fold")
+    for event in checked.events:
+        table.add_row(*_row(event, checked.tracks))
+    listed = rendered(table) if checked.events else ""
+    below = [*_legend(checked), *(finding.detail for finding in checked.findings)]
+    return _headline(checked) + listed + "".join(one_line(line) + "\n" for line in below)
+
+
+def _headline(checked: CheckedTracks) -> str:
+    users, step = checked.tracks.users, checked.tracks.step
+    start, end = min(u.track.start for u in users), max(u.track.end for u in users)
+    counts = Counter(event.type.replace("_", " ") for event in checked.events)
+    found = ", ".join(f"{n} {name}" for name, n in sorted(counts.items())) or "no events"
+    agents = len(set(checked.tracks.names.values()))
+    noun = "agent" if agents == 1 else "agents"
+    what = f"{agents} {noun}, {start:.1f} to {end:.1f} s every {step:.3g} s"
+    return one_line(f"{checked.path}: {what}: {found}") + "\n"
+
+
+def _row(event: Event, tracks: ExternalTracks) -> tuple[Any, ...]:
+    from rich.text import Text
+
+    more = "".join(f", {each.replace('_', ' ')}" for each in (event.kind, event.cause) if each)
+    x, y = event.location
+    return (
+        Text(event.type.replace("_", " ") + more),
+        Text(_who(event.from_, tracks)),
+        Text(_who(event.to, tracks)),
+        Text(f"{event.time:.1f} s"),
+        Text(f"({x:.1f}, {y:.1f})"),
+        Text(_evidence(event)),
+    )
+
+
+def _who(number: int, tracks: ExternalTracks) -> str:
+    return f"{number} ({tracks.subtypes[number]})"
+
+
+def _evidence(event: Event) -> str:
+    measured = (
+        (words, event.evidence.get(key), unit) for words, key, unit in _MEASURES[event.type]
+    )
+    return ", ".join(
+        f"{words} {value:.1f} {unit}"
+        for words, value, unit in measured
+        if isinstance(value, int | float)
+    )
+
+
+def _legend(checked: CheckedTracks) -> list[str]:
+    """Who the numbers of the table stand for, where they are not the ids of the file."""
+    tracks = checked.tracks
+    shown = {n for event in checked.events for n in (event.from_, event.to)}
+    starts = {user.id: user.track.start for user in tracks.users}
+    several = Counter(tracks.names.values())
+    return [
+        f"{n} is {tracks.names[n]}"
+        + (f" from {starts[n]:.1f} s" if several[tracks.names[n]] > 1 else "")
+        for n in sorted(shown & tracks.renamed)
+    ]

@@ -1,0 +1,1 @@
+"""Datasets of scenes: batches, orders that an agent fills, and tables."""

@@ -1,0 +1,235 @@
+"""A dataset checked from end to end: hashes, tables against scenes, the checker over scenes."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenewright.dataset.batch.manifest import MANIFEST, hashed, is_as_written, read_manifest
+from scenewright.dataset.batch.pool import Died, Overdue, spread
+from scenewright.dataset.batch.worker import FILES
+from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter, parquet
+from scenewright.errors import InputError
+from scenewright.graph.run import verify
+
+ABOUT = (
+    "row", "folder", "status", "code", "reason", "text", "asked", "seed", "intersection", "backend",
+    "refiner", "selection", "attempts",
+)  # fmt: skip
+"""Columns of `scenes` that the scenes' files do not tell, or not always."""
+_ASIDE = re.compile(r"\..*|evaluation/.*|journal(-\d+-of-\d+)?\.jsonl")
+"""Names of files that are no part of a dataset."""
+_OWN = {"text": ("meta", "user_prompt"), "seed": ("meta", "seed")}
+"""Columns of `scenes` that a scene tells as well, and where."""
+_MOST = 1000
+
+
+_OUTSIDE = "lies outside the dataset"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong, and with which file or row."""
+
+    where: str
+    what: str
+
+
+@dataclass(frozen=True)
+class Audit:
+    """The result.
+
+    Attributes:
+        files, scenes: how many were looked at; verified: scenes that the checker confirms.
+        complete: whether the manifest says that every row of the input came to an end.
+    """
+
+    files: int
+    scenes: int
+    verified: int
+    complete: bool
+    faults: tuple[Fault, ...]
+
+
+def audit(
+    folder: Path, *, workers: int = 1, tell: Callable[[int, int], None] = lambda _, __: None
+) -> Audit:
+    """Recomputes everything that a dataset says of itself.
+
+    Args:
+        tell: called with (scenes checked, scenes in all).
+
+    Raises:
+        InputError: there is no manifest.
+    """
+    manifest = read_manifest(folder)
+    files: dict[str, str] = manifest["files"]
+    faults = [] if is_as_written(folder) else [Fault(MANIFEST, "is not as it was written")]
+    faults += [*_hash_faults(folder, files), *_strangers(folder, files)]
+    outside = {fault.where for fault in faults if fault.what == _OUTSIDE}
+    scenes = [
+        name.removesuffix("/scene.json")
+        for name in files
+        if name.endswith("/scene.json") and name not in outside
+    ]
+    faults += _table_faults(folder, manifest)
+    checked = list(_checked(folder, scenes, workers=workers, tell=tell))
+    faults += [fault for fault in checked if fault is not None]
+    return Audit(
+        files=len(files),
+        scenes=len(scenes),
+        verified=sum(fault is None for fault in checked),
+        complete=bool(manifest.get("complete")),
+        faults=tuple(faults[:_MOST]),
+    )
+
+
+def _hash_faults(folder: Path, files: Mapping[str, str]) -> Iterator[Fault]:
+    root = folder.resolve()
+    for name, wanted in files.items():
+        try:
+            if not (root / name).resolve().is_relative_to(root):
+                yield Fault(name, _OUTSIDE)
+                continue
+            ((_, found),) = hashed(folder, [name])
+        except (OSError, RuntimeError, ValueError) as error:
+            yield Fault(name, f"cannot be read: {getattr(error, 'strerror', None) or error}")
+            continue
+        if found != wanted:
+            yield Fault(name, "is not what the manifest says: its hash differs")
+
+
+def _strangers(folder: Path, files: Mapping[str, str]) -> Iterator[Fault]:
+    """What lies there and is not in the manifest."""
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if _ASIDE.fullmatch(name):
+            continue
+        if path.is_symlink():
+            yield Fault(name, "is a link, which a copy of the dataset may lose")
+        elif not path.is_dir() and name not in files and name != MANIFEST:
+            yield Fault(name, "is not in the manifest")
+
+
+def _table_faults(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Fault]:
+    """Where the tables do not say what the scenes say; one that is missing the hashes tell of.
+
+    Datasets of earlier versions have no table `account`.
+    """
+    there = [name for name in TABLES if (folder / f"tables/{name}.parquet").is_file()]
+    if "scenes" not in there:
+        return
+    again = Path(tempfile.mkdtemp(prefix="scenewright-"))
+    try:
+        yield from _rebuilt(folder, again, manifest)
+        for name in there:
+            yield from _compared(folder, again, name, manifest)
+    finally:
+        shutil.rmtree(again, ignore_errors=True)
+
+
+def _rebuilt(folder: Path, again: Path, manifest: Mapping[str, Any]) -> Iterator[Fault]:
+    """Writes the tables anew from the scenes."""
+    try:
+        table = parquet().ParquetFile(folder / "tables/scenes.parquet")
+        counts = Counter[str]()
+        with TableWriter(again) as writer:
+            for batch in table.iter_batches(batch_size=500, columns=list(ABOUT)):
+                for about in batch.to_pylist():
+                    found = _files(folder, about)
+                    writer.add(found)
+                    counts[about["status"]] += 1
+                    yield from _strayed(found)
+        yield from _miscounted(counts, manifest)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        yield Fault("tables/scenes.parquet", f"cannot be compared with the scenes: {error}")
+
+
+def _strayed(files: SceneFiles) -> Iterator[Fault]:
+    """Where a row's folder holds the scene of another row."""
+    if files.scene is None or files.provenance is None:
+        return
+    told = {key: files.scene[part][name] for key, (part, name) in _OWN.items()}
+    told["row"] = files.provenance["row"]
+    for key, value in told.items():
+        if value != files.about[key]:
+            yield Fault(
+                str(files.about["folder"]), f"is the scene of another row: its {key} differs"
+            )
+            return
+
+
+def _miscounted(counts: Mapping[str, int], manifest: Mapping[str, Any]) -> Iterator[Fault]:
+    """Where the manifest counts other rows than the table has."""
+    for status in ("made", "refused", "failed"):
+        told = manifest["rows"].get(status)
+        if told != counts.get(status, 0):
+            what = f"counts {told} rows {status}, the table scenes has {counts.get(status, 0)}"
+            yield Fault(MANIFEST, what)
+
+
+def _files(folder: Path, about: dict[str, Any]) -> SceneFiles:
+    place = about["folder"]
+    if place is None:
+        return SceneFiles(about)
+    if place in ("", ".", "..") or Path(place).name != place:
+        raise ValueError(f"{place!r} is no folder of a scene")
+    scene, proof, provenance = (
+        json.loads((folder / place / f"{name}.json").read_bytes())
+        for name in ("scene", "proof", "provenance")
+    )
+    return SceneFiles(about, scene, proof, provenance)
+
+
+def _compared(folder: Path, again: Path, name: str, manifest: Mapping[str, Any]) -> Iterator[Fault]:
+    where = f"tables/{name}.parquet"
+    try:
+        found = parquet().ParquetFile(folder / where)
+        wanted = parquet().ParquetFile(again / f"{name}.parquet")
+        rows = manifest.get("tables", {}).get(name)
+        if found.metadata.num_rows != rows:
+            yield Fault(where, f"has {found.metadata.num_rows} rows, the manifest says {rows}")
+        groups = found.num_row_groups
+        if groups != wanted.num_row_groups or not all(
+            found.read_row_group(k).equals(wanted.read_row_group(k)) for k in range(groups)
+        ):
+            yield Fault(where, "does not say what the scenes say")
+    except (OSError, ValueError) as error:
+        yield Fault(where, f"is no such table: {error}")
+
+
+def _checked(
+    folder: Path, scenes: list[str], *, workers: int, tell: Callable[[int, int], None]
+) -> Iterator[Fault | None]:
+    jobs = [str(folder / scene) for scene in scenes]
+    results = (
+        ((job, recheck(job)) for job in jobs)
+        if workers == 1
+        else spread(jobs, recheck, workers=workers)
+    )
+    for count, (job, result) in enumerate(results, start=1):
+        tell(count, len(jobs))
+        what = "the checker died of it" if isinstance(result, Died | Overdue) else result
+        yield None if what is None else Fault(Path(job).name, what)
+
+
+def recheck(place: str) -> str | None:
+    """What is wrong with a scene's folder; None if the checker finds what its proof says."""
+    folder = Path(place)
+    if not all((folder / name).is_file() for name in FILES):
+        return "lacks one of its files"
+    try:
+        proof = verify(folder).model_dump(mode="json", by_alias=True)
+        written = json.loads((folder / "proof.json").read_bytes())
+    except (InputError, OSError, ValueError) as error:
+        return f"cannot be checked: {error}"
+    if not proof["verified"]:
+        return "is not verified by the checker"
+    return None if proof == written else "has another proof than the checker's"

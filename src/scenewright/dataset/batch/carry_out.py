@@ -1,0 +1,207 @@
+"""Jobs carried out into a folder: what is done is left alone, what is damaged is done again."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, Self
+
+from scenewright.dataset.batch.journal import Entry, Journal, sole_writer
+from scenewright.dataset.batch.manifest import MANIFEST
+from scenewright.dataset.batch.pool import TRIES, Died, Overdue, spread
+from scenewright.dataset.batch.publish import discard_leftovers, is_whole, publish
+from scenewright.dataset.batch.worker import Job, Outcome, work
+from scenewright.errors import InputError
+from scenewright.graph.run import make_folder
+
+Engine = Literal["process", "ray"]
+JOURNAL = "journal.jsonl"
+_OUT_OF_MEMORY = -9
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is.
+
+    Attributes:
+        done, of: rows that came to an end, earlier runs' included, and rows in all.
+        counts: rows by status; rate: rows a second in this run; left: seconds to go, if known.
+    """
+
+    done: int
+    of: int
+    counts: Mapping[str, int]
+    rate: float
+    left: float | None
+
+
+Tell = Callable[[Progress], None]
+
+
+class Batch:
+    """A folder that jobs are carried out into, by this process alone."""
+
+    def __init__(self, out: Path, *, header: Mapping[str, Any], name: str = JOURNAL) -> None:
+        """Nothing is read or written before the `with` block begins."""
+        self.out, self._header, self._name = out, header, name
+        self._stack = ExitStack()
+        self.journal: Journal
+
+    def __enter__(self) -> Self:
+        make_folder(self.out)
+        with ExitStack() as stack:
+            try:
+                _refuse_foreign(self.out)
+                stack.enter_context(sole_writer(self.out, self._name))
+                discard_leftovers(self.out, self._name)
+                self.journal = Journal(self.out, name=self._name, header=self._header)
+            except OSError as error:
+                reason = error.strerror or error
+                raise InputError(f"cannot write {self.out}: {reason}") from error
+            stack.callback(self.journal.close)
+            stack.callback(discard_leftovers, self.out, self._name)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stack.close()
+
+    def is_done(self, job: Job) -> bool:
+        """Whether a row came to an end that another try would not change, and is all there."""
+        entry = self.journal.entry(job.number)
+        if entry is None or entry.status == "failed":
+            return False
+        if entry.key != job.key:
+            raise InputError(f"{self.out}: row {job.number} is {entry.key!r}, not {job.key!r}")
+        return entry.status != "made" or is_whole(self.out / entry.folder, entry.sha256)
+
+    def carry_out(
+        self,
+        jobs: Iterable[Job],
+        *,
+        of: int,
+        workers: int,
+        engine: Engine = "process",
+        limit: float | None = None,
+        tell: Tell = lambda _: None,
+    ) -> int:
+        """Does every job that is not done; how many those were.
+
+        Args:
+            of: how many jobs there are, for the progress.
+            limit: longest that one row may take [s].
+            tell: called after every row.
+
+        Raises:
+            InputError: the folder cannot be written any more; what is done stays.
+        """
+        clock = _Clock(of, tell)
+        todo = self._open(jobs, clock)
+        for job, result in _engine(engine)(todo, work, workers=workers, limit=limit):
+            if not clock.now:
+                # From here on it would not tell what is there.
+                (self.out / MANIFEST).unlink(missing_ok=True)
+            outcome = result if isinstance(result, Outcome) else _given_up(result)
+            self.journal.append(self._entry(job, outcome))
+            clock.ended(outcome.status, now=True)
+        return clock.now
+
+    @contextmanager
+    def settled(self) -> Iterator[Journal]:
+        """The journals of all runs into this folder as they are; no other finishes meanwhile."""
+        with (
+            sole_writer(self.out, "finish", patient=True),
+            Journal(self.out, name=None, header=self._header) as journal,
+        ):
+            yield journal
+
+    def _open(self, jobs: Iterable[Job], clock: _Clock) -> Iterator[Job]:
+        for job in jobs:
+            if self.is_done(job):
+                entry = self.journal.entry(job.number)
+                clock.ended(entry.status if entry else "failed", now=False)
+            else:
+                yield job
+
+    def _entry(self, job: Job, outcome: Outcome) -> Entry:
+        place = self.out / job.folder
+        hashes = {}
+        if outcome.status == "made":
+            hashes = publish(outcome.files, place, parts=self.out / f".{self._name}.parts")
+        return Entry(
+            number=job.number,
+            key=job.key,
+            folder=job.folder,
+            status=outcome.status,
+            code=outcome.code,
+            reason=outcome.reason,
+            sha256=hashes,
+            attempts=outcome.attempts,
+            seconds=outcome.seconds,
+            paid=outcome.paid,
+        )
+
+
+class _Clock:
+    """Counts rows and tells how it goes."""
+
+    def __init__(self, of: int, tell: Tell) -> None:
+        self._of, self._tell = of, tell
+        self._counts = Counter[str]()
+        self._first: float | None = None
+        self.now = 0
+
+    def ended(self, status: str, *, now: bool) -> None:
+        self._counts[status] += 1
+        if now:
+            self.now += 1
+            self._first = self._first or time.monotonic()
+        rate, done = self._rate(), self._counts.total()
+        left = (self._of - done) / rate if rate else None
+        self._tell(Progress(done, self._of, dict(self._counts), rate, left))
+
+    def _rate(self) -> float:
+        """Rows a second since the first one: what workers need to start says nothing."""
+        if self._first is None or self.now < 2:
+            return 0.0
+        return (self.now - 1) / max(time.monotonic() - self._first, 1e-6)
+
+
+def _engine(name: Engine) -> Callable[..., Iterator[tuple[Job, Outcome | Died | Overdue]]]:
+    if name == "process":
+        return spread
+    from scenewright.dataset.batch.cluster import spread_on_ray
+
+    return spread_on_ray
+
+
+def _given_up(result: Died | Overdue) -> Outcome:
+    if isinstance(result, Overdue):
+        reason = f"took longer than the {result.limit:g} s that a row may take (--row-timeout)"
+        return Outcome("failed", "overdue", reason, seconds=result.limit)
+    return _died(result)
+
+
+def _died(died: Died) -> Outcome:
+    told = "" if died.code is None else f", the last with code {died.code}"
+    if died.code == _OUT_OF_MEMORY:
+        told = ", the last killed from outside, as a machine does that runs out of memory"
+    return Outcome("failed", "worker_died", f"{TRIES} workers died of this row{told}")
+
+
+def _refuse_foreign(out: Path) -> None:
+    """A folder that holds other things than a batch is nobody's to write into."""
+    if not any(out.glob("journal*.jsonl")) and any(
+        entry for entry in out.iterdir() if not entry.name.startswith((".journal", ".finish"))
+    ):
+        raise InputError(f"{out} holds other files; choose another --out")

@@ -1,0 +1,161 @@
+"""The same jobs on a Ray cluster: the way past one machine (extra `ray`).
+
+Tasks compute and hand the files back; only the driver writes, so the machines need no common disk.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from itertools import islice
+from types import FrameType
+from typing import Any, TypeVar
+
+from scenewright.dataset.batch.pool import TRIES, WARM_UP, Died, Overdue
+from scenewright.errors import InputError
+
+JobT = TypeVar("JobT")
+ResultT = TypeVar("ResultT")
+
+SHARD = 8
+"""Jobs of one Ray task: few enough to lose with a worker, enough to pay for the task."""
+AHEAD = 2
+"""Tasks in flight for each worker, so that none waits for the driver."""
+_WARM: list[bool] = []
+"""Not empty where this process has done a job."""
+
+
+def spread_on_ray(
+    jobs: Iterable[JobT],
+    task: Callable[[JobT], ResultT],
+    *,
+    workers: int,
+    limit: float | None = None,
+) -> Iterator[tuple[JobT, ResultT | Died | Overdue]]:
+    """(job, result) as tasks of a Ray cluster come to an end.
+
+    Joins the cluster that RAY_ADDRESS names, else starts one on this machine with `workers` CPUs.
+    A task whose worker dies is run again by Ray, at most TRIES times in all; then each of its jobs
+    gets a task of its own, so that a job that kills its worker costs no other.
+
+    Args:
+        limit: longest that one job may take [s].
+
+    Raises:
+        InputError: Ray is not installed.
+    """
+    ray = _ray()
+    started = not ray.is_initialized()
+    if started:
+        _begin(ray, workers)
+    try:
+        yield from _spread(ray, iter(jobs), task, workers, limit)
+    finally:
+        if started:
+            ray.shutdown()
+
+
+def _ray() -> Any:
+    try:
+        return import_module("ray")
+    except ImportError as error:
+        raise InputError(
+            "--engine ray needs the extra: pip install 'scenewright[ray]', or make ray"
+        ) from error
+
+
+def _begin(ray: Any, workers: int) -> None:
+    address = os.environ.get("RAY_ADDRESS")
+    local = {} if address else {"num_cpus": workers, "include_dashboard": False}
+    ray.init(address=address, log_to_driver=False, logging_level="ERROR", **local)
+
+
+def _spread(
+    ray: Any,
+    jobs: Iterator[JobT],
+    task: Callable[[JobT], ResultT],
+    workers: int,
+    limit: float | None,
+) -> Iterator[tuple[JobT, ResultT | Died | Overdue]]:
+    remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_shard)
+    flying: dict[Any, list[JobT]] = {}
+    alone: deque[JobT] = deque()
+    while True:
+        while len(flying) < AHEAD * workers and (shard := _next(alone, jobs)):
+            flying[remote.remote(task, shard, limit)] = shard
+        if not flying:
+            return
+        done, _ = ray.wait(list(flying), num_returns=1, timeout=1.0)
+        for each in done:
+            shard = flying.pop(each)
+            results = _results(ray, each)
+            if results is None and len(shard) > 1:
+                alone.extend(shard)
+            else:
+                yield from zip(shard, results or [Died(None)], strict=True)
+
+
+def _next(alone: deque[JobT], jobs: Iterator[JobT]) -> list[JobT]:
+    """The jobs of the next task: one whose task died, else the next few."""
+    return [alone.popleft()] if alone else list(islice(jobs, SHARD))
+
+
+def _results(ray: Any, reference: Any) -> list[Any] | None:
+    """What a task came to; None if every worker that had it died."""
+    try:
+        found: list[Any] = ray.get(reference)
+    except ray.exceptions.RayTaskError:
+        raise
+    except ray.exceptions.RayError:
+        return None
+    return found
+
+
+def _shard(task: Callable[[Any], Any], jobs: list[Any], limit: float | None) -> list[Any]:
+    return [within(limit, task, job) for job in jobs]
+
+
+class _TimeIsUp(BaseException):
+    """Raised in the midst of a job; a base exception, so that no job takes it for its own."""
+
+
+def within(limit: float | None, task: Callable[[Any], Any], job: Any) -> Any:
+    """A job's result, or `Overdue` when the time is up."""
+    if limit is None:
+        return task(job)
+    try:
+        with _alarm(limit if _WARM else limit + WARM_UP):
+            return task(job)
+    except _TimeIsUp:
+        return Overdue(limit)
+    finally:
+        _WARM[:] = [True]
+
+
+@contextmanager
+def _alarm(seconds: float) -> Iterator[None]:
+    """Raises _TimeIsUp after so long, where the system has alarms and this is the main thread."""
+    if not hasattr(signal, "setitimer") or threading.current_thread() is not _main():
+        yield
+        return
+
+    def ring(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        raise _TimeIsUp
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _main() -> threading.Thread:
+    return threading.main_thread()

@@ -1,0 +1,187 @@
+"""What makes a folder of scenes a dataset: tables, figures, card and manifest."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from array import array
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenewright.dataset.batch.answering import label
+from scenewright.dataset.batch.journal import Entry, Journal
+from scenewright.dataset.batch.manifest import hashed, write_manifest
+from scenewright.dataset.batch.overview import draw_overview
+from scenewright.dataset.batch.worker import Job
+from scenewright.dataset.tables.card import Contents, card
+from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter
+from scenewright.files import write_atomically
+
+FIGURE = "figures/overview.png"
+CARD = "README.md"
+
+
+@dataclass
+class _Tally:
+    """What the card and the figure tell of the scenes."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    tables: Counter[str] = field(default_factory=Counter)
+    codes: Counter[str] = field(default_factory=Counter)
+    events: Counter[str] = field(default_factory=Counter)
+    patterns: Counter[str] = field(default_factory=Counter)
+    agents: Counter[int] = field(default_factory=Counter)
+    places: dict[str, array[float]] = field(default_factory=dict)
+    verified: int = 0
+    intersections: Counter[str] = field(default_factory=Counter)
+
+    def note(self, entry: Entry, files: SceneFiles) -> None:
+        """Counts one row."""
+        self.counts[entry.status] += 1
+        if entry.code is not None:
+            self.codes[f"{entry.status}: {entry.code}"] += 1
+        if files.scene is None:
+            return
+        self.verified += bool((files.proof or {})["verified"])
+        self.patterns.update((files.provenance or {}).get("patterns", ()))
+        self.agents[len(files.scene["agents"])] += 1
+        self.intersections[files.scene["meta"]["intersection"]] += 1
+        for event in files.scene["events"]:
+            self.events[event["type"]] += 1
+            if event["location"] is not None:
+                kept = self.places.setdefault(event["type"], array("d"))
+                kept.extend((*event["location"], event["time"]))
+
+
+def finish(
+    out: Path,
+    jobs: Iterable[Job],
+    journal: Journal,
+    *,
+    about: Mapping[str, Any],
+    given: int,
+    title: str,
+    extra: Iterable[str] = (),
+) -> None:
+    """Writes tables, figure, card and manifest over all rows that the journal knows.
+
+    Each file is replaced as a whole, the manifest last; before that there is none.
+
+    Args:
+        about: further keys of the manifest; given: rows of the whole input.
+        extra: names of further files of the dataset.
+    """
+    part = out / ".finish.parts"
+    shutil.rmtree(part, ignore_errors=True)
+    (part / "tables").mkdir(parents=True)
+    (part / "figures").mkdir()
+    tally, done = _Tally(), _Done(journal, jobs)
+    with TableWriter(part / "tables") as tables:
+        for job, entry in done:
+            files = _files(out, job, entry)
+            tally.tables.update(tables.add(files))
+            tally.note(entry, files)
+    draw_overview(part / FIGURE, places=tally.places, agents=tally.agents, name=_most(tally))
+    names = [*(f"tables/{name}.parquet" for name in TABLES), FIGURE]
+    for name in names:
+        (out / name).parent.mkdir(exist_ok=True)
+        os.replace(part / name, out / name)
+    shutil.rmtree(part, ignore_errors=True)
+    left = given - tally.counts.total()
+    text = card(_contents(tally, title=title, given=given, about=about, figure=FIGURE))
+    write_atomically(out / CARD, text.encode("utf-8"))
+    manifest = {
+        "schema_version": 1,
+        "complete": left == 0 and not tally.counts["failed"],
+        **about,
+        "rows": {"given": given, **_statuses(tally), "left": left},
+        "tables": {name: tally.tables[name] for name in TABLES},
+    }
+    ours = hashed(out, [CARD, *names, *extra])
+    write_manifest(out, manifest, _chain(ours, done))
+
+
+class _Done:
+    """The rows that came to an end, in the order of the input; may be gone through twice."""
+
+    def __init__(self, journal: Journal, jobs: Iterable[Job]) -> None:
+        self._journal, self._jobs = journal, jobs
+
+    def __iter__(self) -> Iterator[tuple[Job, Entry]]:
+        for job in self._jobs:
+            entry = self._journal.entry(job.number)
+            if entry is not None:
+                yield job, entry
+
+
+def _chain(ours: Iterable[tuple[str, str]], done: _Done) -> Iterator[tuple[str, str]]:
+    yield from ours
+    for _, entry in done:
+        for name, sha256 in entry.sha256.items():
+            yield f"{entry.folder}/{name}", sha256
+
+
+def _files(out: Path, job: Job, entry: Entry) -> SceneFiles:
+    made = entry.status == "made"
+    about = {
+        "row": job.key,
+        "folder": entry.folder if made else None,
+        "status": entry.status,
+        "code": entry.code,
+        "reason": entry.reason,
+        "text": job.text,
+        "asked": job.asked,
+        "seed": job.seed,
+        "intersection": job.intersection,
+        "backend": label(job.backend),
+        "refiner": job.refiner,
+        "selection": job.selection,
+        "attempts": entry.attempts,
+    }
+    if not made:
+        return SceneFiles(about)
+    place = out / entry.folder
+    scene, proof, provenance = (
+        json.loads((place / f"{name}.json").read_bytes())
+        for name in ("scene", "proof", "provenance")
+    )
+    return SceneFiles(about, scene, proof, provenance)
+
+
+def _statuses(tally: _Tally) -> dict[str, int]:
+    return {status: tally.counts[status] for status in ("made", "refused", "failed")}
+
+
+def _most(tally: _Tally) -> str | None:
+    """The intersection of most scenes."""
+    return max(sorted(tally.intersections), key=tally.intersections.__getitem__, default=None)
+
+
+def _contents(
+    tally: _Tally, *, title: str, given: int, about: Mapping[str, Any], figure: str
+) -> Contents:
+    sizes = np.array([n for n, times in sorted(tally.agents.items()) for _ in range(times)])
+    figures = {
+        "rows given": given,
+        **{f"rows {status}": count for status, count in _statuses(tally).items()},
+        "scenes verified": tally.verified,
+        "agents per scene, least, median, most": "–"
+        if not len(sizes)
+        else f"{sizes.min()}, {float(np.median(sizes)):g}, {sizes.max()}",
+    }
+    return Contents(
+        title=title,
+        figures=figures,
+        tables=tally.tables,
+        events=tally.events,
+        patterns=tally.patterns,
+        unmade=tally.codes,
+        about=about,
+        figure=figure,
+    )

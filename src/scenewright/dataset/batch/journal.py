@@ -1,0 +1,194 @@
+"""What is done, as an append-only file: one header, then one line for each row that came to an end.
+
+A line is written by one call and counts only with its newline, so a run may be killed anywhere.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from array import array
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+from scenewright.dataset.batch.worker import json_bytes
+from scenewright.errors import InputError
+
+_FILE_BITS = 40
+"""An entry's place is the number of its file above this many bits of offset."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What became of a row, as the journal has it.
+
+    Attributes:
+        sha256: name -> hash of each file of its folder.
+        paid: requests to models and their tokens.
+    """
+
+    number: int
+    key: str
+    folder: str
+    status: str
+    code: str | None
+    reason: str | None
+    sha256: Mapping[str, str]
+    attempts: int
+    seconds: float
+    paid: Mapping[str, int] = field(default_factory=dict)
+
+
+class Journal:
+    """The journals of a folder, of which this run appends to one."""
+
+    def __init__(self, folder: Path, *, name: str | None, header: Mapping[str, Any]) -> None:
+        """Opens or begins the journal of that name; None: only reads those that there are.
+
+        Raises:
+            InputError: the folder's journals are of another input or of other options.
+        """
+        self._places = array("q")
+        self._readers: list[BinaryIO] = []
+        self._writer: BinaryIO | None = None
+        self._number = -1
+        if name is not None:
+            _begin(folder / name, dict(header))
+        try:
+            for number, path in enumerate(sorted(folder.glob("journal*.jsonl"))):
+                self._load(number, path, dict(header))
+                if path.name == name:
+                    self._number = number
+                    self._writer = path.open("ab", buffering=0)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Lets go of the files."""
+        for stream in (*self._readers, self._writer):
+            if stream is not None:
+                stream.close()
+
+    def append(self, entry: Entry) -> None:
+        """Adds a line, at once and whole."""
+        if self._writer is None:
+            raise ValueError("this journal is only read")
+        place = self._writer.seek(0, os.SEEK_END)
+        data = json_bytes(vars(entry))
+        if self._writer.write(data) != len(data):
+            raise InputError("cannot write the journal: no space left")
+        self._note(entry.number, self._number, place)
+
+    def entry(self, number: int) -> Entry | None:
+        """The last line about a row."""
+        place = self._places[number] if number < len(self._places) else -1
+        if place < 0:
+            return None
+        reader = self._readers[place >> _FILE_BITS]
+        reader.seek(place & ((1 << _FILE_BITS) - 1))
+        return Entry(**json.loads(reader.readline()))
+
+    def _load(self, number: int, path: Path, header: dict[str, Any]) -> None:
+        reader = path.open("rb")
+        self._readers.append(reader)
+        _check_header(path, reader.readline(), header)
+        place = reader.tell()
+        for line in iter(reader.readline, b""):
+            if line.endswith(b"\n"):
+                self._note(_number_in(path, line), number, place)
+            place += len(line)
+
+    def _note(self, row: int, number: int, place: int) -> None:
+        if row >= len(self._places):
+            self._places.extend([-1] * (row + 1 - len(self._places)))
+        self._places[row] = number << _FILE_BITS | place
+
+
+def _begin(file: Path, header: dict[str, Any]) -> None:
+    """A journal has its header or does not exist."""
+    if not file.exists():
+        part = file.with_name(f".{file.name}.part")
+        part.write_bytes(json_bytes(header))
+        os.replace(part, file)
+    _cut_torn_line(file)
+
+
+def _cut_torn_line(path: Path) -> None:
+    """Drops what stands behind the last newline: a write that a kill cut short."""
+    with path.open("r+b") as stream:
+        size = end = stream.seek(0, os.SEEK_END)
+        while end:
+            begin = max(end - 65536, 0)
+            stream.seek(begin)
+            at = stream.read(end - begin).rfind(b"\n")
+            if at >= 0:
+                end = begin + at + 1
+                break
+            end = begin
+        if end < size:
+            stream.truncate(end)
+
+
+def _number_in(path: Path, line: bytes) -> int:
+    try:
+        number = json.loads(line)["number"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is damaged; remove the folder and begin anew") from error
+    return int(number)
+
+
+def _check_header(path: Path, line: bytes, header: dict[str, Any]) -> None:
+    try:
+        found = json.loads(line)
+    except ValueError as error:
+        raise InputError(f"{path} is no journal of a batch; choose another --out") from error
+    if found == header:
+        return
+    changed = [key for key in header if found.get(key) != header[key]]
+    told = ", ".join(f"{key} was {found.get(key)!r}, now {header[key]!r}" for key in changed)
+    what = "the input has changed" if "input" in changed else told or "another layout"
+    raise InputError(
+        f"{path.parent} was begun otherwise ({what}); what is there cannot be gone on with: "
+        "give the same input and options, or choose another --out"
+    )
+
+
+@contextmanager
+def sole_writer(folder: Path, name: str, *, patient: bool = False) -> Iterator[None]:
+    """Keeps a second run of the same journal out for as long as this one lives.
+
+    Args:
+        patient: wait for the other run to end.
+
+    Raises:
+        InputError: there is one.
+    """
+    with (folder / f".{name}.lock").open("ab") as stream:
+        try:
+            _lock(stream, patient=patient)
+        except OSError as error:
+            raise InputError(f"another run is writing into {folder}; wait for it") from error
+        yield
+
+
+def _lock(stream: BinaryIO, *, patient: bool) -> None:
+    with suppress(ImportError):  # where there is no such lock, runs must not be doubled by hand
+        import fcntl
+
+        fcntl.flock(stream, fcntl.LOCK_EX | (0 if patient else fcntl.LOCK_NB))

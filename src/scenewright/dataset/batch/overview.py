@@ -1,0 +1,65 @@
+"""One look at a whole dataset: where and when events happen, and how many agents there are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+COLOURS = {
+    "collision": "#D55E00",
+    "near_miss": "#E69F00",
+    "yielding": "#0072B2",
+    "follow": "#009E73",
+}
+VIEW = (-45.0, 45.0, -45.0, 45.0)
+_BINS = 30
+
+
+def draw_overview(
+    path: Path,
+    *,
+    places: Mapping[str, Sequence[float]],
+    agents: Mapping[int, int],
+    name: str | None,
+) -> None:
+    """Writes a PNG; the same values give the same bytes.
+
+    Args:
+        places: event type -> x [m], y [m], time [s] of every event of it, one after the other.
+        agents: number of agents in a scene -> how many scenes have it.
+        name: the intersection that is drawn beneath; None for none.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.5, 4.2), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    where, when, size = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
+    kinds = [kind for kind in COLOURS if len(places.get(kind, ()))]
+    _draw_places(where, places, kinds, name)
+    colours = [COLOURS[kind] for kind in kinds]
+    if kinds:
+        times = [list(places[kind][2::3]) for kind in kinds]
+        when.hist(times, bins=_BINS, range=(0, 30), stacked=True, color=colours)
+    when.set(title="when events happen", xlabel="time in the scene [s]", ylabel="events")
+    size.bar(list(agents), list(agents.values()), color="#6C8EBF")
+    size.set(title="agents in a scene", xlabel="agents", ylabel="scenes")
+    figure.savefig(path, metadata={"Software": None})
+
+
+def _draw_places(
+    axes: Any, places: Mapping[str, Sequence[float]], kinds: Sequence[str], name: str | None
+) -> None:
+    axes.set(title="where events happen", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    if name is not None:
+        from scenewright.intersections import load_map
+        from scenewright.viz.basemap import draw_basemap
+
+        draw_basemap(axes, load_map(name), VIEW)
+    for kind in kinds:
+        values = places[kind]
+        label = f"{kind.replace('_', ' ')} ({len(values) // 3})"
+        axes.scatter(values[0::3], values[1::3], s=8, c=COLOURS[kind], label=label, zorder=9)
+    if kinds:
+        axes.legend(fontsize=7, loc="upper right").set_zorder(10)

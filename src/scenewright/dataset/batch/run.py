@@ -1,0 +1,234 @@
+"""`scenewright batch`: an input of rows carried out into a folder, and made a dataset."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from scenewright.dataset.batch.answering import PLAINLY, Asking, check_asking, speaking
+from scenewright.dataset.batch.carry_out import JOURNAL, Batch, Engine, Tell
+from scenewright.dataset.batch.finish import finish
+from scenewright.dataset.batch.journal import Journal
+from scenewright.dataset.batch.manifest import MANIFEST
+from scenewright.dataset.batch.rows import Source, read_source
+from scenewright.dataset.batch.worker import Job, Options, job_of
+from scenewright.errors import InputError
+from scenewright.graph.run import MAX_SEED, REFINERS
+from scenewright.intersections import find_bundle_folder, load_map
+from scenewright.scene.relations import load_patterns
+
+TITLE = "Traffic scenes in plain language"
+_SHARD = re.compile(r"([1-9]\d{0,5})/([1-9]\d{0,5})")
+MOST_WORKERS = 1024
+ROW_TIMEOUT, MOST_ROW_TIMEOUT = 1800.0, 86400.0
+"""Longest that one row may take [s], unless told otherwise, and the largest that may be told."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What `batch` was asked for.
+
+    Attributes:
+        limit: only the first rows of the input; None: all.
+        shard: (i, n): only every n-th row, from the i-th on, counted from 1.
+        row_timeout: longest that one row may take [s]; asking: how questions are put.
+    """
+
+    source: Path
+    out: Path
+    options: Options
+    workers: int = 1
+    engine: Engine = "process"
+    limit: int | None = None
+    shard: tuple[int, int] = (1, 1)
+    row_timeout: float = ROW_TIMEOUT
+    asking: Asking = PLAINLY
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run came to.
+
+    Attributes:
+        rows: this run was about; counts: of these by status; now: how many it did itself.
+        codes: why there is no scene -> how many rows; complete: whether the whole input is done.
+        paid: requests to models and their tokens, for all of these rows.
+    """
+
+    rows: int
+    counts: dict[str, int]
+    now: int
+    codes: dict[str, int]
+    complete: bool
+    paid: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def made(self) -> int:
+        """Rows with a scene."""
+        return self.counts.get("made", 0)
+
+
+def shard_of(text: str) -> tuple[int, int]:
+    """(i, n) from `i/n`; InputError for anything else."""
+    found = _SHARD.fullmatch(text)
+    if found is None or int(found[1]) > int(found[2]):
+        raise InputError(f"--shard is i/n with i from 1 to n, such as 2/4, got {text!r}")
+    return int(found[1]), int(found[2])
+
+
+def run_batch(request: Request, *, tell: Tell = lambda _: None) -> Summary:
+    """Carries out an input; what an earlier run has done is left alone.
+
+    Raises:
+        InputError: the input, an option or the folder cannot be used.
+    """
+    request = replace(request, asking=replace(request.asking, turns=request.out))
+    check_request(request)
+    source = read_source(request.source)
+    header = header_of(source, request.options)
+    i, n = request.shard
+    name = JOURNAL if n == 1 else f"journal-{i}-of-{n}.jsonl"
+    ours, everybody = _Jobs(source, request), _Jobs(source, replace(request, **_WHOLE))
+    with Batch(request.out, header=header, name=name) as batch:
+        now = batch.carry_out(
+            ours, of=len(ours), workers=request.workers, engine=request.engine,
+            limit=request.row_timeout, tell=tell,
+        )  # fmt: skip
+        with batch.settled() as journal:
+            if now or not (request.out / MANIFEST).exists():
+                about = about_of(header)
+                finish(request.out, everybody, journal, about=about, given=source.rows, title=TITLE)
+            return summary_of(ours, journal, now=now, every=everybody)
+
+
+_WHOLE: dict[str, Any] = {"limit": None, "shard": (1, 1)}
+
+
+def check_request(request: Request) -> None:
+    """InputError where an option cannot be used, before anything is written."""
+    options = request.options
+    if not 0 <= options.seed <= MAX_SEED:
+        raise InputError(f"a seed is a whole number from 0 to 2^63 - 1, got {options.seed}")
+    if not 1 <= request.workers <= MOST_WORKERS:
+        raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {request.workers}")
+    if request.limit is not None and request.limit < 1:
+        raise InputError(f"--limit is a number from 1, got {request.limit}")
+    check_row_timeout(request.row_timeout)
+    check_asking(request.asking, one_machine=request.engine == "process")
+    check_options(options, request.asking)
+
+
+def check_row_timeout(seconds: float) -> None:
+    """InputError for a limit that is none."""
+    if not 1.0 <= seconds <= MOST_ROW_TIMEOUT:
+        raise InputError(
+            f"--row-timeout is 1 to {MOST_ROW_TIMEOUT:g} seconds for one row, got {seconds:g}"
+        )
+
+
+def check_options(options: Options, asking: Asking = PLAINLY) -> None:
+    """InputError where an option names what does not exist."""
+    speaking(options.backend, options.base_url, asking)
+    load_map(options.intersection)
+    if options.refiner not in REFINERS:
+        known = ", ".join(REFINERS)
+        raise InputError(f"there is no refiner {options.refiner!r}; choose one of: {known}")
+
+
+def header_of(source: Source, options: Options) -> dict[str, Any]:
+    """What the first line of a journal holds: all that decides what the scenes are."""
+    from scenewright import __version__
+
+    return {
+        "journal": 1,
+        "scenewright": __version__,
+        "input": source.sha256,
+        "rows": source.rows,
+        **settings_of(options),
+    }
+
+
+def settings_of(options: Options) -> dict[str, Any]:
+    """The options, and fingerprints of the files that they name: a bundle, the relations."""
+    digest = hashlib.sha256()
+    for pattern in load_patterns():
+        digest.update(pattern.model_dump_json().encode())
+    return {
+        **options.settings(),
+        "bundle": _fingerprint(find_bundle_folder(options.intersection)),
+        "relations": digest.hexdigest()[:16],
+    }
+
+
+def _fingerprint(bundle: Path) -> str:
+    """Of a bundle's description and map; the description has the checksums of all else."""
+    digest = hashlib.sha256()
+    for file in (bundle / "bundle.toml", bundle / "map.json"):
+        digest.update(file.read_bytes() if file.is_file() else b"")
+    return digest.hexdigest()[:16]
+
+
+def about_of(header: dict[str, Any]) -> dict[str, Any]:
+    """The same for the manifest and the card."""
+    return {key: value for key, value in header.items() if key not in ("journal", "rows")}
+
+
+def summary_of(jobs: Iterable[Job], journal: Journal, *, now: int, every: Iterable[Job]) -> Summary:
+    """Counts over rows, from the journal."""
+    counts, codes, paid, rows = Counter[str](), Counter[str](), Counter[str](), 0
+    for job in jobs:
+        entry = journal.entry(job.number)
+        rows += 1
+        counts[entry.status if entry else "left"] += 1
+        if entry is not None and entry.code is not None:
+            codes[entry.code] += 1
+        paid.update({} if entry is None else entry.paid)
+    entries = (journal.entry(job.number) for job in every)
+    complete = all(entry is not None and entry.status != "failed" for entry in entries)
+    return Summary(rows, dict(counts), now, dict(codes.most_common()), complete, dict(paid))
+
+
+class _Jobs:
+    """The jobs of a run, in the order of the input; may be gone through again."""
+
+    def __init__(self, source: Source, request: Request) -> None:
+        self._source, self._request = source, request
+
+    def __iter__(self) -> Iterator[Job]:
+        i, n = self._request.shard
+        for named in islice(self._source, i - 1, self._request.limit, n):
+            yield job_of(named, self._request.options, self._request.asking)
+
+    def __len__(self) -> int:
+        i, n = self._request.shard
+        most = self._source.rows
+        return len(range(i - 1, min(most, self._request.limit or most), n))
+
+
+def outlook(request: Request, *, shown: int) -> dict[str, Any]:
+    """What a run would do, for `--dry-run`: nothing is written, no folder is made.
+
+    Raises:
+        InputError: as `run_batch`, as far as can be told without trying.
+    """
+    check_request(replace(request, asking=replace(request.asking, record=None)))
+    source = read_source(request.source)
+    jobs = _Jobs(source, request)
+    done = _done(request, header_of(source, request.options), jobs)
+    first = [{"id": job.key, "folder": job.folder, "seed": job.seed} for job in islice(jobs, shown)]
+    return {"rows": len(jobs), "done": done, "to_do": len(jobs) - done, "first": first}
+
+
+def _done(request: Request, header: dict[str, Any], jobs: _Jobs) -> int:
+    """How many of the jobs an earlier run has brought to an end."""
+    if not any(request.out.glob("journal*.jsonl")):
+        return 0
+    with Journal(request.out, name=None, header=header) as journal:
+        entries = (journal.entry(job.number) for job in jobs)
+        return sum(entry is not None and entry.status != "failed" for entry in entries)

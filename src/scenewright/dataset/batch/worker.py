@@ -1,0 +1,235 @@
+"""One row's scene: what a worker does, wherever it runs. It writes nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache
+from typing import Any, Literal
+
+from scenewright.backends import Backend, Question
+from scenewright.dataset.batch.answering import BUILTIN, PLAINLY, Asking, Names, label, speaking
+from scenewright.dataset.batch.rows import Named, seed_of
+from scenewright.errors import BackendFault, InputError, Unsatisfiable
+
+Status = Literal["made", "refused", "failed"]
+FILES = ("provenance.json", "proof.json", "scene.json")
+"""What a row's folder holds."""
+PAID = ("requests", "input_tokens", "output_tokens")
+"""What is counted of models, over the questions of a row."""
+_LONGEST_REASON = 600
+
+
+@dataclass(frozen=True)
+class Options:
+    """What all rows of a run share: with the input, it decides every byte of the scenes.
+
+    Attributes:
+        backend: who answers, as the command line names it.
+        base_url: of the endpoint that serves the backend's model, where it has one.
+        lenient: words that cannot be realised are left out and listed, not refused.
+    """
+
+    intersection: str
+    backend: Names = BUILTIN
+    refiner: str = "none"
+    selection: Literal["draw", "map"] = "draw"
+    seed: int = 0
+    base_url: str | None = None
+    lenient: bool = False
+
+    def settings(self) -> dict[str, Any]:
+        """As plain JSON."""
+        found = {**asdict(self), "backend": label(self.backend)}
+        if not self.lenient:  # a dataset begun before there was this option must go on
+            del found["lenient"]
+        return found
+
+
+@dataclass(frozen=True)
+class Job:
+    """One row as a worker needs it.
+
+    Attributes:
+        number: of the row; key: a name for it that is its own: the row's id.
+        context: the scene's context as far as the row sets it.
+        asked: the event that an order wants; None where nobody said.
+        asking: how questions are put, which changes no scene.
+    """
+
+    number: int
+    key: str
+    folder: str
+    text: str
+    seed: int
+    intersection: str
+    backend: Names
+    refiner: str
+    selection: Literal["draw", "map"]
+    context: Mapping[str, Any] = field(default_factory=dict)
+    asked: str | None = None
+    base_url: str | None = None
+    lenient: bool = False
+    asking: Asking = PLAINLY
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a row.
+
+    Attributes:
+        status: `refused` will be so again; `failed` may not: the same command tries it again.
+        code, reason: why there is no scene.
+        files: name -> bytes of a scene's folder.
+        attempts: how many times the pipeline began anew; seconds: it took.
+        paid: requests to models and their tokens, as far as they were counted.
+    """
+
+    status: Status
+    code: str | None = None
+    reason: str | None = None
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    attempts: int = 1
+    seconds: float = 0.0
+    paid: Mapping[str, int] = field(default_factory=dict)
+
+
+def job_of(named: Named, options: Options, asking: Asking) -> Job:
+    """The job that a row amounts to."""
+    row, own = named.row, named.row.overrides
+    return Job(
+        number=named.number,
+        key=row.id,
+        folder=named.folder,
+        text=row.text,
+        seed=seed_of(row, seed=options.seed),
+        intersection=own.intersection or options.intersection,
+        backend=options.backend,
+        refiner=own.refiner or options.refiner,
+        selection=own.selection or options.selection,
+        context=own.context,
+        base_url=options.base_url,
+        lenient=options.lenient,
+        asking=asking,
+    )
+
+
+def work(job: Job) -> Outcome:
+    """The scene of a job, or why there is none; never an exception, for other rows wait."""
+    start = time.perf_counter()
+    outcome = _outcome(job)
+    seconds = round(time.perf_counter() - start, 4)
+    return replace(outcome, reason=_short(outcome.reason), seconds=seconds)
+
+
+def _outcome(job: Job) -> Outcome:
+    try:
+        return _made(job)
+    except InputError as error:
+        return Outcome("refused", "unusable_input", str(error), paid=_paid(error.models))
+    except Unsatisfiable as error:
+        codes = [each.code for each in error.rejections]
+        code = codes[-1] if codes else "unsatisfiable"
+        attempts = max(len(codes), 1)
+        return Outcome("refused", code, str(error), attempts=attempts, paid=_paid(error.models))
+    except BackendFault as error:
+        return Outcome("failed", "backend_failed", str(error), paid=_paid(error.models))
+    except MemoryError:
+        return Outcome("failed", "out_of_memory", "there was not enough memory for this row")
+    except Exception as error:
+        # A bug that one text brings out must not cost the other rows.
+        if os.environ.get("SCENEWRIGHT_TRACEBACK"):
+            raise
+        reason = f"this is a fault in scenewright: {type(error).__name__}: {error}"
+        return Outcome("failed", "internal_error", reason)
+
+
+def _made(job: Job) -> Outcome:
+    from scenewright.graph.run import scene_bytes, synthesize
+
+    backend = _backend(job.backend, job.base_url, job.asking)
+    scene = synthesize(
+        job.text,
+        intersection=job.intersection,
+        backend=_Overriding(backend, job.context) if job.context else backend,
+        seed=job.seed,
+        refiner=job.refiner,
+        selection=job.selection,
+        lenient=job.lenient,
+    )
+    # What differs from run to run would make every file differ; the journal has it.
+    about = timeless(scene.provenance)
+    files = {
+        "provenance.json": json_bytes({**about, "row": job.key, "overrides": dict(job.context)}),
+        "proof.json": json_bytes(scene.proof.model_dump(mode="json", by_alias=True)),
+        "scene.json": scene_bytes(scene.record),
+    }
+    attempts = 1 + len(scene.provenance["rejections"])
+    return Outcome(
+        "made", files=files, attempts=attempts, paid=_paid(scene.provenance.get("models", {}))
+    )
+
+
+_FLEETING = ("seconds", *PAID)
+"""What a second run of a row need not show: an answer may come from memory."""
+
+
+def timeless(value: Any) -> Any:
+    """Plain JSON without seconds and without what models were paid, however deep."""
+    if isinstance(value, Mapping):
+        return {key: timeless(each) for key, each in value.items() if key not in _FLEETING}
+    if isinstance(value, list | tuple):
+        return [timeless(each) for each in value]
+    return value
+
+
+def _paid(models: Mapping[str, Any]) -> dict[str, int]:
+    """Requests and tokens over all of a row's questions."""
+    return {name: sum(each[name] or 0 for each in models.values()) for name in PAID if models}
+
+
+@cache
+def _backend(names: Names, base_url: str | None, asking: Asking) -> Backend:
+    """The backend of a worker, made once."""
+    return speaking(names, base_url, asking)
+
+
+class _Overriding:
+    """A backend whose plans have parts of their context replaced."""
+
+    def __init__(self, backend: Backend, context: Mapping[str, Any]) -> None:
+        self.name, self.deterministic = backend.name, backend.deterministic
+        self._backend, self._context = backend, dict(context)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._backend, name)
+
+    def answer(self, question: Question) -> dict[str, Any]:
+        """The backend's reply; a plan's context as the row has it."""
+        reply = self._backend.answer(question)
+        if question.task != "plan" or not isinstance(reply, dict) or "agents" not in reply:
+            return reply
+        # What the words say of a replaced part of the context is no longer so.
+        said = [e for e in reply.get("said") or () if not self._replaces(e)]
+        context = {**(reply.get("context") or {}), **self._context}
+        return {**reply, "context": context, "said": said}
+
+    def _replaces(self, entry: Any) -> bool:
+        became = entry.get("became") if isinstance(entry, Mapping) else None
+        return became in self._context
+
+
+def json_bytes(value: Any) -> bytes:
+    """A value as one line of JSON: the same value, the same bytes."""
+    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return (text + "\n").encode("utf-8", "backslashreplace")
+
+
+def _short(reason: str | None) -> str | None:
+    if reason is None:
+        return None
+    line = " ".join(reason.split())
+    return line if len(line) <= _LONGEST_REASON else line[: _LONGEST_REASON - 1] + "…"

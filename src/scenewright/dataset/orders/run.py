@@ -1,0 +1,260 @@
+"""One order from end to end: the agent's rounds, the dataset, and what came of the order."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from scenewright.dataset.batch.answering import (
+    PLAINLY,
+    Asking,
+    Names,
+    beside,
+    check_asking,
+    plain_name,
+    url_for,
+)
+from scenewright.dataset.batch.carry_out import Batch, Engine, Tell
+from scenewright.dataset.batch.finish import finish
+from scenewright.dataset.batch.journal import Journal
+from scenewright.dataset.batch.manifest import MANIFEST
+from scenewright.dataset.batch.run import (
+    MOST_WORKERS,
+    ROW_TIMEOUT,
+    check_options,
+    check_row_timeout,
+    settings_of,
+)
+from scenewright.dataset.batch.worker import Options, json_bytes
+from scenewright.dataset.orders.agent import (
+    OrderContext,
+    OrderState,
+    Slot,
+    jobs_of,
+    order_graph,
+    shown_by,
+)
+from scenewright.dataset.orders.order_log import BOOK, Book
+from scenewright.dataset.orders.order_spec import NORMAL, Quota, Wish
+from scenewright.dataset.orders.templates import VOICES
+from scenewright.dataset.orders.writers import load_writer
+from scenewright.errors import InputError
+from scenewright.files import write_atomically
+from scenewright.intersections import load_map
+from scenewright.scene.relations import load_patterns
+from scenewright.scene.social import SceneContext
+
+REPORT = "report.json"
+SPARE = 20
+"""Instructions beyond twice the scenes that a budget has if none is named."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the agent was asked for.
+
+    Attributes:
+        text: the order as given, for the record; wish: as it was understood.
+        writer: who words the instructions; budget: how many at most, None: twice the scenes + 20.
+        row_timeout: longest that one row may take [s]; asking: how questions are put. Where several
+            are asked, each has a file of answers of its own beside the one that is named.
+    """
+
+    text: str
+    wish: Wish
+    out: Path
+    options: Options
+    writer: str = "builtin"
+    budget: int | None = None
+    workers: int = 1
+    engine: Engine = "process"
+    title: str = "Traffic scenes to order"
+    row_timeout: float = ROW_TIMEOUT
+    asking: Asking = PLAINLY
+
+    @property
+    def most(self) -> int:
+        """Instructions that may be written."""
+        return self.budget or 2 * self.wish.count + SPARE
+
+    def speakers(self) -> dict[Names, Asking]:
+        """Backend -> how its questions are put."""
+        others = [(quota.backend,) for quota in self.wish.quotas if quota.backend]
+        everybody: list[Names] = list(dict.fromkeys([self.options.backend, *others]))
+        asking = replace(self.asking, turns=self.out)
+        if len(everybody) == 1:
+            return {everybody[0]: asking}
+        return {
+            each: replace(asking, record=beside(asking.record, plain_name(each)))
+            for each in everybody
+        }
+
+
+def fill(order: Order, *, tell: Tell = lambda _: None) -> dict[str, Any]:
+    """Fills an order and writes its dataset; the report.
+
+    Raises:
+        InputError: an option or the folder cannot be used.
+        BackendFault: the writer failed for good.
+    """
+    speakers = order.speakers()
+    check_order(order, speakers)
+    intersection_map = load_map(order.options.intersection)
+    kept = beside(order.asking.record, "writer")
+    writer = load_writer(
+        order.writer,
+        intersection_map=intersection_map,
+        base_url=order.options.base_url,
+        asking=replace(order.asking, record=kept),
+    )
+    header = header_of(order)
+    with Batch(order.out, header=header) as batch:
+        book = Book(order.out)
+        context = OrderContext(
+            wish=order.wish, batch=batch, book=book, writer=writer, options=order.options,
+            budget=order.most, workers=order.workers, engine=order.engine,
+            limit=order.row_timeout, asking=speakers, tell=tell,
+        )  # fmt: skip
+        before = _written(order.out)
+        state = _run(context)
+        with batch.settled() as journal:
+            report = report_of(order, state, book, journal)
+            if before != _written(order.out) or not (order.out / MANIFEST).exists():
+                _finish(order, book, journal, header, report)
+    return report
+
+
+def check_order(order: Order, speakers: Mapping[Names, Asking]) -> None:
+    """InputError where an option cannot be used."""
+    if not 1 <= order.workers <= MOST_WORKERS:
+        raise InputError(f"--workers is a number from 1 to {MOST_WORKERS}, got {order.workers}")
+    if order.most < order.wish.count:
+        raise InputError(f"a budget of {order.most} is below the {order.wish.count} scenes ordered")
+    check_row_timeout(order.row_timeout)
+    check_asking(order.asking, one_machine=order.engine == "process")
+    url = order.options.base_url
+    everybody = [*(name for names in speakers for name in names), order.writer]
+    if url is not None and url_for(everybody, url) is None:
+        raise InputError("--base-url is where a model is reached; name one, as openai:MODEL")
+    for names, asking in speakers.items():
+        options = replace(order.options, backend=names, base_url=url_for(names, url))
+        check_options(options, asking)
+
+
+def _run(context: OrderContext) -> OrderState:
+    # Rounds are bounded by the budget; each takes three steps.
+    limit = 4 * context.budget + 8
+    state: OrderState = order_graph().invoke({}, context=context, config={"recursion_limit": limit})
+    return state
+
+
+def _written(out: Path) -> tuple[int, ...]:
+    """Sizes of what grows as an order is filled."""
+    return tuple(path.stat().st_size for path in (*sorted(out.glob("journal*.jsonl")), out / BOOK))
+
+
+def _finish(
+    order: Order, book: Book, journal: Journal, header: Mapping[str, Any], report: dict[str, Any]
+) -> None:
+    write_atomically(order.out / REPORT, json_bytes(report))
+    finish(
+        order.out,
+        jobs_of(book.entries, order.options, order.speakers()),
+        journal,
+        about={key: value for key, value in header.items() if key != "journal"},
+        given=len(book.entries),
+        title=order.title,
+        extra=(BOOK, REPORT),
+    )
+
+
+def header_of(order: Order) -> dict[str, Any]:
+    """What decides the scenes of an order."""
+    from scenewright import __version__
+
+    return {
+        "journal": 2,
+        "scenewright": __version__,
+        "order": order.text,
+        "writer": order.writer,
+        "budget": order.most,
+        **settings_of(order.options),
+    }
+
+
+def report_of(order: Order, state: OrderState, book: Book, journal: Journal) -> dict[str, Any]:
+    """What was wanted, what there is, and why the rest could not be."""
+    slots = state["slots"]
+    quotas = [
+        _quota_report(
+            quota, [slot for slot in slots if slot.quota == quota], book, journal, order.out
+        )
+        for quota in order.wish.quotas
+    ]
+    return {
+        "order": order.text,
+        "understood": order.wish.lines(),
+        "filled": all(slot.filled is not None for slot in slots),
+        "scenes": sum(slot.filled is not None for slot in slots),
+        "waiting": sum(slot.waiting for slot in slots),
+        "instructions": len(book.entries),
+        "budget": order.most,
+        "by the builtin writer": sum(entry.voice in VOICES for entry in book.entries),
+        "voices": dict(sorted(Counter(entry.voice for entry in book.entries).items())),
+        "quotas": quotas,
+    }
+
+
+def _quota_report(
+    quota: Quota,
+    slots: Sequence[Slot],
+    book: Book,
+    journal: Journal,
+    out: Path,
+) -> dict[str, Any]:
+    mine = {slot.number for slot in slots}
+    leaves, refused = Counter[str](dict.fromkeys(quota.leaves, 0)), Counter[str]()
+    for slot in slots:
+        done = None if slot.filled is None else journal.entry(book.number[slot.filled])
+        if done is not None:
+            leaves.update(shown_by(out, done)[1])
+    for k, entry in enumerate(book.entries):
+        done = journal.entry(k)
+        if entry.slot in mine and done is not None and done.status != "made":
+            refused[f"{entry.leaf or NORMAL}: {done.code}"] += 1
+    return {
+        "name": quota.name,
+        "event": quota.event,
+        "backend": quota.backend,
+        "wanted": quota.count,
+        "filled": sum(slot.filled is not None for slot in slots),
+        "first_attempt": sum(slot.filled is not None and slot.attempts == 1 for slot in slots),
+        "attempts": sum(slot.attempts for slot in slots),
+        "patterns": dict(leaves),
+        "refused": dict(refused.most_common()),
+        "open": [slot.name for slot in slots if slot.filled is None],
+    }
+
+
+def paper_wish(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
+    """The paper's composition (4.1): 100 normal scenes, and 40 collisions and 50 yields of each
+    backend, two agents in the foreground, medium density.
+
+    Args:
+        scale: of the counts, for a small one to try.
+    """
+    normal, collision, yielding = (max(round(scale * n), 1) for n in (100, 40, 50))
+    quotas = [Quota(NORMAL, normal, NORMAL, backend=None, foreground=True)]
+    leaves = {
+        relation: tuple(each.id for each in load_patterns() if each.relation == relation)
+        for relation in ("collide_at", "yield_to")
+    }
+    for place, backend in enumerate(backends):
+        quotas += [
+            Quota("collision", collision, "collision", leaves["collide_at"], backend, place=place),
+            Quota("yielding", yielding, "yielding", leaves["yield_to"], backend, place=place),
+        ]
+    return Wish(tuple(quotas), context=SceneContext(density="medium"))

@@ -1,0 +1,200 @@
+"""What one scene is to show, before anybody words it: a leaf of the taxonomy with its particulars.
+
+Sides are chosen such that the map has them and the two ways meet, so that a text never asks for
+what cannot be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.scene.base import AgentClass, Compass, Movement
+from scenewright.scene.map import IntersectionMap, VehicleMovement
+from scenewright.scene.relations import Pattern, Role, load_patterns
+from scenewright.scene.social import Density
+
+_OPPOSITE: dict[Compass, Compass] = {
+    "north": "south", "south": "north", "east": "west", "west": "east",
+    "northeast": "southwest", "southwest": "northeast",
+    "northwest": "southeast", "southeast": "northwest",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Party:
+    """Somebody in a story.
+
+    Attributes:
+        side: where it comes from, if that is told; crosswalk: leg that a pedestrian crosses.
+        tie: `oncoming` or `cross`: how it comes, told by the other one.
+    """
+
+    type: AgentClass
+    movement: Movement
+    side: Compass | None = None
+    crosswalk: Compass | None = None
+    tie: str | None = None
+
+
+@dataclass(frozen=True)
+class Story:
+    """One scene to be worded.
+
+    Attributes:
+        event: as the checker calls it, or `normal`; leaf: id of the pattern, None for normal.
+        minute: time of day [min], None: not told.
+    """
+
+    event: str
+    leaf: str | None
+    parties: tuple[Party, ...]
+    minute: int | None
+    density: Density | None
+
+    @property
+    def clock(self) -> str | None:
+        """HH:MM."""
+        return None if self.minute is None else f"{self.minute // 60:02d}:{self.minute % 60:02d}"
+
+
+def particulars(
+    pattern: Pattern, *, intersection_map: IntersectionMap, detail: int, rng: np.random.Generator
+) -> tuple[Party, Party]:
+    """Who takes part and where from.
+
+    Args:
+        detail: 0 movements alone, 1 ties and crosswalks of one of them, 2 sides.
+    """
+    options = list(_meetings(pattern, intersection_map))
+    if not options or detail == 0:
+        return _bare(pattern.from_, rng), _bare(pattern.to, rng)
+    first, second = options[int(rng.integers(len(options)))]
+    if detail >= 2:
+        return first, second
+    if "pedestrian" in (first.type, second.type):
+        # One of the two places is told; the other follows from it or stays open.
+        hide_walk = bool(rng.integers(2))
+        return _without(first, hide_walk), _without(second, hide_walk)
+    return _without(first, False), _tied(pattern, second)
+
+
+def passers(intersection_map: IntersectionMap, rng: np.random.Generator) -> tuple[Party, Party]:
+    """Two who do nothing to one another: a vehicle, and a vehicle or a pedestrian."""
+    ways = [way for way in intersection_map.movements if way.turn != "uturn"]
+    one, other = (ways[int(k)] for k in rng.choice(len(ways), size=2, replace=False))
+    driver = Party("vehicle", one.turn, side=one.entry)
+    if intersection_map.crosswalks and rng.random() < 0.5:
+        walk = intersection_map.crosswalks[int(rng.integers(len(intersection_map.crosswalks)))]
+        return driver, Party("pedestrian", "crossing", crosswalk=walk.leg)
+    return driver, Party("vehicle", other.turn, side=other.entry)
+
+
+def _bare(role: Role, rng: np.random.Generator) -> Party:
+    return Party(role.type, role.movements[int(rng.integers(len(role.movements)))])
+
+
+def _without(party: Party, hide_walk: bool) -> Party:
+    if party.type == "pedestrian":
+        return Party(party.type, party.movement, crosswalk=None if hide_walk else party.crosswalk)
+    return Party(party.type, party.movement, side=party.side if hide_walk else None)
+
+
+def _tied(pattern: Pattern, party: Party) -> Party:
+    ties = {"opposite": "oncoming", "lateral": "cross"}
+    return Party(party.type, party.movement, tie=ties.get(pattern.entries))
+
+
+def _meetings(pattern: Pattern, intersection_map: IntersectionMap) -> Iterator[tuple[Party, Party]]:
+    """Every pair of ways on the map that the pattern's two can take."""
+    if pattern.to.type == "pedestrian":
+        for walker, driver in _strikes(pattern.to, pattern.from_, intersection_map):
+            yield driver, walker
+    elif pattern.from_.type == "pedestrian":
+        yield from _strikes(pattern.from_, pattern.to, intersection_map)
+    else:
+        yield from _pairs(pattern, intersection_map)
+
+
+def _strikes(
+    walks: Role, drives: Role, intersection_map: IntersectionMap
+) -> Iterator[tuple[Party, Party]]:
+    """(pedestrian, vehicle): a crosswalk that the vehicle's way leads over."""
+    for way in _ways(drives, intersection_map):
+        driver = Party("vehicle", way.turn, side=way.entry)
+        for walk in intersection_map.crosswalks:
+            if (
+                "crossing" in walks.movements
+                and frozenset((way.id, walk.id)) in intersection_map.zone_pairs
+            ):
+                yield Party("pedestrian", "crossing", crosswalk=walk.leg), driver
+        if "jaywalking" in walks.movements:
+            yield Party("pedestrian", "jaywalking"), driver
+
+
+def _pairs(pattern: Pattern, intersection_map: IntersectionMap) -> Iterator[tuple[Party, Party]]:
+    for one in _ways(pattern.from_, intersection_map):
+        for other in _ways(pattern.to, intersection_map):
+            if _lie_right(pattern, one, other) and _meet(pattern, one, other, intersection_map):
+                yield (
+                    Party("vehicle", one.turn, side=one.entry),
+                    Party("vehicle", other.turn, side=other.entry),
+                )
+
+
+def _ways(role: Role, intersection_map: IntersectionMap) -> list[VehicleMovement]:
+    return [way for way in intersection_map.movements if way.turn in role.movements]
+
+
+def _lie_right(pattern: Pattern, one: VehicleMovement, other: VehicleMovement) -> bool:
+    match pattern.entries:
+        case "same":
+            return one.entry == other.entry
+        case "opposite":
+            return _OPPOSITE[one.entry] == other.entry
+        case "lateral":
+            return other.entry not in (one.entry, _OPPOSITE[one.entry])
+        case _:
+            return one.entry != other.entry
+
+
+def _meet(
+    pattern: Pattern,
+    one: VehicleMovement,
+    other: VehicleMovement,
+    intersection_map: IntersectionMap,
+) -> bool:
+    if pattern.geometry in ("same_lane", "same_way", "lane_change"):
+        return one.id == other.id
+    if pattern.geometry == "opposing":
+        return True
+    return frozenset((one.id, other.id)) in intersection_map.zone_pairs
+
+
+def twins(pattern: Pattern) -> bool:
+    """Whether a likelier pattern has the same parties, so that only its own phrase names it."""
+    return any(
+        other.id != pattern.id
+        and other.weight > pattern.weight
+        and _shape(other) == _shape(pattern)
+        for other in load_patterns()
+    )
+
+
+def _shape(pattern: Pattern) -> tuple[object, ...]:
+    return (
+        pattern.relation, pattern.kind, pattern.entries, pattern.from_.type, pattern.to.type,
+        frozenset(pattern.from_.movements), frozenset(pattern.to.movements),
+    )  # fmt: skip
+
+
+def minute_in(windows: Sequence[tuple[int, int]], rng: np.random.Generator) -> int:
+    """A minute of the day from one of the windows, each minute as likely; full fives more often."""
+    spans = [max(end - start, 1) for start, end in windows] or [24 * 60]
+    starts = [start for start, _ in windows] or [0]
+    which = int(rng.choice(len(spans), p=np.array(spans) / sum(spans)))
+    at = int(rng.integers(spans[which]))
+    coarse = at - at % (30 if rng.random() < 0.5 else 5)
+    return (starts[which] + coarse) % (24 * 60)

@@ -1,0 +1,266 @@
+"""One story told by many writers: a headline, a report, a request, small talk, shorthand.
+
+A voice is a pattern for whole texts; who and what stand in it are drawn from word lists. What a
+voice makes of a story is read back before it is used, so a wording that is misread costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from scenewright.dataset.orders.scenario_spec import Party, Story, twins
+from scenewright.scene.relations import Pattern, get_pattern
+
+ItemT = TypeVar("ItemT")
+
+VEHICLES: Mapping[str, float] = {
+    "car": 6, "sedan": 2, "taxi": 2, "cab": 1, "SUV": 2, "van": 2, "minivan": 1, "hatchback": 1,
+    "truck": 2, "delivery truck": 1, "bus": 1.5, "school bus": 0.5, "motorcycle": 1,
+}  # fmt: skip
+PEDESTRIANS: Mapping[str, float] = {
+    "pedestrian": 6, "woman": 1, "man": 1, "child": 1, "jogger": 1, "person": 1,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Verb:
+    """Present, past, after `to`, and passive where there is one: `{0}` acts on `{1}`."""
+
+    present: str
+    past: str
+    bare: str
+    passive: str | None = None
+
+
+def _verb(present: str, past: str, bare: str, participle: str | None = None) -> Verb:
+    return Verb(present, past, bare, participle)
+
+
+_HIT = (
+    _verb("hits", "hit", "hit", "hit by"), _verb("strikes", "struck", "strike", "struck by"),
+    _verb("runs into", "ran into", "run into"),
+    _verb("collides with", "collided with", "collide with"),
+)  # fmt: skip
+VERBS: Mapping[str, tuple[Verb, ...]] = {
+    "pedestrian_strike": (
+        *_HIT[:3], _verb("knocks down", "knocked down", "knock down", "knocked down by"),
+    ),
+    "angle": (
+        _verb("T-bones", "T-boned", "T-bone"), _verb("broadsides", "broadsided", "broadside"),
+    ),
+    "rear_end": (
+        _verb("rear-ends", "rear-ended", "rear-end", "rear-ended by"),
+        _verb("runs into the back of", "ran into the back of", "run into the back of"),
+    ),
+    "sideswipe": (_verb("sideswipes", "sideswiped", "sideswipe", "sideswiped by"),),
+    "head_on": (
+        _verb("collides head-on with", "collided head-on with", "collide head-on with"),
+        _verb("crashes head-on into", "crashed head-on into", "crash head-on into"),
+    ),
+    "collide_at": (*_HIT, _verb("crashes into", "crashed into", "crash into")),
+    "near_miss": (
+        _verb("narrowly misses", "narrowly missed", "narrowly miss", "narrowly missed by"),
+        _verb("nearly hits", "nearly hit", "nearly hit", "nearly hit by"),
+        _verb("almost hits", "almost hit", "almost hit", "almost hit by"),
+        _verb("barely misses", "barely missed", "barely miss"),
+    ),
+    "yield_to": (
+        _verb("yields to", "yielded to", "yield to"),
+        _verb("gives way to", "gave way to", "give way to"),
+        _verb("waits for", "waited for", "wait for"),
+        _verb("stops for", "stopped for", "stop for"),
+    ),
+    "follow": (
+        _verb("follows", "followed", "follow", "followed by"),
+        _verb("tails", "tailed", "tail"), _verb("trails", "trailed", "trail"),
+    ),
+}  # fmt: skip
+"""By kind of collision, else by relation."""
+_DENSITIES: Mapping[str, tuple[str, ...]] = {
+    "low": ("light traffic", "sparse traffic", "low density", "quiet streets"),
+    "medium": ("medium traffic", "moderate traffic", "average traffic", "medium density"),
+    "high": ("heavy traffic", "dense traffic", "busy traffic", "high density"),
+}
+_PASSING = (
+    "{0} and {1} pass the intersection, nothing happens",
+    "{0} and {1} go through the junction, nothing happens",
+    "{0} and {1} cross the intersection without incident",
+)
+_NORMAL = (
+    "Ordinary traffic", "Normal traffic, nothing happens", "Regular traffic without incident",
+    "Everyday traffic, no conflicts", "Normal scene, no collisions and no near misses",
+    "Traffic as usual, nobody gets in anybody's way",
+)  # fmt: skip
+VOICES: Mapping[str, str] = {
+    "plain": "{Event}{at}{in}.",
+    "setting first": "{At}{in}, {event}.",
+    "request": "Please simulate the following{at}{in}: {event}.",
+    "wish": "I need a scene in which {event}{at}{in}.",
+    "polite": "Could you make a scene where {event}{at}{in}?",
+    "telegraph": "{Event}. {Density}. {Clock}.",
+    "headline": "{EVENT}{IN}{AT}",
+    "report": "{Past}. It was {clock}{with}.",
+    "small talk": "so there's {first}, and it {verb} {second}{in}{at}",
+    "two looks": "There is {second}. {First} {verb} {second again}. {Density}, {clock}.",
+    "passive": "{Passive}{at}{in}.",
+    "list": "Scene: {event}. Time: {clock}. Traffic: {level}.",
+    "phrase": "{Own}{at}{in}.",
+}
+"""Name -> text. Parts of a setting that is not told fall away."""
+
+
+def voices_for(story: Story) -> list[str]:
+    """The voices that a story can be told in."""
+    if story.leaf is None:
+        return ["plain", "setting first", "request", "telegraph", "headline", "report", "list"]
+    if twins(get_pattern(story.leaf)):
+        return ["phrase"]
+    told = [name for name in VOICES if _has_all(VOICES[name], story)]
+    return [name for name in told if name != "two looks" or story.parties[1].tie is None]
+
+
+def _has_all(text: str, story: Story) -> bool:
+    needs_clock = any(part in text for part in ("{clock}", "{Clock}", "{At}"))
+    needs_density = any(part in text for part in ("{Density}", "{level}"))
+    return not (needs_clock and story.clock is None) and not (
+        needs_density and story.density is None
+    )
+
+
+def tell(story: Story, voice: str, rng: np.random.Generator) -> str:
+    """The story as that voice tells it."""
+    if story.leaf is None:
+        return _normal(story, voice, rng)
+    pattern = get_pattern(story.leaf)
+    names, who = _cast(story, rng)
+    verb = _one(VERBS.get(pattern.kind or "", VERBS[pattern.relation]), rng)
+    event = f"{who[0]} {verb.present} {who[1]}"
+    passive = verb.passive and f"{who[1]} is {verb.passive} {who[0]}"
+    setting = _setting(story, rng)
+    text = VOICES[voice]
+    parts = {
+        **setting,
+        "event": event, "Event": _upper(event), "EVENT": event.upper(),
+        "Past": _upper(f"{who[0]} {verb.past} {who[1]}"),
+        "Passive": _upper(passive or event),
+        "first": who[0], "First": _upper(who[0]), "second": who[1], "verb": verb.present,
+        "second again": f"the {names[1]}",
+        "Own": _upper(_own_phrase(pattern, who, rng)),
+    }  # fmt: skip
+    return _filled(text, parts)
+
+
+def _cast(story: Story, rng: np.random.Generator) -> tuple[list[str], list[str]]:
+    """A noun for each party, different ones, and all that is said of it."""
+    names = [_drawn(VEHICLES if p.type == "vehicle" else PEDESTRIANS, rng) for p in story.parties]
+    if story.parties[0].type == story.parties[1].type == "vehicle":
+        names[1] = _drawn({n: w for n, w in VEHICLES.items() if n != names[0]}, rng)
+    pairs = zip(story.parties, names, strict=True)
+    return names, [_named(party, name, rng) for party, name in pairs]
+
+
+def _normal(story: Story, voice: str, rng: np.random.Generator) -> str:
+    low = _one(_NORMAL, rng)
+    if story.parties:
+        low = _one(_PASSING, rng).format(*_cast(story, rng)[1])
+    low, event = low[0].lower() + low[1:], _upper(low)
+    parts = {
+        **_setting(story, rng),
+        "event": low, "Event": event, "EVENT": event.upper(), "Past": event,
+    }  # fmt: skip
+    return _filled(VOICES[voice], parts)
+
+
+def _filled(text: str, parts: Mapping[str, str]) -> str:
+    for name, words in parts.items():
+        text = text.replace("{" + name + "}", words)
+    return " ".join(text.replace(" .", ".").replace("..", ".").replace(" ,", ",").split())
+
+
+def _setting(story: Story, rng: np.random.Generator) -> dict[str, str]:
+    """Words for time and density, empty where they are not told."""
+    clock = "" if story.minute is None else _clock(story.minute, rng)
+    density = "" if story.density is None else _one(_DENSITIES[story.density], rng)
+    within = f" {_one(('in', 'with'), rng)} {density}" if density else ""
+    at = f" at {clock}" if clock else ""
+    return {
+        "at": at, "At": f"At {clock}", "AT": at.upper(), "clock": clock, "Clock": _upper(clock),
+        "in": within, "IN": within.upper(), "with": f" and there was {density}" if density else "",
+        "Density": _upper(density), "level": story.density or "",
+    }  # fmt: skip
+
+
+def _clock(minute: int, rng: np.random.Generator) -> str:
+    hour, rest = divmod(minute, 60)
+    half = "am" if hour < 12 else "pm"
+    twelve = (hour - 1) % 12 + 1
+    ways = [f"{hour:02d}:{rest:02d}", f"{twelve}:{rest:02d} {half}"]
+    if rest == 0:
+        ways += [f"{twelve} {half}", f"{twelve} o'clock in the morning"] if 1 <= hour < 12 else [
+            f"{twelve} {half}"
+        ]  # fmt: skip
+    if rest == 30:
+        ways.append(f"half past {twelve} {half}")
+    return _one(ways, rng)
+
+
+def _named(party: Party, name: str, rng: np.random.Generator) -> str:
+    """`a left-turning taxi from the north`, `a woman on the east crosswalk`."""
+    if party.type == "pedestrian":
+        return _walking(party, name, rng)
+    turns = {"left": ("left-turning", "turning left"), "right": ("right-turning", "turning right")}
+    if party.movement in turns:
+        before, after = turns[party.movement]
+        front = party.side is None and party.tie is None and rng.random() < 0.5
+        words = f"{before} {name}" if front else f"{name} {after}"
+    else:
+        words = f"{name} going straight" if rng.random() < 0.9 else name
+    if party.tie == "oncoming":
+        return f"an oncoming {words}"
+    if party.tie == "cross":
+        return f"{_article(words)} {words} {_one(('on', 'from'), rng)} the cross street"
+    return f"{_article(words)} {words}{_from(party, rng)}"
+
+
+def _from(party: Party, rng: np.random.Generator) -> str:
+    if party.side is None:
+        return ""
+    return _one((f" from the {party.side}", f" coming from the {party.side}"), rng)
+
+
+def _walking(party: Party, name: str, rng: np.random.Generator) -> str:
+    if party.movement == "jaywalking":
+        return _one(("a jaywalker", f"{_article(name)} {name} who is jaywalking"), rng)
+    if party.crosswalk is None:
+        return _one((f"{_article(name)} {name} on the crosswalk", f"a crossing {name}"), rng)
+    where = (
+        f"on the {party.crosswalk} crosswalk", f"crossing the {party.crosswalk} leg",
+        f"in the {party.crosswalk} crosswalk",
+    )  # fmt: skip
+    return f"{_article(name)} {name} {_one(where, rng)}"
+
+
+def _own_phrase(pattern: Pattern, who: Sequence[str], rng: np.random.Generator) -> str:
+    phrase = _one(pattern.phrases, rng)
+    return phrase.replace("{from}", who[0]).replace("{to}", who[1])
+
+
+def _article(words: str) -> str:
+    return "an" if words[0] in "aeioAEIO" or words.startswith("SUV") else "a"
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _one(items: Sequence[ItemT], rng: np.random.Generator) -> ItemT:
+    return items[int(rng.integers(len(items)))]
+
+
+def _drawn(weights: Mapping[str, float], rng: np.random.Generator) -> str:
+    share = np.array(list(weights.values()))
+    return list(weights)[int(rng.choice(len(share), p=share / share.sum()))]

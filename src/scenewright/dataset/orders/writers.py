@@ -1,0 +1,296 @@
+"""Who words a story: the builtin voices, or a language model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from scenewright.backends import STAGE_OF, Backend, Question, Wording, load_backend
+from scenewright.dataset.batch.answering import PLAINLY, Asking, speaking, url_for
+from scenewright.dataset.orders.scenario_spec import Story
+from scenewright.dataset.orders.templates import tell, voices_for
+from scenewright.errors import BackendFault, Rejected
+from scenewright.scene.events import EVENT_OF_RELATION
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.relations import get_pattern
+from scenewright.scene.social import SocialGraph
+from scenewright.tools.map_grounding.grounding import casts, ground
+
+TRIES = 6
+"""Wordings of one story that are read back before another story is told."""
+_CASTS = 6
+"""Ways of playing a text that are looked at."""
+ASKED = 3
+"""Texts that a model may give for one story before a builtin voice tells it."""
+LENGTH = (8, 400)
+"""Characters of an instruction that a model words."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """A wording: the text, whose voice it is, and how many were misread before it."""
+
+    text: str
+    voice: str
+    misread: int = 0
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a text must mind beside its story.
+
+    Attributes:
+        turn: counts the stories, so that voices can take turns.
+        avoid: texts of this slot that were refused; taken: texts of the whole order.
+        grammar: whether the builtin grammar will plan it, so that it had better understand it.
+    """
+
+    turn: int = 0
+    avoid: Sequence[str] = ()
+    taken: Collection[str] = ()
+    grammar: bool = True
+
+
+class Writer(Protocol):
+    """Words stories."""
+
+    name: str
+
+    def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
+        """A text for a story; None for a story that cannot be at the place."""
+
+
+class Builtin:
+    """Voices in turn; each wording is read back by the grammar, and told anew if misread."""
+
+    name = "builtin"
+
+    def __init__(self, intersection_map: IntersectionMap) -> None:
+        self._reader, self._on = load_backend("builtin"), intersection_map
+
+    def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
+        """A text that the grammar reads as the story, and that the map has room for."""
+        voices = voices_for(story)
+        for k in range(TRIES):
+            voice = voices[(asked.turn + k) % len(voices)]
+            text = tell(story, voice, rng)
+            if text not in asked.avoid and reads_as(
+                self._reader, text, story, intersection_map=self._on
+            ):
+                return Told(text, voice, k)
+        return None
+
+
+def reads_as(
+    reader: Backend, text: str, story: Story, *, intersection_map: IntersectionMap
+) -> bool:
+    """Whether a text is understood as the story it tells, and can be at the place."""
+    graph = _read_back(reader, text, intersection_map)
+    if graph is None:
+        return False
+    context = graph.context
+    if (context.density, context.time_of_day) != (story.density, story.clock):
+        return False
+    if story.leaf is None:
+        kinds = sorted(agent.type for agent in graph.agents)
+        wanted = sorted(party.type for party in story.parties)
+        return not graph.relations and kinds == wanted and context.background is None
+    if context.background is not None or not _same_event(graph, story):
+        return False
+    return _always_plays(graph, story.leaf, intersection_map)
+
+
+def _read_back(reader: Backend, text: str, intersection_map: IntersectionMap) -> SocialGraph | None:
+    """The social graph of a text; None if it is refused or the map has no room for it."""
+    reply = reader.answer(Question(task="plan", facts=_asked_of(text, intersection_map)))
+    if "agents" not in reply:
+        return None
+    graph = SocialGraph.model_validate(reply)
+    try:
+        ground(graph, intersection_map=intersection_map)
+    except Rejected:
+        return None
+    return graph
+
+
+def _always_plays(graph: SocialGraph, leaf: str, intersection_map: IntersectionMap) -> bool:
+    """Whether the text leaves no other pattern to be drawn, so that patterns come out even."""
+    grounding = ground(graph, intersection_map=intersection_map)
+    draws = (
+        next(
+            casts(
+                graph, grounding, intersection_map=intersection_map, rng=np.random.default_rng(k)
+            ),
+            None,
+        )
+        for k in range(_CASTS)
+    )
+    return all(drawn is not None and drawn.patterns[0].pattern == leaf for drawn in draws)
+
+
+def _same_event(graph: SocialGraph, story: Story) -> bool:
+    if len(graph.relations) != 1 or len(graph.agents) != 2:
+        return False
+    edge = graph.relations[0]
+    ends = [graph.agent(edge.from_), graph.agent(edge.to)]
+    if EVENT_OF_RELATION[edge.type] != story.event:
+        return False
+    if edge.type in ("collide_at", "near_miss") and ends[0].type != story.parties[0].type:
+        ends.reverse()
+    wanted = get_pattern(story.leaf or "")
+    if edge.pattern not in (None, wanted.id) or (edge.kind not in (None, wanted.kind)):
+        return False
+    return all(
+        end.type == party.type
+        and end.movement in (None, party.movement)
+        and end.entry in (None, party.side, *([] if party.tie is None else [end.entry]))
+        and (party.crosswalk is None or end.crosswalk == party.crosswalk)
+        for end, party in zip(ends, story.parties, strict=True)
+    )
+
+
+def misread(
+    reader: Backend, text: str, story: Story, *, intersection_map: IntersectionMap, strict: bool
+) -> str | None:
+    """What a text tells that its story does not, for whoever wrote it; None if nothing is wrong.
+
+    Args:
+        strict: whether the reader must understand it; else only a contradiction counts, as a text
+            may be clear to others that the reader cannot read.
+    """
+    if strict and reads_as(reader, text, story, intersection_map=intersection_map):
+        return None
+    reply = reader.answer(Question(task="plan", facts=_asked_of(text, intersection_map)))
+    if "agents" not in reply:
+        return f"it is refused: {reply.get('reason')}" if strict else None
+    graph = SocialGraph.model_validate(reply)
+    told: set[str] = {EVENT_OF_RELATION[each.type] for each in graph.relations} or {"normal"}
+    if told != {story.event}:
+        return f"it tells of {' and '.join(sorted(told))}, the story is of {story.event}"
+    for name, found, wanted in (
+        ("density of traffic", graph.context.density, story.density),
+        ("time", graph.context.time_of_day, story.clock),
+    ):
+        if found != wanted and (strict or found is not None):
+            return f"its {name} is {found or 'not told'}, the story's is {wanted or 'not told'}"
+    if graph.context.background is not None:
+        return "it tells of others beside the story's; leave them out"
+    return (
+        "who takes part, from where and turning which way is not as in the story, or not all told"
+        if strict
+        else None
+    )
+
+
+def _asked_of(text: str, intersection_map: IntersectionMap) -> dict[str, Any]:
+    return {
+        "instruction": text,
+        "previous": None,
+        "legs": [leg.name for leg in intersection_map.legs],
+    }
+
+
+_RULES = """You write instructions for a traffic simulator, as many different people would: short
+or long, formal or casual, reports, requests, headlines, questions. Word the story you are given in
+one or two sentences. Say everything in it and nothing that is not: no other agents, no other
+events, no other place or time. Use the manner you are told. If your last text was refused, mend
+what was wrong with it. Answer with JSON: {"text": "..."}."""
+_SCHEMA = {
+    "type": "object",
+    "properties": {"text": {"type": "string", "minLength": LENGTH[0], "maxLength": LENGTH[1]}},
+    "required": ["text"],
+    "additionalProperties": False,
+}
+_MANNERS = (
+    "a police report", "a headline", "a friend telling another", "a traffic engineer's shorthand",
+    "a polite request", "a test engineer's specification", "a witness", "a question",
+    "somebody typing in a hurry, without capitals", "one plain sentence",
+)  # fmt: skip
+
+
+class Spoken:
+    """A language model, in a different manner each time.
+
+    Every text is read back. One that tells another story goes back with what is wrong with it, at
+    most ASKED times; then a builtin voice tells the story.
+    """
+
+    def __init__(self, backend: Backend, intersection_map: IntersectionMap) -> None:
+        self.name = backend.name
+        self._backend, self._else, self._on = backend, Builtin(intersection_map), intersection_map
+        self._reader = load_backend("builtin")
+
+    def word(self, story: Story, asked: Asked, *, rng: np.random.Generator) -> Told | None:
+        """What the model says, once nothing is found wrong with it.
+
+        Raises:
+            BackendFault: the model cannot be reached at all, as without its key.
+        """
+        manner, seed = _MANNERS[asked.turn % len(_MANNERS)], int(rng.integers(2**31))
+        facts = {"story": facts_of(story), "manner": manner, "not again": list(asked.avoid)}
+        faults: list[str] = []
+        while len(faults) < ASKED:
+            try:
+                text = self._ask(facts, faults, seed=seed)
+            except Rejected as refusal:
+                faults.append(refusal.rejection.detail)
+                continue
+            except BackendFault as fault:
+                if fault.final:
+                    raise
+                break
+            wrong = self._wrong_with(text, story, asked)
+            if wrong is None:
+                return Told(text, manner, len(faults))
+            faults.append(wrong)
+        return self._else.word(story, asked, rng=rng)
+
+    def _ask(self, facts: dict[str, Any], faults: Sequence[str], *, seed: int) -> str:
+        """A text, in one line."""
+        told = {**facts, "wrong with your last texts": list(faults)} if faults else facts
+        words = json.dumps(told, ensure_ascii=False)
+        wording = Wording(system=_RULES, user=words, schema=_SCHEMA)
+        question = Question(
+            task="plan", facts=told, rejections=tuple(faults), seed=seed, wording=lambda: wording
+        )
+        text = self._backend.answer(question).get("text")
+        if not isinstance(text, str):
+            detail = 'the reply has no text; answer with {"text": "..."}'
+            raise Rejected(Rejection(stage=STAGE_OF["plan"], code="malformed_reply", detail=detail))
+        return " ".join(text.split())
+
+    def _wrong_with(self, text: str, story: Story, asked: Asked) -> str | None:
+        if not LENGTH[0] <= len(text) <= LENGTH[1] or not text.isprintable():
+            return f"a text has {LENGTH[0]} to {LENGTH[1]} printable characters"
+        if text in asked.avoid or text in asked.taken:
+            return "this very text was written before; word it differently"
+        return misread(self._reader, text, story, intersection_map=self._on, strict=asked.grammar)
+
+
+def facts_of(story: Story) -> dict[str, Any]:
+    """A story as plain facts, without what is not told."""
+    roles = ("who does it", "to whom")
+    found: dict[str, Any] = {"event": story.event, "time": story.clock, "density": story.density}
+    if story.leaf is not None:
+        found["what exactly"] = get_pattern(story.leaf).subtype
+    for role, party in zip(roles, story.parties, strict=False):
+        found[role] = {key: value for key, value in asdict(party).items() if value is not None}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def load_writer(
+    name: str,
+    *,
+    intersection_map: IntersectionMap,
+    base_url: str | None = None,
+    asking: Asking = PLAINLY,
+) -> Writer:
+    """The writer of that name for a place; InputError for a backend that does not exist."""
+    if name == "builtin":
+        return Builtin(intersection_map)
+    return Spoken(speaking((name,), url_for((name,), base_url), asking), intersection_map)

@@ -1,0 +1,130 @@
+"""The card of a dataset: what it is, its licence, its schema and its counts, as README.md."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
+
+LICENCE = "apache-2.0"
+_SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a card tells.
+
+    Attributes:
+        figures: counts and such, by name.
+        tables, events, patterns: how many rows, events and scenes, by name.
+        unmade: how many rows have no scene, by reason; about: how the dataset was made.
+        figure: path of the picture, below the card.
+    """
+
+    title: str
+    figures: Mapping[str, Any]
+    tables: Mapping[str, int]
+    events: Mapping[str, int]
+    patterns: Mapping[str, int]
+    unmade: Mapping[str, int]
+    about: Mapping[str, Any]
+    figure: str
+
+
+def card(contents: Contents) -> str:
+    """The card as Markdown, with the front matter by which `datasets` finds the tables."""
+    parts = [
+        _front_matter(contents),
+        f"# {_plain(contents.title)}",
+        "Traffic scenes at an intersection, each made from an instruction in plain language by "
+        "scenewright and checked on its final tracks. Tracks are simulated; nobody was recorded.",
+        f"![Where and when events happen, and how many agents there are]({contents.figure})",
+        _counts("In figures", contents.figures, "figure", "value"),
+        _counts("Events in scenes", contents.events, "event", "how many"),
+        _counts("Leaves of the taxonomy", contents.patterns, "pattern", "scenes"),
+        _counts("Rows without a scene", contents.unmade, "reason", "rows"),
+        _LAYOUT,
+        *(_schema(name, contents.tables.get(name, 0)) for name in TABLES),
+        _counts("How it was made", _flat(contents.about), "option", "value"),
+        _LICENCE,
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+_LAYOUT = """## What lies where
+
+- `<row>/scene.json`, `proof.json`, `provenance.json`: one folder per row, named by the row's id
+  where that is a plain file name (column `folder` of the table `scenes` has the name);
+- `tables/*.parquet`: all of it as five tables, joined by the column `row`;
+- `manifest.json`: the SHA-256 of every file. `scenewright dataset check FOLDER` recomputes them,
+  and runs the checker over every scene again.
+
+Units: metres, seconds, radians; x points east, y north; time 0 is the start of the scene.
+
+```python
+from datasets import load_dataset       # or: pandas.read_parquet("tables/tracks.parquet")
+
+tracks = load_dataset("path/of/this/folder", "tracks", split="train")
+```"""
+
+_LICENCE = """## Licence
+
+Apache License 2.0. The priors of the intersection derive from public counts; their sources stand in
+the bundle's `bundle.toml`."""
+
+
+def _front_matter(contents: Contents) -> str:
+    rows = contents.tables.get("scenes", 0)
+    size = next((name for most, name in _SIZES if rows < most), "n>1M")
+    lines = [
+        "---",
+        f"license: {LICENCE}",
+        f"pretty_name: {json.dumps(_plain(contents.title), ensure_ascii=False)}",
+        "language: [en]",
+        f"size_categories: [{json.dumps(size)}]",
+        "tags: [traffic, trajectories, synthetic, safety-critical events]",
+        "configs:",
+    ]
+    for name in TABLES:
+        lines.append(f"- config_name: {name}")
+        lines += ["  data_files:", "  - split: train", f"    path: tables/{name}.parquet"]
+    return "\n".join([*lines, "---"])
+
+
+def _counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str:
+    if not counts:
+        return ""
+    lines = [f"## {title}", "", f"| {name} | {value} |", "|---|---|"]
+    ordered = sorted(counts.items()) if all(isinstance(v, int) for v in counts.values()) else [
+        *counts.items()
+    ]  # fmt: skip
+    lines += [f"| {_plain(str(key))} | {_plain(str(count))} |" for key, count in ordered]
+    return "\n".join(lines)
+
+
+def _schema(name: str, rows: int) -> str:
+    lines = [f"### Table `{name}`: {rows} rows", "", "| column | type | meaning |", "|---|---|---|"]
+    kinds = {"list": "list of string", "ids": "list of int16"}
+    for column, (kind, meaning) in SCHEMAS[name].items():
+        lines.append(f"| `{column}` | {kinds.get(kind, kind)} | {meaning} |")
+    return "\n".join(lines)
+
+
+def _flat(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested options side by side, as strings."""
+    found: dict[str, Any] = {}
+    for key, value in about.items():
+        if isinstance(value, Mapping):
+            found.update({f"{key}: {inner}": str(each) for inner, each in value.items()})
+        else:
+            found[key] = str(value)
+    return found
+
+
+def _plain(text: str) -> str:
+    """Text from anywhere on one line, without what would become markup."""
+    line = " ".join(text.split())[:200]
+    return "".join(f"\\{char}" if char in "|<>[]`*_\\" else char for char in line)

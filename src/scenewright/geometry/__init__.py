@@ -1,0 +1,1 @@
+"""Paths, positions along them and motion on them, for everything but the relation checker."""

@@ -1,0 +1,134 @@
+"""The map's areas as prepared polygons: road, walkable area, crosswalks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.compiled import compiled
+from scenewright.scene.base import FloatArray, Point
+from scenewright.scene.candidates import Path
+from scenewright.scene.map import IntersectionMap, PolygonWithHoles
+
+geos: Any = import_module("shapely")
+"""Shapely's functions carry no types; one name keeps that in one place."""
+
+
+_SHORTEST = 4
+"""Fewest points of a path."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A crosswalk under a path: its first and last point there, and how often it comes onto it."""
+
+    crosswalk: str
+    first: int
+    last: int
+    steps_on: int
+
+
+class MapAreas:
+    """Where agents may be, on one map.
+
+    Attributes:
+        intersection_map: the map.
+    """
+
+    def __init__(self, intersection_map: IntersectionMap) -> None:
+        self.intersection_map = intersection_map
+        crosswalks = [geos.Polygon(each.polygon) for each in intersection_map.crosswalks]
+        self._crosswalks = [each.id for each in intersection_map.crosswalks]
+        self._corners, self._ends, self._boxes = _strung(
+            each.polygon for each in intersection_map.crosswalks
+        )
+        self._road = _union(intersection_map.road)
+        self._walkable = geos.union_all([_union(intersection_map.walkable), *crosswalks])
+        for area in (self._road, self._walkable):
+            geos.prepare(area)
+
+    def trimmed(self, path: Path) -> Path:
+        """The path without the ends that lie beyond the edge of the map."""
+        away = np.abs(path.xy)
+        if away.max() <= self.intersection_map.extent:
+            return path
+        inside = np.nonzero(away.max(axis=1) <= self.intersection_map.extent)[0]
+        if len(inside) < _SHORTEST or len(inside) == len(path.s):
+            return path
+        keep = slice(inside[0], inside[-1] + 1)
+        s = path.s[keep] - path.s[inside[0]]
+        return Path(path.xy[keep], s, path.heading[keep], path.curvature[keep])
+
+    def road_share(self, xy: FloatArray) -> float:
+        """Share of points [N, 2] on the road."""
+        return _share(geos.contains_xy(self._road, xy))
+
+    def walkable_share(self, xy: FloatArray) -> float:
+        """Share of points [N, 2] on walkable area or a crosswalk."""
+        return _share(geos.contains_xy(self._walkable, xy))
+
+    def find_crosswalk_visits(self, xy: FloatArray) -> list[Visit]:
+        """The crosswalks that any of the points [N, 2] of a path lies on, in the map's order."""
+        visits = _visits(xy, self._corners, self._ends, self._boxes).tolist()
+        each = zip(self._crosswalks, visits, strict=True)
+        return [Visit(name, *visit) for name, visit in each if visit[0] >= 0]
+
+
+def _share(inside: NDArray[np.bool_]) -> float:
+    return int(np.count_nonzero(inside)) / len(inside)
+
+
+def _strung(
+    polygons: Iterable[Sequence[Point]],
+) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
+    """[M, 2] corners of all polygons, [P + 1] where those of each begin, [P, 4] their boxes."""
+    each = [np.array(polygon) for polygon in polygons]
+    ends = np.cumsum([0, *map(len, each)], dtype=np.intp)
+    boxes = [(*corners.min(axis=0), *corners.max(axis=0)) for corners in each]
+    return np.concatenate([np.empty((0, 2)), *each]), ends, np.array(boxes).reshape(-1, 4)
+
+
+@compiled
+def _visits(
+    xy: FloatArray, corners: FloatArray, ends: NDArray[np.intp], boxes: FloatArray
+) -> NDArray[np.intp]:
+    """[P, 3] first and last of points [N, 2] in each polygon, and how often they come into it.
+
+    Nowhere: -1.
+    """
+    visits = np.full((len(boxes), 3), -1, np.intp)
+    for p in range(len(boxes)):
+        west, south, east, north = boxes[p, 0], boxes[p, 1], boxes[p, 2], boxes[p, 3]
+        comes_in, was_inside = 0, True
+        for n in range(len(xy)):
+            x, y = xy[n, 0], xy[n, 1]
+            inside = west <= x <= east and south <= y <= north
+            inside = inside and _surrounds(corners[ends[p] : ends[p + 1]], x, y)
+            if inside:
+                visits[p, 0] = n if visits[p, 0] < 0 else visits[p, 0]
+                visits[p, 1] = n
+            comes_in += inside and not was_inside
+            was_inside = inside
+        visits[p, 2] = comes_in
+    return visits
+
+
+@compiled
+def _surrounds(corners: FloatArray, x: float, y: float) -> bool:
+    """Whether a point lies in a polygon [M, 2]: a ray from it crosses its sides an odd time."""
+    inside = False
+    for k in range(len(corners)):
+        ax, ay = corners[k - 1, 0], corners[k - 1, 1]
+        bx, by = corners[k, 0], corners[k, 1]
+        if (ay > y) != (by > y):
+            inside ^= x < ax + (y - ay) * (bx - ax) / (by - ay)
+    return inside
+
+
+def _union(areas: tuple[PolygonWithHoles, ...]) -> Any:
+    return geos.union_all([geos.Polygon(area.exterior, area.holes) for area in areas])

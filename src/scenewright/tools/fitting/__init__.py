@@ -1,0 +1,1 @@
+"""Fitting of priors on corpora, recorded tracks and simulated traffic; bundles of them."""

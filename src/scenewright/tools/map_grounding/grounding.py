@@ -1,0 +1,651 @@
+"""Map grounding (paper 3.1): binds the social graph to routes, crosswalks and stop lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+
+import numpy as np
+
+from scenewright.errors import Rejected
+from scenewright.scene.cache import RecentCache
+from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
+from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.relations import Pattern, Role, get_pattern
+from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
+from scenewright.tools.map_grounding.relation_files import checked_patterns
+
+RouteWeight = Callable[[Route], float]
+"""How common a route is; zero keeps it from being drawn unless nothing else is left."""
+
+_SYMMETRIC = ("collide_at", "near_miss")
+
+_FROM_THE_KERB = 4.3
+"""Farthest from a kerb [m] that a conflict zone may begin for a pedestrian at the kerb to give way
+there (SEMANTICS 4: 5 m, less a margin)."""
+
+
+def ground(graph: SocialGraph, *, intersection_map: IntersectionMap) -> Grounding:
+    """The routes open to each agent.
+
+    Raises:
+        Rejected: `ungroundable`, naming the agent or the relation that the map cannot serve.
+    """
+    return _GROUNDED.get(
+        graph,
+        intersection_map,
+        checked_patterns(),
+        make=lambda: _open_routes(graph, intersection_map),
+    )
+
+
+_GROUNDED: RecentCache[SocialGraph, Grounding] = RecentCache(most=256)
+"""Seeds of one text share a graph."""
+
+
+def _open_routes(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
+    try:
+        return _ground(graph, intersection_map)
+    except Rejected:
+        open_ = _without_entailed_exits(graph, intersection_map)
+        if open_ == graph:
+            raise
+        return _ground(open_, intersection_map)
+
+
+_FOUR = frozenset({"north", "east", "south", "west"})
+
+
+def _without_entailed_exits(graph: SocialGraph, intersection_map: IntersectionMap) -> SocialGraph:
+    """The graph without exits that only the compass demands of a turn.
+
+    Who is said to turn left from the north goes east where legs lie as on a compass. On a map
+    with other legs it goes where its movements lead.
+    """
+    if {leg.name for leg in intersection_map.legs} == _FOUR:
+        return graph
+    agents = tuple(
+        agent.model_copy(update={"exit": None}) if _entailed(agent) else agent
+        for agent in graph.agents
+    )
+    return graph.model_copy(update={"agents": agents})
+
+
+def _entailed(agent: AgentNode) -> bool:
+    if agent.type != "vehicle" or None in (agent.entry, agent.exit, agent.movement):
+        return False
+    turn = (_RING.index(str(agent.exit)) - _RING.index(str(agent.entry))) % len(_RING)
+    return {2: "left", 4: "straight", 6: "right", 0: "uturn"}.get(turn) == agent.movement
+
+
+def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
+    routes = {agent.id: _routes_for(agent, intersection_map) for agent in graph.agents}
+    for agent in graph.agents:
+        if not routes[agent.id]:
+            raise Rejected(_no_route(agent, intersection_map))
+    for refuse in (_two_collisions, _late_without_a_clash, _brakes_on_foot, _waits_for_a_wreck):
+        refuse(graph)
+    grounding = Grounding(routes=routes)
+    # One by one first: the search over all of them is exhaustive where one cannot be played.
+    for edge in graph.relations:
+        alone = graph.model_copy(update={"relations": (edge,)})
+        if not _playable(alone, grounding, intersection_map):
+            tied = graph.ties and _playable(
+                alone.model_copy(update={"ties": ()}), grounding, intersection_map
+            )
+            raise Rejected(
+                _tied_apart(edge, graph.ties) if tied else _never_meet(edge, intersection_map)
+            )
+    if len(graph.relations) != 1 and not _playable(graph, grounding, intersection_map):
+        raise Rejected(_not_together(graph.relations[-1]))
+    return grounding
+
+
+def casts(
+    graph: SocialGraph,
+    grounding: Grounding,
+    *,
+    intersection_map: IntersectionMap,
+    rng: np.random.Generator,
+    weight: RouteWeight = lambda _route: 1.0,
+) -> Iterator[RoleAssignment]:
+    """Consistent choices of routes and patterns, likelier ones more often early; lazily."""
+    order = {key: _shuffled(each, rng, weight) for key, each in grounding.routes.items()}
+    yield from _assign(graph, intersection_map, rng, order, {}, ())
+
+
+def meets(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
+    """Whether the swept paths of two routes overlap on the map."""
+    if "jaywalking" in (a.movement, b.movement):
+        walker, other = (a, b) if a.movement == "jaywalking" else (b, a)
+        return other.type == "vehicle" and walker.crosswalk in (other.entry, other.exit)
+    return frozenset((a.zone_key, b.zone_key)) in intersection_map.zone_pairs
+
+
+def green_together(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
+    """Whether both may ever go at the same time; True where one of them has no signal."""
+    groups = [intersection_map.signal_group_of(route) for route in (a, b)]
+    if intersection_map.signals is None or None in groups:
+        return True
+    return any(
+        all(phase.colours[str(group)] != "red" for group in groups)
+        for phase in intersection_map.signals.phases
+    )
+
+
+def at_odds(cast: RoleAssignment, *, intersection_map: IntersectionMap) -> int:
+    """How many relations of a cast the lights do not allow as the programme runs, or the map.
+
+    Two who obey must have green together; of two, one runs red where the other has green. Changes
+    of the lights leave a little room for exceptions, so that such a cast is not hopeless. Nor is
+    one in which a pedestrian would give way from the kerb on the far side of the roadway.
+    """
+    runs = {each.violator for each in cast.patterns} - {None}
+    odd = 0
+    for each in cast.patterns:
+        pair = [cast.routes[name] for name in (each.from_, each.to) if name not in runs]
+        if len(pair) == 2:
+            odd += not green_together(*pair, intersection_map=intersection_map)
+        elif len(pair) == 1:
+            (runner,) = {each.from_, each.to} & runs
+            odd += not _red_at_green(
+                cast.routes[runner], pair[0], intersection_map=intersection_map
+            )
+        if get_pattern(each.pattern).relation == "yield_to":
+            odd += not _kerb_is_near(
+                cast.routes[each.from_], cast.routes[each.to], intersection_map=intersection_map
+            )
+    return odd
+
+
+def _kerb_is_near(walker: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
+    """Whether the first, if on foot, steps off its kerb close to where it meets the other."""
+    crosswalk = next(
+        (each for each in intersection_map.crosswalks if each.leg == walker.crosswalk), None
+    )
+    if walker.type == "vehicle" or crosswalk is None or walker.entry not in crosswalk.sides:
+        return True
+    kerb, beyond = (np.array(point) for point in crosswalk.centreline)
+    if crosswalk.sides[0] != walker.entry:
+        kerb, beyond = beyond, kerb
+    ahead = (beyond - kerb) / np.hypot(*(beyond - kerb))
+    both = {walker.zone_key, other.zone_key}
+    zones = [
+        each.polygon
+        for each in intersection_map.conflict_zones
+        if {each.first, each.second} == both
+    ]
+    ways = [float(((np.array(zone) - kerb) @ ahead).min()) for zone in zones]
+    return not ways or min(ways) <= _FROM_THE_KERB
+
+
+def _red_at_green(runner: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
+    """Whether the light of the first is red at any time when that of the other is not."""
+    groups = [intersection_map.signal_group_of(route) for route in (runner, other)]
+    if intersection_map.signals is None or None in groups:
+        return True
+    return any(
+        phase.colours[str(groups[0])] == "red" and phase.colours[str(groups[1])] != "red"
+        for phase in intersection_map.signals.phases
+    )
+
+
+def _routes_for(agent: AgentNode, intersection_map: IntersectionMap) -> tuple[Route, ...]:
+    return tuple(route for route in intersection_map.routes if _admits(agent, route))
+
+
+def _admits(agent: AgentNode, route: Route) -> bool:
+    wanted = (agent.entry, agent.exit, agent.movement, agent.crosswalk)
+    offered = (route.entry, route.exit, route.movement, route.crosswalk)
+    if agent.type != route.type:
+        return False
+    if agent.movement is None and route.movement == "jaywalking":
+        return False  # nobody jaywalks unasked
+    return all(want is None or want == offer for want, offer in zip(wanted, offered, strict=True))
+
+
+def _shuffled(
+    routes: Sequence[Route], rng: np.random.Generator, weight: RouteWeight
+) -> list[Route]:
+    """A random order in which likelier routes tend to come first (Gumbel top-k)."""
+    scores = np.log([max(weight(route), 1e-9) for route in routes]) + rng.gumbel(size=len(routes))
+    return [routes[index] for index in np.argsort(scores)[::-1]]
+
+
+def _assign(
+    graph: SocialGraph,
+    intersection_map: IntersectionMap,
+    rng: np.random.Generator,
+    order: dict[str, list[Route]],
+    chosen: dict[str, Route],
+    played: tuple[AssignedPattern, ...],
+) -> Iterator[RoleAssignment]:
+    """Depth first over the edges, then over agents that no edge binds."""
+    if len(played) < len(graph.relations):
+        index = len(played)
+        edge = graph.relations[index]
+        for routes, cast_pattern in _play(edge, index, graph, intersection_map, rng, order, chosen):
+            yield from _assign(
+                graph, intersection_map, rng, order, chosen | routes, (*played, cast_pattern)
+            )
+        return
+    for routes in _at_will(graph, order, chosen):
+        yield RoleAssignment(routes=routes, patterns=played)
+
+
+def _at_will(
+    graph: SocialGraph, order: dict[str, list[Route]], chosen: dict[str, Route]
+) -> Iterator[dict[str, Route]]:
+    """The routes chosen and, for whom no edge binds, the first that go with them."""
+    free = next((agent.id for agent in graph.agents if agent.id not in chosen), None)
+    if free is None:
+        yield chosen
+        return
+    for route in order[free]:
+        if _tied(graph, chosen | {free: route}):
+            yield from _at_will(graph, order, chosen | {free: route})
+
+
+def _tied(graph: SocialGraph, routes: dict[str, Route]) -> bool:
+    """Whether the entries lie to one another as the text has them, as far as they are chosen."""
+    return all(
+        lies(tie.side, routes[tie.agent].entry, of=routes[tie.of].entry)
+        for tie in graph.ties
+        if tie.agent in routes and tie.of in routes
+    )
+
+
+def lies(side: EntrySide, entry: str, *, of: str) -> bool:
+    """Whether an entry lies on that side of another one.
+
+    >>> lies("left", "east", of="north"), lies("lateral", "south", of="north")
+    (True, False)
+    """
+    turn = (_RING.index(entry) - _RING.index(of)) % len(_RING)
+    match side:
+        case "same":
+            return turn == 0
+        case "other":
+            return turn != 0
+        case "opposite":
+            return turn == 4
+        case "lateral":
+            return turn not in (0, 4)
+        # Who comes from the north drives southwards and has the east on its left.
+        case "left":
+            return 0 < turn < 4
+        case "right":
+            return turn > 4
+
+
+def _play(
+    edge: RelationEdge,
+    index: int,
+    graph: SocialGraph,
+    intersection_map: IntersectionMap,
+    rng: np.random.Generator,
+    order: dict[str, list[Route]],
+    chosen: dict[str, Route],
+) -> Iterator[tuple[dict[str, Route], AssignedPattern]]:
+    found = _draw(patterns_for(edge, graph), rng)
+    asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
+    # Who is to run red does so, if it can be, where the other one has green.
+    for apart in (True, False) if asked else (None,):
+        for pattern in found:
+            mirrored = _mirrored(pattern, intersection_map)
+            for first, second in _role_orders(edge, pattern):
+                firsts = _able(_open(first, order, chosen), pattern.from_, mirrored=mirrored)
+                seconds = _able(_open(second, order, chosen), pattern.to, mirrored=mirrored)
+                for a, b in product(firsts, seconds):
+                    routes = {first: a, second: b}
+                    if not _meet_so(pattern, a, b, intersection_map) or not _tied(
+                        graph, chosen | routes
+                    ):
+                        continue
+                    if apart is not None and apart is green_together(
+                        a, b, intersection_map=intersection_map
+                    ):
+                        continue
+                    if _strikes_there(edge, routes) and _clear_of_wrecks(graph, chosen | routes):
+                        yield (
+                            routes,
+                            AssignedPattern(
+                                edge=index,
+                                pattern=pattern.id,
+                                from_=first,
+                                to=second,
+                                violator=_violator(
+                                    pattern, (first, second), (a, b), graph, intersection_map
+                                ),
+                            ),
+                        )
+
+
+def _open(agent: str, order: dict[str, list[Route]], chosen: dict[str, Route]) -> list[Route]:
+    return [chosen[agent]] if agent in chosen else order[agent]
+
+
+def _strikes_there(edge: RelationEdge, routes: dict[str, Route]) -> bool:
+    """Whether the striking one of two that cross straight comes from the side to be struck."""
+    striking, struck = routes[edge.from_], routes[edge.to]
+    if edge.point_to not in ("left", "right") or {striking.movement, struck.movement} != {
+        "straight"
+    }:
+        return True
+    turn = (_RING.index(striking.entry) - _RING.index(struck.entry)) % 8
+    # Who comes from the north drives southwards and has the east on its left.
+    return turn in (0, 4) or (edge.point_to == "left") == (turn < 4)
+
+
+def patterns_for(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
+    """Patterns that serve the relation and, if one is named, the kind of collision."""
+    classes = {graph.agent(edge.from_).type, graph.agent(edge.to).type}
+    return [
+        pattern
+        for pattern in checked_patterns()
+        if pattern.relation == edge.type
+        and edge.pattern in (None, pattern.id)
+        and {pattern.from_.type, pattern.to.type} == classes
+        and edge.kind in (None, pattern.kind)
+        and _can_strike(pattern, edge)
+        and _can_run_red(pattern, edge)
+    ]
+
+
+def _can_run_red(pattern: Pattern, edge: RelationEdge) -> bool:
+    """Whether running a red light could bring it about; who drives behind another needs none."""
+    by_red = edge.cause == "red_light_run" and edge.kind is None
+    return not by_red or pattern.entries != "same"
+
+
+def _can_strike(pattern: Pattern, edge: RelationEdge) -> bool:
+    """Whether collisions of the pattern's kind may touch the vehicles where the edge says."""
+    wanted = (edge.point_from or "", edge.point_to or "")
+    match pattern.kind:
+        case "rear_end":
+            return wanted[0][:5] in ("", "front") and wanted[1][:4] in ("", "rear")
+        case "head_on":
+            return all(point == "" or point.startswith("front") for point in wanted)
+        case "sideswipe":
+            return not {"front", "rear"}.intersection(wanted)
+    return True
+
+
+def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
+    scores = np.log([pattern.weight for pattern in found]) + rng.gumbel(size=len(found))
+    return [found[index] for index in np.argsort(scores)[::-1]]
+
+
+def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
+    orders = [(edge.from_, edge.to)]
+    told = edge.pattern is not None and pattern.from_.type == pattern.to.type
+    if pattern.relation not in _SYMMETRIC or told:
+        return orders  # a phrase says who does it to whom
+    return [*orders, (edge.to, edge.from_)]
+
+
+def serves(pattern: Pattern, a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
+    """Whether route `a` can play `from` and route `b` can play `to` of the pattern."""
+    mirrored = _mirrored(pattern, intersection_map)
+    return (
+        _plays(a, pattern.from_, mirrored=mirrored)
+        and _plays(b, pattern.to, mirrored=mirrored)
+        and _meet_so(pattern, a, b, intersection_map)
+    )
+
+
+def _meet_so(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
+    """Whether two routes lie to one another as the pattern has it, whoever may travel them."""
+    return _entries_lie(pattern, a, b) and _geometry_fits(pattern, a, b, intersection_map)
+
+
+def _able(routes: Sequence[Route], role: Role, *, mirrored: bool) -> list[Route]:
+    """The routes on which the role can be played."""
+    return [route for route in routes if _plays(route, role, mirrored=mirrored)]
+
+
+def _mirrored(pattern: Pattern, intersection_map: IntersectionMap) -> bool:
+    """Whether left and right change places: the files speak of right-hand traffic.
+
+    So a left turn across the path of others is a right turn there, its kind of collision included.
+    """
+    return intersection_map.left_hand_traffic and pattern.kind != "pedestrian_strike"
+
+
+_MIRROR = {"left": "right", "right": "left"}
+
+
+def _plays(route: Route, role: Role, *, mirrored: bool) -> bool:
+    movement = _MIRROR.get(route.movement, route.movement) if mirrored else route.movement
+    return route.type == role.type and movement in role.movements
+
+
+def _entries_lie(pattern: Pattern, a: Route, b: Route) -> bool:
+    match pattern.entries:
+        case "any":
+            return a.type != b.type or a.entry != b.entry
+        case "same":
+            return a.entry == b.entry
+        case "opposite":
+            return _opposite(a.entry, b.entry)
+        case "lateral":
+            return a.entry != b.entry and not _opposite(a.entry, b.entry)
+
+
+_RING = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
+
+
+def _opposite(a: str, b: str) -> bool:
+    return abs(_RING.index(a) - _RING.index(b)) == 4
+
+
+def _geometry_fits(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
+    match pattern.geometry:
+        case "crossing":
+            return meets(a, b, intersection_map=intersection_map) and (
+                a.type != b.type or a.exit != b.exit
+            )
+        case "merging":
+            return (
+                a.exit == b.exit
+                and a.entry != b.entry
+                and meets(a, b, intersection_map=intersection_map)
+            )
+        case "same_lane":
+            return a.entry == b.entry and _share_a_lane(a, b, intersection_map)
+        case "same_way":
+            return a.entry == b.entry and a.exit == b.exit
+        case "lane_change":
+            return a.id == b.id and _lanes(a, intersection_map) >= 2
+        case "opposing":
+            return a.entry == b.exit and a.exit == b.entry and not _divided(a, b, intersection_map)
+
+
+def _share_a_lane(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
+    """Whether one lane before the stop line leads both ways."""
+    lanes = [intersection_map.movement_of(route) for route in (a, b)]
+    if None in lanes:
+        return True
+    approaches = {lane.id for lane in intersection_map.lanelets if lane.kind == "approach"}
+    first, second = (approaches.intersection(each.lanelets) for each in lanes if each)
+    return bool(first & second)
+
+
+_MEDIAN = 14.0
+"""Opposite directions of a road farther apart [m] are parted by more than a line."""
+
+
+def _divided(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
+    """Whether a median parts the way that one drives out by from the other's way in."""
+    out, into = intersection_map.movement_of(a), intersection_map.movement_of(b)
+    if out is None or into is None:
+        return False
+    (x, y), (u, v) = out.centreline[-1], into.centreline[0]
+    return float(np.hypot(x - u, y - v)) > _MEDIAN
+
+
+def _lanes(route: Route, intersection_map: IntersectionMap) -> int:
+    return sum(
+        lane.kind == "approach" and lane.leg == route.entry for lane in intersection_map.lanelets
+    )
+
+
+def _violator(
+    pattern: Pattern,
+    names: tuple[str, str],
+    routes: tuple[Route, Route],
+    graph: SocialGraph,
+    intersection_map: IntersectionMap,
+) -> str | None:
+    for name in names:
+        if graph.agent(name).runs_red:
+            return name
+    if pattern.violator is None or green_together(*routes, intersection_map=intersection_map):
+        return None
+    usual, other = names if pattern.violator == "from" else names[::-1]
+    # Who gives way at a red light gives way to the light, who drives in line needs one light, and
+    # who only brakes too late is not the one that ran red.
+    late = [edge for edge in graph.relations if edge.cause == "late_brake"]
+    bound = {name for edge in late for name in (edge.from_, edge.to) if name.startswith("vehicle")}
+    bound |= {edge.from_ for edge in graph.relations if edge.type in ("yield_to", "follow")}
+    bound |= {edge.to for edge in graph.relations if edge.type == "follow"}
+    return other if usual in bound and other not in bound else usual
+
+
+def _no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rejection:
+    wanted = [
+        text
+        for text in (
+            agent.movement,
+            agent.entry and f"from the {agent.entry}",
+            agent.exit and f"to the {agent.exit}",
+            agent.crosswalk and f"across the {agent.crosswalk} leg",
+        )
+        if text
+    ]
+    detail = f"{agent.id} ({', '.join(wanted)}) has no way through {intersection_map.title}"
+    return Rejection(stage="scene_planner", code="ungroundable", agents=(agent.id,), detail=detail)
+
+
+def _two_collisions(graph: SocialGraph) -> None:
+    """Raises Rejected if somebody is to collide twice."""
+    hits: dict[str, list[RelationEdge]] = {}
+    for edge in graph.relations:
+        if edge.type == "collide_at":
+            hits.setdefault(edge.from_, []).append(edge)
+            hits.setdefault(edge.to, []).append(edge)
+    for name, edges in hits.items():
+        if len(edges) > 1:
+            detail = (
+                f"{name} would be in {len(edges)} collisions, but its track ends at the first; "
+                "ask for one collision of each agent"
+            )
+            raise Rejected(_relation_fails(edges[1], detail))
+
+
+def _late_without_a_clash(graph: SocialGraph) -> None:
+    """Raises Rejected if somebody is to brake too late where nothing comes of it."""
+    for edge in graph.relations:
+        if edge.cause == "late_brake" and edge.type not in ("collide_at", "near_miss"):
+            detail = (
+                "late_brake goes with collide_at or near_miss alone, as who gives way or follows "
+                "brakes in time; ask for a near miss, or leave the braking out"
+            )
+            raise Rejected(_relation_fails(edge, detail))
+
+
+def _brakes_on_foot(graph: SocialGraph) -> None:
+    """Raises Rejected if a pedestrian is to brake."""
+    for edge in graph.relations:
+        if edge.braker is not None and graph.agent(edge.braker).type != "vehicle":
+            detail = (
+                f"{edge.braker} has no brakes; as braker write the vehicle of the two, or leave "
+                "the key out"
+            )
+            raise Rejected(_relation_fails(edge, detail))
+
+
+def _waits_for_a_wreck(graph: SocialGraph) -> None:
+    """Raises Rejected if somebody gives way to a vehicle that comes to a stand on its crosswalk."""
+    for wait, hit in _waits_and_hits(graph):
+        walker, struck = graph.agent(wait.from_), graph.agent(_other(hit, wait.to))
+        if walker.crosswalk is not None and walker.crosswalk == struck.crosswalk:
+            detail = (
+                f"{wait.to} is to hit {struck.id} on the {walker.crosswalk} crosswalk and stays "
+                f"there, so it never passes {walker.id}, who waits for it at that crosswalk; "
+                "give the two pedestrians different crosswalks"
+            )
+            raise Rejected(_relation_fails(wait, detail))
+
+
+def _waits_and_hits(graph: SocialGraph) -> Iterator[tuple[RelationEdge, RelationEdge]]:
+    """Pairs of edges: a pedestrian waits for somebody, who hits another pedestrian."""
+    walks = {agent.id for agent in graph.agents if _may_cross(agent)}
+    for wait, hit in product(graph.relations, repeat=2):
+        if (wait.type, hit.type) != ("yield_to", "collide_at") or wait.from_ not in walks:
+            continue
+        if wait.to in (hit.from_, hit.to) and _other(hit, wait.to) in walks - {wait.from_}:
+            yield wait, hit
+
+
+def _may_cross(agent: AgentNode) -> bool:
+    return agent.type == "pedestrian" and agent.movement != "jaywalking"
+
+
+def _other(edge: RelationEdge, name: str) -> str:
+    return edge.to if name == edge.from_ else edge.from_
+
+
+def _clear_of_wrecks(graph: SocialGraph, routes: dict[str, Route]) -> bool:
+    """Whether nobody waits to cross where the vehicle it waits for hits somebody and stays."""
+    for wait, hit in _waits_and_hits(graph):
+        named = (wait.from_, wait.to, _other(hit, wait.to))
+        if set(named) <= routes.keys():
+            walker, vehicle, struck = (routes[name] for name in named)
+            # It crosses the crosswalk of its entry before that of its exit.
+            if struck.crosswalk in (walker.crosswalk, vehicle.entry):
+                return False
+    return True
+
+
+def _playable(graph: SocialGraph, grounding: Grounding, intersection_map: IntersectionMap) -> bool:
+    found = casts(graph, grounding, intersection_map=intersection_map, rng=np.random.default_rng(0))
+    return next(found, None) is not None
+
+
+def _never_meet(edge: RelationEdge, intersection_map: IntersectionMap) -> Rejection:
+    return _relation_fails(
+        edge,
+        f"the routes of {edge.from_} and {edge.to} do not meet "
+        f"so that '{_words(edge)}' could happen at {intersection_map.title}",
+    )
+
+
+_SIDE_WORDS: dict[EntrySide, str] = {
+    "same": "the same leg as", "other": "another leg than", "opposite": "opposite",
+    "lateral": "the cross street of", "left": "the left of", "right": "the right of",
+}  # fmt: skip
+
+
+def _tied_apart(edge: RelationEdge, ties: Sequence[EntryTie]) -> Rejection:
+    told = " and ".join(
+        f"{each.agent} comes from {_SIDE_WORDS[each.side]} {each.of}" for each in ties
+    )
+    return _relation_fails(edge, f"'{_words(edge)}' cannot happen where {told}")
+
+
+def _not_together(edge: RelationEdge) -> Rejection:
+    return _relation_fails(edge, f"'{_words(edge)}' does not fit together with the other relations")
+
+
+def _relation_fails(edge: RelationEdge, detail: str) -> Rejection:
+    return Rejection(
+        stage="scene_planner", code="ungroundable", agents=(edge.from_, edge.to), detail=detail
+    )
+
+
+def _words(edge: RelationEdge) -> str:
+    kind = f" ({edge.kind.replace('_', ' ')})" if edge.kind else ""
+    point = f" on its {edge.point_to.replace('_', ' ')}" if edge.point_to else ""
+    return f"{edge.from_} {edge.type.replace('_', ' ')} {edge.to}{point}{kind}"

@@ -1,0 +1,177 @@
+"""The scene's signal plan: colours over time, what agents demand of it, and a feasible offset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.compiled import compiled
+from scenewright.scene.base import Colour, FloatArray
+from scenewright.scene.cache import RecentCache
+from scenewright.scene.map import IntersectionMap, SignalProgram
+from scenewright.scene.record import SignalRecord
+
+_RESOLUTION = 0.5
+"""Grid on which offsets of the programme are tried [s]."""
+
+
+@dataclass(frozen=True)
+class Demand:
+    """During [start, end] [s] the light of `group` must show one of `colours`."""
+
+    group: str
+    start: float
+    end: float
+    colours: tuple[Colour, ...]
+
+
+@dataclass(frozen=True)
+class SignalClock:
+    """The programme running with an offset: at scene time t it is at (t + offset) mod cycle."""
+
+    program: SignalProgram
+    offset: float
+
+    def colour(self, group: str, time: float) -> Colour:
+        """What `group` shows at scene time [s]."""
+        left = (time + self.offset) % self.program.cycle
+        for phase in self.program.phases:
+            if left < phase.duration:
+                return phase.colours[group]
+            left -= phase.duration
+        return self.program.phases[-1].colours[group]
+
+    def next_green(self, group: str, time: float) -> float:
+        """First scene time [s] >= `time` at which `group` turns (or is) green; inf if never."""
+        if self.colour(group, time) == "green":
+            return time
+        start = -((time + self.offset) % self.program.cycle)
+        for phase in (*self.program.phases, *self.program.phases):
+            if start >= 0 and phase.colours[group] == "green":
+                return time + start
+            start += phase.duration
+        return float("inf")
+
+
+def feasible_offsets(program: SignalProgram, demands: tuple[Demand, ...]) -> FloatArray:
+    """All offsets [s] of the programme, on a 0.5 s grid, under which every demand is met."""
+    offsets = np.arange(0.0, program.cycle, _RESOLUTION)
+    good = np.ones(len(offsets), dtype=bool)
+    for demand in demands:
+        count = max(2, int((demand.end - demand.start) / _RESOLUTION) + 2)
+        times = np.linspace(demand.start, demand.end, count)
+        shown = shows(program, demand.group, offsets[:, None] + times, demand.colours)
+        good &= shown.all(axis=1)
+    return offsets[good]
+
+
+def red_for(program: SignalProgram, group: str, offsets: FloatArray) -> FloatArray:
+    """[N] how long the group has not been green when the programme is at `offsets` [s].
+
+    A whole cycle where it never is. Offsets count on the grid of `feasible_offsets`.
+    """
+    known = _RED_FOR.get((id(program), group), program, make=lambda: _red_for(program, group))
+    return known[np.round(offsets / _RESOLUTION).astype(np.int64) % len(known)]
+
+
+def _red_for(program: SignalProgram, group: str) -> FloatArray:
+    """[O] the same for every offset of the grid."""
+    grid = np.arange(0.0, program.cycle, _RESOLUTION)
+    green = shows(program, group, grid[:, None] - grid, ("green",))
+    return np.where(green.any(axis=1), grid[green.argmax(axis=1)], program.cycle)
+
+
+_RED_FOR: RecentCache[tuple[int, str], FloatArray] = RecentCache(most=64)
+"""By programme and group."""
+
+
+def shows(
+    program: SignalProgram, group: str, times: FloatArray, colours: tuple[Colour, ...]
+) -> NDArray[np.bool_]:
+    """Whether `group` shows one of `colours` at times [s] of the programme (any shape)."""
+    edges, fits = phases_of(program, group, colours)
+    return _shows(times.ravel(), edges, fits, program.cycle).reshape(times.shape)
+
+
+@compiled
+def _shows(
+    times: FloatArray, edges: FloatArray, fits: NDArray[np.bool_], cycle: float
+) -> NDArray[np.bool_]:
+    shown = np.empty(len(times), np.bool_)
+    for n in range(len(times)):
+        shown[n] = shows_at(times[n], edges, fits, cycle)
+    return shown
+
+
+@compiled
+def shows_at(time: float, edges: FloatArray, fits: NDArray[np.bool_], cycle: float) -> bool:
+    """Whether the programme is at `time` [s] in a phase that fits (`phases_of`)."""
+    left, phase = time % cycle, 0
+    while phase < len(edges) - 1 and not edges[phase] > left:  # never (infinity) is the last
+        phase += 1
+    return bool(fits[phase])
+
+
+def phases_of(
+    program: SignalProgram, group: str, colours: tuple[Colour, ...]
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """When every phase ends [s], and whether the group shows one of the colours in it."""
+
+    def make() -> tuple[FloatArray, NDArray[np.bool_]]:
+        edges = np.add.accumulate([phase.duration for phase in program.phases])
+        return edges, np.array([phase.colours[group] in colours for phase in program.phases])
+
+    return _PHASES.get((id(program), group, colours), program, make=make)
+
+
+_PHASES: RecentCache[tuple[int, str, tuple[Colour, ...]], tuple[FloatArray, NDArray[np.bool_]]] = (
+    RecentCache(most=256)
+)
+"""By programme, group and colours."""
+
+
+def plan_records(
+    clock: SignalClock, *, intersection_map: IntersectionMap, until: float
+) -> tuple[SignalRecord, ...]:
+    """The plan of scene.json: every stop line's and crosswalk's colours over [0, until]."""
+    records: list[SignalRecord] = []
+    for group, heads in _heads(intersection_map).items():
+        for start, end, colour in _stretches(clock, group, until):
+            for key, head in heads:
+                records.append(
+                    SignalRecord.model_validate(
+                        {key: head, "start": start, "end": end, "colour": colour}
+                    )
+                )
+    return tuple(records)
+
+
+def _heads(intersection_map: IntersectionMap) -> dict[str, list[tuple[str, str]]]:
+    if intersection_map.signals is None:
+        return {}
+    stop_line = {movement.id: movement.stop_line for movement in intersection_map.movements}
+    heads: dict[str, list[tuple[str, str]]] = {}
+    for group in intersection_map.signals.groups:
+        lines = dict.fromkeys(stop_line[movement] for movement in group.movements)
+        heads[group.id] = [("stop_line", line) for line in lines]
+        heads[group.id] += [("crosswalk", crosswalk) for crosswalk in group.crosswalks]
+    return heads
+
+
+def _stretches(clock: SignalClock, group: str, until: float) -> list[tuple[float, float, Colour]]:
+    """(start, end, colour) over [0, until], neighbouring stretches of one colour joined."""
+    found: list[tuple[float, float, Colour]] = []
+    start = -(clock.offset % clock.program.cycle)
+    while start < until:
+        for phase in clock.program.phases:
+            low, high = max(start, 0.0), min(start + phase.duration, until)
+            colour = phase.colours[group]
+            if high > low:
+                if found and found[-1][2] == colour:
+                    found[-1] = (found[-1][0], round(high, 3), colour)
+                else:
+                    found.append((round(low, 3), round(high, 3), colour))
+            start += phase.duration
+    return found

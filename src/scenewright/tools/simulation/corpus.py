@@ -1,0 +1,329 @@
+"""The corpus: simulated days of traffic as clean tracks, split by hour.
+
+Each simulated hour of each day belongs wholly to one of fit, validation and test; with three days
+every hour of the day occurs once in each. A track is kept as its path (evenly spaced) and its
+progress along it (10 Hz): positions over time follow from both.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import K
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.track import STEP, VEHICLE_SIZES
+from scenewright.tools.map_import.map_builder import FourLegPlan
+from scenewright.tools.simulation.demand import HOURS, Demand
+from scenewright.tools.simulation.sumo_network import write_network
+from scenewright.tools.simulation.sumo_run import HOUR, RawTrack, collided, simulate_hour
+from scenewright.tools.track_io.recording import Split
+
+SPLITS: tuple[Split, ...] = ("fit", "validation", "test")
+DAYS = 3
+SPACING = 0.5
+"""Between points of a stored path [m]."""
+
+_STANDING = {"vehicle": 0.15, "pedestrian": 0.4}
+"""Slower than this is standing (or shuffling at the kerb): no progress [m/s]."""
+TIME_BLUR = {"vehicle": 3.0, "pedestrian": 4.0}
+"""Gaussian smoothing of positions over time [samples of 0.1 s]."""
+_PATH_BLUR = {"vehicle": 3.0, "pedestrian": 4.0}
+"""Gaussian smoothing of paths over length [points of 0.5 m]."""
+_STRIPE = 0.65
+_BODY = 0.32
+_SIDESLIP = 0.6
+"""Sideways movement on the spot that no vehicle can make [m]."""
+
+Progress = Callable[[str], None]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Trip:
+    """One agent's way through the map.
+
+    Attributes:
+        route: route id; subtype: of vehicles.
+        path: [P, 2] positions of the centre, 0.5 m apart, from map edge to map edge [m].
+        progress: [T] distance along the path at 10 Hz [m].
+        start: when it enters [s since the hour began].
+    """
+
+    route: str
+    subtype: str | None
+    path: FloatArray
+    progress: FloatArray
+    start: float
+
+    def waypoints(self) -> FloatArray:
+        """[K, 2] positions at equal arc length (SEMANTICS section 6)."""
+        return at_equal_length(self.path)
+
+
+@dataclass(frozen=True, eq=False)
+class CorpusHour:
+    """All that one simulated hour gave.
+
+    Attributes:
+        trips: complete ways through the map.
+        presence: [A, 3] class (0 vehicle, 1 pedestrian), first and last time inside [s], of
+            everybody, complete or not.
+    """
+
+    day: int
+    hour: int
+    trips: tuple[Trip, ...]
+    presence: FloatArray
+
+    @property
+    def split(self) -> Split:
+        """Which part of the corpus this hour belongs to."""
+        return split_of(self.day, self.hour)
+
+
+def split_of(day: int, hour: int) -> Split:
+    """Which part of the corpus an hour of a day belongs to."""
+    return SPLITS[(hour + day) % len(SPLITS)]
+
+
+def hour_seeds(seed: int, *, days: int = DAYS) -> dict[tuple[int, int], np.random.SeedSequence]:
+    """The seed of every hour of every day; further days leave those of the first as they are."""
+    hours = [(day, hour) for day in range(days) for hour in range(HOURS)]
+    return dict(zip(hours, np.random.SeedSequence(seed).spawn(len(hours)), strict=True))
+
+
+def at_equal_length(path: FloatArray, count: int = K) -> FloatArray:
+    """[count, 2] points at equal arc length along a polyline [P, 2], both ends included."""
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    wanted = np.linspace(0.0, s[-1], count)
+    return np.stack([np.interp(wanted, s, path[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def build_corpus(
+    folder: Path,
+    *,
+    plan: FourLegPlan,
+    place: IntersectionMap,
+    demand: Demand,
+    seed: int = 0,
+    days: int = DAYS,
+    progress: Progress | None = None,
+) -> list[CorpusHour]:
+    """Simulate every hour of `days` days; hours already in `folder` are read, not repeated."""
+    folder.mkdir(parents=True, exist_ok=True)
+    corpus: list[CorpusHour] = []
+    for (day, hour), child in hour_seeds(seed, days=days).items():
+        file = folder / f"day{day}_hour{hour:02d}.npz"
+        if not file.is_file():
+            rng = np.random.default_rng(child)
+            made = _one_hour(day, hour, plan=plan, place=place, demand=demand, rng=rng)
+            save_hour(file, made)
+        corpus.append(load_hour(file))
+        if progress is not None:
+            progress(f"day {day + 1}, hour {hour:02d}: {len(corpus[-1].trips)} trips")
+    return corpus
+
+
+def _one_hour(
+    day: int,
+    hour: int,
+    *,
+    plan: FourLegPlan,
+    place: IntersectionMap,
+    demand: Demand,
+    rng: np.random.Generator,
+) -> CorpusHour:
+    raw, _ = raw_hour(hour, plan=plan, place=place, demand=demand, rng=rng)
+    footways = footways_of(place)
+    trips: list[Trip] = []
+    presence: list[tuple[float, float, float]] = []
+    for track in raw:
+        kind = track.route.split(":")[0]
+        half = plan.extent if kind == "vehicle" else plan.pedestrian_extent
+        inside = track.time[np.abs(track.xy).max(axis=1) <= half]
+        if len(inside):
+            presence.append((float(kind == "pedestrian"), float(inside[0]), float(inside[-1])))
+            trips += cleaned_trip(track, half, footways, rng)
+    return CorpusHour(day, hour, tuple(trips), np.array(presence).reshape(-1, 3))
+
+
+def raw_hour(
+    hour: int,
+    *,
+    plan: FourLegPlan,
+    place: IntersectionMap,
+    demand: Demand,
+    rng: np.random.Generator,
+) -> tuple[list[RawTrack], int]:
+    """What SUMO records in one hour of the day, and how many agents it left out: they collided."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        network = write_network(folder, plan, place)
+        raw = simulate_hour(
+            folder, network, plan=plan, place=place, demand=demand, hour=hour, rng=rng
+        )
+        return raw, len(collided(folder))
+
+
+def _shapely() -> Any:
+    """The geometry library, loaded on first use; its names carry no types."""
+    import shapely
+
+    return shapely
+
+
+def footways_of(place: IntersectionMap) -> dict[str, Any]:
+    """Where the feet of those who cross a leg may be: sidewalks and that leg's crosswalk."""
+    shapely = _shapely()
+    areas = [shapely.Polygon(area.exterior, area.holes) for area in place.walkable]
+    return {
+        c.leg: shapely.unary_union([*areas, shapely.Polygon(c.polygon)]).buffer(0.02).buffer(-_BODY)
+        for c in place.crosswalks
+    }
+
+
+def cleaned_trip(
+    track: RawTrack, half: float, footways: dict[str, Any], rng: np.random.Generator
+) -> Iterator[Trip]:
+    """The cleaned trip, or nothing where the track is incomplete or slid sideways."""
+    kind = track.route.split(":")[0]
+    xy = smoothed(centres(track), TIME_BLUR[kind])
+    if kind == "vehicle" and _sideslip(xy, track.angle) > _SIDESLIP:
+        return
+    moved = _progress(xy, _STANDING[kind])
+    if moved[-1] < 2 * SPACING:
+        return
+    path = _path(xy, moved, _PATH_BLUR[kind])
+    if kind == "pedestrian":
+        path = _on_foot(path, footways[track.route.split(":")[1]], rng)
+    inside = np.abs(path).max(axis=1) <= half
+    first, last = _first_last(inside)
+    if first == 0 or last == len(path) - 1 or not inside[first : last + 1].all():
+        return
+    here = (moved >= first * SPACING) & (moved <= last * SPACING)
+    start = float(track.time[here][0])
+    if 0.0 <= start < HOUR:
+        along = moved[here] - first * SPACING
+        yield Trip(track.route, track.subtype, path[first : last + 1], along, start)
+
+
+def walked_trip(track: RawTrack, footway: Any, rng: np.random.Generator) -> Iterator[Trip]:
+    """The whole of a simulated walk, on sidewalk and crosswalk; nothing if hardly any was seen."""
+    xy = smoothed(centres(track), TIME_BLUR["pedestrian"])
+    moved = _progress(xy, _STANDING["pedestrian"])
+    here = track.time >= 0.0
+    if moved[-1] < 8 * SPACING or not here[0]:
+        return
+    path = _on_foot(_path(xy, moved, _PATH_BLUR["pedestrian"]), footway, rng)
+    along = np.clip(moved, 0.0, (len(path) - 1) * SPACING)
+    yield Trip(track.route, None, path, along, float(track.time[0]))
+
+
+def centres(track: RawTrack) -> FloatArray:
+    """SUMO gives the front bumper; the centre lies half a length behind it."""
+    if track.subtype is None:
+        return track.xy
+    back = VEHICLE_SIZES[track.subtype][0] / 2
+    return track.xy - back * np.stack([np.cos(track.angle), np.sin(track.angle)], axis=1)
+
+
+def smoothed(values: FloatArray, sigma: float) -> FloatArray:
+    """Gaussian smoothing over `sigma` samples, ends held."""
+    from scipy import ndimage
+
+    filters: Any = ndimage
+    return np.asarray(filters.gaussian_filter1d(values, sigma, axis=0, mode="nearest"))
+
+
+def _sideslip(xy: FloatArray, angle: FloatArray) -> float:
+    """Sideways movement while hardly moving forwards, in all [m]."""
+    step = np.diff(xy, axis=0)
+    c, s = np.cos(angle[:-1]), np.sin(angle[:-1])
+    forwards, sideways = step[:, 0] * c + step[:, 1] * s, step[:, 1] * c - step[:, 0] * s
+    return float(np.abs(sideways[np.abs(sideways) > np.abs(forwards)]).sum())
+
+
+def _progress(xy: FloatArray, standing: float) -> FloatArray:
+    """[T] distance gone, standing still where only jitter moves."""
+    step = np.linalg.norm(np.diff(xy, axis=0), axis=1)
+    step[step < standing * STEP] = 0.0
+    return np.concatenate([[0.0], np.cumsum(step)])
+
+
+def _path(xy: FloatArray, moved: FloatArray, blur: float) -> FloatArray:
+    """[P, 2] the way gone, evenly spaced by progress and smoothed over length."""
+    kept = np.concatenate([[True], np.diff(moved) > 0.0])
+    wanted = np.arange(0.0, moved[-1], SPACING)
+    even = [np.interp(wanted, moved[kept], xy[kept, axis]) for axis in (0, 1)]
+    return smoothed(np.stack(even, axis=1), blur)
+
+
+def _on_foot(path: FloatArray, footway: Any, rng: np.random.Generator) -> FloatArray:
+    """A walked path freed of two artefacts of the stripe model.
+
+    Walkers keep to stripes 0.65 m apart: each gets its own place within its stripe. Some cut the
+    corner over the roadway: they are brought back to sidewalk or crosswalk.
+    """
+    shapely = _shapely()
+    tangent = smoothed(np.gradient(path, axis=0), 2.0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    moved = path + rng.uniform(-_STRIPE / 2, _STRIPE / 2) * normal
+    points = shapely.points(moved)
+    edge = footway.boundary
+    back = shapely.line_interpolate_point(edge, shapely.line_locate_point(edge, points))
+    outside = ~shapely.contains(footway, points)
+    moved[outside] = shapely.get_coordinates(back)[outside]
+    return smoothed(moved, 2.0)
+
+
+def _first_last(inside: NDArray[np.bool_]) -> tuple[int, int]:
+    where = np.flatnonzero(inside)
+    return (int(where[0]), int(where[-1])) if len(where) else (0, 0)
+
+
+def save_hour(file: Path, hour: CorpusHour) -> None:
+    """Keep one hour as plain arrays."""
+    trips = hour.trips
+    partial = file.with_suffix(".partial.npz")
+    np.savez_compressed(
+        partial,
+        when=np.array([hour.day, hour.hour]),
+        presence=hour.presence,
+        route=np.array([trip.route for trip in trips], dtype=np.str_),
+        subtype=np.array([trip.subtype or "" for trip in trips], dtype=np.str_),
+        start=np.array([trip.start for trip in trips]),
+        path=_joined([trip.path for trip in trips], (0, 2)),
+        path_length=np.array([len(trip.path) for trip in trips], dtype=np.int64),
+        progress=_joined([trip.progress for trip in trips], (0,)),
+        progress_length=np.array([len(trip.progress) for trip in trips], dtype=np.int64),
+    )
+    partial.replace(file)
+
+
+def _joined(arrays: list[FloatArray], empty: tuple[int, ...]) -> NDArray[np.float32]:
+    joined = np.concatenate(arrays) if arrays else np.zeros(empty)
+    return joined.astype(np.float32)
+
+
+def load_hour(file: Path) -> CorpusHour:
+    """One hour from its file."""
+    with np.load(file, allow_pickle=False) as stored:
+        paths = np.split(stored["path"].astype(float), np.cumsum(stored["path_length"])[:-1])
+        ways = np.split(stored["progress"].astype(float), np.cumsum(stored["progress_length"])[:-1])
+        trips = tuple(
+            Trip(str(route), str(subtype) or None, path, way, float(start))
+            for route, subtype, path, way, start in zip(
+                stored["route"], stored["subtype"], paths, ways, stored["start"], strict=False
+            )
+        )
+        day, hour = (int(n) for n in stored["when"])
+        return CorpusHour(day, hour, trips, stored["presence"])

@@ -1,0 +1,359 @@
+"""One simulated hour: who sets out when and how, SUMO's run, and the raw positions it left.
+
+People differ: every vehicle has its own type with its own speed, braking, attention, place in the
+lane. SUMO's settings are those under which tracks spread as people's do: sublane model, numeric
+lateral alignment, narrow pedestrian stripes.
+"""
+
+from __future__ import annotations
+
+import math
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.base import Compass, FloatArray
+from scenewright.scene.map import IntersectionMap, Route, VehicleMovement
+from scenewright.scene.track import VEHICLE_SIZES
+from scenewright.tools.map_import.map_builder import FourLegPlan, neighbour
+from scenewright.tools.simulation.demand import Demand
+from scenewright.tools.simulation.sumo_network import REACH, edge_id, sumo_home, tag
+
+HOUR = 3600.0
+WARM_UP = 150.0
+"""Simulated before the hour begins, with the signal programme from its beginning [s]."""
+_DRAIN = 60.0
+_TURNS = ("left", "straight", "right")
+_WALK_START = 34.0
+"""Where walks begin and end, from the middle [m]."""
+_RECORD = 58.0
+"""Half the side of the square in which positions are recorded [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class RawTrack:
+    """What SUMO recorded of one agent.
+
+    Attributes:
+        xy: [T, 2] front bumper (vehicle) or middle (pedestrian) [m]; angle: [T] heading [rad].
+        time: [T] seconds since the hour began, 0.1 s apart.
+        subtype: of vehicles.
+    """
+
+    route: str
+    subtype: str | None
+    xy: FloatArray
+    angle: FloatArray
+    time: FloatArray
+
+
+@dataclass(frozen=True)
+class Departure:
+    """An agent that sets out: when [s], what SUMO reads, its id, route and subtype."""
+
+    time: float
+    lines: str
+    agent: str
+    route: str
+    subtype: str | None
+
+
+def simulate_hour(
+    folder: Path,
+    network: Path,
+    *,
+    plan: FourLegPlan,
+    place: IntersectionMap,
+    demand: Demand,
+    hour: int,
+    rng: np.random.Generator,
+) -> list[RawTrack]:
+    """Simulate one hour of the day and read back every agent's positions near the middle."""
+    departures = sorted(
+        [
+            *_vehicle_departures(plan, place, demand, hour, rng),
+            *_pedestrian_departures(place, demand, hour, rng),
+        ],
+        key=lambda departure: departure.time,
+    )
+    body = "\n".join(departure.lines for departure in departures)
+    (folder / "agents.rou.xml").write_text(f"<routes>\n{body}\n</routes>\n", encoding="utf-8")
+    crashed = run_sumo(folder, network, seed=int(rng.integers(1 << 30)))
+    return list(read_tracks(folder, {d.agent: d for d in departures}, crashed))
+
+
+def arrivals(rate: float, rng: np.random.Generator, *, seconds: float = HOUR) -> FloatArray:
+    """Times of chance arrivals at `rate` per hour, warm-up included [s since the hour began]."""
+    span = seconds + WARM_UP
+    return np.sort(rng.uniform(-WARM_UP, seconds, rng.poisson(rate * span / HOUR)))
+
+
+def _day_factor(spread: float, rng: np.random.Generator) -> float:
+    """How busy this hour is against the mean, for what differs from day to day."""
+    return float(np.exp(rng.normal(-(spread**2) / 2, spread)))
+
+
+def _vehicle_departures(
+    plan: FourLegPlan,
+    place: IntersectionMap,
+    demand: Demand,
+    hour: int,
+    rng: np.random.Generator,
+) -> Iterator[Departure]:
+    for leg, rates in demand.vehicles.items():
+        rate = rates[hour] * _day_factor(demand.day_spread[leg], rng)
+        for number, time in enumerate(arrivals(rate, rng)):
+            turn = str(rng.choice(_TURNS, p=demand.turn_shares[leg]))
+            subtype = _subtype(demand, leg, turn, rng)
+            movement = next(m for m in place.movements if m.entry == leg and m.turn == turn)
+            agent = f"v_{leg}_{number}"
+            lines = vehicle_lines(
+                movement,
+                lane=min(plan.road(leg).lanes),
+                agent=agent,
+                subtype=subtype,
+                time=float(time),
+                rng=rng,
+            )
+            yield Departure(float(time), lines, agent, f"vehicle:{movement.id}", subtype)
+
+
+def _subtype(demand: Demand, leg: Compass, turn: str, rng: np.random.Generator) -> str:
+    names = list(demand.subtype_shares)
+    subtype = str(rng.choice(names, p=[demand.subtype_shares[name] for name in names]))
+    on_avenue = leg in ("north", "south") and turn == "straight"
+    return "car" if subtype == "bus" and not on_avenue else subtype
+
+
+_DRIVING = {
+    "car": ("passenger", 2.0, 3.0, 0.88),
+    "truck": ("truck", 1.3, 2.6, 0.80),
+    "bus": ("bus", 1.1, 2.2, 0.76),
+    "motorcycle": ("motorcycle", 2.4, 3.2, 0.92),
+}
+"""SUMO class, mean acceleration and braking [m/s^2], mean share of the speed limit driven."""
+
+
+def vehicle_lines(
+    movement: VehicleMovement,
+    *,
+    lane: float,
+    agent: str,
+    subtype: str,
+    time: float,
+    rng: np.random.Generator,
+) -> str:
+    """A driver of its own and its trip, as SUMO reads them; `lane` is the narrowest's width [m]."""
+    leg = movement.entry
+    length, width = VEHICLE_SIZES[subtype]
+    kind, accel, decel, share = _DRIVING[subtype]
+    room = (lane - width) / 2 - 0.1
+    aside = float(np.clip(rng.normal(0.0, 0.35), -room, room))
+    driver = tag(
+        "vType",
+        id=f"t_{agent}",
+        vClass=kind,
+        length=length,
+        width=width,
+        accel=_about(accel, 0.15, rng),
+        decel=_about(decel, 0.12, rng),
+        emergencyDecel=8.0,
+        sigma=round(float(rng.uniform(0.1, 0.6)), 2),
+        tau=round(float(np.clip(rng.normal(1.3, 0.25), 0.9, 2.0)), 2),
+        minGap=round(float(np.clip(rng.normal(2.0, 0.4), 1.2, 3.2)), 2),
+        speedFactor=round(float(np.clip(rng.normal(share, 0.10), 0.6, 1.15)), 3),
+        latAlignment=round(aside, 3),
+        lcSigma=round(float(rng.uniform(0.05, 0.25)), 3),
+        lcKeepRight=0.05,
+        lcSpeedGain=0.4,
+        maxSpeedLat=0.8,
+        lcMaxSpeedLatStanding=0,
+        lcMaxSpeedLatFactor=0.25,
+    )
+    start, end = edge_id(leg, inwards=True), edge_id(movement.exit, inwards=False)
+    head = tag(
+        "vehicle",
+        id=agent,
+        type=f"t_{agent}",
+        depart=round(time + WARM_UP, 1),
+        departLane="best",
+        departSpeed="desired",
+        departPos=round(float(rng.uniform(10.0, 40.0)), 1),
+    )
+    return driver + head.replace("/>", ">") + tag("route", edges=f"{start} {end}") + "</vehicle>"
+
+
+def _about(mean: float, relative: float, rng: np.random.Generator) -> float:
+    return round(float(mean * np.clip(rng.normal(1.0, relative), 0.6, 1.4)), 2)
+
+
+def _pedestrian_departures(
+    place: IntersectionMap, demand: Demand, hour: int, rng: np.random.Generator
+) -> Iterator[Departure]:
+    for route in place.routes:
+        if route.side is None:
+            continue
+        rate = demand.pedestrians[hour] / 2 * demand.side_shares[route.side]
+        for number, time in enumerate(arrivals(rate * _day_factor(0.2, rng), rng)):
+            agent = f"p_{route.id.replace(':', '_').replace('>', '_')}_{number}"
+            yield Departure(
+                float(time), _walker(agent, route, float(time), rng), agent, route.id, None
+            )
+
+
+def sidewalk_edge(route: Route, *, at_entry: bool) -> str:
+    """The SUMO road whose sidewalk a crossing route uses before or after the crosswalk."""
+    sides = (route.side or "").split(">")
+    corner_side = route.entry if at_entry else route.exit
+    leg = route.crosswalk
+    if leg is None or len(sides) != 2:
+        raise InputError(f"route {route.id} crosses no crosswalk")
+    on_leg = sides[0 if at_entry else 1] == "leg"
+    road, beside = (leg, corner_side) if on_leg else (corner_side, leg)
+    return edge_id(road, inwards=beside == neighbour(road, 3))
+
+
+def _walker(agent: str, route: Route, time: float, rng: np.random.Generator) -> str:
+    start, end = sidewalk_edge(route, at_entry=True), sidewalk_edge(route, at_entry=False)
+    return walker_lines(
+        agent,
+        (start, _along(start, _WALK_START)),
+        (end, _along(end, _WALK_START + 2.0)),
+        time=time,
+        rng=rng,
+    )
+
+
+def walker_lines(
+    agent: str,
+    start: tuple[str, float],
+    end: tuple[str, float],
+    *,
+    time: float,
+    rng: np.random.Generator,
+) -> str:
+    """Somebody on foot with a pace of their own and the walk, as SUMO reads them.
+
+    Args:
+        start, end: a road and a position along its sidewalk [m].
+    """
+    pace = round(float(np.clip(rng.normal(1.36, 0.20), 0.85, 1.95)), 2)
+    kind = tag(
+        "vType",
+        id=f"t_{agent}",
+        vClass="pedestrian",
+        width=0.5,
+        length=0.3,
+        minGap=0.25,
+        maxSpeed=pace,
+        desiredMaxSpeed=pace,
+        speedFactor=1,
+    )
+    walk = tag(
+        "walk",
+        edges=" ".join(dict.fromkeys((start[0], end[0]))),
+        departPosLat=round(float(np.clip(rng.normal(0.0, 0.5), -1.2, 1.2)), 2),
+        arrivalPos=end[1],
+    )
+    head = tag(
+        "person",
+        id=agent,
+        type=f"t_{agent}",
+        depart=round(time + WARM_UP, 1),
+        departPos=start[1],
+    )
+    return kind + head.replace("/>", ">") + walk + "</person>"
+
+
+def _along(edge: str, distance: float) -> float:
+    """A place `distance` from the middle as a position along a road; approaches end there."""
+    return round(REACH - distance if edge.endswith("_in") else distance - 16.0, 1)
+
+
+def run_sumo(
+    folder: Path, network: Path, *, seed: int, half: float = _RECORD, seconds: float = HOUR
+) -> set[str]:
+    """Run SUMO; the ids of agents that collided, which no corpus should hold.
+
+    Args:
+        half: half the side of the square in which positions are recorded [m].
+        seconds: how long, without warm-up.
+    """
+    box = f"-{half},-{half} {half},-{half} {half},{half} -{half},{half}"
+    area = tag("poly", id="view", type="view", color="1,1,1", shape=box)
+    (folder / "view.add.xml").write_text(f"<additional>{area}</additional>", encoding="utf-8")
+    extra = f"{folder / 'signals.add.xml'},{folder / 'view.add.xml'}"
+    command = [
+        str(sumo_home() / "bin" / "sumo"),
+        *("-n", str(network), "-r", str(folder / "agents.rou.xml"), "-a", extra),
+        *("--step-length", "0.1", "--step-method.ballistic", "true"),
+        *("--lateral-resolution", "0.2", "--time-to-teleport", "-1"),
+        *("--collision.action", "warn", "--collision.check-junctions", "true"),
+        *("--collision.mingap-factor", "0"),
+        *("--collision-output", str(folder / "collisions.xml")),
+        *("--pedestrian.model", "striping", "--pedestrian.striping.stripe-width", "0.65"),
+        *("--pedestrian.striping.walkingarea-detail", "8"),
+        *("--fcd-output", str(folder / "vehicles.parquet")),
+        *("--person-fcd-output", str(folder / "people.parquet")),
+        *("--fcd-output.attributes", "x,y,angle", "--fcd-output.filter-shapes", "view"),
+        *("--end", str(WARM_UP + seconds + _DRAIN), "--seed", str(seed)),
+        *("--no-step-log", "true", "--no-warnings", "true", "--xml-validation", "never"),
+        *("--precision", "3"),
+    ]
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    if finished.returncode != 0:
+        raise InputError(f"SUMO stopped: {finished.stderr.strip()[:300]}")
+    return collided(folder)
+
+
+def collided(folder: Path) -> set[str]:
+    """Ids of the agents that collided in the simulation that ran in a folder."""
+    from xml.etree import ElementTree
+
+    found: set[str] = set()
+    for element in ElementTree.parse(folder / "collisions.xml").getroot().iter("collision"):
+        found |= {element.attrib["collider"], element.attrib["victim"]}
+    return found
+
+
+def read_tracks(
+    folder: Path, departures: dict[str, Departure], crashed: set[str]
+) -> Iterator[RawTrack]:
+    """What SUMO recorded of those who set out and did not collide."""
+    for name in ("vehicles.parquet", "people.parquet"):
+        for agent, columns in _by_agent(folder / name):
+            departure = departures.get(agent)
+            if departure is None or agent in crashed:
+                continue
+            yield RawTrack(
+                route=departure.route,
+                subtype=departure.subtype,
+                xy=columns[:, 1:3],
+                angle=np.unwrap(math.pi / 2 - np.radians(columns[:, 3])),
+                time=columns[:, 0] - WARM_UP,
+            )
+
+
+def _by_agent(path: Path) -> Iterator[tuple[str, FloatArray]]:
+    """Each agent's [T, 4] time, x, y, angle. Column names begin with either class's word."""
+    from pyarrow import parquet
+
+    reader: Any = parquet
+    table = reader.read_table(path)
+    by_end = {str(name).split("_")[-1]: table[name] for name in table.column_names}
+    if "id" not in by_end:
+        return  # nobody of that class was there
+    named = by_end["id"].is_valid()
+    agents = by_end["id"].filter(named).combine_chunks().dictionary_encode()
+    ids, names = np.asarray(agents.indices), agents.dictionary.to_pylist()
+    columns = [by_end[key].filter(named).to_numpy() for key in ("time", "x", "y", "angle")]
+    values = np.stack(columns, axis=1).astype(np.float64)
+    order = np.lexsort((values[:, 0], ids))
+    starts = np.flatnonzero(np.diff(ids[order], prepend=-1))
+    for rows in np.split(order, starts[1:]):
+        yield str(names[ids[rows[0]]]), values[rows]

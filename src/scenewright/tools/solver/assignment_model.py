@@ -1,0 +1,219 @@
+"""The CP-SAT model of a seating: who takes which option, and when each enters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from scenewright.tools.solver.background import Option, Table
+from scenewright.tools.solver.offers import Menu
+from scenewright.tools.solver.safety_margin import Steps
+
+Place = tuple[int, int, int]
+"""Guest, option and entry time [steps]."""
+
+Key = tuple[int, int, int, int]
+"""Guest and option of one, guest and option of another."""
+
+
+@dataclass(frozen=True)
+class Need:
+    """So many of these guests must take part."""
+
+    guests: tuple[int, ...]
+    count: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """An arrangement and what it costs [units]."""
+
+    places: list[Place]
+    cost: int
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Forbids low < start_i - start_j < high [steps] while both options are taken.
+
+    Attributes:
+        key: of guests i and j.
+        below, above: whether the two have entry times left on that side.
+    """
+
+    key: Key
+    low: int
+    high: int
+    below: bool
+    above: bool
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What one window has to say.
+
+    Attributes:
+        found: the least-cost arrangement in it; None if there is none.
+        proven: whether that is certain.
+        core: needs that cannot be met together; of no meaning where something was found.
+    """
+
+    found: Found | None
+    proven: bool
+    core: tuple[Need, ...] = ()
+
+
+@dataclass
+class State:
+    """What a search knows.
+
+    Attributes:
+        menus: by guest.
+        conflicts: what pairs of options forbid, as far as it was computed.
+        barred: (guest, option) that meet a fixed actor.
+        seconds: deterministic time that the solver may still spend.
+    """
+
+    table: Table
+    menus: list[Menu]
+    needs: tuple[Need, ...]
+    seconds: float
+    conflicts: dict[Key, list[Conflict]] = field(default_factory=dict)
+    barred: set[tuple[int, int]] = field(default_factory=set)
+
+    def option(self, g: int, k: int) -> Option:
+        """The k-th option of a guest."""
+        return self.menus[g].ways[k].option
+
+    def open_ways(self, g: int) -> list[int]:
+        """The ways within a guest's window that have entry times left."""
+        return [
+            k
+            for k in self.menus[g].window()
+            if (g, k) not in self.barred and len(self.table.open_starts(self.option(g, k)))
+        ]
+
+
+class SeatingModel:
+    """The CP-SAT model of the windows, growing by one round of conflicts at a time.
+
+    Args:
+        best: what an arrangement must cost less than.
+        explain: ask only which needs cannot be met together, if they cannot; costs do not matter.
+    """
+
+    def __init__(self, state: State, best: Found | None, *, explain: bool = False) -> None:
+        from ortools.sat.python import cp_model
+
+        self._cp, self._state = cp_model, state
+        self._model: Any = cp_model.CpModel()
+        ways = [state.open_ways(g) for g in range(len(state.menus))]
+        self._takes = [{k: self._model.new_bool_var("") for k in each} for each in ways]
+        self._starts = [self._start(g) for g in range(len(ways))]
+        self._literals: dict[int, Need] = {}
+        for takes in self._takes:
+            self._model.add_at_most_one(takes.values())
+        for need in state.needs:
+            self._meet(need, explain=explain)
+        if not explain:
+            self._economise(best)
+        for conflicts in state.conflicts.values():
+            for conflict in conflicts:
+                self.forbid(conflict)
+
+    def _start(self, g: int) -> Any:
+        """The guest's entry time; options with a choice of it already keep clear of the fixed."""
+        table, takes = self._state.table, self._takes[g]
+        domains = {k: self._domain(table.open_starts(self._state.option(g, k))) for k in takes}
+        if not domains:
+            return self._model.new_constant(0)
+        everything = reduce(lambda one, other: one.union_with(other), domains.values())
+        start = self._model.new_int_var_from_domain(everything, "")
+        for k, domain in domains.items():
+            self._model.add_linear_expression_in_domain(start, domain).only_enforce_if(takes[k])
+        return start
+
+    def _domain(self, starts: Steps) -> Any:
+        gaps = np.flatnonzero(np.diff(starts) > 1)
+        low, high = starts[np.append(0, gaps + 1)], starts[np.append(gaps, len(starts) - 1)]
+        return self._cp.Domain.from_intervals(np.column_stack([low, high]).tolist())
+
+    def _meet(self, need: Need, *, explain: bool) -> None:
+        met = self._model.add(
+            sum(take for g in need.guests for take in self._takes[g].values()) == need.count
+        )
+        if explain:
+            literal = self._model.new_bool_var("")
+            met.only_enforce_if(literal)
+            self._literals[literal.index] = need
+            self._model.add_assumption(literal)
+
+    def _economise(self, best: Found | None) -> None:
+        total = sum(
+            self._state.menus[g].ways[k].cost * take
+            for g, takes in enumerate(self._takes)
+            for k, take in takes.items()
+        )
+        self._model.minimize(total)
+        if best is not None:
+            self._model.add(total <= best.cost - 1)
+
+    def solve(self) -> Answer:
+        """The least-cost arrangement that breaks nothing known so far."""
+        solver, status = self._run()
+        if status == self._cp.INFEASIBLE:
+            return Answer(None, proven=True)
+        if status not in (self._cp.OPTIMAL, self._cp.FEASIBLE):
+            return Answer(None, proven=False)
+        places = [
+            (g, k, int(solver.value(self._starts[g])))
+            for g, takes in enumerate(self._takes)
+            for k, take in takes.items()
+            if solver.value(take)
+        ]
+        cost = sum(self._state.menus[g].ways[k].cost for g, k, _ in places)
+        return Answer(Found(places, cost), proven=status == self._cp.OPTIMAL)
+
+    def core(self) -> tuple[Need, ...]:
+        """Needs that cannot be met together; all of them if that is not known better."""
+        solver, status = self._run()
+        if status != self._cp.INFEASIBLE:
+            return self._state.needs
+        literals = solver.sufficient_assumptions_for_infeasibility()
+        return tuple(self._literals[literal] for literal in literals) or self._state.needs
+
+    def _run(self) -> tuple[Any, Any]:
+        solver: Any = self._cp.CpSolver()
+        solver.parameters.num_workers = 1
+        solver.parameters.catch_sigint_signal = False
+        solver.parameters.random_seed = 1
+        solver.parameters.max_deterministic_time = max(self._state.seconds, 0.0)
+        solver.parameters.cp_model_presolve = False
+        status = solver.solve(self._model)
+        self._state.seconds -= solver.response_proto.deterministic_time
+        return solver, status
+
+    def bar(self, guest: int, option: int) -> None:
+        """Takes an option out of the choice, if it is in the model."""
+        if option in self._takes[guest]:
+            self._model.add(self._takes[guest][option] == 0)
+
+    def forbid(self, conflict: Conflict) -> None:
+        """Adds one separation, if both options are in the model."""
+        i, k, j, m = conflict.key
+        if k not in self._takes[i] or m not in self._takes[j]:
+            return
+        either = [~self._takes[i][k], ~self._takes[j][m]]
+        difference = self._starts[i] - self._starts[j]
+        for possible, side in (
+            (conflict.below, difference <= conflict.low),
+            (conflict.above, difference >= conflict.high),
+        ):
+            if possible:
+                literal = self._model.new_bool_var("")
+                self._model.add(side).only_enforce_if(literal)
+                either.append(literal)
+        self._model.add_bool_or(either)

@@ -1,0 +1,329 @@
+"""When agents that no relation binds may come: on green, waiting at red, or behind others."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.compiled import compiled
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Candidate, DrivingProfile
+from scenewright.scene.map import IntersectionMap, Route, SignalProgram
+from scenewright.scene.selection import Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.map_grounding.signal_plan import (
+    SignalClock,
+    phases_of,
+    red_for,
+    shows,
+    shows_at,
+)
+from scenewright.tools.solver.scheduled_agent import Actor
+
+LINE_GAP, QUEUE_GAP = (0.3, 1.5), (1.4, 2.6)
+"""Waiting vehicles: to the line and to the next ahead [m]."""
+
+START_LAG, FOLLOW_LAG, STOP_LAG = (0.8, 1.5), (1.05, 1.7), (1.2, 4.0)
+"""From green to the first one's start, from the next ahead's start to one's own, and from its
+standing to one's own [s]: whoever follows sooner than that comes too near on the way."""
+
+_LANE_OFFSET, _ONE_WAY = 2.6, 0.85
+"""Who stands within 2.6 m of a path, facing its way (cosine), leaves no room to stand beside it."""
+
+_SEEN, _GRID = 4.0, 0.5
+"""How long everybody is seen at least; how finely moments to come at are told apart [s]."""
+
+STARTED = -6.0
+"""Who started longer before the scene than this has hardly anything of its start left [s]."""
+
+Span = tuple[float, float]
+
+_FOR_GOOD = 60.0
+"""Longer than any scene [s]."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When agents may come: lights, scene length [s], whether a wreck will stand in the way."""
+
+    clock: SignalClock | None
+    duration: float
+    blocked: bool
+
+
+@dataclass(frozen=True, eq=False)
+class RedLight:
+    """An agent that comes upon red, first in its lane, and waits.
+
+    Attributes:
+        gap: from its front to the line [m].
+        lag: from green to its start [s].
+        stays: a wreck ahead keeps it there for good.
+    """
+
+    free: Actor
+    moment: Moment
+    enters: float
+    gap: float
+    lag: float
+    stays: bool = False
+
+    @property
+    def s(self) -> float:
+        """Arc length at which it stands [m]."""
+        walks = self.free.candidate.route.type == "pedestrian"
+        return (self.free.marks.line or 0.0) - (0.3 if walks else self.gap)
+
+    @cached_property
+    def reaches(self) -> float:
+        """Scene time [s] at which it would stand, were braking free; good to about 2 s."""
+        return self.enters + self.free.motion.time_at(max(self.s, 0.0))
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is a red light to wait at, its end seen in the scene, and room to stand."""
+        group, clock = self.free.marks.group, self.moment.clock
+        if clock is None or self.free.marks.line is None or group is None or self.s < 3.0:
+            return False
+        if self.enters > self.moment.duration - 4.0:
+            return False
+        colours = [clock.colour(group, self.reaches + late) for late in (-1.5, 0.5, 2.5)]
+        return "green" not in colours and self.release > STARTED
+
+    @cached_property
+    def release(self) -> float:
+        """Scene time [s] at which it starts again."""
+        if self.moment.clock is None or self.stays:
+            return self.moment.duration + 10.0
+        green = self.moment.clock.next_green(str(self.free.marks.group), self.reaches)
+        return green + self.lag
+
+    def actor(self) -> Actor:
+        """It in motion, entering at time 0."""
+        stop = stop_at_light(self.free, self.s)
+        until = max(self.release - self.enters, stop.start)
+        held = self.free.edited(stops=(replace(stop, until=until),))
+        return held.until(self.moment.duration - self.enters)
+
+
+def stop_at_light(actor: Actor, s: float) -> Stop:
+    """Its standstill at `s` [m], before its light, until the moment in which it begins."""
+    anchor = "kerb" if actor.candidate.route.type == "pedestrian" else "stop_line"
+    start = actor.enters + compute_arrival(actor.candidate, StopCommand(s, 0.0))
+    return Stop(anchor, s, start, start, "red_light")
+
+
+def starts_of(actor: Actor, moment: Moment) -> NDArray[np.int64]:
+    """Entry times [steps] at which the agent is seen for 4 s and obeys its light."""
+    first, last = 4.0 - STEP * len(actor.motion.s), moment.duration - 4.0
+    steps = np.arange(int(np.ceil(first / STEP)), int(last / STEP) + 1, dtype=np.int64)
+    line, group, clock = actor.marks.line, actor.marks.group, moment.clock
+    if clock is None or line is None or group is None or not len(steps):
+        return steps
+    crosses = STEP * steps + actor.motion.time_at(line) + clock.offset
+    green = shows(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
+    return steps[green.all(axis=0)]
+
+
+def comes_at(free: Actor, moment: Moment, chance: float) -> float:
+    """When a chance arrival enters [s], given that it is seen: `chance` picks among all moments.
+
+    Arrivals are uniform in time. Who came to a green light long before the scene has gone; who came
+    to a red one then still stands there when the scene begins. So the moments to pick from reach
+    back as far as the light has been red.
+    """
+    first, last = _SEEN - STEP * len(free.motion.s), moment.duration - _SEEN
+    line, group, clock = free.marks.line, free.marks.group, moment.clock
+    if clock is None or line is None or group is None:
+        return first + chance * (last - first)
+    cycle = clock.program.cycle
+    enters = np.arange(min(first, -cycle), last, _GRID)
+    edges, green = phases_of(clock.program, group, ("green",))
+    way = free.motion.time_at(line)
+    moments = _seen(enters, way, first, edges, green, cycle, clock.offset)
+    return float(moments[int(chance * len(moments))]) if len(moments) else first
+
+
+@compiled
+def _seen(
+    enters: FloatArray,
+    way: float,
+    first: float,
+    edges: FloatArray,
+    green: NDArray[np.bool_],
+    cycle: float,
+    offset: float,
+) -> FloatArray:
+    """Of evenly spaced times to enter at, those of who is seen: on its way or at its light [s].
+
+    Args:
+        way: time to the light; first: from when on who meets green is seen [s].
+        edges, green: phases of the light; cycle, offset: of its programme [s].
+    """
+    goes, seen, count = np.inf, np.empty(len(enters)), 0
+    for k in range(int(cycle / _GRID) + 1, 0, -1):
+        after = enters[-1] + way + _GRID * k
+        goes = after if shows_at(after + offset, edges, green, cycle) else goes
+    for n in range(len(enters) - 1, -1, -1):
+        crosses = enters[n] + way
+        goes = crosses if shows_at(crosses + offset, edges, green, cycle) else goes
+        if enters[n] >= first or (goes > crosses and goes > STARTED):
+            count += 1
+            seen[-count] = enters[n]
+    return seen[len(seen) - count :]
+
+
+def seen_under(
+    program: SignalProgram,
+    offsets: FloatArray,
+    crowd: Iterable[Route],
+    *,
+    duration: float,
+    intersection_map: IntersectionMap,
+) -> FloatArray:
+    """[N] how many of those who come by chance there are to see under each offset, relatively.
+
+    Arrivals are even in time, and a scene shows those of its own length [s] and whoever still waits
+    at a light that was red before. A scene shows as many under every offset; under one that brings
+    a queue there are more to show.
+    """
+    people = list(crowd)
+    return duration * max(len(people), 1) + _red_of_all(
+        program, offsets, people, intersection_map=intersection_map
+    )
+
+
+def queues_left(
+    program: SignalProgram,
+    offsets: FloatArray,
+    crowd: Iterable[Route],
+    *,
+    duration: float,
+    intersection_map: IntersectionMap,
+) -> FloatArray:
+    """[N] how much longer queues are at a scene's end than at its beginning, by offset [s of red].
+
+    The mean over the vehicles of a crowd of how long their lights have not been green. Below 0,
+    more set off in the scene than come to stand; over all moments of a programme it is 0.
+    """
+    drivers = [route for route in crowd if route.type == "vehicle"]
+    begin, end = (
+        _red_of_all(program, moments, drivers, intersection_map=intersection_map)
+        for moments in (offsets, offsets + duration)
+    )
+    return np.asarray((end - begin) / max(len(drivers), 1))
+
+
+def _red_of_all(
+    program: SignalProgram,
+    offsets: FloatArray,
+    crowd: Iterable[Route],
+    *,
+    intersection_map: IntersectionMap,
+) -> FloatArray:
+    """[N] for how long the lights of a crowd have not been green, summed over its members [s]."""
+    groups = Counter(intersection_map.signal_group_of(route) for route in crowd)
+    red = np.zeros(len(offsets))
+    for group, count in groups.items():
+        if group is not None:
+            red += count * red_for(program, group, offsets)
+    return red
+
+
+def passes_on_green(actor: Actor, moment: Moment, enters: float) -> bool:
+    """Whether an actor that enters at scene time [s] has green at its line, or never gets there.
+
+    The light may have changed again since whoever it queues behind went.
+    """
+    line, group, clock = actor.marks.line, actor.marks.group, moment.clock
+    if clock is None or line is None or group is None:
+        return True
+    crosses = enters + actor.motion.time_at(line)
+    return bool(np.isinf(crosses)) or clock.colour(group, crosses) == "green"
+
+
+def red_span(free: Actor, moment: Moment, enters: float) -> Span:
+    """From when until when [s] the light keeps who enters then; no time at all if it is green."""
+    line, group, clock = free.marks.line, free.marks.group, moment.clock
+    reaches = enters + free.motion.time_at(line or 0.0)
+    if clock is None or group is None or line is None:
+        return reaches, reaches
+    return reaches, clock.next_green(group, reaches)
+
+
+@dataclass(frozen=True)
+class LastInLane:
+    """The last who stands in a lane.
+
+    Attributes:
+        rear: arc length [m] of its rear on the path of who comes behind it.
+        start, until: [s] of its standstill; law: how it drives.
+    """
+
+    rear: float
+    start: float
+    until: float
+    law: DrivingProfile
+
+
+def last_in_lane(
+    candidate: Candidate, standing: Sequence[Actor], span: Span = (-np.inf, np.inf)
+) -> LastInLane | None:
+    """The last who stands on the candidate's path at some time of a span [s]."""
+    found: LastInLane | None = None
+    for actor in standing:
+        for s, start, until in _standstills(actor):
+            if until < span[0] or start > span[1]:
+                continue
+            x, y, heading = actor.pose(s)
+            path = candidate.path
+            node, away = _nearest(path.xy, x, y)
+            if away > _LANE_OFFSET or math.cos(path.heading[node] - heading) < _ONE_WAY:
+                continue
+            rear = float(path.s[node]) - actor.candidate.shape.length / 2
+            if found is None or rear < found.rear:
+                found = LastInLane(rear, start, until, actor.candidate.time_law)
+    return found
+
+
+@compiled
+def _nearest(xy: FloatArray, x: float, y: float) -> tuple[int, float]:
+    """Which of points [N, 2] is nearest to (x, y), and how far away it is [m]."""
+    node, least = 0, np.inf
+    for n in range(len(xy)):
+        away = np.hypot(xy[n, 0] - x, xy[n, 1] - y)
+        if away < least:
+            node, least = n, away
+    return node, least
+
+
+def no_faster(candidate: Candidate, ahead: DrivingProfile) -> Candidate:
+    """The candidate at the pace of who goes ahead of it: nobody drives through its leader."""
+    law = candidate.time_law
+    pace = replace(
+        law,
+        speed=min(law.speed, ahead.speed),
+        acceleration=min(law.acceleration, ahead.acceleration),
+    )
+    return replace(candidate, time_law=pace)
+
+
+def _stands(stop: Stop, last: float) -> bool:
+    return not stop.rolls and stop.s <= last + 0.5
+
+
+def _standstills(actor: Actor) -> Iterator[tuple[float, float, float]]:
+    """Arc length [m], start and end [s] of every stay of a vehicle, its wreck included."""
+    if actor.candidate.route.type == "pedestrian":
+        return
+    last = float(actor.motion.s[-1])
+    yield from ((stop.s, stop.start, stop.until) for stop in actor.stops if _stands(stop, last))
+    if actor.contact is not None:
+        yield last, actor.contact, actor.contact + _FOR_GOOD

@@ -1,0 +1,290 @@
+"""`brakes_for`: a vehicle drives on towards the other, sees it late, brakes hard and lets it pass.
+
+Driven on, it would have hit the other. It brakes harder than 5 m/s^2, to a stop short of the
+conflict zone or down to a speed at which it passes behind; which moment it is seen at decides how
+low the path TTC falls. So for one braking after the other all offsets are measured, and those
+that have the path TTC asked for are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
+from scenewright.scene.base import FloatArray
+from scenewright.scene.constraints import BrakesFor, TimeGap
+from scenewright.scene.selection import Slowing, Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.solver.context import Setting, outside
+from scenewright.tools.solver.encounter import Encounter, gap_to
+from scenewright.tools.solver.impact import least_clearance
+from scenewright.tools.solver.nearest_miss import Reached
+from scenewright.tools.solver.schedule import Happening, Staging
+from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.time_to_contact import Closing, closing
+from scenewright.tools.solver.yielding import passage, zone_of
+
+_MANOEUVRES, _OFFSETS, _FAILURES = 6, 2, 4
+"""Brakings that are tried; offsets kept of each, and those after which it is given up."""
+
+_DECELERATIONS = (5.8, 7.4)
+_HARD = (5.2, 7.8)
+"""Braking meant, and what must be left of it once motion is smooth [m/s^2] (SEMANTICS 4, 5)."""
+
+_ABRUPT = 0.9
+"""How much more braking is meant for every m/s below 6 m/s, as smoothing takes more off [1/s]."""
+
+_CLOSE_TTC, _CLOSE_PET = 1.42, 1.4
+"""A near miss needs less than one of these [s], here with a margin (SEMANTICS 4)."""
+
+_CLEARANCE, _LONGEST_PET = 0.3, 7.0
+"""What the two keep: least clearance [m]; and longest PET [s]."""
+
+_SLACK = 0.02
+"""How far outside of a range a measure may lie [s]: it is that coarse itself."""
+
+_FOR_GOOD = 60.0
+"""Longer than any scene [s]."""
+
+_STANDS = 0.9
+"""Least standstill of who brakes to a stop [s]."""
+
+_SEEN = 5.5
+"""How long before the first crosses behind the second the least TTC may lie [s]."""
+
+_AT_ONCE = 2.8
+"""How long before the two come closest the braking may end [s]."""
+
+_BEYOND = 1.5
+"""How far above the range a path TTC is still measured, so that a miss can be told [s]."""
+
+
+@dataclass(frozen=True)
+class _Manoeuvre:
+    """A braking: to `speed` [m/s] at arc length `s` [m]; `ahead` [m] of it the zone begins."""
+
+    s: float
+    speed: float
+    braking: float
+    ahead: float
+
+    @property
+    def stops(self) -> bool:
+        """Whether it ends at rest."""
+        return self.speed == 0.0
+
+
+def brakings(clause: BrakesFor, staging: Staging, setting: Setting) -> Iterator[Staging]:
+    """Every staging (lazily) in which the first brakes for the second at the TTC asked for."""
+    a, b = setting.both(clause, staging)
+    zone = zone_of(clause, a, b, setting)
+    if not len(zone.i):
+        words = f"the paths of {clause.first} and {clause.second} never touch"
+        setting.missed(clause, Reached.PATHS, words)
+    elif a.contact is not None or b.contact is not None or a.slowings:
+        words = f"one of {clause.first} and {clause.second} has crashed or braked hard before"
+        setting.missed(clause, Reached.PATHS, words)
+    else:
+        yield from _Braking(clause, staging, setting, a, b, zone).stagings()
+
+
+@dataclass(frozen=True, eq=False)
+class _Braking:
+    """One clause about two actors that are not yet braked, `a` for `b`."""
+
+    clause: BrakesFor
+    staging: Staging
+    setting: Setting
+    a: Actor
+    b: Actor
+    zone: Encounter
+
+    def stagings(self) -> Iterator[Staging]:
+        hard = list(self.manoeuvres())
+        if not hard:
+            words = f"the way of {self.clause.first} begins too late for it"
+            self.missed(Reached.PATHS, f"a path TTC of {self.asked:g} s: {words}")
+        # Nobody brakes hard who has been braking for it: those that come as a surprise first.
+        warned = {each: _warned(_edited(self.a, each)) for each in hard}
+        for manoeuvre in sorted(hard, key=warned.__getitem__):
+            if warned[manoeuvre] and not self.setting.lenient:
+                words = f"{self.clause.first} has been braking on this movement, so none is sudden"
+                self.missed(Reached.KIND, words)
+                continue
+            yield from self.braked(manoeuvre)
+
+    def manoeuvres(self) -> Iterator[_Manoeuvre]:
+        """Stops short of the zone and slowings before it, as different as they come.
+
+        Braking begins about the TTC asked for before the zone, as from then on it only grows.
+        """
+        rng, first = self.setting.rng, float(self.zone.s_a[self.zone.i].min())
+        usual = float(np.interp(first, self.a.motion.s, self.a.motion.speed))
+        for _ in range(_MANOEUVRES):
+            braking = float(rng.uniform(*_DECELERATIONS)) + _ABRUPT * max(6.0 - usual, 0.0)
+            speed = usual * float(rng.uniform(0.15, 0.55)) if rng.random() < 0.5 else 0.0
+            short = self.asked * usual - (usual**2 - speed**2) / (2.0 * braking)
+            short = max(short + float(rng.uniform(-1.5, 2.0)), float(rng.uniform(0.4, 1.5)))
+            if first - short > 2.0:
+                yield _Manoeuvre(first - short, speed, braking, short)
+
+    def braked(self, how: _Manoeuvre) -> Iterator[Staging]:
+        """Every offset at which this braking leads to the TTC asked for, up to a number."""
+        braked = _edited(self.a, how)
+        hardest = float(-_change(braked)[1:-1].min(initial=0.0))
+        if not _HARD[0] <= hardest <= _HARD[1]:
+            words = f"{self.clause.first} is too slow on this movement, its hardest is"
+            words = f"braking of more than 5 m/s^2: {words} {hardest:.1f} m/s^2"
+            self.missed(Reached.PLACE, words, off=outside(*_HARD, hardest))
+            return
+        tried = [0, 0]
+        for delta in self.setting.rng.permutation(self.offsets()).tolist():
+            least = self.closing(*self.staging.placed(self.clause, braked, self.b, delta)).least
+            if not self.fits(least):
+                continue
+            staged = self.released(how, delta)
+            if staged is not None:
+                yield staged
+            tried[staged is None] += 1
+            if tried[0] >= _OFFSETS or tried[1] >= _FAILURES:
+                return
+
+    def offsets(self) -> FloatArray:
+        """At which the two would collide if nobody braked; the one there is, if both are placed."""
+        if {self.clause.first, self.clause.second} <= set(self.staging.actors):
+            return np.array([self.b.enters - self.a.enters])
+        meetings = self.setting.meetings(self.clause, self.a, self.b)
+        steps = [np.arange(low, high, STEP) for low, high in meetings.tolist()]
+        return np.concatenate([np.empty(0), *steps])
+
+    def released(self, how: _Manoeuvre, delta: float) -> Staging | None:
+        """The whole manoeuvre, going on once the other has passed; None if that is no near miss."""
+        free, b = self.staging.placed(self.clause, self.a, self.b, delta)
+        _, b_out = passage(b.motion, self.zone.s_b[self.zone.j])
+        a = self.let_go(free, b, how, b.enters + b_out + float(self.setting.rng.uniform(0.3, 1.0)))
+        near = self.closing(a, b)
+        if not (self.is_near_miss(a, b, near) and self.fits(near.least)):
+            return None
+        clearance, time, place = least_clearance(a, b)
+        if clearance < _CLEARANCE or self.staging.too_soon(time, self.clause):
+            words = f"the two touch, or come within {_CLEARANCE:g} m, or are not yet free for it"
+            self.missed(Reached.COMPANY, words)
+            return None
+        if self.pet is None and _crosses(a, b, self.zone) - near.when > _SEEN:
+            return None  # long past, the TTC would not be put down to this encounter
+        if not self.setting.lenient and time - _last_hard(a) > _AT_ONCE:
+            return None  # long past, the near miss would not be put down to the braking
+        enters = a.enters + a.motion.time_at(float(self.zone.s_a[self.zone.i].min()))
+        ends, freed = max(enters, time) + 1.0, max(b.enters + b_out, time)
+        happening = Happening(self.clause, time, near.when - 3.0, ends, freed, place)
+        return self.staging.with_event(happening, a, b)
+
+    def let_go(self, free: Actor, b: Actor, how: _Manoeuvre, release: float) -> Actor:
+        """Who stops stands until then, or until the PET asked for."""
+        a = _edited(free, how, until=release)
+        if self.pet is None or not how.stops:
+            return a
+        later = (self.pet.low + self.pet.high) / 2 - self.pet_between(a, b)
+        return _edited(free, how, until=release + later) if np.isfinite(later) else a
+
+    def is_near_miss(self, a: Actor, b: Actor, near: Closing) -> bool:
+        """`second` is first, and the PET is as asked, or it or the TTC while braking is small."""
+        meetings = self.setting.meetings(self.clause, a, b)
+        if not len(meetings) or b.enters - a.enters >= meetings[:, 0].min():
+            words = f"{self.clause.first} cannot brake so that {self.clause.second} passes first"
+            self.missed(Reached.COMPANY, words, off=_LONGEST_PET)
+            return False
+        pet = self.pet_between(a, b)
+        off = 0.0 if self.pet is None else outside(self.pet.low, self.pet.high, pet)
+        if self.pet is not None and off > _SLACK:
+            words = f"a PET of {self.pet.low:g} to {self.pet.high:g} s: the nearest is {pet:.1f} s"
+            self.missed(Reached.COMPANY, words, off=off)
+            return False
+        if pet <= _CLOSE_PET or (pet <= _LONGEST_PET and _while_braking(a, near) <= _CLOSE_TTC):
+            return True
+        words = "a near miss needs a PET of at most 1.5 s, or a path TTC of at most 1.5 s under"
+        found = f"the nearest has a PET of {pet:.1f} s and a path TTC of {near.least:.1f} s"
+        off = 0.0 if self.pet is not None else pet
+        self.missed(Reached.COMPANY, f"{words} braking: {found}", off=off)
+        return False
+
+    def fits(self, least: float) -> bool:
+        """Whether the least path TTC is as asked; else it is told."""
+        low, high = self.clause.low, self.clause.high
+        off = outside(low, high, least)
+        if off > _SLACK and np.isfinite(least):
+            extreme = "shortest" if least > high else "longest"
+            words = f"a path TTC of {self.asked:g} s: the {extreme} possible is {least:.1f} s"
+            self.missed(Reached.MEASURE, words, off=off)
+        return off <= _SLACK
+
+    def closing(self, a: Actor, b: Actor) -> Closing:
+        horizon = self.clause.high + _BEYOND
+        return closing(self.setting.encounter(self.clause), a, b, horizon=horizon)
+
+    def pet_between(self, a: Actor, b: Actor) -> float:
+        return gap_to(self.setting.meetings(self.clause, a, b), b.enters - a.enters)
+
+    @property
+    def asked(self) -> float:
+        """The middle of the range [s]."""
+        return (self.clause.low + self.clause.high) / 2
+
+    @property
+    def pet(self) -> TimeGap | None:
+        """The PET asked for besides."""
+        return self.setting.pet_of(self.clause)
+
+    def missed(self, reached: Reached, words: str, *, off: float = 0.0) -> None:
+        self.setting.missed(self.clause, reached, words, off=off)
+
+
+def _edited(a: Actor, how: _Manoeuvre, *, until: float | None = None) -> Actor:
+    """Braking like that; who stops stands until then [s], else for longer than any scene."""
+    if not how.stops:
+        return a.edited(stops=a.stops, slowings=(Slowing(how.s, how.speed, how.braking),))
+    start = a.enters + compute_arrival(a.candidate, StopCommand(how.s, 0.0, how.braking))
+    until = a.enters + _FOR_GOOD if until is None else max(until, start + _STANDS)
+    stop = Stop("yield_point", how.s, start, until, "gives_way", how.braking, how.ahead)
+    earlier = [each for each in a.stops if abs(each.s - how.s) > 0.5]
+    return a.edited(stops=tuple(sorted((*earlier, stop), key=lambda each: each.s)))
+
+
+def _warned(a: Actor) -> bool:
+    """Whether, in the second that ends 0.5 s before it brakes hard, it brakes as for no curve."""
+    change = _change(a)
+    onset = int(np.argmax(change < -3.4))
+    return bool((change[max(onset - 15, 0) : max(onset - 4, 0)] < -2.3).any())
+
+
+def _last_hard(a: Actor) -> float:
+    """When it last brakes hard [s]."""
+    return a.enters + STEP * float(np.nonzero(_change(a) < -3.6)[0][-1])
+
+
+def _while_braking(a: Actor, near: Closing) -> float:
+    """The least path TTC [s] at a moment of braking harder than 4 m/s^2."""
+    clock = STEP * np.arange(len(a.motion.s))
+    hard = np.interp(near.times - a.enters, clock, _change(a)) < -4.0
+    return float(near.ttc[hard].min(initial=np.inf))
+
+
+def _change(a: Actor) -> FloatArray:
+    """[T] its acceleration over 0.3 s [m/s^2]."""
+    change = np.gradient(a.motion.speed, STEP)
+    smooth: FloatArray = np.convolve(change, np.full(3, 1 / 3), mode="same")
+    return smooth
+
+
+def _crosses(a: Actor, b: Actor, zone: Encounter) -> float:
+    """When [s] the first is where the second has been least long ago."""
+    times = []
+    for actor, nodes in ((a, zone.s_a[zone.i]), (b, zone.s_b[zone.j])):
+        clock = STEP * np.arange(len(actor.motion.s))
+        # Ties in s are a standstill, which ends with the last of them.
+        tilt = 1e-7 * np.arange(len(clock))
+        times.append(actor.enters + np.interp(nodes, actor.motion.s + tilt, clock))
+    return float(times[0][int(np.argmin(times[0] - times[1]))])

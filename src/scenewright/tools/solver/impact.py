@@ -1,0 +1,203 @@
+"""How two placed actors touch: when, where, with which sides, at what speeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray, Point
+from scenewright.scene.social import CollisionKind, ImpactPoint
+from scenewright.scene.track import Shape
+from scenewright.tools.solver.encounter import footprint_clearance
+from scenewright.tools.solver.scheduled_agent import Actor, shared_times
+
+_LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(22.0)
+"""How far a vehicle must have turned left for its collision to count as a left turn's [rad]."""
+
+_CORNER = 0.5
+"""How far from both its edges a contact still belongs to a corner [m]; at most a third."""
+
+_SURE = 0.2
+"""By how much a contact may lie elsewhere [m] and still be at the point it is said to be at."""
+
+_CORNERS: dict[tuple[str, str], ImpactPoint] = {
+    ("front", "left"): "front_left",
+    ("front", "right"): "front_right",
+    ("rear", "left"): "rear_left",
+    ("rear", "right"): "rear_right",
+}
+
+
+@dataclass(frozen=True)
+class FirstContact:
+    """When [s], where and how two actors first touch.
+
+    Attributes:
+        closing: relative speed; speed: of the first actor [m/s].
+        frontal: the first actor strikes with its front; where both fronts touch, it is the faster.
+        points: by actor, every impact point that the contact is surely at.
+    """
+
+    time: float
+    location: Point
+    kind: CollisionKind
+    closing: float
+    speed: float
+    frontal: bool
+    points: tuple[tuple[ImpactPoint, ...], tuple[ImpactPoint, ...]]
+
+
+def first_contact(a: Actor, b: Actor, *, left_hand: bool = False) -> FirstContact | None:
+    """The first contact of two placed actors, to 0.01 s; None if they never touch.
+
+    Args:
+        left_hand: people drive on the left, so that right turns lead across the others' way.
+    """
+    times = shared_times(a, b)
+    if times is None:
+        return None
+    shapes = (a.candidate.shape, b.candidate.shape)
+    touching = np.nonzero(footprint_clearance(a.at(times), b.at(times), shapes=shapes) <= 0)[0]
+    if not len(touching) or touching[0] == 0:
+        return None
+    fine = np.linspace(times[touching[0] - 1], times[touching[0]], 11)
+    hit = np.nonzero(footprint_clearance(a.at(fine), b.at(fine), shapes=shapes) <= 0)[0][0]
+    return _describe(a, b, float(fine[hit]), left_hand)
+
+
+def least_clearance(a: Actor, b: Actor) -> tuple[float, float, Point]:
+    """Least clearance [m], when [s] and where (midway); inf if never there at once."""
+    times = shared_times(a, b)
+    if times is None:
+        return float("inf"), 0.0, (0.0, 0.0)
+    at_a, at_b = a.at(times), b.at(times)
+    clearance = footprint_clearance(at_a, at_b, shapes=(a.candidate.shape, b.candidate.shape))
+    index = int(np.argmin(clearance))
+    middle = (at_a[index, :2] + at_b[index, :2]) / 2
+    return float(clearance[index]), float(times[index]), (float(middle[0]), float(middle[1]))
+
+
+def _describe(a: Actor, b: Actor, time: float, left_hand: bool) -> FirstContact:
+    around = np.array([time - 0.05, time, time + 0.05])
+    poses = (a.at(around), b.at(around))
+    velocity = [(pose[2, :2] - pose[0, :2]) / 0.1 for pose in poses]
+    spot = _touching_point(poses[0][1], poses[1][1], a, b)
+    speeds = [float(np.hypot(*each)) for each in velocity]
+    sides = [_side(pose[1], actor, spot) for pose, actor in zip(poses, (a, b), strict=True)]
+    turned = abs(float(np.angle(np.exp(1j * (poses[0][1, 2] - poses[1][1, 2])))))
+    return FirstContact(
+        time=time,
+        location=(float(spot[0]), float(spot[1])),
+        kind=_kind(a, b, time, turned, sides, -1.0 if left_hand else 1.0),
+        closing=float(np.hypot(*(velocity[0] - velocity[1]))),
+        speed=speeds[0],
+        frontal=sides[0] == "front" and (sides[1] != "front" or speeds[0] >= speeds[1]),
+        points=(_points(poses[0][1], a, spot), _points(poses[1][1], b, spot)),
+    )
+
+
+def _points(pose: FloatArray, actor: Actor, spot: FloatArray) -> tuple[ImpactPoint, ...]:
+    """Every name that a place on a vehicle surely has; none for a pedestrian."""
+    shape = actor.candidate.shape
+    if shape.type == "pedestrian":
+        return ()
+    dx, dy = spot - pose[:2]
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    along = np.clip(dx * cos + dy * sin, -shape.length / 2, shape.length / 2)
+    across = np.clip(dy * cos - dx * sin, -shape.width / 2, shape.width / 2)
+    around = [
+        set(point_names(along + i * _SURE, across + j * _SURE, shape=shape))
+        for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
+    first, *others = around
+    return tuple(sorted(first.intersection(*others)))
+
+
+def point_names(along: float, across: float, *, shape: Shape) -> tuple[ImpactPoint, ...]:
+    """The names of a place on a vehicle, `along` and `across` (left) from its centre [m].
+
+    A corner is 0.5 m deep either way, but no more than a third of the vehicle. Front and rear are
+    the ends of that depth, corners included; left and right, which are sides, what lies between.
+    """
+    ahead = abs(along) - shape.length / 2 + min(_CORNER, shape.length / 3)
+    aside = abs(across) - shape.width / 2 + min(_CORNER, shape.width / 3)
+    end: Literal["front", "rear"] = "front" if along > 0 else "rear"
+    side: Literal["left", "right"] = "left" if across > 0 else "right"
+    if ahead >= 0.0 and aside >= 0.0:
+        return (end, _CORNERS[end, side])
+    at_end = ahead >= 0.0 or (aside < 0.0 and ahead >= aside)
+    return (end,) if at_end else (side, "side")
+
+
+def _kind(
+    a: Actor, b: Actor, time: float, turned: float, sides: list[str], sign: float
+) -> CollisionKind:
+    routes = (a.candidate.route, b.candidate.route)
+    if any(route.type == "pedestrian" for route in routes):
+        return "pedestrian_strike"
+    if turned <= np.radians(30):
+        return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"
+    left = max(_turned_left(actor, time, sign) for actor in (a, b))
+    if turned >= np.radians(135) and sides == ["front", "front"]:
+        return "left_turn" if left >= _LEFT_OF_HEAD_ON else "head_on"
+    return "left_turn" if left >= _LEFT else "angle"
+
+
+def _turned_left(actor: Actor, time: float, sign: float) -> float:
+    """How far it has turned left (right, if the sign is negative) over its last 30 m [rad]."""
+    path = actor.candidate.path
+    s = float(actor.motion.position(np.array([time - actor.enters]))[0])
+    recent = (path.s <= s) & (path.s >= s - 30.0)
+    heading = sign * path.heading[recent]
+    return float(heading[-1] - heading.min()) if len(heading) else 0.0
+
+
+def _side(pose: FloatArray, actor: Actor, spot: FloatArray) -> str:
+    shape = actor.candidate.shape
+    dx, dy = spot - pose[:2]
+    along = (dx * np.cos(pose[2]) + dy * np.sin(pose[2])) / (shape.length / 2)
+    across = (dy * np.cos(pose[2]) - dx * np.sin(pose[2])) / (shape.width / 2)
+    if abs(along) >= abs(across):
+        return "front" if along > 0 else "rear"
+    return "side"
+
+
+def _touching_point(a: FloatArray, b: FloatArray, first: Actor, second: Actor) -> FloatArray:
+    """Middle of the contact: mean of the outline points of either that lie in the other."""
+    points_a, points_b = _outline(a, first), _outline(b, second)
+    inside_a = points_a[_contains(points_a, b, second)]
+    inside_b = points_b[_contains(points_b, a, first)]
+    touching = np.concatenate([inside_a, inside_b])
+    result: FloatArray = touching.mean(axis=0) if len(touching) else (a[:2] + b[:2]) / 2
+    return result
+
+
+def _outline(pose: FloatArray, actor: Actor) -> FloatArray:
+    shape = actor.candidate.shape
+    if shape.type == "pedestrian":
+        angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+        return pose[:2] + shape.width / 2 * np.column_stack([np.cos(angle), np.sin(angle)])
+    edge = np.linspace(-1, 1, 41)
+    one = np.ones_like(edge)
+    local = np.concatenate(
+        [np.column_stack(pair) for pair in ((edge, one), (edge, -one), (one, edge), (-one, edge))]
+    ) * [shape.length / 2, shape.width / 2]
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    turned: FloatArray = pose[:2] + local @ np.array([[cos, sin], [-sin, cos]])
+    return turned
+
+
+def _contains(points: FloatArray, pose: FloatArray, actor: Actor) -> FloatArray:
+    shape = actor.candidate.shape
+    offset = points - pose[:2]
+    if shape.type == "pedestrian":
+        inside: FloatArray = np.hypot(*offset.T) <= shape.width / 2 + 0.02
+        return inside
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    along, across = offset @ [cos, sin], offset @ [-sin, cos]
+    result: FloatArray = (np.abs(along) <= shape.length / 2 + 0.02) & (
+        np.abs(across) <= shape.width / 2 + 0.02
+    )
+    return result

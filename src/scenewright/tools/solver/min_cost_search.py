@@ -1,0 +1,234 @@
+"""The least-cost combination (paper Eq. 4): tuples by ascending cost, everybody else at once."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from scenewright.geometry.landmarks import Landmarks
+from scenewright.scene.base import AgentClass
+from scenewright.scene.candidates import AgentCandidates, Candidate
+from scenewright.scene.selection import Selection
+from scenewright.scene.track import STEP, vehicle_shape
+from scenewright.tools.solver.assignment import seat, seat_cheapest
+from scenewright.tools.solver.background import (
+    Option,
+    Table,
+)
+from scenewright.tools.solver.combinations import best_first
+from scenewright.tools.solver.context import close_encounter
+from scenewright.tools.solver.entry_times import (
+    QUEUE_GAP,
+    Moment,
+    RedLight,
+    last_in_lane,
+    starts_of,
+)
+from scenewright.tools.solver.foreground import Stage
+from scenewright.tools.solver.offers import Invited, Offer
+from scenewright.tools.solver.schedule import Staging
+from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.search import WAITING_ALREADY, Framing, Search, counted
+
+_MAP_TUPLES, _MAP_GLANCES, _MAP_UNSEATED = 200, 48, 4
+"""Tuples, looks at whether everybody might have its cheapest, and futile seatings after which `map`
+settles for the best found."""
+
+_MAP_PLAYS, _MAP_STAGINGS, _MAP_FRAMINGS, _MAP_SEATINGS = 4, 8, 8, 2
+"""For one tuple: how often it is staged afresh, stagings looked at each time, framings in which
+everybody might have its cheapest, and framings in which the cheapest seating is computed."""
+
+_MAP_EFFORT = 0.1
+"""Share of its bounds that one such seating may spend: another framing is cheaper than a proof."""
+
+_FOLLOWS_AFTER = 1.2
+"""How much later than the first in its lane the second starts [s]."""
+
+_SAME, _PREFERENCE = 1e-6, 1e-5
+"""Costs so near one another are equal [nats]; and by so much a way of a candidate is cheaper than
+the next."""
+
+
+class Least(Search):
+    """Tuples by ascending cost, everybody else at least cost; a bound on what may be cheaper."""
+
+    def _found(self) -> Selection | None:
+        """The combination of least cost: tuples by ascending floor, until none can be better.
+
+        The floor of a tuple is its own cost and the cheapest candidate of everybody else. A tuple
+        that stays above its floor at every moment tried is left undecided: the optimum is certain
+        only if it costs no more than the floors of these.
+        """
+        others = sum(self._least_cost(draws) for draws in self._unbound() if not draws.spare)
+        best: Selection | None = None
+        undecided, tried = float("inf"), 0
+        for choice in self._by_cost():
+            floor = others + sum(self._cost(name, m) for name, m in choice.items())
+            if self._spent(best, floor, tried):
+                undecided = min(undecided, floor)
+                break
+            tried += 1
+            found, decided = self._cheapest(choice, floor)
+            if found is not None and (best is None or found.cost < best.cost):
+                best = found
+            undecided = undecided if decided else min(undecided, floor)
+        if best is None:
+            return None
+        gap = max(best.cost - undecided, 0.0)
+        found = counted(best, tried)
+        figures = {**found.figures, "gap": gap}
+        return replace(found, optimal=gap <= _SAME, figures=figures)
+
+    def _spent(self, best: Selection | None, floor: float, tried: int) -> bool:
+        """Whether `map` goes no further: nothing cheaper is left, or not found in reason."""
+        if best is not None and floor >= best.cost - _SAME:
+            return True
+        hopeless = self._unseated >= _MAP_UNSEATED and best is None
+        return hopeless or tried >= _MAP_TUPLES or self._glances >= _MAP_GLANCES
+
+    def _cheapest(self, choice: dict[str, int], floor: float) -> tuple[Selection | None, bool]:
+        """The cheapest selection found with a tuple; whether there certainly is no cheaper one."""
+        set_up = self._set_up(choice)
+        if set_up is None:
+            return None, True
+        framings: list[Framing] = []
+        before = self._staged
+        for staging in self._stagings(*set_up):
+            self._staged += 1
+            framing = self._framed(staging, choice)
+            if framing is None:
+                continue
+            framings.append(framing)
+            self._glances += 1
+            seating = seat_cheapest(*self._party(framing))
+            if seating is not None:
+                selection = self._selection(framing, choice, seating)
+                if selection.cost <= floor + _SAME:
+                    return selection, True
+            if len(framings) >= _MAP_FRAMINGS:
+                break
+        if self._staged == before:
+            return None, not self._meet(set_up[0])
+        return self._above(framings[:_MAP_SEATINGS], choice), False
+
+    def _above(self, framings: list[Framing], choice: dict[str, int]) -> Selection | None:
+        """The cheapest selection in one of these framings, if not everybody has its cheapest."""
+        found: list[Selection] = []
+        for framing in framings:
+            if self._unseated >= _MAP_UNSEATED:
+                break
+            seating = seat(*self._party(framing), effort=_MAP_EFFORT)
+            if isinstance(seating, str):
+                self._unseated += 1
+                self._failures[seating] += 1
+            else:
+                found.append(self._selection(framing, choice, seating))
+        return min(found, key=lambda each: each.cost, default=None)
+
+    def _party(self, framing: Framing) -> tuple[list[Invited], Table, Mapping[AgentClass, int]]:
+        """Everybody else, around the foreground."""
+        table = Table(each.until(framing.duration) for each in framing.staging.actors.values())
+        return self._invited(self._moment(framing), table.fixed), table, self._pool.background
+
+    def _stagings(
+        self, candidates: Mapping[str, Candidate], marks: Mapping[str, Landmarks]
+    ) -> Iterator[Staging]:
+        """Stagings of a tuple, drawn afresh several times."""
+        stage = Stage(
+            candidates, marks, self._rng, lenient=self._lenient,
+            shortfalls=self._shortfalls, habits=self._pool.manners,
+        )  # fmt: skip
+        for _ in range(_MAP_PLAYS):
+            played = itertools.islice(stage.play(self._events, Staging()), _MAP_STAGINGS)
+            yield from filter(self._run_first, played)
+
+    def _set_up(
+        self, choice: Mapping[str, int]
+    ) -> tuple[dict[str, Candidate], dict[str, Landmarks]] | None:
+        """A tuple's candidates and landmarks; None if it fails at any time whatever."""
+        built = {name: self._candidate(name, m) for name, m in choice.items()}
+        candidates = {name: pair[0] for name, pair in built.items() if pair}
+        marks = {name: pair[1] for name, pair in built.items() if pair}
+        if None in built.values() or not self._paths_fit(candidates):
+            return None
+        return candidates, marks
+
+    def _meet(self, candidates: Mapping[str, Candidate]) -> bool:
+        """Whether the paths of all who have to do with one another touch."""
+        pairs = ((candidates[c.first], candidates[str(c.second)]) for c in self._events)
+        return all(close_encounter(*pair).touches for pair in pairs)
+
+    def _by_cost(self) -> Iterator[dict[str, int]]:
+        draws = [self._pool.agents[name] for name in self._bound]
+        for choice in best_first([each.nll + each.time_nll for each in draws]):
+            yield dict(zip(self._bound, choice, strict=True))
+
+    def _unbound(self) -> list[AgentCandidates]:
+        return [each for name, each in self._pool.agents.items() if name not in self._bound]
+
+    def _least_cost(self, draws: AgentCandidates) -> float:
+        """Of an agent's cheapest candidate on which every unary clause holds; inf if on none."""
+        fits = (m for m in _ranked(draws) if self._candidate(draws.name, m) is not None)
+        return next((self._cost(draws.name, m) for m in fits), float("inf"))
+
+    def _invited(self, moment: Moment, fixed: Sequence[Actor]) -> list[Invited]:
+        """Everybody else by their candidates, built when they are looked at."""
+        return [
+            Invited(
+                name=draws.name,
+                type=draws.route.type,
+                foreground=draws.role == "foreground",
+                offers=self._offers(draws, moment, fixed),
+            )
+            for draws in self._unbound()
+            if not draws.spare
+        ]
+
+    def _offers(
+        self, draws: AgentCandidates, moment: Moment, fixed: Sequence[Actor]
+    ) -> tuple[Offer, ...]:
+        ways = partial(self._at_any_time, draws, moment=moment, fixed=fixed)
+        return tuple(Offer(self._cost(draws.name, m), partial(ways, m)) for m in _ranked(draws))
+
+    def _at_any_time(
+        self, draws: AgentCandidates, m: int, moment: Moment, fixed: Sequence[Actor]
+    ) -> Iterator[Option]:
+        """Passing on green whenever there is room, else waiting: one candidate, one likelihood.
+
+        Of ways that are equally likely, the earlier is preferred.
+        """
+        built = self._candidate(draws.name, m)
+        if built is None:
+            return
+        actor = Actor.unplaced(*built)
+        half = STEP * len(actor.motion.s) / 2
+        around = (moment.duration / 2 if draws.arrival is None else draws.arrival) - half
+        starts, cost = starts_of(actor, moment), self._cost(draws.name, m)
+        if len(starts):
+            yield Option(lambda: actor, m, starts, cost, round(around / STEP))
+        drives = draws.route.type == "vehicle"
+        last = last_in_lane(built[0], fixed) if drives else None
+        if last is not None:
+            yield from self._behind(actor, m, cost + _PREFERENCE, around, moment, last)
+        waiting = list(self._reds(actor, moment, around, -half - WAITING_ALREADY))
+        waiting += [self._second(red) for red in waiting if drives]
+        if moment.blocked:
+            goes = [red for red in waiting if red.release < moment.duration]
+            waiting += [replace(red, stays=True) for red in goes]
+        for rank, red in enumerate((red for red in waiting if red.holds), start=2):
+            step = np.array([round(red.enters / STEP)], dtype=np.int64)
+            yield Option(red.actor, m, step, cost + rank * _PREFERENCE)
+
+    def _second(self, red: RedLight) -> RedLight:
+        """The same, with room for a car ahead."""
+        room = vehicle_shape().length + float(self._rng.uniform(*QUEUE_GAP))
+        return replace(red, gap=red.gap + room, lag=red.lag + _FOLLOWS_AFTER)
+
+
+def _ranked(draws: AgentCandidates) -> list[int]:
+    """Candidates by ascending cost."""
+    return [int(m) for m in np.argsort(draws.nll + draws.time_nll, kind="stable")]

@@ -1,0 +1,113 @@
+"""What guests offer: candidates by what they cost, built only when somebody looks at them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+from scenewright.scene.base import AgentClass
+from scenewright.tools.solver.background import Option
+
+SCALE = 100_000
+"""Objective units per nat."""
+
+_SPARE_COST = 5.0
+"""Nats that a spare guest costs: those drawn first go first."""
+
+NEVER = 10**12
+"""More than any seating costs [units]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Offer:
+    """A candidate of a guest.
+
+    Attributes:
+        cost: what each of its options costs at least [nats], known before they are built.
+        make: builds its options when they are first looked at, in order of preference.
+    """
+
+    cost: float
+    make: Callable[[], Iterable[Option]]
+
+    @cached_property
+    def options(self) -> tuple[Option, ...]:
+        """The ways in which the guest may take part on this candidate."""
+        return tuple(self.make())
+
+
+@dataclass(frozen=True, eq=False)
+class Invited:
+    """A guest by what it offers, cheapest first; the other attributes as in `Guest`."""
+
+    name: str
+    type: AgentClass
+    foreground: bool
+    offers: tuple[Offer, ...]
+    spare: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """An option, and what it costs above its guest's cheapest [units]."""
+
+    option: Option
+    cost: int
+
+
+class Menu:
+    """The ways of one guest, cheapest candidate first, as far as they were looked at.
+
+    Attributes:
+        width: of its window [units].
+    """
+
+    def __init__(self, guest: Invited) -> None:
+        self.guest = guest
+        self.width = 0
+        self.ways: list[Way] = []
+        self._unread = list(guest.offers)[::-1]
+        self._least = self._likeliest()
+        self.widen(0)
+
+    @property
+    def least(self) -> int:
+        """What the guest costs at least [units]."""
+        return min((way.cost for way in self.ways), default=NEVER)
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything lies within the window."""
+        return not self._unread and all(way.cost <= self.width for way in self.ways)
+
+    def widen(self, width: int) -> None:
+        """Makes the window at least `width` units wide; the spare's extra is not counted."""
+        self.width = max(self.width, width + self._extra)
+        while self._unread and self._units(self._unread[-1].cost) <= self.width:
+            self._read()
+
+    def window(self) -> list[int]:
+        """The ways within the window, cheapest first."""
+        near = [k for k, way in enumerate(self.ways) if way.cost <= self.width]
+        return sorted(near, key=lambda k: self.ways[k].cost)
+
+    def _likeliest(self) -> float:
+        """Cost of the cheapest option of all [nats]; an offer may cost less than its options."""
+        least = float("inf")
+        for offer in self.guest.offers:
+            if offer.cost >= least:
+                break
+            least = min([least, *(option.cost for option in offer.options)])
+        return least if least < float("inf") else 0.0
+
+    def _read(self) -> None:
+        options = self._unread.pop().options
+        self.ways += [Way(option, self._units(option.cost)) for option in options]
+
+    @property
+    def _extra(self) -> int:
+        return round(SCALE * _SPARE_COST) if self.guest.spare else 0
+
+    def _units(self, cost: float) -> int:
+        return round(SCALE * (cost - self._least)) + self._extra

@@ -1,0 +1,114 @@
+"""Rear-ends: the leader stands, and the follower brakes hard but too late to stop behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
+from scenewright.geometry.landmarks import STOP_GAP
+from scenewright.scene.constraints import Contact
+from scenewright.scene.selection import Slowing, Stop
+from scenewright.tools.solver.context import Setting
+from scenewright.tools.solver.entry_times import stop_at_light
+from scenewright.tools.solver.nearest_miss import Reached
+from scenewright.tools.solver.scheduled_agent import Actor
+
+_TRIES = 6
+_FOR_GOOD = 60.0
+"""Longer than any scene [s]."""
+
+_SUDDEN, _SUDDEN_BRAKING = (0.62, 0.82), 3.2
+"""Where on its way (share of it) a leader stops for no light, and how hard it brakes [m/s^2]."""
+
+_AT_THE_ZONE = 7.0
+"""Who waits no farther than this [m] from a conflict zone visibly waits for it."""
+
+_LINGERS = 2.5
+"""How much later than it could a leader starts that is hit from behind [s]."""
+
+_RED = 12.0
+"""How long the leader of a rear-end would have stood at its red light [s]."""
+
+
+def rear_ends(
+    a: Actor, b: Actor, clause: Contact, setting: Setting
+) -> Iterator[tuple[Actor, Actor]]:
+    """Follower and leader, edited but not yet placed."""
+    for leader in _standing_leaders(b, setting.rng):
+        follower = _brakes_late(a, leader, clause, setting)
+        if follower is not None:
+            yield follower, leader
+        else:
+            words = f"{clause.first} does not drive in the lane where {clause.second} stops"
+            setting.missed(clause, Reached.PATHS, words)
+
+
+def while_standing(follower: Actor, leader: Actor, rng: np.random.Generator) -> list[float]:
+    """Offsets that bring the follower to the leader's rear while the leader stands."""
+    stop, touch = leader.stops[-1], follower.slowings[-1].s
+    first = stop.start + 0.2
+    if stop.reason == "gives_way":
+        first = stop.until - _LINGERS - 0.1
+    last = min(stop.until - 0.1, first + _RED)
+    reaches = follower.motion.time_at(touch)
+    return [
+        float(leader.enters - (time - reaches))
+        for time in rng.uniform(first, max(last, first), _TRIES)
+    ]
+
+
+def passed_by(leader: Actor) -> float:
+    """When [s] whom the lingering leader gave way to has passed."""
+    return leader.stops[-1].until - _LINGERS - 0.2
+
+
+def _standing_leaders(b: Actor, rng: np.random.Generator) -> Iterator[Actor]:
+    """Where it stands already; else at its red light; else braked to a stop on its way."""
+    if b.stops:
+        lingering = _lingering(b)
+        if lingering is not None:
+            yield lingering
+        return
+    at_light = _brakes_at_light(b)
+    if at_light is not None:
+        yield at_light
+    for share in rng.uniform(*_SUDDEN, 2):
+        hold = StopCommand(share * b.candidate.path.length, 0.0, _SUDDEN_BRAKING)
+        start = b.enters + compute_arrival(b.candidate, hold)
+        until = start + _FOR_GOOD
+        stop = Stop("stopping_point", hold.s, start, until, "brakes", _SUDDEN_BRAKING)
+        yield b.edited(stops=(stop,))
+
+
+def _brakes_at_light(b: Actor) -> Actor | None:
+    """The leader of a rear-end: stands at its red light."""
+    if b.marks.line is None or b.marks.group is None:
+        return None
+    stop = stop_at_light(b, b.marks.line - STOP_GAP)
+    return b.edited(stops=(replace(stop, until=stop.start + _RED),))
+
+
+def _brakes_late(a: Actor, b: Actor, clause: Contact, setting: Setting) -> Actor | None:
+    shared = setting.encounter(clause).within(0.0)
+    standing = np.abs(shared.s_b[shared.j] - b.stops[-1].s) < 0.3
+    if not standing.any():
+        return None
+    touch = float(shared.s_a[shared.i[standing]].min())
+    speed = clause.speed or float(setting.rng.uniform(3.0, 5.5))
+    return a.edited(stops=a.stops, slowings=(Slowing(touch, speed, 5.5),))
+
+
+def _lingering(leader: Actor) -> Actor | None:
+    """A leader slow to start after giving way; one that waits at red stays as it is.
+
+    None for one that waits far from the zone: hit there, it could have waited for anybody.
+    """
+    last = leader.stops[-1]
+    if last.reason != "gives_way":
+        return leader
+    if last.ahead is None or last.ahead > _AT_THE_ZONE:
+        return None
+    return leader.edited(stops=(*leader.stops[:-1], replace(last, until=last.until + _LINGERS)))

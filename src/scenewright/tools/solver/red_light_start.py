@@ -1,0 +1,99 @@
+"""Foreground vehicles that wait at red before anything happens, and set off when it turns green.
+
+Whoever comes at any time meets red as often as the light shows it. So a vehicle of which nothing
+is asked but yields starts from a standstill that often, first in its lane; the event then happens
+on its way from there. What such a wait asks of the lights, `stage.demands` says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from scenewright.geometry.landmarks import Landmarks
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.constraints import GivesWay, PairClause
+from scenewright.scene.map import IntersectionMap, SignalProgram
+from scenewright.tools.map_grounding.grounding import green_together
+from scenewright.tools.map_grounding.signal_plan import phases_of
+from scenewright.tools.solver.entry_times import LINE_GAP, START_LAG, stop_at_light
+from scenewright.tools.solver.schedule import pair_of
+from scenewright.tools.solver.scheduled_agent import Actor
+
+_ROOM_TO_COME, _LEAST_WAIT = 3.0, 2.0
+"""Least way [m] before its place at the line; shortest wait there until green [s]."""
+
+
+def openings(
+    candidates: Mapping[str, Candidate],
+    marks: Mapping[str, Landmarks],
+    clauses: Collection[PairClause],
+    *,
+    intersection_map: IntersectionMap,
+    chances: Mapping[str, float],
+    rng: np.random.Generator,
+) -> dict[str, Actor]:
+    """By name, those of the foreground that start from a red light this time, entering at time 0.
+
+    Args:
+        clauses: all that binds two agents.
+        chances: how likely these start so; others do as often as their light is red.
+    """
+    found: dict[str, Actor] = {}
+    for name, candidate in candidates.items():
+        group, program = marks[name].group, intersection_map.signals
+        if program is None or group is None or candidate.route.type != "vehicle":
+            continue
+        bonds = [each for each in clauses if name in pair_of(each)]
+        if not _yields_on_green(bonds, candidates, intersection_map) or _start_together(
+            bonds, found
+        ):
+            continue
+        red = _red(program, group)
+        if rng.random() < chances.get(name, red / program.cycle):
+            waiting = _waiting(candidate, marks[name], float(rng.uniform(0.0, red)), rng)
+            found |= {} if waiting is None else {name: waiting}
+    return found
+
+
+def _yields_on_green(
+    bonds: Collection[PairClause],
+    candidates: Mapping[str, Candidate],
+    intersection_map: IntersectionMap,
+) -> bool:
+    """Whether these are yields alone, between two who have green together."""
+    return bool(bonds) and all(
+        isinstance(each, GivesWay)
+        and green_together(
+            candidates[each.first].route,
+            candidates[each.second].route,
+            intersection_map=intersection_map,
+        )
+        for each in bonds
+    )
+
+
+def _start_together(bonds: Collection[PairClause], waiting: Collection[str]) -> bool:
+    """Whether one of the others waits already: the light would settle when both of them start."""
+    return any(name in waiting for each in bonds for name in pair_of(each))
+
+
+def _red(program: SignalProgram, group: str) -> float:
+    """How long the group shows red in a cycle [s]."""
+    _, shown = phases_of(program, group, ("red",))
+    return float(sum(each.duration for each, red in zip(program.phases, shown, strict=True) if red))
+
+
+def _waiting(
+    candidate: Candidate, marks: Landmarks, red: float, rng: np.random.Generator
+) -> Actor | None:
+    """The candidate with so much red [s] at its line; None if it has no room to come there."""
+    s = (marks.line or 0.0) - float(rng.uniform(*LINE_GAP))
+    if s < _ROOM_TO_COME:
+        return None
+    actor = Actor.unplaced(candidate, marks)
+    stop = stop_at_light(actor, s)
+    until = stop.start + max(red, _LEAST_WAIT) + float(rng.uniform(*START_LAG))
+    return actor.held_by_lights((replace(stop, until=until),))

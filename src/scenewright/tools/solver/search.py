@@ -1,0 +1,684 @@
+"""The search for a surviving combination (paper Eq. 4), without enumerating the product.
+
+The foreground is staged first, over tuples of its candidates. Then the signal programme gets an
+offset, and everybody else is seated around the foreground. Here the tuples come in the order drawn
+and the first that survives is taken: Eq. 4's argmin sends every agent down its modal path, which
+kills diversity. `least` computes it all the same.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from scenewright.errors import Rejected
+from scenewright.geometry.driving_profile import StopCommand, compute_arrival
+from scenewright.geometry.landmarks import Landmarks, find_landmarks
+from scenewright.geometry.map_areas import MapAreas
+from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet
+from scenewright.scene.constraints import (
+    Before,
+    BrakesFor,
+    ConstraintProgram,
+    Contact,
+    GivesWay,
+    Headway,
+    Near,
+    PairClause,
+    RunsRed,
+    SameLane,
+    SpeedBetween,
+    TimeGap,
+    UnaryClause,
+)
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.dsl_validator.check import check
+from scenewright.tools.dsl_validator.parse import format_clause
+from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_offsets
+from scenewright.tools.solver.background import (
+    Guest,
+    Option,
+    Seating,
+    Table,
+    seat_in_turn,
+)
+from scenewright.tools.solver.encounter import encounter
+from scenewright.tools.solver.entry_times import (
+    FOLLOW_LAG,
+    LINE_GAP,
+    QUEUE_GAP,
+    START_LAG,
+    STARTED,
+    STOP_LAG,
+    LastInLane,
+    Moment,
+    RedLight,
+    comes_at,
+    last_in_lane,
+    no_faster,
+    passes_on_green,
+    queues_left,
+    red_span,
+    seen_under,
+    starts_of,
+)
+from scenewright.tools.solver.foreground import Stage, demands, passes_first
+from scenewright.tools.solver.nearest_miss import Shortfalls
+from scenewright.tools.solver.red_light_run import runs_first, runs_in_time, with_runners
+from scenewright.tools.solver.red_light_start import openings
+from scenewright.tools.solver.safety_margin import Steps, forbidden_offsets
+from scenewright.tools.solver.schedule import Staging
+from scenewright.tools.solver.scheduled_agent import Actor
+
+MAX_SECONDS = 30.0
+"""How long a scene lasts [s]: as long as the windows in which p_tod counts people."""
+_FIRST_EVENT = (2.5, 26.5)
+"""When the first event happens [s], as far as it is seen coming and ending."""
+
+_DISCHARGE = 1.0
+"""How much likelier the lights are under which queues set off in view than those under which they
+form, per second of red. An event keeps many from setting off and nobody from coming to stand; in
+traffic as many do one as the other. Chosen on other requests and the validation hours."""
+
+_SIGHT, _ENDED = 0.2, 1.5
+"""How long before the beginning and after the last of an event the scene is seen at least [s]."""
+
+_TUPLES = 14
+_HOPELESS = 7
+"""Tuples per relation that are tried; and after which routes are given up if none is staged."""
+_STAGINGS_PER_TUPLE = 4
+_SEATINGS = 3
+"""Seatings tried before everybody is drawn afresh (`draw`)."""
+
+_STUCK_COST = 8.0
+"""Nats that it costs to stand on at green because of a wreck."""
+
+WAITING_ALREADY = 4.0
+"""How long before the scene begins [s] one who is already waiting then came about."""
+
+_WINDOW, _FAR_COST = 6.0, 2.0
+"""How far from its drawn arrival an agent may be moved to keep out of others' way [s]; and what
+it costs [nats] to have it come at another time altogether."""
+
+_PATIENCE = 3
+"""Candidates on which one who comes on red looks for room to wait."""
+
+_ROOM_TO_COME = 3.0
+"""Least way [m] before a place in a queue."""
+
+_ONE_LANE = 0.5
+"""How far footprints beside one another overlap if they share a lane [m]."""
+
+_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor)
+_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor
+
+
+@dataclass(frozen=True, eq=False)
+class Framing:
+    """A staging in scene time, with the scene's length and the programme's offset [s]."""
+
+    staging: Staging
+    duration: float
+    offset: float | None
+
+
+class Search:
+    """Tuples in the order drawn, the others in turn; the first survivor is taken."""
+
+    def __init__(
+        self,
+        program: ConstraintProgram,
+        pool: CandidateSet,
+        ground: MapAreas,
+        rng: np.random.Generator,
+        lenient: bool,
+    ) -> None:
+        self._lenient = lenient
+        self._pool, self._ground, self._rng = pool, ground, rng
+        self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
+        self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
+        self._before = tuple(c for c in program.clauses if isinstance(c, Before))
+        self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
+        self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
+        paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
+        self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
+        bound = [name for c in self._events for name in (c.first, str(c.second))]
+        runners = [c.agent for c in program.clauses if isinstance(c, RunsRed)]
+        self._bound = list(dict.fromkeys((*bound, *runners)))
+        self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
+        self._failures: Counter[str] = Counter()
+        self._shortfalls = Shortfalls()
+        self._unseated = self._staged = self._glances = 0
+
+    def run(self) -> Selection:
+        """The surviving combination; Rejected where none was found."""
+        for clause in (*self._near, *self._before):
+            if not {clause.first, clause.second} <= set(self._bound):
+                raise Rejected(_unbound(clause))
+        found = self._found()
+        if found is None:
+            raise Rejected(self._rejection())
+        return found
+
+    def _found(self) -> Selection | None:
+        """The first surviving combination in the order drawn."""
+        wanted = max(len(self._events), 1)
+        tuples = itertools.islice(self._tuples(), _TUPLES * wanted)
+        for tried, choice in enumerate(tuples, start=1):
+            selection = self._try(choice)
+            if selection is not None:
+                return counted(selection, tried)
+            if self._unseated >= _SEATINGS or (tried >= _HOPELESS * wanted and not self._staged):
+                return None
+        return None
+
+    def _cost(self, name: str, m: int) -> float:
+        draws = self._pool.agents[name]
+        return float(draws.nll[m] + draws.time_nll[m])
+
+    def _tuples(self) -> Iterator[dict[str, int]]:
+        """Choices of one candidate per bound agent."""
+        draws = [self._pool.agents[name] for name in self._bound]
+        if not draws:
+            yield {}
+            return
+        orders = [self._rng.permutation(len(each.nll)) for each in draws]
+        for n in itertools.count():
+            yield {
+                each.name: int(order[n % len(order)])
+                for each, order in zip(draws, orders, strict=True)
+            }
+            if n and n % len(draws[0].nll) == 0:
+                orders = [self._rng.permutation(len(each.nll)) for each in draws]
+
+    def _try(self, choice: dict[str, int]) -> Selection | None:
+        built = {name: self._candidate(name, m) for name, m in choice.items()}
+        if None in built.values():
+            return None
+        candidates = {name: pair[0] for name, pair in built.items() if pair}
+        marks = {name: pair[1] for name, pair in built.items() if pair}
+        if not self._paths_fit(candidates):
+            return None
+        waiting = self._at_red(candidates, marks)
+        for opening in (waiting, {}) if waiting else ({},):
+            selection = self._played(choice, candidates, marks, opening)
+            if selection is not None or self._unseated >= _SEATINGS:
+                return selection
+        return None
+
+    def _at_red(
+        self, candidates: Mapping[str, Candidate], marks: Mapping[str, Landmarks]
+    ) -> dict[str, Actor]:
+        """Those of the foreground that wait at red before anything happens."""
+        intersection_map, bonds = self._ground.intersection_map, (*self._events, *self._before)
+        chances = self._red_first | dict.fromkeys(self._violators, 0.0)
+        return openings(
+            candidates,
+            marks,
+            bonds,
+            intersection_map=intersection_map,
+            chances=chances,
+            rng=self._rng,
+        )
+
+    def _played(
+        self,
+        choice: dict[str, int],
+        candidates: Mapping[str, Candidate],
+        marks: Mapping[str, Landmarks],
+        opening: Mapping[str, Actor],
+    ) -> Selection | None:
+        """The first survivor among the stagings of a tuple, opened like that."""
+        stage = Stage(
+            candidates, marks, self._rng, lenient=self._lenient,
+            shortfalls=self._shortfalls, habits=self._pool.manners, openings=opening,
+        )  # fmt: skip
+        count = 0
+        for staging in filter(self._run_first, stage.play(self._events, self._opening())):
+            selection = self._finish(staging, choice)
+            if selection is not None:
+                return selection
+            count += 1
+            self._staged += 1
+            spent = self._unseated >= _SEATINGS
+            if count >= _STAGINGS_PER_TUPLE or spent:
+                return None
+        if not count:
+            self._failures[_text(self._events)] += 1
+        return None
+
+    def _opening(self) -> Staging:
+        """Who is on stage before anything is played: nobody."""
+        return Staging()
+
+    def _candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
+        """The m-th candidate of an agent, once; None if a unary clause fails on it."""
+        if (name, m) not in self._built:
+            candidate = self._pool.agents[name].build(m)
+            path = self._ground.trimmed(candidate.path)
+            if path is not candidate.path:
+                candidate = replace(candidate, path=path)
+            marks = find_landmarks(candidate, ground=self._ground)
+            refused = [
+                rejection
+                for clause in self._unary
+                if clause.agent == name
+                for rejection in check(candidate, clause, marks=marks, ground=self._ground)
+            ]
+            self._failures.update(rejection.detail for rejection in refused)
+            self._built[(name, m)] = None if refused else (candidate, marks)
+        return self._built[(name, m)]
+
+    def _paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
+        for clause in self._near:
+            a, b = candidates.get(clause.first), candidates.get(clause.second)
+            if a is None or b is None:
+                continue
+            reach = clause.metres if isinstance(clause, Near) else -_ONE_LANE
+            pair = encounter(a.path, b.path, shapes=(a.shape, b.shape), reach=reach)
+            along = np.ptp(pair.s_a[pair.i]) if len(pair.i) else -1.0
+            if along < (clause.metres if isinstance(clause, SameLane) else 0.0):
+                self._failures[format_clause(clause)] += 1
+                return False
+        return True
+
+    def _finish(self, staging: Staging, choice: dict[str, int]) -> Selection | None:
+        """In scene time, with lights and everybody else; None if one of these does not fit."""
+        framing = self._framed(staging, choice)
+        if framing is None:
+            return None
+        seating = self._seat(framing)
+        if isinstance(seating, str):
+            self._unseated += 1
+            self._failures[seating] += 1
+            return None
+        return self._selection(framing, choice, seating)
+
+    def _framed(self, staging: Staging, choice: Mapping[str, int]) -> Framing | None:
+        """In scene time and with lights; None if one of these does not fit."""
+        timed = self._timed(staging)
+        timed = None if timed is None else self._with_runners(timed, choice)
+        if timed is None or not self._strangers_apart(timed):
+            return None
+        if not self._in_order(timed):
+            return None
+        duration = self._duration(timed)
+        if not self._run_red(timed, duration):
+            return None
+        offset = self._signal_offset(timed, duration)
+        if offset is None and self._ground.intersection_map.signals is not None:
+            self._failures["the signal programme allows no such moment"] += 1
+            return None
+        return Framing(timed, duration, offset)
+
+    def _timed(self, staging: Staging) -> Staging | None:
+        """Shifted so that the first event falls anywhere where it is seen coming and ending."""
+        if not staging.happenings:
+            return staging
+        first = min(each.time for each in staging.happenings)
+        begins = min(each.begins for each in staging.happenings)
+        last = MAX_SECONDS - 0.2 - _needed(staging)
+        earliest = max(_FIRST_EVENT[0] - first, _SIGHT - begins)
+        latest = max(min(_FIRST_EVENT[1] - first, last), earliest)
+        shift = round(min(float(self._rng.uniform(earliest, latest)), last), 1)
+        if begins + shift < 0.0:
+            self._failures["the events do not fit into one scene of 30 s"] += 1
+            return None
+        return staging.shifted(shift)
+
+    def _duration(self, _: Staging) -> float:
+        """How long the scene lasts [s]."""
+        return MAX_SECONDS
+
+    def _with_runners(self, staging: Staging, choice: Mapping[str, int]) -> Staging:
+        """Also those who run red on their own."""
+        alone = [name for name in self._bound if name not in staging.actors]
+        built = {name: self._candidate(name, choice[name]) for name in alone}
+        known = {name: pair for name, pair in built.items() if pair is not None}
+        return with_runners(staging, known, known, self._rng)
+
+    def _run_first(self, staging: Staging) -> bool:
+        """Whether those on stage who are to run red do so before what they do to others."""
+        there = sorted(self._violators & staging.actors.keys())
+        late = [name for name in there if not runs_first(name, staging)]
+        self._failures.update(f"runs_red({name}) before what it does to others" for name in late)
+        return not late
+
+    def _run_red(self, staging: Staging, duration: float) -> bool:
+        """Whether everybody who is to run red gets there in time."""
+        for name in sorted(self._violators):
+            if name not in staging.actors or not runs_in_time(name, staging, until=duration):
+                self._failures[f"runs_red({name}) within the scene"] += 1
+                return False
+        return True
+
+    def _strangers_apart(self, staging: Staging) -> bool:
+        related = {frozenset((c.first, str(c.second))) for c in self._events}
+        for a in staging.actors:
+            for b in staging.actors:
+                if a == b or frozenset((a, b)) in related:
+                    continue
+                first, second = (staging.actors[name].until(MAX_SECONDS) for name in (a, b))
+                delta = (second.enters - first.enters) / STEP
+                for low, high in forbidden_offsets(first, second, strict=True):
+                    if low < delta < high:
+                        self._failures[f"no_interaction({a}, {b})"] += 1
+                        return False
+        return True
+
+    def _in_order(self, staging: Staging) -> bool:
+        for clause in self._before:
+            first, second = staging.actors.get(clause.first), staging.actors.get(clause.second)
+            if first is None or second is None or not passes_first(first, second):
+                self._failures[format_clause(clause)] += 1
+                return False
+        return True
+
+    def _signal_offset(self, staging: Staging, duration: float) -> float | None:
+        program = self._ground.intersection_map.signals
+        if program is None:
+            return None
+        wanted = [
+            demand
+            for name, actor in staging.actors.items()
+            for demand in demands(actor, violates=name in self._violators, until=duration)
+        ]
+        offsets = feasible_offsets(program, tuple(wanted))
+        if not len(offsets):
+            return None
+        crowd = [each.route for each in self._pool.agents.values() if each.chance is not None]
+        often = seen_under(
+            program,
+            offsets,
+            crowd,
+            duration=duration,
+            intersection_map=self._ground.intersection_map,
+        )
+        if staging.happenings:
+            left = queues_left(
+                program,
+                offsets,
+                crowd,
+                duration=duration,
+                intersection_map=self._ground.intersection_map,
+            )
+            often = often * np.exp(_DISCHARGE * (left.min() - left))
+        return float(self._rng.choice(offsets, p=often / often.sum()))
+
+    def _moment(self, framing: Framing) -> Moment:
+        clock = None
+        if framing.offset is not None and self._ground.intersection_map.signals is not None:
+            clock = SignalClock(self._ground.intersection_map.signals, framing.offset)
+        blocked = any(actor.contact is not None for actor in framing.staging.actors.values())
+        return Moment(clock, framing.duration, blocked)
+
+    def _seat(self, framing: Framing) -> Seating | str:
+        """Everybody else around the foreground; spares stand in for those who find no room."""
+        actors = framing.staging.actors
+        table = Table(actor.until(framing.duration) for actor in actors.values())
+        guests = self._guests(framing, placed=actors)
+        return seat_in_turn(guests, table, self._pool.background)
+
+    def _guests(self, framing: Framing, *, placed: Container[str]) -> list[Guest]:
+        """All but those who have their place already."""
+        moment = self._moment(framing)
+        return [
+            Guest(
+                name=name,
+                type=draws.route.type,
+                foreground=draws.role == "foreground",
+                make=partial(self._options, draws, moment),
+                spare=draws.spare,
+            )
+            for name, draws in self._pool.agents.items()
+            if name not in placed
+        ]
+
+    def _options(
+        self, draws: AgentCandidates, moment: Moment, standing: Sequence[Actor]
+    ) -> Iterator[Option]:
+        """The ways in which an agent may take part: of its first candidate that has any.
+
+        Who comes on red looks for room to wait on a few candidates before it comes at other times.
+        """
+        later: list[Option] = []
+        tried = 0
+        for m in range(len(draws.nll)):
+            built = self._candidate(draws.name, m)
+            if built is None:
+                continue
+            ways = self._ways(draws, m, built, moment, standing, later)
+            first = next(ways, None)
+            if first is not None:
+                yield first
+                yield from ways
+            tried += first is not None or bool(later)
+            if tried == _PATIENCE or (tried and not later):
+                break
+        yield from later
+
+    def _ways(
+        self,
+        draws: AgentCandidates,
+        m: int,
+        built: tuple[Candidate, Landmarks],
+        moment: Moment,
+        standing: Sequence[Actor],
+        later: list[Option],
+    ) -> Iterator[Option]:
+        """Passing on green near the time drawn; waiting; passing at any other moment.
+
+        Args:
+            standing: behind whom it may wait.
+            later: gets what is left to one who comes on red and finds no room to wait.
+        """
+        actor = Actor.unplaced(*built)
+        half = STEP * len(actor.motion.s) / 2
+        arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
+        cost, around = self._cost(draws.name, m), arrives - half
+        if draws.chance is not None:
+            around = comes_at(actor, moment, draws.chance)
+        waits = draws.chance is not None and not passes_on_green(actor, moment, around)
+        far: list[Option] = []
+        if not waits:
+            near, far = _passing(actor, m, cost, around, moment)
+            yield from near
+        drives = draws.route.type == "vehicle"
+        span = red_span(actor, moment, around)
+        last = last_in_lane(built[0], standing, span) if drives else None
+        waiting: list[tuple[RedLight, Steps]] = []
+        if last is not None and draws.arrival is not None:
+            yield from self._behind(actor, m, cost, around, moment, last)
+        else:
+            for red in self._reds(actor, moment, around, -half - WAITING_ALREADY):
+                waiting.append((red, np.array([round(red.enters / STEP)], dtype=np.int64)))
+                yield Option(red.actor, m, waiting[-1][1], cost)
+        stuck = [
+            Option(replace(red, stays=True).actor, m, step, cost + _STUCK_COST)
+            for red, step in waiting
+            if moment.blocked and red.release < moment.duration
+        ]
+        if waits:
+            near, far = _passing(actor, m, cost, around, moment)
+            later += (*near, *far, *stuck)
+        else:
+            yield from (*far, *stuck)
+
+    def _reds(
+        self, actor: Actor, moment: Moment, around: float, waiting: float
+    ) -> Iterator[RedLight]:
+        """Waiting first in its lane: come about the time drawn, or before the scene began."""
+        late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
+        for enters in (around, *(around + each for each in late), waiting):
+            gap, lag = (float(self._rng.uniform(*each)) for each in (LINE_GAP, START_LAG))
+            red = RedLight(actor, moment, round(enters, 1), gap, lag)
+            if red.holds:
+                yield red
+
+    def _behind(
+        self,
+        free: Actor,
+        m: int,
+        cost: float,
+        wish: float,
+        moment: Moment,
+        last: LastInLane,
+    ) -> Iterator[Option]:
+        """Queueing behind the last of those who stand in the agent's lane, if there is time."""
+        rear, start, until = last.rear, last.start, last.until
+        free = Actor.unplaced(no_faster(free.candidate, last.law), free.marks)
+        s = rear - free.candidate.shape.length / 2 - float(self._rng.uniform(*QUEUE_GAP))
+        if s < _ROOM_TO_COME:
+            return
+        stands = compute_arrival(free.candidate, StopCommand(s, 0.0))
+        soonest = start + float(self._rng.uniform(*STOP_LAG)) - stands
+        enters = round(max(wish, soonest), 1)
+        release = until + float(self._rng.uniform(*FOLLOW_LAG))
+        if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < STARTED:
+            return
+        stop = Stop("queue", s, stands, release - enters, "red_light")
+        actor = free.edited(stops=(stop,)).until(moment.duration - enters)
+        if passes_on_green(actor, moment, enters):
+            yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64), cost)
+
+    def _selection(self, framing: Framing, choice: dict[str, int], seating: Seating) -> Selection:
+        staging, agents = framing.staging, dict[str, SelectedAgent]()
+        for name, draws in self._pool.agents.items():
+            if name in staging.actors:
+                actor, index = staging.actors[name], choice[name]
+            elif name not in seating.chosen:
+                continue
+            else:
+                option, start = seating.chosen[name]
+                actor, index = option.actor.shifted(start * STEP), option.index
+            agents[name] = SelectedAgent(
+                name=name,
+                role=draws.role,
+                candidate=actor.candidate,
+                index=index,
+                enters=actor.enters,
+                stops=actor.stops,
+                slowings=actor.slowings,
+                contact=actor.contact,
+                violates=name in self._violators,
+            )
+        events = tuple(
+            PlannedEvent(
+                format_clause(each.clause),
+                (each.clause.first, str(each.clause.second)),
+                round(each.time, 3),
+                each.location,
+            )
+            for each in staging.happenings
+        )
+        nll = sum(float(self._pool.agents[n].nll[a.index]) for n, a in agents.items())
+        return Selection(
+            agents=agents,
+            events=events,
+            duration=framing.duration,
+            signal_offset=framing.offset,
+            nll=nll,
+            cost=sum(self._cost(name, agent.index) for name, agent in agents.items()),
+            optimal=seating.optimal,
+            figures={"rounds": seating.rounds, "pairs": seating.pairs},
+        )
+
+    def _rejection(self) -> Rejection:
+        most = self._failures.most_common(3)
+        detail = "; ".join(f"{reason} ({count}x)" for reason, count in most)
+        culprit = None if self._staged else self._shortfalls.culprit(self._events)
+        if culprit is not None:
+            detail = f"{format_clause(culprit.clause)}: {culprit.words}"
+        return Rejection(
+            stage="waypoint_filter",
+            code="no_surviving_combination",
+            agents=tuple(self._bound),
+            detail=f"no combination of candidates survives: {detail or 'none was drawn'}",
+            missed=None if culprit is None else (-culprit.reached, culprit.off),
+        )
+
+
+def _passing(
+    actor: Actor, m: int, cost: float, around: float, moment: Moment
+) -> tuple[list[Option], list[Option]]:
+    """Passing on green near a time [s]; and at any time at all, where that is more."""
+    starts, wish = starts_of(actor, moment), round(around / STEP)
+    near = starts[np.abs(STEP * starts - around) <= _WINDOW]
+    more = len(starts) > len(near)
+    return (
+        [Option(lambda: actor, m, near, cost, wish)] if len(near) else [],
+        [Option(lambda: actor, m, starts, cost + _FAR_COST, wish)] if more else [],
+    )
+
+
+def _in_playing_order(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
+    """Followers come last, behind whatever their leader does; but before they run into it.
+
+    A collision comes after what its agents do otherwise, as it ends them. Who has to do with those
+    on stage comes before others, as two who have come independently cannot be brought together.
+    """
+    later = [each for each in clauses if isinstance(each, Headway) and _comes_last(each, clauses)]
+    sooner = [each for each in clauses if each not in later]
+    ends = [each for each in sooner if isinstance(each, Contact) and _has_company(each, sooner)]
+    return _connected([*(each for each in sooner if each not in ends), *ends, *later])
+
+
+def _connected(clauses: list[_EventClause]) -> tuple[_EventClause, ...]:
+    """The clauses in their order, but those first that bind somebody who is there already."""
+    ordered: list[_EventClause] = []
+    known: set[str] = set()
+    rest = list(clauses)
+    while rest:
+        joins = (each for each in rest if known & {each.first, str(each.second)})
+        ordered.append(next(joins, rest[0]))
+        rest.remove(ordered[-1])
+        known |= {ordered[-1].first, str(ordered[-1].second)}
+    return tuple(ordered)
+
+
+def _comes_last(follow: Headway, clauses: list[_EventClause]) -> bool:
+    """Whether the leader's way decides when it is followed: if it gives way, or is not hit."""
+    pair = {follow.first, follow.second}
+    hit = any(isinstance(c, Contact) and {c.first, c.second} == pair for c in clauses)
+    waits = any(isinstance(c, GivesWay) and c.first == follow.second for c in clauses)
+    return waits or not hit
+
+
+def _has_company(contact: _EventClause, clauses: list[_EventClause]) -> bool:
+    """Whether one of the two does something else as well."""
+    pair = {contact.first, str(contact.second)}
+    return any(each is not contact and pair & {each.first, str(each.second)} for each in clauses)
+
+
+def _unbound(clause: PairClause) -> Rejection:
+    return Rejection(
+        stage="waypoint_filter",
+        code="malformed_program",
+        agents=(clause.first, str(clause.second)),
+        detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
+        "headway, gives_way or brakes_for clause",
+    )
+
+
+def counted(selection: Selection, tried: int) -> Selection:
+    """The selection with the number of tuples looked at among its figures."""
+    return replace(selection, figures={**selection.figures, "tuples": tried})
+
+
+def _needed(staging: Staging) -> float:
+    """Scene time [s] until which every event can be seen to have ended."""
+    ends = [max(each.time, each.ends) + _ENDED for each in staging.happenings]
+    for actor in staging.actors.values():
+        ends += [stop.until + _ENDED for stop in actor.stops if stop.reason == "gives_way"]
+    return max(ends)
+
+
+def _text(clauses: tuple[PairClause, ...]) -> str:
+    return "; ".join(format_clause(clause) for clause in clauses)

@@ -1,0 +1,19 @@
+"""Recordings: whole tracks of everybody at one place, on one clock, whoever recorded them.
+
+`recording` is the value, `archive` its file, `windows` cuts scenes out of it, `taf_bw` reads real
+tracks, `cleaning` frees real tracks of what no road user does.
+"""
+
+from scenewright.tools.track_io.archive import load_recordings, save_recordings
+from scenewright.tools.track_io.recording import RecordedAgent, Recording, Split
+from scenewright.tools.track_io.windows import Window, cut_windows
+
+__all__ = [
+    "RecordedAgent",
+    "Recording",
+    "Split",
+    "Window",
+    "cut_windows",
+    "load_recordings",
+    "save_recordings",
+]

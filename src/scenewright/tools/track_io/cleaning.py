@@ -1,0 +1,162 @@
+"""Real tracks freed of what no road user does, with a count of everything that was taken away.
+
+Trackers see ghosts, lose agents, name two agents alike, need a while to believe in a speed, and
+jitter. Nothing is repaired that can be left out: a jump cuts a track, and a piece that cannot be
+believed goes. What is left is smoothed lightly, because a derivative of jitter is no acceleration.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from scenewright.geometry.kinematics import compute_kinematics, smooth
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.track import STEP, Track
+
+FASTEST: Mapping[str, float] = {"vehicle": 20.0, "pedestrian": 3.0}
+"""Faster nobody is [m/s] (SEMANTICS section 5); on foot whoever is rides something."""
+JUMP = 2.0
+"""Beyond the way at the fastest, how far noise may move a position in one step [m]."""
+SHORTEST = 2.0
+"""Pieces below this say nothing about motion [s]."""
+LEAST_WAY: Mapping[str, float] = {"vehicle": 3.0, "pedestrian": 1.0}
+"""Who gets no further [m] and never moves is a ghost, or parked, or unseen when it moved."""
+MOVING = 0.5
+BELIEVED = 0.4
+"""Smoothing under which speeds are judged, not the smoothing of what is kept [s]."""
+COURSE_FROM = 0.3
+"""Slower than this [m/s] a course is noise: the heading is held."""
+NOISE_SPAN = 11
+"""Samples of the cubic that jitter is measured against."""
+
+
+@dataclass(eq=False)
+class Removed:
+    """What cleaning took away.
+
+    Attributes:
+        tracks: tracks seen; kept: pieces left of them.
+        seconds: seen; seconds_kept: left.
+        pieces: pieces taken away, by reason; cut: seconds cut off pieces that stayed, by reason.
+    """
+
+    tracks: int = 0
+    kept: int = 0
+    seconds: float = 0.0
+    seconds_kept: float = 0.0
+    pieces: Counter[str] = field(default_factory=Counter)
+    cut: dict[str, float] = field(default_factory=dict)
+
+    def cut_off(self, reason: str, seconds: float) -> None:
+        """Counts seconds cut off."""
+        self.cut[reason] = self.cut.get(reason, 0.0) + seconds
+
+    def __add__(self, other: Removed) -> Removed:
+        return Removed(
+            self.tracks + other.tracks,
+            self.kept + other.kept,
+            self.seconds + other.seconds,
+            self.seconds_kept + other.seconds_kept,
+            self.pieces + other.pieces,
+            {r: self.cut.get(r, 0.0) + other.cut.get(r, 0.0) for r in {**self.cut, **other.cut}},
+        )
+
+    def lines(self) -> list[str]:
+        """The report, one fact a line."""
+        return [
+            f"{self.tracks} tracks, {self.seconds:.0f} s; kept {self.kept} pieces, "
+            f"{self.seconds_kept:.0f} s",
+            *(f"removed {n} pieces: {reason}" for reason, n in self.pieces.most_common()),
+            *(f"cut {s:.1f} s: {reason}" for reason, s in self.cut.items() if s > 0),
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class SeenTrack:
+    """One track as a tracker wrote it.
+
+    Attributes:
+        type: agent class; time: [T] [s], multiples of 0.1; xy: [T, 2] positions [m].
+        settling: how long the tracker's filter needs at the beginning [s].
+    """
+
+    type: AgentClass
+    time: FloatArray
+    xy: FloatArray
+    settling: float = 0.0
+
+
+def cleaned(seen: SeenTrack, *, smoothing: float, removed: Removed) -> Iterator[Track]:
+    """The believable pieces of a track, smoothed, and what was removed added to `removed`.
+
+    Args:
+        smoothing: standard deviation of the Gaussian over time [s]; 0 for none.
+    """
+    removed.tracks += 1
+    removed.seconds += len(seen.time) * STEP
+    for number, part in enumerate(_pieces(seen, removed)):
+        skipped = round(seen.settling / STEP) if number == 0 else 0
+        start, xy = float(seen.time[part][0]) + skipped * STEP, seen.xy[part][skipped:]
+        reason = unbelievable(seen.type, xy)
+        if reason is not None:
+            removed.pieces[reason] += 1
+            continue
+        removed.cut_off("the tracker's filter settles", skipped * STEP)
+        removed.kept += 1
+        removed.seconds_kept += len(xy) * STEP
+        even = smooth(xy, smoothing)
+        yield Track(even, held_course(even), round(round(start / STEP) * STEP, 1))
+
+
+def _pieces(seen: SeenTrack, removed: Removed) -> Iterator[slice]:
+    """The stretches of a track without gaps and jumps; of samples at one time the first counts."""
+    gap = np.abs(np.diff(seen.time) - STEP) > STEP / 4
+    way = np.linalg.norm(np.diff(seen.xy, axis=0), axis=1)
+    jump = ~gap & (way > FASTEST["vehicle"] * STEP + JUMP)
+    removed.cut_off("jumps", float(jump.sum()) * STEP)
+    cuts = [0, *(np.flatnonzero(gap | jump) + 1).tolist(), len(seen.time)]
+    return (slice(a, b) for a, b in pairwise(cuts))
+
+
+def unbelievable(kind: AgentClass, xy: FloatArray) -> str | None:
+    """Why a piece of a track cannot be used; None if it can."""
+    if len(xy) * STEP < SHORTEST:
+        return f"shorter than {SHORTEST:g} s"
+    speed = compute_kinematics(smooth(xy, BELIEVED)).speed
+    if float(np.ptp(xy, axis=0).max()) < LEAST_WAY[kind]:
+        return "hardly moves: ghost, parked, or waiting all the while"
+    usual = float(np.quantile(speed, 0.9))
+    if usual > FASTEST[kind]:
+        return f"{kind} faster than {FASTEST[kind]:g} m/s"
+    if float(speed.max()) > 1.3 * FASTEST[kind]:
+        return "speed jumps: the track changes from one agent to another"
+    return None
+
+
+def held_course(xy: FloatArray) -> FloatArray:
+    """[T] direction of motion [rad]; held where there is none, east for who never moves."""
+    step = np.gradient(xy, STEP, axis=0) if len(xy) > 1 else np.zeros_like(xy)
+    known = np.hypot(step[:, 0], step[:, 1]) >= COURSE_FROM
+    if not known.any():
+        return np.zeros(len(xy))
+    course = np.arctan2(step[:, 1], step[:, 0])
+    last = np.maximum.accumulate(np.where(known, np.arange(len(xy)), -1))
+    return np.asarray(np.unwrap(course[np.where(last < 0, int(np.argmax(known)), last)]))
+
+
+def jitter(xy: FloatArray) -> FloatArray:
+    """[T'] distance of moving positions from a cubic through their neighbours within 0.5 s [m]."""
+    from scipy import signal
+
+    filters: Any = signal
+    if len(xy) <= NOISE_SPAN:
+        return np.zeros(0)
+    even = filters.savgol_filter(xy, NOISE_SPAN, 3, axis=0)
+    moving = np.linalg.norm(np.gradient(even, STEP, axis=0), axis=1) > MOVING
+    return np.asarray(np.linalg.norm(xy - even, axis=1)[moving])

@@ -1,0 +1,564 @@
+"""Tracks that scenewright never made: a CSV of tracks, and TrajNet++ ndjson.
+
+Reading is strict, because an event found in misread tracks is worse than none: whatever is not
+clear is refused with the line of the file and what to mend. Nothing is invented: a gap in a track
+is not bridged, the agent is taken for two road users instead, who share a name.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import PurePath
+from typing import Any, NoReturn
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
+from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
+from scenewright.tools.relation_checker.motion import FARTHEST, RoadUser
+from scenewright.tools.relation_checker.recording import ExternalTracks
+from scenewright.tools.track_io.unit_checks import doubts
+
+MOST_BYTES = 200_000_000
+"""Larger files are refused; a part of them can be checked."""
+LONGEST_STEP, SHORTEST_STEP = 2.0, 0.001
+"""Time between two rows of one agent [s]; beyond this, t is not in seconds."""
+JITTER = 0.25
+"""How far a row may lie from its even time, as a share of the step."""
+FASTEST = 150.0
+"""Faster than this [m/s] nothing on a road is: the unit, or the id, must be wrong."""
+LATEST = 1e10
+FAR_FROM_ZERO = 1e5
+"""Times further from 0 than a day or so [s] are clock times and counted from the first row."""
+TURNED = 20.0
+"""Headings beyond this are degrees [rad]."""
+COURSE = {"vehicle": 0.5, "pedestrian": 0.2}
+"""Way over which the course is measured, and within 1 s the least that counts as motion [m]."""
+TRAJNET_FPS = 2.5
+
+_CAR, _BIKE = vehicle_shape("car"), Shape("vehicle", 1.8, 0.6)
+_SHAPES = {
+    "car": _CAR,
+    "truck": vehicle_shape("truck"),
+    "bus": vehicle_shape("bus"),
+    "motorcycle": vehicle_shape("motorcycle"),
+    "bicycle": _BIKE,
+    "pedestrian": PEDESTRIAN,
+}
+"""Footprints by subtype (SEMANTICS section 1); bicycles are small vehicles."""
+_SYNONYMS = {
+    "car": "vehicle automobile passenger_car passenger_vehicle van minivan suv taxi pickup cab",
+    "truck": "lorry heavy_vehicle truck_bus trailer semi hgv",
+    "bus": "coach minibus",
+    "motorcycle": "motorbike motorcyclist moped scooter motor",
+    "bicycle": "bike cyclist bicyclist biker",
+    "pedestrian": "ped person people walker human",
+}
+_SUBTYPES = {
+    word: subtype for subtype, words in _SYNONYMS.items() for word in (subtype, *words.split())
+}
+_REQUIRED = ("t", "id", "class", "x", "y")
+_OPTIONAL = ("heading", "length", "width")
+
+
+@dataclass(eq=False)
+class _Rows:
+    """One agent's rows as they stand in the file; what an optional cell lacks is NaN."""
+
+    subtype: str
+    lines: array[int] = field(default_factory=lambda: array("q"))
+    t: array[float] = field(default_factory=lambda: array("d"))
+    x: array[float] = field(default_factory=lambda: array("d"))
+    y: array[float] = field(default_factory=lambda: array("d"))
+    heading: array[float] = field(default_factory=lambda: array("d"))
+    length: array[float] = field(default_factory=lambda: array("d"))
+    width: array[float] = field(default_factory=lambda: array("d"))
+
+    def column(self, name: str) -> FloatArray:
+        return np.array(getattr(self, name), dtype=np.float64)
+
+
+@dataclass(eq=False)
+class _Table:
+    """All rows of a file by agent.
+
+    Attributes:
+        name: of the file; clock: what the file calls its time, `t` or `f`.
+    """
+
+    name: str
+    clock: str = "t"
+    agents: dict[str, _Rows] = field(default_factory=dict)
+
+    def refuse(self, line: int, reason: str) -> NoReturn:
+        raise InputError(f"{self.name}, line {line}: {reason}")
+
+    def add(self, line: int, who: str, subtype: str, values: Mapping[str, float]) -> None:
+        """Appends a row.
+
+        Raises:
+            InputError: the agent is of another class, the time is not later than the last one.
+        """
+        rows = self.agents.setdefault(who, _Rows(subtype))
+        if rows.subtype != subtype:
+            self.refuse(line, f"id {_shown(who)} is a {subtype} here and a {rows.subtype} in line "
+                        f"{rows.lines[0]}; give each agent an id of its own")  # fmt: skip
+        if rows.t and values["t"] <= rows.t[-1]:
+            self._not_later(line, who, values["t"], rows)
+        rows.lines.append(line)
+        for name in ("t", "x", "y"):
+            getattr(rows, name).append(values[name])
+        for name in _OPTIONAL:
+            getattr(rows, name).append(values.get(name, math.nan))
+
+    def _not_later(self, line: int, who: str, time: float, rows: _Rows) -> NoReturn:
+        at = f"{self.clock} = {time:.13g}"
+        if time == rows.t[-1]:
+            self.refuse(line, f"a second row of id {_shown(who)} at {at}, the first is line "
+                        f"{rows.lines[-1]}; keep one")  # fmt: skip
+        self.refuse(line, f"{at} of id {_shown(who)} comes after {self.clock} = {rows.t[-1]:.13g}; "
+                    "sort the rows by time, and give each agent an id of its own")  # fmt: skip
+
+
+def read_tracks(data: bytes, *, name: str) -> ExternalTracks:
+    """The tracks in the bytes of a file; its name says which format it has.
+
+    Args:
+        data: the content; name: such as `tracks.csv` or `zara.ndjson`, also for messages.
+
+    Raises:
+        InputError: names the line and what to mend.
+    """
+    readers: dict[str, Callable[..., ExternalTracks]] = {
+        ".csv": read_csv,
+        ".ndjson": read_trajnet,
+    }
+    reader = readers.get(PurePath(name).suffix.lower())
+    if reader is None:
+        raise InputError(f"{name}: tracks are read from .csv and .ndjson files")
+    return reader(decoded(data, name=name), name=name)
+
+
+def decoded(data: bytes, *, name: str) -> str:
+    """The text of a file: UTF-8, with or without a byte order mark.
+
+    Raises:
+        InputError: too large, empty or in another encoding.
+    """
+    if len(data) > MOST_BYTES:
+        raise InputError(too_large(name, len(data)))
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{name}, line {line}: this is not UTF-8; save it as UTF-8") from error
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise InputError(f"{name}, line {line}: this is not text in UTF-8; save it as UTF-8")
+    if not text.strip():
+        raise InputError(f"{name} is empty; it must hold tracks")
+    return text
+
+
+def too_large(name: str, size: int) -> str:
+    """What to say about a file of too many bytes."""
+    return f"{name} has {size / 1e6:.0f} MB; at most {MOST_BYTES / 1e6:.0f}: check it in parts"
+
+
+def read_csv(text: str, *, name: str) -> ExternalTracks:
+    """Tracks from a table with the columns t, id, class, x, y and perhaps heading, length, width.
+
+    Seconds, metres, radians. Columns may stand in any order, further ones are ignored; they are
+    separated by commas, semicolons or tabs. The rows of one agent are in order of time.
+
+    Raises:
+        InputError: names the line and what to mend.
+    """
+    rows = _csv_rows(text, name)
+    first, header = next(rows, (1, [""]))
+    table = _Table(name)
+    columns = _columns(header, first, table)
+    for line, cells in rows:
+        if len(cells) != len(header):
+            table.refuse(line, f"{len(cells)} cells under {len(header)} columns")
+        row = {column: cells[k].strip() for column, k in columns.items()}
+        table.add(line, _csv_id(row["id"], line, table), _subtype(row["class"], line, table),
+                  _csv_values(row, line, table))  # fmt: skip
+    return _tracks(table, unit=1.0)
+
+
+def _csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
+    """Line numbers and cells; blank lines are skipped."""
+    header = next(line for line in io.StringIO(text) if line.strip())
+    delimiter = max(",;\t", key=header.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
+    try:
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                yield reader.line_num, cells
+    except csv.Error as error:
+        raise InputError(f"{name}, line {reader.line_num}: {error}; mend the quotes") from error
+
+
+def _columns(header: list[str], line: int, table: _Table) -> dict[str, int]:
+    """Where the columns stand that are read."""
+    names = [cell.strip().lower() for cell in header]
+    missing = [column for column in _REQUIRED if column not in names]
+    if missing:
+        given = _shown(", ".join(name for name in names if name), limit=120)
+        table.refuse(line, f"no column {', '.join(missing)}; the header must name "
+                     f"{', '.join(_REQUIRED)} and may name {', '.join(_OPTIONAL)}, "
+                     f"it names {given or 'none'}")  # fmt: skip
+    twice = [column for column in (*_REQUIRED, *_OPTIONAL) if names.count(column) > 1]
+    if twice:
+        table.refuse(line, f"column {twice[0]} is there twice; keep one")
+    return {column: names.index(column) for column in (*_REQUIRED, *_OPTIONAL) if column in names}
+
+
+def _csv_id(cell: str, line: int, table: _Table) -> str:
+    if not cell:
+        table.refuse(line, "no id; give each agent one")
+    return cell
+
+
+def _subtype(cell: str, line: int, table: _Table) -> str:
+    word = "_".join(cell.lower().replace("-", " ").replace("_", " ").split())
+    if word not in _SUBTYPES:
+        table.refuse(line, f"class {_shown(cell)!r} is unknown; use vehicle or pedestrian, or one "
+                     "of car, truck, bus, motorcycle, bicycle")  # fmt: skip
+    return _SUBTYPES[word]
+
+
+def _csv_values(row: Mapping[str, str], line: int, table: _Table) -> dict[str, float]:
+    """The numbers of a row; empty optional cells are left out."""
+    wanted = [c for c in ("t", "x", "y", *_OPTIONAL) if c in row and (row[c] or c in _REQUIRED)]
+    return {c: _checked(c, _csv_number(row[c], c, line, table), line, table) for c in wanted}
+
+
+def _csv_number(cell: str, column: str, line: int, table: _Table) -> float:
+    try:
+        if "_" in cell:
+            raise ValueError(cell)
+        return float(cell)
+    except ValueError:
+        what = f"{_shown(cell)!r}, not a number" if cell else "empty; it needs a number"
+        table.refuse(line, f"{column} is {what}")
+
+
+def _checked(column: str, value: float, line: int, table: _Table) -> float:
+    """A number that can be what its column says it is."""
+    if not math.isfinite(value):
+        mend = "leave out the row" if column not in _OPTIONAL else "leave the cell empty"
+        table.refuse(line, f"{column} is {value}; {mend} where it is unknown")
+    if column in ("x", "y") and abs(value) > FARTHEST:
+        table.refuse(line, f"{column} = {value:g} is too far off; positions are metres")
+    if column in ("t", "f") and abs(value) > LATEST:
+        table.refuse(line, f"{column} = {value:g} is too large; times are seconds")
+    if column == "heading" and abs(value) > TURNED:
+        table.refuse(line, f"heading = {value:g} looks like degrees; headings are radians")
+    if column in ("length", "width") and not 0 < value < 100:
+        table.refuse(line, f"{column} = {value:g} m is no size; leave the cell empty if unknown")
+    return value
+
+
+def read_trajnet(text: str, *, name: str) -> ExternalTracks:
+    """Pedestrians from TrajNet++ lines: {"scene": {…, fps}} and {"track": {f, p, x, y}}.
+
+    The scenes only say how fast the clock runs (2.5 frames/s unless they do): all tracks are taken
+    for one recording. Frames keep the numbers of the video, so that the commonest step from frame
+    to frame is one sample: t = f / (step in frames x fps).
+
+    Raises:
+        InputError: names the line and what to mend.
+    """
+    table, fps = _Table(name, clock="f"), {}
+    for line, row in _json_rows(text, table):
+        if isinstance(row.get("scene"), dict):
+            fps[_fps(row["scene"], line, table)] = line
+        elif isinstance(row.get("track"), dict):
+            _add_track(row["track"], line, table)
+        else:
+            table.refuse(line, 'expected {"scene": {...}} or {"track": {"f", "p", "x", "y"}}')
+    if len(fps) > 1:
+        (one, _), (other, line) = list(fps.items())[:2]
+        table.refuse(line, f"fps {other:g} here and {one:g} elsewhere; split the file by fps")
+    return _tracks(table, unit=1 / (next(iter(fps), TRAJNET_FPS) * _stride(table)))
+
+
+def _json_rows(text: str, table: _Table) -> Iterator[tuple[int, dict[str, Any]]]:
+    for line, content in enumerate(text.split("\n"), start=1):
+        if not content.strip():
+            continue
+        try:
+            row = json.loads(content)
+        except (ValueError, RecursionError) as error:
+            reason = getattr(error, "msg", None) or "cannot be read"
+            raise InputError(f"{table.name}, line {line}: no JSON: {reason}") from error
+        if not isinstance(row, dict):
+            table.refuse(line, "expected one JSON object per line")
+        yield line, row
+
+
+def _fps(scene: Mapping[str, Any], line: int, table: _Table) -> float:
+    fps = _json_number(scene.get("fps", TRAJNET_FPS), "fps", line, table)
+    if not 1 / LONGEST_STEP <= fps <= 1 / SHORTEST_STEP:
+        table.refuse(line, f"fps = {fps:g} must be frames per second of the samples")
+    return fps
+
+
+def _add_track(track: Mapping[str, Any], line: int, table: _Table) -> None:
+    if track.get("prediction_number") is not None:
+        table.refuse(line, "this is a prediction; leave out tracks with a prediction_number")
+    missing = [key for key in ("f", "p", "x", "y") if track.get(key) is None]
+    if missing:
+        table.refuse(line, f"the track has no {', '.join(missing)}; it needs f, p, x and y")
+    who = track["p"]
+    if isinstance(who, bool) or not isinstance(who, int | str) or who == "":
+        table.refuse(line, "p must be the number of an agent")
+    numbers = {key: _json_number(track[key], key, line, table) for key in ("f", "x", "y")}
+    if numbers["f"] != int(numbers["f"]):
+        table.refuse(line, f"f = {numbers['f']:g} must be the whole number of a frame")
+    table.add(line, str(who), "pedestrian",
+              {"t": numbers["f"], "x": numbers["x"], "y": numbers["y"]})  # fmt: skip
+
+
+def _json_number(value: Any, key: str, line: int, table: _Table) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        table.refuse(line, f"{key} is {_shown(json.dumps(value))}, not a number")
+    try:
+        return _checked(key, float(value), line, table)
+    except OverflowError:
+        table.refuse(line, f"{key} is too large")
+
+
+def _stride(table: _Table) -> float:
+    """The commonest step from one row of an agent to the next [frames]; 1 if there is none."""
+    steps = [np.diff(rows.column("t")) for rows in table.agents.values()]
+    values, counts = np.unique(np.concatenate([*steps, np.zeros(0)]), return_counts=True)
+    return float(values[np.argmax(counts)]) if len(values) else 1.0
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """How the file's times become seconds: unit and step between samples [s], and where 0 is."""
+
+    unit: float
+    step: float
+    origin: float = 0.0
+
+
+def _tracks(table: _Table, *, unit: float) -> ExternalTracks:
+    """The road users of all rows.
+
+    Args:
+        unit: seconds per unit of the file's clock.
+    """
+    if not table.agents:
+        raise InputError(f"{table.name} holds no tracks")
+    clock = _Clock(unit, _step(table, unit), _origin(table, unit))
+    stretches = [
+        (who, part)
+        for who, rows in table.agents.items()
+        for part in _stretches(who, rows, table, clock)
+    ]
+    ids = _numbered([who for who, _ in stretches])
+    users = tuple(
+        _user(n, table.agents[who], part, clock)
+        for n, (who, part) in zip(ids, stretches, strict=True)
+    )
+    names = dict(zip(ids, (who for who, _ in stretches), strict=True))
+    subtypes = {n: table.agents[who].subtype for n, who in names.items()}
+    notes = _notes(table, names, users, clock.origin)
+    return ExternalTracks(users, names, subtypes, clock.step, clock.origin, notes)
+
+
+def _origin(table: _Table, unit: float) -> float:
+    """Where the times of the users begin: far from 0, too little of a number is left for them."""
+    first = min(rows.t[0] for rows in table.agents.values()) * unit
+    return math.floor(first) if abs(first) > FAR_FROM_ZERO else 0.0
+
+
+def _step(table: _Table, unit: float) -> float:
+    """The time between samples [s]: of the means over whole tracks the middle one.
+
+    Raises:
+        InputError: the times cannot be seconds.
+    """
+    steps = [np.diff(rows.column("t")) * unit for rows in table.agents.values() if len(rows.t) > 1]
+    if not steps:
+        return STEP
+    usual = float(np.median(np.concatenate(steps)))
+    # Times rounded to a few digits are uneven one by one, but not over a whole track.
+    means = [each.sum() / max(np.rint(each / usual).sum(), 1.0) for each in steps]
+    step = float(np.median(np.repeat(means, [len(each) for each in steps])))
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        raise InputError(
+            f"{table.name}: the rows of an agent are {step:g} s apart, which no recording is; "
+            f"{table.clock} must be seconds"
+        )
+    even = round(step, 4)
+    return even if abs(step - even) < 1e-6 else step
+
+
+def _stretches(who: str, rows: _Rows, table: _Table, clock: _Clock) -> list[slice]:
+    """The parts of a track between its gaps.
+
+    Raises:
+        InputError: a time between two samples, or a jump.
+    """
+    steps = np.diff(rows.column("t")) * clock.unit
+    count = np.rint(steps / clock.step)
+    off = np.flatnonzero((np.abs(steps - count * clock.step) > JITTER * clock.step) | (count < 1))
+    if len(off):
+        _refuse_step(who, rows, int(off[0]), float(steps[off[0]]), table, clock)
+    cuts = [0, *(np.flatnonzero(count > 1) + 1).tolist(), len(rows.t)]
+    parts = [slice(a, b) for a, b in pairwise(cuts)]
+    for part in parts:
+        _check_drift(who, rows, part, table, clock)
+        _check_jumps(who, rows, part, table, clock)
+    return parts
+
+
+def _refuse_step(
+    who: str, rows: _Rows, k: int, seconds: float, table: _Table, clock: _Clock
+) -> NoReturn:
+    table.refuse(
+        rows.lines[k + 1],
+        f"{table.clock} = {rows.t[k + 1]:.13g} of id {_shown(who)} is {seconds:.4g} s after its "
+        f"last row, but the file has a step of {clock.step:.4g} s; resample it evenly",
+    )
+
+
+def _check_drift(who: str, rows: _Rows, part: slice, table: _Table, clock: _Clock) -> None:
+    t = rows.column("t")[part] * clock.unit
+    drift = np.abs(t - t[0] - clock.step * np.arange(len(t)))
+    late = np.flatnonzero(drift > JITTER * clock.step + 1e-6)
+    if len(late):
+        table.refuse(
+            rows.lines[part.start + int(late[0])],
+            f"the rows of id {_shown(who)} do not keep the file's step of {clock.step:.4g} s; "
+            "resample it evenly",
+        )
+
+
+def _check_jumps(who: str, rows: _Rows, part: slice, table: _Table, clock: _Clock) -> None:
+    way = np.hypot(np.diff(rows.column("x")[part]), np.diff(rows.column("y")[part]))
+    fast = np.flatnonzero(way > FASTEST * clock.step)
+    if len(fast):
+        table.refuse(
+            rows.lines[part.start + int(fast[0]) + 1],
+            f"id {_shown(who)} jumps {way[fast[0]]:.4g} m in {clock.step:.4g} s; positions must be "
+            "metres, times seconds, and each agent needs an id of its own",
+        )
+
+
+def _numbered(names: list[str]) -> list[int]:
+    """Ids for stretches of tracks: the file's own where all are numbers, else 1, 2, 3, …
+
+    Later stretches of a track get numbers above all others.
+    """
+    first = dict.fromkeys(names)
+    own = all(_is_number(name) for name in first)
+    ids = {name: int(name) if own else k for k, name in enumerate(first, start=1)}
+    free = max(ids.values()) + 1
+    result = []
+    for name in names:
+        number = ids.pop(name, None)
+        result.append(free if number is None else number)
+        free += number is None
+    return result
+
+
+def _is_number(name: str) -> bool:
+    return len(name) < 19 and name.isascii() and name.isdigit() and str(int(name)) == name
+
+
+def _user(number: int, rows: _Rows, part: slice, clock: _Clock) -> RoadUser:
+    shape = _shape(rows)
+    xy = np.stack((rows.column("x")[part], rows.column("y")[part]), axis=1)
+    course = headings(xy, step=clock.step, least=COURSE[shape.type])
+    given = rows.column("heading")[part]
+    heading = np.where(np.isnan(given), course, given)
+    start = rows.t[part.start] * clock.unit - clock.origin
+    return RoadUser(number, Track(xy, heading, start, clock.step), shape)
+
+
+def _shape(rows: _Rows) -> Shape:
+    """Size by the rows (their median), else by class; a pedestrian is a disc of its longer side."""
+    usual = _SHAPES[rows.subtype]
+    known = {name: rows.column(name) for name in ("length", "width")}
+    given = {
+        name: float(np.nanmedian(column))
+        for name, column in known.items()
+        if not np.isnan(column).all()
+    }
+    if usual.type == "pedestrian":
+        size = max(given.values(), default=usual.width)
+        return Shape("pedestrian", size, size)
+    return Shape("vehicle", given.get("length", usual.length), given.get("width", usual.width))
+
+
+def headings(xy: FloatArray, *, step: float, least: float) -> FloatArray:
+    """[T] where somebody faces who moves forwards along positions [T, 2] [rad].
+
+    At each sample the direction between the nearest samples before and after it that lie `least`
+    metres apart. Where there are none within half a second either way, it stands: the heading is
+    held, before the first motion that of the first motion; 0 for who never moves.
+    """
+    n = len(xy)
+    result, known = np.zeros(n), np.zeros(n, dtype=np.bool_)
+    k = np.arange(n)
+    for w in range(1, max(round(0.5 / step), 1) + 1):
+        low, high = np.maximum(k - w, 0), np.minimum(k + w, n - 1)
+        chord = xy[high] - xy[low]
+        found = ~known & (np.hypot(chord[:, 0], chord[:, 1]) >= least)
+        result[found] = np.arctan2(chord[found, 1], chord[found, 0])
+        known |= found
+    if not known.any():
+        return np.zeros(n)
+    last = np.maximum.accumulate(np.where(known, k, -1))
+    return np.asarray(np.unwrap(result[np.where(last < 0, int(np.argmax(known)), last)]))
+
+
+def _notes(
+    table: _Table, names: Mapping[int, str], users: tuple[RoadUser, ...], origin: float
+) -> tuple[str, ...]:
+    """What was assumed about the tracks."""
+    notes = [f"times are counted from t = {origin:.0f} s"] if origin else []
+    if len(names) > len(table.agents):
+        cut = [name for name, n in Counter(names.values()).items() if n > 1]
+        notes.append(f"{_listed(cut)} with gaps: each stretch is an agent of its own")
+    blind = [names[user.id] for user in users if _is_blind(user, table.agents[names[user.id]])]
+    if blind:
+        notes.append(f"{_listed(blind)} without heading or motion: taken to face east")
+    own = {who for who, rows in table.agents.items() if not np.isnan(rows.column("heading")).all()}
+    headed = {number for number, who in names.items() if who in own}
+    return (*notes, *doubts(users, headed=headed))
+
+
+def _is_blind(user: RoadUser, rows: _Rows) -> bool:
+    """Whether nothing says where a vehicle faces."""
+    if user.shape.type != "vehicle" or user.track.heading.any():
+        return False
+    extent = float(np.ptp(user.track.xy, axis=0).max())
+    return extent < COURSE["vehicle"] and bool(np.isnan(rows.column("heading")).all())
+
+
+def _listed(names: list[str], *, most: int = 5) -> str:
+    """Ids for a sentence."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"id {', '.join(_shown(name) for name in names[:most])}{more}"
+
+
+def _shown(text: str, *, limit: int = 40) -> str:
+    """A piece of the file short enough for a message."""
+    return text if len(text) <= limit else text[: limit - 1] + "…"

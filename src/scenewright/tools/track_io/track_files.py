@@ -1,0 +1,434 @@
+"""Tracks of one's own in common formats: TAF-BW, inD-style, SUMO FCD, TrajNet++, VTP-TL, any CSV.
+
+Whatever the format, what comes out are rows of one agent each, at 10 Hz, cleaned like any real
+tracks. Columns, classes and units are stated by the format or by the user; nothing is guessed but
+the class synonyms below.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.track import STEP, VEHICLE_SIZES, Track
+from scenewright.tools.track_io.cleaning import Removed, SeenTrack, cleaned
+
+MOST_BYTES = 400_000_000
+SMOOTHING = 0.3
+"""Of positions [s], as for every real track."""
+_SUBTYPE: Mapping[str, str] = {
+    word: subtype
+    for subtype, words in {
+        "car": "car vehicle automobile passenger van taxi suv pickup passenger_car",
+        "truck": "truck truck_bus lorry trailer semi hgv delivery",
+        "bus": "bus coach minibus",
+        "motorcycle": "motorcycle motorbike moped scooter",
+        "bicycle": "bicycle bike cyclist",
+        "pedestrian": "pedestrian ped person walker people human",
+    }.items()
+    for word in words.split()
+}
+_FCD_BEFORE_CENTRE = {name: size[0] / 2 for name, size in VEHICLE_SIZES.items()}
+_LONGEST_GAP = 0.6
+"""Samples farther apart are a gap [s]; 2.5 Hz, the coarsest of the formats, is 0.4."""
+
+
+@dataclass(eq=False)
+class _Agent:
+    """One agent's samples as they come."""
+
+    subtype: str
+    t: list[float] = field(default_factory=list)
+    x: list[float] = field(default_factory=list)
+    y: list[float] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class FileTracks:
+    """What was read of one file.
+
+    Attributes:
+        tracks: (subtype, track), cleaned, in the frame of the file [m].
+        removed: what cleaning took away.
+        begin: time of day at time 0 [h]; None where the file does not say.
+        origin: latitude and longitude of the file's frame [deg]; None where it does not say.
+        span: time from the first to the last sample [s].
+    """
+
+    name: str
+    tracks: tuple[tuple[str, Track], ...]
+    removed: Removed
+    begin: float | None
+    origin: tuple[float, float] | None
+    span: float
+
+    @property
+    def session(self) -> str:
+        """What files of one recording have in common: the name up to its last slash."""
+        return self.name.rsplit("/", 1)[0]
+
+
+def read_track_files(
+    paths: Sequence[str | Path],
+    *,
+    columns: Mapping[str, str] | None = None,
+    scale: float | None = None,
+) -> list[FileTracks]:
+    """The tracks of files, or of every file of a known kind in folders.
+
+    Args:
+        columns: for a CSV of any kind: its columns by our names t, id, class, x, y; `class` may be
+            missing or be a constant such as `=car`, `t` may be a frame as `frame/25`.
+        scale: metres per pixel, where positions are pixels of an image whose y points down.
+
+    Raises:
+        InputError: nothing there, or a file that cannot be read; the line is named.
+    """
+    files = [file for path in paths for file in _files(Path(path))]
+    if not files:
+        raise InputError(f"no tracks in {', '.join(map(str, paths))[:200]}")
+    return [_read(file, columns, scale) for file in files]
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.exists():
+        raise InputError(f"cannot read {path}: there is no such file or folder")
+    if path.is_file():
+        return [path]
+    known = ("vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt")
+    return sorted({file for pattern in known for file in path.rglob(pattern)})
+
+
+def _read(file: Path, columns: Mapping[str, str] | None, scale: float | None) -> FileTracks:
+    if file.stat().st_size > MOST_BYTES:
+        raise InputError(f"{file} is larger than {MOST_BYTES / 1e6:.0f} MB; cut it into parts")
+    settling: dict[AgentClass, float] = {"vehicle": 0.0, "pedestrian": 0.0}
+    begin: float | None = None
+    origin: tuple[float, float] | None = None
+    try:
+        if columns is not None:
+            agents = _mapped_csv(file, columns)
+        elif file.name.startswith("vehicle_tracks_"):
+            agents = _mapped_csv(file, _TAF)
+            begin, origin = _taf_meta(file)
+            settling = {"vehicle": 3.0 if "k729" in str(file) else 1.0, "pedestrian": 1.5}
+        elif file.name.endswith("_tracks.csv"):
+            agents, begin, origin = _ind(file)
+        elif file.suffix in _READERS:
+            agents = _READERS[file.suffix](file)
+        elif file.suffix == ".csv":
+            agents = _mapped_csv(file, {name: name for name in ("t", "id", "class", "x", "y")})
+        else:
+            raise InputError(
+                f"{file} is of no kind that is known; name its --columns if it is a CSV"
+            )
+    except UnicodeDecodeError:
+        raise InputError(f"{file} is no UTF-8 text") from None
+    except OSError as fault:
+        raise InputError(f"cannot read {file}: {fault.strerror or fault}") from None
+    if scale is not None:
+        _to_metres(agents, scale)
+    elif columns is None and file.suffix == ".txt":
+        raise InputError(
+            f"positions of {file} are pixels; say metres per pixel with --scale, or --pool-scale"
+        )
+    return _cleaned(file, agents, settling, begin, origin)
+
+
+def _to_metres(agents: Mapping[str, _Agent], scale: float) -> None:
+    if not 1e-4 < scale < 10.0:
+        raise InputError(f"a scale is metres per pixel, such as 0.06, got {scale:g}")
+    for agent in agents.values():
+        agent.x = [scale * x for x in agent.x]
+        agent.y = [-scale * y for y in agent.y]
+
+
+_VTP_RATE = 30.0
+"""Frames a second of VTP-TL; assumed, as its authors do not state it."""
+
+
+def _vtp(file: Path) -> dict[str, _Agent]:
+    """VTP-TL: rows of frame, agent, x and y in pixels, and more that says nothing of motion."""
+    agents: dict[str, _Agent] = {}
+    with file.open(encoding="utf-8") as stream:
+        for number, line in enumerate(stream, start=1):
+            if not line.strip():
+                continue
+            try:
+                frame, name, x, y = (float(word) for word in line.split()[:4])
+                if not all(map(math.isfinite, (frame, name, x, y))):
+                    raise ValueError
+            except ValueError:
+                raise InputError(
+                    f"{file}, line {number}: expected frame, agent, x, y, got {line[:40].strip()!r}"
+                ) from None
+            agent = agents.setdefault(str(name), _Agent("car"))
+            agent.t.append(frame / _VTP_RATE)
+            agent.x.append(x)
+            agent.y.append(y)
+    return agents
+
+
+_TAF = {"t": "timestamp_ms/1000", "id": "track_id", "class": "agent_type", "x": "x", "y": "y"}
+
+
+def _cleaned(
+    file: Path,
+    agents: Mapping[str, _Agent],
+    settling: Mapping[AgentClass, float],
+    begin: float | None,
+    origin: tuple[float, float] | None,
+) -> FileTracks:
+    removed = Removed()
+    found: list[tuple[str, Track]] = []
+    for agent in agents.values():
+        kind: AgentClass = "pedestrian" if agent.subtype == "pedestrian" else "vehicle"
+        for time, xy in _at_ten_hertz(agent):
+            seen = SeenTrack(kind, time, xy, settling[kind])
+            found += [
+                (agent.subtype, t) for t in cleaned(seen, smoothing=SMOOTHING, removed=removed)
+            ]
+    times = [t for agent in agents.values() for t in (min(agent.t), max(agent.t))]
+    span = max(times) - min(times) if times else 0.0
+    first = None if begin is None or not times else begin
+    return FileTracks(f"{file.parent.name}/{file.name}", tuple(found), removed, first, origin, span)
+
+
+def _at_ten_hertz(agent: _Agent) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Stretches without a gap, at multiples of 0.1 s; a second sample at one time is dropped."""
+    t = np.array(agent.t)
+    order = np.argsort(t, kind="stable")
+    t, xy = t[order], np.stack([np.array(agent.x), np.array(agent.y)], axis=1)[order]
+    kept = np.concatenate([[True], np.diff(t) > 1e-4])
+    t, xy = t[kept], xy[kept]
+    for part in np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > _LONGEST_GAP) + 1):
+        if len(part) < 4:
+            continue
+        grid = np.arange(
+            math.ceil(t[part[0]] / STEP - 1e-6), math.floor(t[part[-1]] / STEP + 1e-6) + 1
+        )
+        grid = grid * STEP
+        if len(grid) >= 4:
+            even = [np.interp(grid, t[part], xy[part, axis]) for axis in (0, 1)]
+            yield grid, np.stack(even, axis=1)
+
+
+def _mapped_csv(file: Path, columns: Mapping[str, str]) -> dict[str, _Agent]:
+    """Rows of a CSV whose columns are named; `name/25` divides, `=word` is a constant."""
+    missing = {"t", "id", "x", "y"} - columns.keys()
+    if missing:
+        raise InputError(
+            f"--columns lacks {', '.join(sorted(missing))}: name t, id, class, x and y"
+        )
+    agents: dict[str, _Agent] = {}
+    with file.open(encoding="utf-8-sig", newline="") as stream:
+        head = stream.read(4096)
+        stream.seek(0)
+        comma = max(",;\t", key=head.split("\n")[0].count)
+        rows = csv.DictReader(stream, delimiter=comma)
+        wanted = {key: _column(text) for key, text in columns.items()}
+        have = set(rows.fieldnames or ())
+        lacking = sorted(
+            name for name, _ in wanted.values() if name[:1] != "=" and name not in have
+        )
+        if lacking:
+            raise InputError(f"{file} has no column {', '.join(lacking)[:120]}; there are: "
+                             f"{', '.join(map(str, have))[:200]}")  # fmt: skip
+        try:
+            for row in rows:
+                _add(agents, row, wanted, f"{file}, line {rows.line_num}")
+        except csv.Error as fault:
+            raise InputError(f"{file}, line {rows.line_num}: {fault}") from None
+    return agents
+
+
+def _column(text: str) -> tuple[str, float]:
+    if text.startswith("="):
+        return text, 1.0
+    name, _, divisor = text.rpartition("/")
+    if not name:
+        return text, 1.0
+    try:
+        value = float(divisor)
+    except ValueError:
+        return text, 1.0
+    if not (math.isfinite(value) and value != 0.0):
+        raise InputError(f"a column cannot be divided by {divisor[:20]!r}")
+    return name, value
+
+
+def _add(
+    agents: dict[str, _Agent],
+    row: Mapping[str, str | None],
+    wanted: Mapping[str, tuple[str, float]],
+    where: str,
+) -> None:
+    def cell(key: str) -> str:
+        name = wanted[key][0]
+        return name[1:] if name.startswith("=") else str(row[name] or "")
+
+    try:
+        t, x, y = (float(cell(key)) / wanted[key][1] for key in ("t", "x", "y"))
+    except ValueError:
+        raise InputError(f"{where}: t, x and y are numbers, got {cell('t')[:20]!r}, "
+                         f"{cell('x')[:20]!r}, {cell('y')[:20]!r}") from None  # fmt: skip
+    if not (math.isfinite(t) and math.isfinite(x) and math.isfinite(y)):
+        raise InputError(f"{where}: t, x and y are finite numbers")
+    word = cell("class") if "class" in wanted else "car"
+    _append(agents, cell("id"), word, t, x, y, where)
+
+
+def _append(
+    agents: dict[str, _Agent], name: str, word: str, t: float, x: float, y: float, where: str
+) -> None:
+    subtype = _SUBTYPE.get(word.strip().lower())
+    if subtype is None:
+        raise InputError(
+            f"{where}: class {word[:30]!r} is none of {', '.join(sorted(set(_SUBTYPE.values())))}"
+        )
+    agent = agents.setdefault(name, _Agent(subtype))
+    agent.t.append(t)
+    agent.x.append(x)
+    agent.y.append(y)
+
+
+def _taf_meta(file: Path) -> tuple[float | None, tuple[float, float] | None]:
+    """Time of day [h] and origin of one TAF-BW file, from the meta data beside it."""
+    meta = file.parent / "meta_data.csv"
+    if not meta.is_file():
+        return None, None
+    with meta.open(encoding="utf-8-sig", newline="") as stream:
+        for row in csv.DictReader(stream):
+            if row.get("id") == file.stem.rsplit("_", 1)[-1]:
+                origin = (float(row["originLat"]), float(row["originLon"]))
+                return _clock(row.get("startTime", "")), origin
+    return None, None
+
+
+def _clock(text: str) -> float | None:
+    parts = text.split(":")
+    try:
+        return int(parts[0]) + int(parts[1]) / 60
+    except (ValueError, IndexError):
+        return None
+
+
+def _ind(file: Path) -> tuple[dict[str, _Agent], float | None, None]:
+    """inD-style: `NN_tracks.csv` with `NN_tracksMeta.csv` and `NN_recordingMeta.csv` beside it."""
+    stem = file.name.removesuffix("_tracks.csv")
+    meta, about = (
+        file.with_name(f"{stem}_tracksMeta.csv"),
+        file.with_name(f"{stem}_recordingMeta.csv"),
+    )
+    for each in (meta, about):
+        if not each.is_file():
+            raise InputError(f"{file} needs {each.name} beside it")
+    with about.open(encoding="utf-8-sig", newline="") as stream:
+        facts = next(csv.DictReader(stream), {})
+    try:
+        rate = float(facts["frameRate"])
+    except (KeyError, TypeError, ValueError):
+        raise InputError(f"{about} states no frameRate") from None
+    with meta.open(encoding="utf-8-sig", newline="") as stream:
+        words = {row["trackId"]: row["class"] for row in csv.DictReader(stream)}
+    agents: dict[str, _Agent] = {}
+    with file.open(encoding="utf-8-sig", newline="") as stream:
+        rows = csv.DictReader(stream)
+        for row in rows:
+            try:
+                values = (int(row["frame"]) / rate, float(row["xCenter"]), float(row["yCenter"]))
+                name = row["trackId"]
+            except (KeyError, TypeError, ValueError):
+                raise InputError(f"{file}, line {rows.line_num}: no inD-style row") from None
+            _append(agents, name, words.get(name, ""), *values, f"{file}, line {rows.line_num}")
+    hour = facts.get("startTime")
+    return agents, None if hour in (None, "") else float(hour), None
+
+
+def _trajnet(file: Path) -> dict[str, _Agent]:
+    """TrajNet++ ndjson: pedestrians in frames; 2.5 a second unless a scene says otherwise."""
+    rows: list[tuple[int, str, float, float]] = []
+    fps, steps = 2.5, set()
+    with file.open(encoding="utf-8") as stream:
+        for number, line in enumerate(stream, start=1):
+            try:
+                each = json.loads(line) if line.strip() else {}
+                if "scene" in each:
+                    fps = float(each["scene"].get("fps", fps))
+                if "track" in each and "prediction_number" not in each["track"]:
+                    own = each["track"]
+                    rows.append((int(own["f"]), str(own["p"]), float(own["x"]), float(own["y"])))
+            except (ValueError, KeyError, TypeError, AttributeError):
+                raise InputError(f"{file}, line {number}: no TrajNet++ row") from None
+    last: dict[str, int] = {}
+    for frame, who, _, _ in sorted(rows):
+        if who in last and frame > last[who]:
+            steps.add(frame - last[who])
+        last[who] = frame
+    step = min(steps, default=1)
+    agents: dict[str, _Agent] = {}
+    for frame, who, x, y in rows:
+        _append(agents, who, "pedestrian", frame / (step * fps), x, y, str(file))
+    return agents
+
+
+def _fcd(file: Path) -> dict[str, _Agent]:
+    """SUMO floating car data: where vehicles' fronts are, angles clockwise from north."""
+    agents: dict[str, _Agent] = {}
+    now = 0.0
+
+    def refuse(*_: object) -> None:
+        raise InputError(f"{file} declares a document type or entities; no FCD needs them")
+
+    def start(name: str, row: dict[str, str]) -> None:
+        nonlocal now
+        try:
+            if name == "timestep":
+                now = float(row["time"])
+            elif name in ("vehicle", "person"):
+                x, y = float(row["x"]), float(row["y"])
+                word = "pedestrian" if name == "person" else _fcd_class(row.get("type", ""))
+                if name == "vehicle" and "angle" in row:
+                    turn, back = (
+                        math.radians(float(row["angle"])),
+                        _FCD_BEFORE_CENTRE.get(word, 2.3),
+                    )
+                    x, y = x - back * math.sin(turn), y - back * math.cos(turn)
+                _append(agents, f"{name} {row['id']}", word, now, x, y, str(file))
+        except (KeyError, ValueError):
+            raise InputError(f"{file} has a {name} without usable id, time, x, y") from None
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = start
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    try:
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                parser.Parse(block, False)
+        parser.Parse(b"", True)
+    except expat.ExpatError as fault:
+        raise InputError(f"{file} is not well-formed XML (line {fault.lineno})") from None
+    return agents
+
+
+def _fcd_class(word: str) -> str:
+    """The class that a vehicle type's name speaks of; a car where it speaks of none."""
+    lowered = word.lower()
+    return next((s for w, s in _SUBTYPE.items() if w in lowered and s != "pedestrian"), "car")
+
+
+_READERS: Mapping[str, Callable[[Path], dict[str, _Agent]]] = {
+    ".ndjson": _trajnet,
+    ".xml": _fcd,
+    ".txt": _vtp,
+}

@@ -1,0 +1,372 @@
+"""Orders: read, worded by many voices, filled with scenes, and gone on with after a kill."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenewright.backends import TASKS, Question
+from scenewright.backends.recorded import recording
+from scenewright.backends.scripted import ScriptedSpeaker, scripted
+from scenewright.backends.spoken import Said
+from scenewright.backends.spoken import Spoken as SpokenBackend
+from scenewright.cli.main import main
+from scenewright.dataset.batch import carry_out as carrying
+from scenewright.dataset.batch.audit import audit
+from scenewright.dataset.batch.worker import Options, Outcome
+from scenewright.dataset.orders import writers
+from scenewright.dataset.orders.agent import slots_of
+from scenewright.dataset.orders.order_spec import read_order
+from scenewright.dataset.orders.run import Order, fill, paper_wish
+from scenewright.dataset.orders.scenario_spec import Party, Story, minute_in, particulars
+from scenewright.dataset.orders.templates import VOICES, tell, voices_for
+from scenewright.dataset.orders.writers import Asked, Builtin, Spoken, reads_as
+from scenewright.errors import BackendFault, InputError
+from scenewright.intersections import load_map
+from scenewright.scene.events import EVENT_OF_RELATION
+from scenewright.scene.relations import load_patterns
+
+ON = load_map("amsterdam_120")
+OPTIONS = Options("amsterdam_120")
+SMALL = "2 follows and 1 normal scene at 5 am in light traffic"
+
+
+@pytest.fixture(autouse=True)
+def inline(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(carrying, "spread", one_by_one)
+
+
+def one_by_one(
+    jobs: Iterable[Any], task: Callable[[Any], Any], *, workers: int, limit: Any = None
+) -> Iterator[tuple[Any, Any]]:
+    for job in jobs:
+        yield job, task(job)
+
+
+@pytest.mark.parametrize(
+    ("text", "quotas"),
+    [
+        ("40 collisions and 50 yields at rush hour, as varied as they come",
+         {"collision": 40, "yielding": 50}),
+        ("forty crashes, fifty near-misses and a hundred normal scenes in medium traffic",
+         {"collision": 40, "near-miss": 50, "normal": 100}),
+        ("a dozen rear-end collisions at 8 am", {"rear-end-collision": 12}),
+        ("two hundred and fifty yields", {"yielding": 250}),
+        ("8 T-bones around noon with five background cars", {"collision": 8}),
+        ("5 jaywalker near misses in the evening and 3 head-on crashes",
+         {"jaywalker-near-miss": 5, "head-on-collision": 3}),
+    ],
+)  # fmt: skip
+def test_an_order_is_read(text: str, quotas: dict[str, int]) -> None:
+    assert {quota.name: quota.count for quota in read_order(text).quotas} == quotas
+
+
+def test_patterns_times_and_context_of_an_order() -> None:
+    wish = read_order("3 left-turn strikes of pedestrians between 7 and 9 am in heavy traffic")
+    assert wish.quotas[0].leaves == ("pedestrian_strike_left_turn",)
+    assert (wish.windows, wish.context.density) == (((420, 540),), "high")
+    rush = read_order("5 yields at rush hour")
+    assert rush.windows == ((390, 600), (930, 1170))
+    assert len(read_order("2 of each pattern").quotas) == len(load_patterns())
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["make me happy", "0 collisions", "-3 collisions", "5 unicorns", "", "7 am", "9" * 30],
+)
+def test_an_order_without_a_count_of_a_kind_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="known kind"):
+        read_order(text)
+
+
+def test_an_order_beyond_reason_is_refused() -> None:
+    with pytest.raises(InputError, match="at most"):
+        read_order("999999999 collisions")
+
+
+def test_patterns_are_dealt_out_evenly() -> None:
+    wish = read_order("29 yields")
+    first = Counter(slot.leaves[0] for slot in slots_of(wish, seed=1))
+    assert set(first) == set(wish.quotas[0].leaves)
+    assert max(first.values()) - min(first.values()) <= 1
+
+
+def test_every_pattern_can_be_worded_in_many_voices() -> None:
+    rng, writer, voices = np.random.default_rng(0), Builtin(ON), set()
+    for turn, pattern in enumerate(load_patterns()):
+        event = EVENT_OF_RELATION[pattern.relation]
+        # Not every way that a pattern allows is on this map; the agent thinks up another story.
+        for _ in range(12):
+            parties = particulars(pattern, intersection_map=ON, detail=2, rng=rng)
+            story = Story(event, pattern.id, parties, minute_in([], rng), "medium")
+            told = writer.word(story, Asked(turn), rng=rng)
+            if told is not None:
+                break
+        assert told is not None, pattern.id
+        voices.add(told.voice)
+    assert len(voices) >= len(VOICES) - 2
+
+
+def test_nothing_is_worded_that_the_map_has_no_room_for() -> None:
+    pattern = next(each for each in load_patterns() if each.id == "left_turn_opposite_collision")
+    rng, reader = np.random.default_rng(0), Builtin(ON)._reader
+    one, other = particulars(pattern, intersection_map=ON, detail=2, rng=rng)
+    story = Story("collision", pattern.id, (one, other), None, None)
+    text = f"A car turning left from the {one.side} collides with a car from the {other.side}"
+    assert reads_as(reader, text, story, intersection_map=ON)
+    assert not reads_as(
+        reader, text.replace("collides with", "follows"), story, intersection_map=ON
+    )
+    assert not reads_as(reader, text + " in heavy traffic", story, intersection_map=ON)
+
+
+def test_a_text_that_another_pattern_could_play_is_not_used() -> None:
+    """Else patterns would not come out even: both turn, so one may as well follow the other."""
+    reader = Builtin(ON)._reader
+    turning = Party("vehicle", "right"), Party("vehicle", "left")
+    story = Story("collision", "turning_collision", turning, None, None)
+    assert not reads_as(
+        reader, "A right-turning car hits a left-turning truck", story, intersection_map=ON
+    )
+    walking = Party("vehicle", "left"), Party("pedestrian", "crossing")
+    story = Story("collision", "pedestrian_strike_left_turn", walking, None, None)
+    assert reads_as(reader, "A left-turning car hits a pedestrian", story, intersection_map=ON)
+
+
+def test_stories_are_told_with_time_and_density_or_without() -> None:
+    rng = np.random.default_rng(0)
+    for minute, density in ((None, None), (485, None), (None, "high"), (750, "low")):
+        story = Story("normal", None, (), minute, density)  # type: ignore[arg-type]
+        for voice in voices_for(story):
+            text = tell(story, voice, rng)
+            assert "{" not in text
+            assert "  " not in text
+
+
+def order(out: Path, text: str = SMALL, **more: Any) -> Order:
+    return Order(text=text, wish=read_order(text), out=out, options=OPTIONS, **more)
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(out)): path.read_bytes()
+        for path in sorted(out.rglob("*"))
+        if path.is_file() and not path.name.startswith((".", "journal"))
+    }
+
+
+def test_an_order_is_filled_and_a_kill_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report = fill(order(tmp_path / "whole"))
+    assert report["filled"]
+    assert [quota["filled"] for quota in report["quotas"]] == [2, 1]
+    assert audit(tmp_path / "whole").faults == ()
+
+    def dying(jobs: Iterable[Any], task: Any, *, workers: int, limit: Any) -> Iterator[Any]:
+        yield from one_by_one(list(jobs)[1:2], task, workers=workers, limit=limit)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(carrying, "spread", dying)
+    with pytest.raises(KeyboardInterrupt):
+        fill(order(tmp_path / "killed"))
+    book = tmp_path / "killed" / "order.jsonl"
+    book.write_bytes(book.read_bytes() + b'{"id": "half')
+    monkeypatch.setattr(carrying, "spread", one_by_one)
+    fill(order(tmp_path / "killed"))
+    assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
+
+
+def test_what_is_refused_is_worded_anew_then_replaced_then_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no(jobs: Iterable[Any], task: Any, *, workers: int, limit: Any) -> Iterator[Any]:
+        for job in jobs:
+            yield job, Outcome("refused", "no_surviving_combination", "no room")
+
+    monkeypatch.setattr(carrying, "spread", no)
+    report = fill(order(tmp_path / "out", "1 collision", budget=5))
+    written = (tmp_path / "out" / "order.jsonl").read_text("utf-8").splitlines()
+    entries = [json.loads(line) for line in written]
+    leaves = [entry["leaf"] for entry in entries]
+    assert len(entries) == report["instructions"] == 5
+    assert len({entry["text"] for entry in entries}) == 5
+    assert leaves[0] == leaves[1] != leaves[2] == leaves[3] != leaves[4]
+    assert not report["filled"]
+    assert report["quotas"][0]["open"] == ["collision-01"]
+
+
+def story_of_a_yield() -> Story:
+    who = Party("vehicle", "left", side="north"), Party("pedestrian", "crossing", crosswalk="east")
+    return Story("yielding", "vehicle_yields_to_pedestrian_left_turn", who, 485, "low")
+
+
+RIGHT = "At 08:05 in light traffic a car from the north turning left yields to a woman on the east \
+crosswalk"
+
+
+def words_of(*texts: Any) -> tuple[Spoken, ScriptedSpeaker]:
+    replies = [each if isinstance(each, Said) else {"text": each} for each in texts]
+    speaker = ScriptedSpeaker({"plan": replies}, name="openai:writer")
+    return Spoken(SpokenBackend(speaker), ON), speaker
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("A car hits a pedestrian at 08:05 in light traffic", "tells of collision"),
+        (RIGHT.replace("light", "heavy"), "density"),
+        (RIGHT.replace("08:05", "17:00"), "time"),
+        (RIGHT + ", three other cars", "others beside"),
+        ("Lovely weather we are having today", "no traffic scene"),
+        ("x", "characters"),
+        ("A car " + 100 * "and again " , "characters"),
+        (f"{RIGHT}.", "before"),
+        (RIGHT.replace("left", "right"), "never gets to"),
+        (RIGHT.replace("north turning left", "south turning right"), "turning which way"),
+        (Said("I cannot do that."), "JSON"),
+        ({"words": 1}, "no text"),
+    ],
+)  # fmt: skip
+def test_a_models_text_that_tells_another_story_is_sent_back(text: Any, wrong: str) -> None:
+    if isinstance(text, dict):
+        text = Said(json.dumps(text))
+    writer, speaker = words_of(text, f"  {RIGHT}\n")
+    told = writer.word(story_of_a_yield(), Asked(taken={f"{RIGHT}."}), rng=np.random.default_rng(0))
+    assert told is not None
+    assert (told.text, told.misread) == (RIGHT, 1)
+    assert 'time": "08:05' in speaker.asked[0][1].user
+    assert wrong in speaker.asked[1][1].user
+
+
+def test_a_text_that_only_a_model_understands_is_left_to_a_model() -> None:
+    text = "somebody on foot gets waved through by a northerner hanging a left, five past eight"
+    writer, _ = words_of(text)
+    told = writer.word(story_of_a_yield(), Asked(grammar=False), rng=np.random.default_rng(0))
+    assert told is not None
+    assert told.text == text
+
+
+def test_a_model_that_never_gets_it_right_gives_way_to_a_builtin_voice() -> None:
+    writer, speaker = words_of(*["A car hits a pedestrian"] * 3)
+    told = writer.word(story_of_a_yield(), Asked(), rng=np.random.default_rng(0))
+    assert told is not None
+    assert told.voice in VOICES
+    assert len(speaker.asked) == 3
+
+
+def test_a_model_that_cannot_be_reached_ends_the_order() -> None:
+    writer, _ = words_of()
+    with pytest.raises(BackendFault, match="no answer left"):
+        writer.word(story_of_a_yield(), Asked(), rng=np.random.default_rng(0))
+
+
+def driving(party: dict[str, Any]) -> str:
+    way = {"straight": "going straight", "left": "turning left", "right": "turning right"}
+    return way[party["movement"]] + (f" from the {party['side']}" if "side" in party else "")
+
+
+def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """First texts tell another story; one is mended, the other told by a builtin voice."""
+    manners = iter(range(99))
+
+    def reply(question: Question) -> dict[str, str]:
+        if question.rejections:
+            story = question.facts["story"]
+            one, other = (driving(story[role]) for role in ("who does it", "to whom"))
+            return {"text": f"A car {one} follows a bus {other} at {story['time']}, light traffic"}
+        return {"text": f"A car nearly hits a bus, number {next(manners)}"}
+
+    model = scripted({"plan": [reply]}, name="openai:writer", forever=True)
+    answers = tmp_path / "answers.jsonl"
+    kept = recording(dict.fromkeys(TASKS, model), answers)["plan"]
+    monkeypatch.setattr(writers, "speaking", lambda *_: kept)
+    report = fill(order(tmp_path / "first", "2 follows at 5 am in light traffic", writer="x:y"))
+    assert report["filled"]
+    assert report["by the builtin writer"] == 1
+    monkeypatch.undo()
+    monkeypatch.setattr(carrying, "spread", one_by_one)
+    words = ["agent", "2 follows at 5 am in light traffic", "--writer", f"recorded:{answers}"]
+    out = tmp_path / "again"
+    assert main([*words, "--refiner", "none", "--out", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["scenes"] == 2
+    texts = [json.loads(line)["text"] for line in (out / "order.jsonl").read_text().splitlines()]
+    first = (tmp_path / "first" / "order.jsonl").read_text().splitlines()
+    assert texts == [json.loads(line)["text"] for line in first]
+
+
+def test_a_backend_that_is_down_costs_no_instructions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def down(jobs: Iterable[Any], task: Any, *, workers: int, limit: Any) -> Iterator[Any]:
+        for job in jobs:
+            normal = job.asked == "normal"
+            yield job, task(job) if normal else Outcome("failed", "backend_failed", "no reply")
+
+    words = ["agent", SMALL, "--refiner", "none", "--out", str(tmp_path / "out"), "-q"]
+    monkeypatch.setattr(carrying, "spread", down)
+    assert main(words) == 4
+    assert "failed for 2 of 3 scenes" in capsys.readouterr().err
+    assert len((tmp_path / "out" / "order.jsonl").read_text().splitlines()) == 3
+    monkeypatch.setattr(carrying, "spread", one_by_one)
+    assert main(words) == 0
+    assert audit(tmp_path / "out").complete
+
+
+def test_the_papers_composition_with_a_model_and_from_its_answers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two backends in one dataset, each with its row of Table 2; the second one recorded."""
+    words = ["dataset", "paper", "--scale", "0.01", "--refiner", "none", "-q"]
+    asked = ["--backend", "builtin", "--backend", "planner=builtin"]
+    record = ["--record", str(tmp_path / "answers.jsonl")]
+    first, again = tmp_path / "first", tmp_path / "again"
+    assert main([*words, "--out", str(first), *asked, *record]) == 0
+    answers = tmp_path / "answers-planner-builtin.jsonl"
+    asked = ["--backend", "builtin", "--backend", f"recorded:{answers}"]
+    assert main([*words, "--out", str(again), *asked]) == 0
+    capsys.readouterr()
+    for before, after in (
+        ("planner-builtin", "recorded-answers-planner-builtin"),
+        ("builtin", "builtin"),
+    ):
+        for kind in ("collision", "yielding"):
+            one = first / f"{before}-{kind}-01" / "scene.json"
+            assert one.read_bytes() == (again / f"{after}-{kind}-01" / "scene.json").read_bytes()
+    assert main(["evals", "tables", str(again), "--draws", "10", "--no-understanding", "-q"]) == 0
+    page = capsys.readouterr().out
+    for backend in ("builtin", f"recorded:{answers}"):
+        for event, n in (("collision", 1), ("yielding", 1), ("overall", 2)):
+            assert f"| {backend} | {event} | {n} / {n} | 100.00 |" in page
+
+
+def test_the_papers_composition() -> None:
+    wish = paper_wish(["builtin", "openai:some-model"])
+    counts = {(quota.backend, quota.event): quota.count for quota in wish.quotas}
+    assert counts == {
+        (None, "normal"): 100,
+        ("builtin", "collision"): 40,
+        ("builtin", "yielding"): 50,
+        ("openai:some-model", "collision"): 40,
+        ("openai:some-model", "yielding"): 50,
+    }
+    assert wish.context.density == "medium"
+    names = {slot.name for slot in slots_of(wish, seed=0)}
+    assert {"normal-001", "builtin-collision-01", "some-model-yielding-50"} <= names
+    assert len(names) == wish.count
+
+
+def test_the_command_line_says_what_it_understood(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["agent", "3 yields at noon", "--out", "nowhere", "--dry-run"]) == 0
+    assert "3 x yielding (12 patterns)" in capsys.readouterr().out
+    assert not Path("nowhere").exists()
+    assert main(["agent", "3 dragons", "--out", "nowhere"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

@@ -1,0 +1,215 @@
+"""The amplified scene: how many, who, when, and the same again from the same seed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenewright.intersections import load_map
+from scenewright.scene.relations import load_patterns
+from scenewright.scene.social import (
+    AgentNode,
+    Background,
+    RelationEdge,
+    SceneContext,
+    SocialGraph,
+)
+from scenewright.tools.gmm_sampler import load_priors
+from scenewright.tools.gmm_sampler.generate import (
+    amplify,
+    background_counts,
+    cast_foreground,
+    hour_of,
+)
+from scenewright.tools.gmm_sampler.maneuver import drift
+from scenewright.tools.map_grounding.grounding import ground
+
+ON = load_map("amsterdam_120")
+PRIORS = load_priors("amsterdam_120")
+SEEDS = st.integers(0, 10_000)
+WORDS = {"low": (1, 4), "medium": (5, 10), "high": (11, 20)}
+
+
+def graph_of(relation="near_miss", *, kind=None, **context) -> SocialGraph:
+    return SocialGraph(
+        agents=(
+            AgentNode(id="vehicle-2", type="vehicle"),
+            AgentNode(id="vehicle-4", type="vehicle", subtype="bus"),
+        ),
+        relations=(RelationEdge(type=relation, from_="vehicle-2", to="vehicle-4", kind=kind),),
+        context=SceneContext(**context),
+    )
+
+
+def pool_of(graph, *, seed=0, hour=12.0, size=6):
+    rng = np.random.default_rng(seed)
+    cast = cast_foreground(
+        graph, ground(graph, intersection_map=ON), PRIORS, intersection_map=ON, hour=hour, rng=rng
+    )
+    return amplify(graph, cast, PRIORS, intersection_map=ON, hour=hour, size=size, rng=rng)
+
+
+def counts(graph, seed, hour=12.0):
+    return background_counts(graph, PRIORS, hour=hour, rng=np.random.default_rng(seed))
+
+
+@given(st.sampled_from(sorted(WORDS)), SEEDS, st.floats(0.0, 23.9))
+def test_a_density_word_sets_the_number(word, seed, hour):
+    low, high = WORDS[word]
+    assert low <= sum(counts(graph_of(density=word), seed, hour).values()) <= high
+
+
+def test_every_number_of_a_density_word_comes_about():
+    seen = {sum(counts(graph_of(density="low"), seed).values()) for seed in range(60)}
+    assert seen == {1, 2, 3, 4}
+
+
+@given(st.integers(0, 20), st.integers(0, 20), SEEDS)
+def test_explicit_numbers_are_kept(vehicles, pedestrians, seed):
+    asked = Background(vehicles=vehicles, pedestrians=pedestrians)
+    found = counts(graph_of(density="low", background=asked), seed)
+    assert found == {"vehicle": vehicles, "pedestrian": pedestrians}
+
+
+def test_a_class_left_free_is_drawn():
+    found = [counts(graph_of(background=Background(pedestrians=0)), seed) for seed in range(20)]
+    assert {each["pedestrian"] for each in found} == {0}
+    assert len({each["vehicle"] for each in found}) > 1
+
+
+def test_without_a_word_noon_is_busier_than_night():
+    noon, night = (
+        np.mean([sum(counts(graph_of(), seed, hour).values()) for seed in range(60)])
+        for hour in (12.0, 3.0)
+    )
+    assert noon > night
+
+
+@given(SEEDS)
+def test_names_never_collide_and_spares_come_on_top(seed):
+    wanted = Background(vehicles=3, pedestrians=2)
+    pool = pool_of(graph_of(background=wanted), seed=seed, size=1)
+    foreground = [n for n, each in pool.agents.items() if each.role == "foreground"]
+    assert foreground == ["vehicle-2", "vehicle-4"]
+    assert pool.background == {"vehicle": 3, "pedestrian": 2}
+    for kind, count in pool.background.items():
+        crowd = [
+            each
+            for each in pool.agents.values()
+            if each.role == "background" and each.route.type == kind
+        ]
+        assert [each.spare for each in crowd] == [n >= count for n in range(len(crowd))]
+        for part in (crowd[:count], crowd[count:]):  # whoever comes first is first in its queue
+            assert [each.arrival for each in part] == sorted(each.arrival for each in part)
+        assert all(each.name.startswith(f"{kind}-") for each in crowd)
+        assert all(0.0 <= each.arrival <= 30.0 for each in crowd)
+        assert "jaywalking" not in {each.route.movement for each in crowd}
+    assert {name: each.name for name, each in pool.agents.items()} == {n: n for n in pool.agents}
+    assert all(pool.agents[name].arrival is None for name in foreground)
+
+
+def test_nobody_wanted_nobody_drawn():
+    pool = pool_of(graph_of(background=Background(vehicles=0, pedestrians=0)))
+    assert set(pool.agents) == {"vehicle-2", "vehicle-4"}
+
+
+def test_arrivals_are_spread_evenly_over_the_scene():
+    """Given their number, exponential intervals make uniform arrivals."""
+    asked = Background(vehicles=12, pedestrians=0)
+    arrivals = np.array(
+        [
+            each.arrival
+            for seed in range(12)
+            for each in pool_of(graph_of(background=asked), seed=seed, size=1).agents.values()
+            if each.arrival is not None
+        ]
+    )
+    shares = np.histogram(arrivals, bins=3, range=(0.0, 30.0))[0] / len(arrivals)
+    assert shares == pytest.approx([1 / 3] * 3, abs=0.1)
+
+
+def test_candidates_are_built_from_what_was_drawn():
+    pool = pool_of(graph_of())
+    for name, agent in pool.agents.items():
+        assert agent.drawn.waypoints.shape == (6, 10, 2)
+        candidate = agent.build(3)
+        assert candidate.route == agent.route
+        assert (candidate.waypoints == agent.drawn.waypoints[3]).all()
+        assert candidate.nll == agent.nll[3]
+        assert candidate.time_law == agent.drawn.time_laws[3]
+        assert np.hypot(*(candidate.path.xy[0] - agent.drawn.waypoints[3, 0])) < 0.2
+        if name == "vehicle-4":
+            assert (agent.subtype, agent.shape.length) == ("bus", 12.0)
+        if agent.route.type == "pedestrian":
+            assert agent.subtype is None
+
+
+@given(SEEDS)
+def test_the_same_generator_draws_the_same(seed):
+    one, other = (pool_of(graph_of(density="low"), seed=seed, size=2) for _ in range(2))
+    assert one.cast == other.cast
+    assert list(one.agents) == list(other.agents)
+    for name, agent in one.agents.items():
+        twin = other.agents[name]
+        assert (agent.drawn.waypoints == twin.drawn.waypoints).all()
+        assert (agent.drawn.time_laws, agent.arrival) == (twin.drawn.time_laws, twin.arrival)
+        assert agent.shape == twin.shape
+
+
+def test_no_red_light_is_run_by_those_who_go_together():
+    graph = SocialGraph(
+        agents=(
+            AgentNode(id="vehicle-1", type="vehicle", entry="north", movement="left"),
+            AgentNode(id="vehicle-2", type="vehicle", entry="south", movement="straight"),
+        ),
+        relations=(RelationEdge(type="yield_to", from_="vehicle-1", to="vehicle-2"),),
+    )
+    for seed in range(10):
+        [played] = pool_of(graph, seed=seed, size=1).cast.patterns
+        assert played.pattern == "left_turn_yields_to_oncoming"
+        assert played.violator is None
+
+
+def test_the_hour_is_as_asked():
+    rng = np.random.default_rng(0)
+    assert hour_of(SceneContext(time_of_day="08:30"), PRIORS, rng) == 8.5
+    assert 0 <= hour_of(SceneContext(), PRIORS, rng) < 24
+
+
+@given(st.integers(0, 1439), st.integers(1, 600), SEEDS)
+def test_an_hour_within_a_range_stays_in_it(start, lasts, seed):
+    end = (start + lasts) % 1440
+    text = f"{start // 60:02d}:{start % 60:02d}-{end // 60:02d}:{end % 60:02d}"
+    hour = hour_of(SceneContext(time_of_day=text), PRIORS, np.random.default_rng(seed))
+    assert 0 <= hour < 24
+    assert (hour * 60 - start + 1e-6) % 1440 <= lasts + 1e-5
+
+
+def test_a_lane_change_begins_on_its_own_lane_and_ends_on_the_others():
+    t = np.linspace(0.0, 1.0, 10)
+    own = np.stack([np.column_stack([100 * t, np.zeros(10)])] * 3)
+    other = np.stack([np.column_stack([100 * t, np.full(10, 3.3)])] * 3)
+    changed = drift(own, other, np.random.default_rng(0), reverse=False)
+    assert changed[:, 0] == pytest.approx(own[:, 0], abs=1e-9)
+    assert changed[:, -1] == pytest.approx(other[:, -1], abs=1e-9)
+    assert ((changed[..., 1] > -1e-9) & (changed[..., 1] < 3.3 + 1e-9)).all()
+    back = drift(own, other[:, ::-1], np.random.default_rng(0), reverse=True)
+    assert back[:, -1] == pytest.approx(other[:, -1], abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["sideswipe", "head_on"])
+def test_who_drifts_leaves_its_lane_for_the_others(kind):
+    pool = pool_of(graph_of("collide_at", kind=kind))
+    [played] = pool.cast.patterns
+    assert played.pattern in {pattern.id for pattern in load_patterns() if pattern.kind == kind}
+    drifting, other = pool.agents[played.from_], pool.agents[played.to]
+
+    def away(waypoints) -> float:
+        """How far a drifter's end lies from where the other drives."""
+        dense = np.concatenate([other.build(m).path.xy for m in range(6)])
+        return float(np.hypot(*(dense - waypoints[-1]).T).min())
+
+    assert max(away(waypoints) for waypoints in drifting.drawn.waypoints) < 3.0
+    assert np.isfinite(drifting.nll).all()

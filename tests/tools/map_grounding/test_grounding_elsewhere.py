@@ -1,0 +1,131 @@
+"""Other maps than four legs in right-hand traffic: what an instruction means there."""
+
+import importlib.util
+import types
+
+import numpy as np
+import pytest
+
+import map_files
+from scenewright import synthesize
+from scenewright.errors import Rejected
+from scenewright.scene.relations import get_pattern
+from scenewright.scene.social import AgentNode, SceneContext, SocialGraph
+from scenewright.tools.fitting.custom_bundle import write_own
+from scenewright.tools.fitting.derive_priors import derived_priors
+from scenewright.tools.map_grounding.grounding import ground, serves
+from scenewright.tools.map_import import import_map
+from scenewright.tools.relation_checker.entries import entry_of, exit_of
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    file = map_files.lanelet2(tmp_path_factory.mktemp("map") / "four.osm")
+    return import_map(file, name="four").assembled.place
+
+
+def route(place, name):
+    return next(each for each in place.routes if each.id == name)
+
+
+def test_in_left_hand_traffic_the_turn_across_oncoming_traffic_is_the_right_one(place):
+    left_hand = place.model_copy(update={"left_hand_traffic": True})
+    pattern = get_pattern("left_turn_yields_to_oncoming")
+    oncoming = route(place, "vehicle:south>north:straight")
+    turns = {
+        turn: route(place, f"vehicle:north>{to}:{turn}")
+        for turn, to in (("left", "east"), ("right", "west"))
+    }
+    assert serves(pattern, turns["left"], oncoming, intersection_map=place)
+    assert not serves(pattern, turns["left"], oncoming, intersection_map=left_hand)
+
+
+def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
+    pattern = get_pattern("follow_on_approach")
+    ahead = route(place, "vehicle:north>south:straight")
+    turning = route(place, "vehicle:north>east:left")
+    assert serves(pattern, turning, ahead, intersection_map=place)
+    lanes = tuple(
+        m.model_copy(update={"lanelets": tuple(f"other:{x}" for x in m.lanelets)})
+        if m.id == "north>east:left"
+        else m
+        for m in place.movements
+    )
+    parted = place.model_copy(update={"movements": lanes})
+    assert not serves(pattern, turning, ahead, intersection_map=parted)
+
+
+needs_sumo = pytest.mark.skipif(
+    importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
+)
+
+
+@needs_sumo
+def test_on_five_legs_a_turn_goes_where_the_map_leads(tmp_path):
+    net = map_files.sumo_net(tmp_path / "five.net.xml", (0, 45, 90, 180, 270))
+    five = import_map(net, name="five").assembled.place
+    graph = SocialGraph(
+        agents=(
+            AgentNode(id="vehicle-1", type="vehicle", entry="south", exit="west", movement="left"),
+        ),
+        relations=(),
+        context=SceneContext(),
+    )
+    assert ground(graph, intersection_map=five).routes["vehicle-1"]
+    gone = five.model_copy(
+        update={"routes": tuple(r for r in five.routes if r.id != "vehicle:south>west:left")}
+    )
+    if any(r.entry == "south" and r.movement == "left" for r in gone.routes):
+        assert ground(graph, intersection_map=gone).routes["vehicle-1"]
+    else:
+        with pytest.raises(Rejected):
+            ground(graph, intersection_map=gone)
+
+
+@needs_sumo
+def test_the_lane_that_a_track_is_on_tells_its_leg_on_five_legs(tmp_path):
+    net = map_files.sumo_net(tmp_path / "five.net.xml", (0, 45, 90, 180, 270))
+    made = import_map(net, name="five").assembled
+    for each in made.place.routes:
+        if each.type == "vehicle":
+            for line in made.lines[each.id]:
+                seen = driven(np.asarray(line), made.place.extent)
+                assert entry_of(seen, made.place) == each.entry
+                assert exit_of(seen, made.place) == each.exit
+
+
+def test_where_a_road_bends_the_lane_decides_and_not_the_direction(place):
+    bent = place.model_copy(
+        update={
+            "legs": tuple(x.model_copy(update={"bearing": x.bearing + 1.0}) for x in place.legs)
+        }
+    )
+    line = np.array(next(m for m in place.movements if m.id == "north>south:straight").centreline)
+    assert entry_of(driven(line, place.extent), bent) == "north"
+    assert exit_of(driven(line, place.extent), bent) == "south"
+
+
+@needs_sumo
+def test_in_left_hand_traffic_a_right_turn_across_the_path_is_made_and_proven(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
+    net = map_files.sumo_net(tmp_path / "left.net.xml", (0, 90, 180, 270), left_hand=True)
+    made = import_map(net, name="left").assembled
+    priors = derived_priors(made.place, made.lines)
+    write_own("left", made.place, made.lines, priors, provenance={}, frame={}, notes=[])
+    text = "A car turning right hits an oncoming car with nobody else around"
+    scene = synthesize(text, intersection="left", seed=1, refiner="none")
+    assert scene.proof.verified
+    [event] = scene.proof.events
+    assert (event.type, event.kind) == ("collision", "left_turn")
+    movements = {agent.movement for agent in scene.record.agents}
+    assert movements == {"right", "straight"}
+
+
+def driven(line, extent):
+    """A vehicle that drives along a line, as far as the map goes."""
+    inside = line[np.abs(line).max(axis=1) <= extent]
+    step = np.diff(inside, axis=0)
+    heading = np.arctan2(step[:, 1], step[:, 0])
+    return types.SimpleNamespace(xy=inside, heading=np.append(heading, heading[-1]))

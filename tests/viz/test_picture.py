@@ -1,0 +1,186 @@
+"""Pictures: they exist, show something, take any text, and are whole or absent."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from scenewright.errors import InputError
+from scenewright.scene.events import Proof
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import EventRecord, SceneRecord
+from scenewright.viz import animate_scene, draw_intersection, draw_scene
+from scenewright.viz.appearance import (
+    BACKGROUND_VEHICLE,
+    choose_colours,
+    list_motions,
+    make_printable,
+    parse_colour,
+)
+
+HOSTILE = (
+    "A car\nyields \x1b[31m$\\frac{1}{0}$ _{x} 行人 \u202eleft\ud800 & <b>" + " very long" * 4000
+)
+
+
+def pixels(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
+def share_of(picture: np.ndarray, colour: str) -> float:
+    return float((np.abs(picture - np.array(parse_colour(colour))).sum(axis=2) < 30).mean())
+
+
+def asked(scene: SceneRecord, prompt: str) -> SceneRecord:
+    return scene.model_copy(update={"meta": scene.meta.model_copy(update={"user_prompt": prompt})})
+
+
+def test_still_shows_every_foreground_agent_in_its_colour(
+    tmp_path: Path, scene: SceneRecord, proof: Proof, intersection: IntersectionMap
+) -> None:
+    draw_scene(tmp_path / "a.png", scene=scene, proof=proof, intersection=intersection, dpi=100)
+    picture = pixels(tmp_path / "a.png")
+    assert picture.shape[1] == 700
+    shades = choose_colours(scene)
+    assert share_of(picture, shades[1]) > 1e-3
+    assert share_of(picture, shades[2]) > 2e-4
+    assert share_of(picture, BACKGROUND_VEHICLE) > 1e-3
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_north_is_up_and_east_right(
+    tmp_path: Path, scene: SceneRecord, intersection: IntersectionMap
+) -> None:
+    """The car stands east of the middle, the walker north-east of it."""
+    draw_scene(tmp_path / "a.png", scene=scene, proof=None, intersection=intersection, dpi=100)
+    picture = pixels(tmp_path / "a.png")[:740]
+    spots = {}
+    for number in (1, 2):
+        colour = choose_colours(scene)[number]
+        found = np.argwhere(np.abs(picture - np.array(parse_colour(colour))).sum(axis=2) < 30)
+        spots[number] = found.mean(axis=0)
+    assert spots[1][1] > 350
+    assert spots[2][0] < spots[1][0]
+
+
+def test_same_scene_gives_the_same_bytes(
+    tmp_path: Path, scene: SceneRecord, intersection: IntersectionMap
+) -> None:
+    for name in ("a.png", "b.png"):
+        draw_scene(tmp_path / name, scene=scene, proof=None, intersection=intersection, dpi=60)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_any_prompt_is_only_text(
+    tmp_path: Path, scene: SceneRecord, intersection: IntersectionMap
+) -> None:
+    draw_scene(
+        tmp_path / "a.png",
+        scene=asked(scene, HOSTILE),
+        proof=None,
+        intersection=intersection,
+        dpi=60,
+    )
+    assert pixels(tmp_path / "a.png").shape[0] < 700
+
+
+def test_a_scene_without_agents_or_events_can_be_drawn(
+    tmp_path: Path, scene: SceneRecord, intersection: IntersectionMap
+) -> None:
+    normal = EventRecord.model_validate(
+        {"type": "normal", "from": None, "to": None, "time": None, "location": None}
+    )
+    empty = scene.model_copy(update={"agents": (), "events": (normal,), "signals": ()})
+    draw_scene(tmp_path / "a.png", scene=empty, proof=None, intersection=intersection, dpi=60)
+    assert pixels(tmp_path / "a.png").std() > 5
+
+
+@pytest.mark.parametrize("where", ["missing/a.png", "file/a.png", "folder"])
+def test_nothing_is_left_half_written(
+    tmp_path: Path, scene: SceneRecord, intersection: IntersectionMap, where: str
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "folder").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError, match="cannot write") as caught:
+        draw_scene(tmp_path / where, scene=scene, proof=None, intersection=intersection, dpi=40)
+    assert "\n" not in str(caught.value)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_animation_moves_and_lasts_as_long_as_the_scene(
+    tmp_path: Path, scene: SceneRecord, proof: Proof, intersection: IntersectionMap
+) -> None:
+    path = tmp_path / "a.gif"
+    animate_scene(path, scene=scene, proof=proof, intersection=intersection, fps=2)
+    with Image.open(path) as image:
+        lasts, shown = 0, []
+        for number in range(getattr(image, "n_frames", 1)):
+            image.seek(number)
+            lasts += image.info["duration"]
+            shown.append(np.asarray(image.convert("RGB")).astype(int))
+    assert lasts == pytest.approx(30_500, abs=500)
+    assert all((a != b).any() for a, b in pairwise(shown))
+    assert path.stat().st_size < 1_000_000
+    orange = [share_of(picture, choose_colours(scene)[1]) for picture in shown]
+    assert max(orange) > 1e-3 > min(orange)
+
+
+@pytest.mark.parametrize("fps", [0, 51])
+def test_animation_refuses_absurd_frame_rates(
+    tmp_path: Path, scene: SceneRecord, intersection: IntersectionMap, fps: int
+) -> None:
+    with pytest.raises(InputError, match="frames per second"):
+        animate_scene(
+            tmp_path / "a.gif", scene=scene, proof=None, intersection=intersection, fps=fps
+        )
+
+
+def test_intersection_with_tracks_and_samples(
+    tmp_path: Path, intersection: IntersectionMap
+) -> None:
+    track = np.array([(4.95, -60.0), (4.95, 60.0)])
+    draw_intersection(
+        tmp_path / "a.png", intersection=intersection, tracks=[track], samples=[track + 1.0], dpi=60
+    )
+    draw_intersection(tmp_path / "b.png", intersection=intersection, dpi=60)
+    with_tracks, alone = pixels(tmp_path / "a.png"), pixels(tmp_path / "b.png")
+    assert with_tracks.shape == alone.shape
+    assert (with_tracks != alone).any()
+
+
+def test_an_agent_is_shown_only_while_it_is_there(scene: SceneRecord) -> None:
+    walker = next(motion for motion in list_motions(scene) if motion.agent.id == 2)
+    assert walker.find_sample(1.9) is None
+    assert walker.find_sample(2.0) == 0
+    assert walker.find_sample(24.0) == len(walker.times) - 1
+    assert walker.find_sample(24.2) is None
+
+
+def test_after_a_collision_the_footprint_stays(scene: SceneRecord) -> None:
+    crash = EventRecord.model_validate(
+        {"type": "collision", "from": 1, "to": 2, "time": 24.0, "location": (0.0, 0.0)}
+    )
+    walker = next(
+        m for m in list_motions(scene.model_copy(update={"events": (crash,)})) if m.agent.id == 2
+    )
+    assert walker.find_sample(29.0) == len(walker.times) - 1
+
+
+def test_outline_of_a_turned_vehicle(scene: SceneRecord) -> None:
+    """Car 3 drives east: its footprint is 4.6 m along x and 1.85 m along y around its centre."""
+    car = next(motion for motion in list_motions(scene) if motion.agent.id == 3)
+    outline = car.compute_outline(0)
+    assert np.ptp(outline, axis=0) == pytest.approx([4.6, 1.85], abs=1e-6)
+    assert car.compute_front(0) == pytest.approx([-40 + 2.3, -1.65], abs=1e-6)
+
+
+def test_printable_keeps_one_short_line() -> None:
+    assert make_printable("a\n\tb\x00 c") == "a b c"
+    assert len(make_printable("x" * 100_000, limit=50)) == 50
+    assert make_printable("x" * 50, limit=50) == "x" * 50
