@@ -29,6 +29,7 @@ RejectionCode = Literal[
     "no_surviving_combination",
     "unknown_anchor",
     "times_not_increasing",
+    "segment_off_track",
     "relation_not_realised",
     "wrong_braker",
     "background_interferes",

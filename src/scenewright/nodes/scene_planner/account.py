@@ -15,6 +15,9 @@ from scenewright.scene.social import SocialGraph
 UNSAID = "said leaves out"
 """How the rejection of an incomplete account begins."""
 
+_UNPLANNED = ("nothing", "constraint", "behavior")
+"""What words became that no field of the plan holds."""
+
 _CONTENT = re.compile(
     r"\b(?:\d[\w.:/%]*|not|no|never|nobody|none|neither|nor|without|n't|both|either|each|every|all|"
     r"only|several|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve)\b",
@@ -27,7 +30,8 @@ def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
     """The account of a model's plan, with the words that it leaves out.
 
     A model that gives no account at all is not asked for one: the words that nothing in a scene
-    can stand for are then those in which the offline planner sees such a thing.
+    can stand for, or that are left to later stages, are then those in which the offline planner
+    sees such a thing.
 
     Raises:
         Rejected: `malformed_reply`, once, for an account that leaves out a number, a negation, a
@@ -39,11 +43,12 @@ def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
     said = tuple(chain.from_iterable(_fill_values(each, plan) for each in located))
     read = _read_offline(question)
     if not located:
-        return tuple(each for each in read if each.became in ("nothing", "manner"))
+        kept = (each for each in read if each.became in ("manner", *_UNPLANNED))
+        return tuple(_with_agents_of(plan, each) for each in kept)
     left_out = [
         *(_left_out(each.start, each.end, each.words) for each in said if each.value == _LACKING),
         *_uncovered_content(text, said),
-        *_uncovered_spans(read, said),
+        *_uncovered_spans(read, said, plan),
     ]
     said = tuple(each for each in said if each.value != _LACKING)
     if left_out and not any(UNSAID in each for each in question.rejections):
@@ -110,12 +115,22 @@ def _uncovered_content(text: str, said: Sequence[SaidSpan]) -> Iterator[SaidSpan
             yield _left_out(match.start(), match.end(), match[0])
 
 
-def _uncovered_spans(read: Sequence[SaidSpan], said: Sequence[SaidSpan]) -> Iterator[SaidSpan]:
-    """Words that nothing can stand for, as the offline planner sees it, and no entry covers."""
+def _uncovered_spans(
+    read: Sequence[SaidSpan], said: Sequence[SaidSpan], plan: SocialGraph
+) -> Iterator[SaidSpan]:
+    """Words that no field of a plan holds, as the offline planner sees it, and no entry covers."""
     for each in read:
         overlaps = any(other.start < each.end and each.start < other.end for other in said)
         if each.became == "nothing" and not overlaps:
             yield _left_out(each.start, each.end, each.words)
+        elif each.became in _UNPLANNED and not overlaps:
+            yield _with_agents_of(plan, each)
+
+
+def _with_agents_of(plan: SocialGraph, entry: SaidSpan) -> SaidSpan:
+    """The entry of another reading, with those of its agents that the plan names alike."""
+    known = {agent.id for agent in plan.agents}
+    return entry.model_copy(update={"agents": tuple(n for n in entry.agents if n in known)})
 
 
 def _left_out(start: int, end: int, words: str) -> SaidSpan:

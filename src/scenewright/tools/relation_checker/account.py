@@ -8,6 +8,7 @@ from scenewright.scene.account import SaidRecord
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.entries import entry_of, exit_of
 from scenewright.tools.relation_checker.observation import Observation
 
@@ -31,12 +32,13 @@ def check_account(
     """
     account: list[SaidRecord] = []
     findings: list[Finding] = []
+    witness = _Witness(scene, events, seen, intersection)
     for entry in scene.said:
         if entry.became in ("manner", "nothing"):
             status = "manner" if entry.became == "manner" else "unrealised"
             account.append(entry.model_copy(update={"status": status}))
             continue
-        evidence = _Witness(scene, events, seen, intersection).find(entry)
+        evidence = witness.find(entry)
         if evidence is None:
             findings.append(_contradicted(entry))
             account.append(entry.model_copy(update={"status": "claimed", "evidence": None}))
@@ -69,6 +71,8 @@ class _Witness:
         self._map = intersection
         self._agents = {agent.id: agent for agent in scene.agents}
         self._movers = {mover.id: mover for mover in seen.movers}
+        numbers = {agent.name: agent.id for agent in scene.agents if agent.name is not None}
+        self._asked = AskedFor(numbers, events, seen, intersection)
 
     def find(self, entry: SaidRecord) -> str | None:
         """Evidence for an entry; None where there is none."""
@@ -93,6 +97,8 @@ class _Witness:
                 return self._background()
             case "normal" | "denied":
                 return self._absence(entry)
+            case "constraint" | "behavior":
+                return self._asked.find(entry.value, entry.words)
             case _:
                 return "no claim on the tracks by itself"
 
