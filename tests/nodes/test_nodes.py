@@ -261,10 +261,9 @@ def test_a_model_is_told_where_people_drive_on_the_left(
     run: dict[str, Any], left_hand: bool
 ) -> None:
     """Which turn leads across oncoming traffic is asked of the planner."""
-    here = MapAreas(GROUND.intersection_map.model_copy(update={"left_hand_traffic": left_hand}))
     backend = Scripted({"note": "no answer"})
     runs_at = runtime(backend)
-    intersection_map = GROUND.on.model_copy(update={"left_hand_traffic": left_hand})
+    intersection_map = GROUND.intersection_map.model_copy(update={"left_hand_traffic": left_hand})
     runs_at.context = replace(runs_at.context, ground=MapAreas(intersection_map))
     with pytest.raises(Rejected):
         plan_scene({**run, "rejections": []}, runtime=runs_at)

@@ -49,8 +49,7 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     graph.add_conditional_edges("event_reasoner", routes.after_event_reasoner)
     graph.add_edge("trajectory_refiner", "scene_verifier")
     ends: dict[Hashable, str] = {
-        name: name
-        for name in ("scene_planner", "trajectory_refiner", "agent_generator", "give_up")
+        name: name for name in ("scene_planner", "trajectory_refiner", "agent_generator", "give_up")
     }
     graph.add_conditional_edges("scene_verifier", routes.after_scene_verifier, ends | {"end": END})
     graph.add_edge("give_up", END)
