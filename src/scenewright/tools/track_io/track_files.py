@@ -20,7 +20,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, VEHICLE_SIZES, Track
-from scenewright.tools.track_io.cleaning import Removed, SeenTrack, cleaned
+from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_track
 
 MOST_BYTES = 400_000_000
 SMOOTHING = 0.3
@@ -66,7 +66,7 @@ class FileTracks:
 
     name: str
     tracks: tuple[tuple[str, Track], ...]
-    removed: Removed
+    removed: CleaningReport
     begin: float | None
     origin: tuple[float, float] | None
     span: float
@@ -188,14 +188,14 @@ def _cleaned(
     begin: float | None,
     origin: tuple[float, float] | None,
 ) -> FileTracks:
-    removed = Removed()
+    removed = CleaningReport()
     found: list[tuple[str, Track]] = []
     for agent in agents.values():
         kind: AgentClass = "pedestrian" if agent.subtype == "pedestrian" else "vehicle"
         for time, xy in _at_ten_hertz(agent):
-            seen = SeenTrack(kind, time, xy, settling[kind])
+            seen = RawTrack(kind, time, xy, settling[kind])
             found += [
-                (agent.subtype, t) for t in cleaned(seen, smoothing=SMOOTHING, removed=removed)
+                (agent.subtype, t) for t in clean_track(seen, smoothing=SMOOTHING, removed=removed)
             ]
     times = [t for agent in agents.values() for t in (min(agent.t), max(agent.t))]
     span = max(times) - min(times) if times else 0.0
