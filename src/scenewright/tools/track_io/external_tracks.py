@@ -26,6 +26,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
+from scenewright.tools.track_io.subtypes import find_subtype
 from scenewright.tools.track_io.unit_checks import find_unit_doubts
 
 MOST_BYTES = 200_000_000
@@ -55,17 +56,6 @@ _SHAPES = {
     "pedestrian": PEDESTRIAN,
 }
 """Footprints by subtype (SEMANTICS section 1); bicycles are small vehicles."""
-_SYNONYMS = {
-    "car": "vehicle automobile passenger_car passenger_vehicle van minivan suv taxi pickup cab",
-    "truck": "lorry heavy_vehicle truck_bus trailer semi hgv",
-    "bus": "coach minibus",
-    "motorcycle": "motorbike motorcyclist moped scooter motor",
-    "bicycle": "bike cyclist bicyclist biker",
-    "pedestrian": "ped person people walker human",
-}
-_SUBTYPES = {
-    word: subtype for subtype, words in _SYNONYMS.items() for word in (subtype, *words.split())
-}
 _REQUIRED = ("t", "id", "class", "x", "y")
 _OPTIONAL = ("heading", "length", "width")
 
@@ -191,8 +181,11 @@ def read_csv(text: str, *, name: str) -> ExternalTracks:
         if len(cells) != len(header):
             table.refuse(line, f"{len(cells)} cells under {len(header)} columns")
         row = {column: cells[k].strip() for column, k in columns.items()}
-        table.add(line, _check_id(row["id"], line, table), _find_subtype(row["class"], line, table),
-                  _parse_values(row, line, table))  # fmt: skip
+        agent, subtype = (
+            _check_id(row["id"], line, table),
+            _check_subtype(row["class"], line, table),
+        )
+        table.add(line, agent, subtype, _parse_values(row, line, table))
     return _build_tracks(table, unit=1.0)
 
 
@@ -230,12 +223,12 @@ def _check_id(cell: str, line: int, table: _Table) -> str:
     return cell
 
 
-def _find_subtype(cell: str, line: int, table: _Table) -> str:
-    word = "_".join(cell.lower().replace("-", " ").replace("_", " ").split())
-    if word not in _SUBTYPES:
+def _check_subtype(cell: str, line: int, table: _Table) -> str:
+    subtype = find_subtype(cell)
+    if subtype is None:
         table.refuse(line, f"class {_crop(cell)!r} is unknown; use vehicle or pedestrian, or one "
                      "of car, truck, bus, motorcycle, bicycle")  # fmt: skip
-    return _SUBTYPES[word]
+    return subtype
 
 
 def _parse_values(row: Mapping[str, str], line: int, table: _Table) -> dict[str, float]:

@@ -41,7 +41,7 @@ _CLASSES: dict[str, tuple[AgentClass, str | None, Shape]] = {
     "Pedestrian": ("pedestrian", None, PEDESTRIAN),
 }
 """Sizes are ours: the files hold defaults, too."""
-_SETTLING = {
+SETTLING: dict[str, dict[AgentClass, float]] = {
     "k729": {"vehicle": 3.0, "pedestrian": 1.5},
     "k733": {"vehicle": 1.0, "pedestrian": 1.0},
 }
@@ -128,5 +128,5 @@ def _build_raw_track(rows: list[dict[str, str]], kind: AgentClass, site: str) ->
     time = np.array([int(row["timestamp_ms"]) / 1000 for row in rows])
     xy = np.array([(float(row["x"]), float(row["y"])) for row in rows])
     _, first = np.unique(np.rint(time / STEP), return_index=True)
-    settling = _SETTLING.get(site.split("_", maxsplit=1)[0], _SETTLING["k733"])[kind]
+    settling = SETTLING.get(site.split("_", maxsplit=1)[0], SETTLING["k733"])[kind]
     return RawTrack(kind, time[first], xy[first], settling)
