@@ -13,12 +13,12 @@ import numpy as np
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.conditions import passes_first
-from scenewright.tools.relation_checker.entries import BESIDE
-from scenewright.tools.relation_checker.ground import ground_of
-from scenewright.tools.relation_checker.motion import Mover
-from scenewright.tools.relation_checker.observation import Observation
+from scenewright.tools.relation_checker.conditions import find_first_passer
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.legs import BESIDE
 from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
 
 KEPT = 1.0
@@ -53,12 +53,12 @@ class AskedFor:
         self,
         numbers: Mapping[str, int],
         events: Sequence[Event],
-        seen: Observation,
+        seen: SceneObservation,
         intersection: IntersectionMap | None,
     ) -> None:
         self._numbers, self._events, self._seen = numbers, events, seen
         self._map = intersection
-        self._movers = {mover.id: mover for mover in seen.movers}
+        self._movers = {mover.id: mover for mover in seen.tracks}
         self._rules: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str | None]], ...] = (
             (_SPEED, self._speed),
             (_PASSES, self._passage),
@@ -87,7 +87,7 @@ class AskedFor:
                 return rule(match) if all(name in self._numbers for name in names) else None
         return None
 
-    def _mover(self, name: str) -> Mover:
+    def _mover(self, name: str) -> Trajectory:
         return self._movers[self._numbers[name]]
 
     def _speed(self, match: re.Match[str]) -> str | None:
@@ -104,7 +104,7 @@ class AskedFor:
     def _passage(self, match: re.Match[str]) -> str | None:
         if self._map is None:
             return None
-        mover, ground = self._mover(match[1]), ground_of(self._map)
+        mover, ground = self._mover(match[1]), get_ground_raster(self._map)
         path = geos.LineString(mover.xy)
         if match[2] == "junction":
             passes = float(np.hypot(*mover.xy.T).min()) < JUNCTION
@@ -118,7 +118,7 @@ class AskedFor:
 
     def _order(self, match: re.Match[str]) -> str | None:
         first, second = self._mover(match[1]).id, self._mover(match[2]).id
-        early = passes_first(self._seen, {first, second})
+        early = find_first_passer(self._seen, {first, second})
         return f"agent {first} passes before agent {second}" if early == first else None
 
     def _gap(self, match: re.Match[str]) -> str | None:
@@ -163,7 +163,7 @@ class AskedFor:
         return found
 
 
-def standstills(mover: Mover) -> list[tuple[float, float]]:
+def standstills(mover: Trajectory) -> list[tuple[float, float]]:
     """From when to when a mover stands [s], in order."""
     slow = np.concatenate(([False], mover.speed <= STANDING, [False]))
     edges = np.flatnonzero(slow[1:] != slow[:-1])
