@@ -24,7 +24,7 @@ from scenewright.tools.fitting.custom_bundle import OwnBundle, open_own, write_o
 from scenewright.tools.fitting.derive_priors import derived_priors
 from scenewright.tools.fitting.fit_tracks import Lanes
 from scenewright.tools.gmm_sampler.priors import Priors
-from scenewright.tools.map_import import Imported, import_map
+from scenewright.tools.map_import import ImportedMap, import_map
 from scenewright.tools.track_io import Recording
 
 Tell = Callable[[str, str], None]
@@ -71,7 +71,7 @@ def import_file(
         signals=signals,
     )
     tell("deriving", "priors from the map, nothing was seen there yet")
-    place, lines = made.assembled.place, made.assembled.lines
+    place, lines = made.intersection_map, made.route_lines
     folder = write_own(
         name,
         place,
@@ -79,20 +79,20 @@ def import_file(
         derived_priors(place, lines),
         provenance=_provenance(file, made),
         frame={"origin": made.origin, "offset": made.offset},
-        notes=made.assembled.notes,
+        notes=made.notes,
         licence=licence,
         force=force,
     )
     return {
         "name": name,
         "folder": str(folder),
-        "format": _FORMATS[made.kind],
+        "format": _FORMATS[made.map_format],
         "title": place.title,
         "legs": [{"name": leg.name, "road": leg.road} for leg in place.legs],
         "movements": len(place.movements),
         "crosswalks": len(place.crosswalks),
         "signals": place.signals is not None,
-        "notes": list(made.assembled.notes),
+        "notes": list(made.notes),
     }
 
 
@@ -389,7 +389,7 @@ def _drawn(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
     """By route id, paths drawn from its prior; jaywalkers', who go anywhere, are left out."""
     import numpy as np
 
-    from scenewright.tools.gmm_sampler import load_priors, paths_of, sample_waypoints
+    from scenewright.tools.gmm_sampler import build_paths, load_priors, sample_waypoints
 
     if not (find_bundle_folder(name) / "priors.npz").is_file():
         return {}
@@ -397,7 +397,7 @@ def _drawn(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
     return {
         route.id: [
             path.xy
-            for path in paths_of(
+            for path in build_paths(
                 priors.waypoints[route.id],
                 sample_waypoints(priors.waypoints[route.id], rng, size=_SHOWN[route.type]),
             )
@@ -439,10 +439,10 @@ def parsed_center(text: str) -> tuple[float, float]:
     return first, second
 
 
-def _provenance(file: str, made: Imported) -> dict[str, Any]:
+def _provenance(file: str, made: ImportedMap) -> dict[str, Any]:
     return {
         "map": Path(file).name,
-        "map_format": _FORMATS[made.kind],
+        "map_format": _FORMATS[made.map_format],
         "map_sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest(),
         "priors": "derived from the map and the pool of amsterdam_120; nothing was seen there",
     }

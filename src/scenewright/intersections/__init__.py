@@ -43,6 +43,8 @@ __all__ = [
 
 FORMAT = 1
 """Version of the layout of a bundle's folder that this program writes, and the newest it reads."""
+SHIPPED = "amsterdam_120"
+"""The shipped bundle whose data fill in where another has none."""
 REFINER_WEIGHTS = "refiner.safetensors"
 """The learned refiner's file in a bundle, where one was trained."""
 _SHIPPED = Path(__file__).parent

@@ -15,7 +15,7 @@ from scenewright.tools.fitting.fit_tracks import fit_tracks, read_hourly
 from scenewright.tools.fitting.partial_tracks import offset_nll, partial_prior
 from scenewright.tools.fitting.path_frame import centreline, moving_prior, shipped_pool
 from scenewright.tools.fitting.route_matching import Match, Matcher, Unmatched
-from scenewright.tools.gmm_sampler import load_priors, sample_waypoints, waypoint_nll
+from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors, sample_waypoints
 from scenewright.tools.map_import import import_map
 from scenewright.tools.track_io.track_files import read_track_files
 
@@ -28,18 +28,18 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def place(made):
-    return made.assembled.place
+    return made.intersection_map
 
 
 @pytest.fixture(scope="module")
 def ways(made):
-    return made.assembled.lines
+    return made.route_lines
 
 
 @pytest.fixture
 def bundle(made, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
-    place, ways = made.assembled.place, made.assembled.lines
+    place, ways = made.intersection_map, made.route_lines
     return write_own(
         "four", place, ways, derived_priors(place, ways),
         provenance={"map": 'a "quoted" name\n'}, frame={"origin": made.origin}, notes=["a note"],
@@ -68,7 +68,7 @@ def test_derived_priors_keep_people_where_they_belong(place, ways):
     assert set(priors.waypoints) == {each.id for each in place.routes}
     for each in place.routes:
         drawn = sample_waypoints(priors.waypoints[each.id], rng, size=50)
-        assert np.isfinite(waypoint_nll(priors.waypoints[each.id], drawn)).all()
+        assert np.isfinite(compute_waypoint_nll(priors.waypoints[each.id], drawn)).all()
         if each.movement != "jaywalking":
             middle = centreline(ways[each.id][0]).knots
             assert np.abs(drawn.mean(axis=0) - middle).max() < 0.5
@@ -84,7 +84,9 @@ def test_turning_the_map_turns_the_prior(place, ways):
     straight = moving_prior(own, [line], tracks, pool=pool)
     turned = moving_prior(own, [line @ turn.T], tracks @ turn.T, pool=pool)
     assert np.allclose(
-        waypoint_nll(straight, tracks), waypoint_nll(turned, tracks @ turn.T), atol=1e-6
+        compute_waypoint_nll(straight, tracks),
+        compute_waypoint_nll(turned, tracks @ turn.T),
+        atol=1e-6,
     )
 
 
@@ -144,11 +146,11 @@ def test_tracks_are_matched_to_routes_and_said_to_be_open_or_off(place, ways):
 
 def test_a_bundle_comes_back_as_it_was_written(bundle, made):
     own = open_own("four")
-    assert own.place == made.assembled.place
+    assert own.place == made.intersection_map
     assert own.origin == pytest.approx(made.origin)
     assert own.header["format"] == FORMAT
     assert own.header["provenance"]["map"] == 'a "quoted" name\n'
-    for name, lines in made.assembled.lines.items():
+    for name, lines in made.route_lines.items():
         for one, other in zip(own.ways[name], lines, strict=True):
             assert np.allclose(one, other, atol=1e-4)
     assert load_priors("four").name == "four"
@@ -157,7 +159,7 @@ def test_a_bundle_comes_back_as_it_was_written(bundle, made):
 
 def test_the_same_map_gives_the_same_bytes(bundle, made, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "other"))
-    place, ways = made.assembled.place, made.assembled.lines
+    place, ways = made.intersection_map, made.route_lines
     again = write_own(
         "four", place, ways, derived_priors(place, ways),
         provenance={"map": 'a "quoted" name\n'}, frame={"origin": made.origin}, notes=["a note"],
@@ -167,7 +169,7 @@ def test_the_same_map_gives_the_same_bytes(bundle, made, tmp_path, monkeypatch):
 
 
 def test_an_existing_bundle_is_replaced_only_on_request(bundle, made):
-    place, ways = made.assembled.place, made.assembled.lines
+    place, ways = made.intersection_map, made.route_lines
     rest = {"provenance": {}, "frame": {}, "notes": []}
     with pytest.raises(InputError, match="exists already"):
         write_own("four", place, ways, derived_priors(place, ways), **rest)
@@ -179,7 +181,7 @@ def test_an_existing_bundle_is_replaced_only_on_request(bundle, made):
 @pytest.mark.parametrize("name", ["", "../x", "a/b", "A", "amsterdam_120", "x" * 41, ".x"])
 def test_names_that_cannot_be_are_refused(name, made, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path))
-    place, ways = made.assembled.place, made.assembled.lines
+    place, ways = made.intersection_map, made.route_lines
     with pytest.raises(InputError, match="name"):
         write_own(name, place, ways, derived_priors(place, ways), provenance={}, frame={}, notes=[])
     assert list(tmp_path.iterdir()) == []
@@ -299,7 +301,7 @@ def test_fitting_learns_where_people_drive_and_how_many(tmp_path, place, ways):
     grown = [fitted.priors.frequency[n][8] / before.frequency[n][8] for n in (STRAIGHT, others)]
     assert grown[0] > grown[1]
     assert all(np.isfinite(row).all() for row in fitted.heldout)
-    assert fitted.priors.time_laws[STRAIGHT].median[0] == pytest.approx(8.0, rel=0.2)
+    assert fitted.priors.driving_profiles[STRAIGHT].median[0] == pytest.approx(8.0, rel=0.2)
 
 
 def test_tracks_in_another_frame_are_refused_until_it_is_named(tmp_path, place, ways):

@@ -21,7 +21,7 @@ from scenewright.tools.relation_checker.entries import entry_of, exit_of
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     file = map_files.lanelet2(tmp_path_factory.mktemp("map") / "four.osm")
-    return import_map(file, name="four").assembled.place
+    return import_map(file, name="four").intersection_map
 
 
 def route(place, name):
@@ -63,7 +63,7 @@ needs_sumo = pytest.mark.skipif(
 @needs_sumo
 def test_on_five_legs_a_turn_goes_where_the_map_leads(tmp_path):
     net = map_files.sumo_net(tmp_path / "five.net.xml", (0, 45, 90, 180, 270))
-    five = import_map(net, name="five").assembled.place
+    five = import_map(net, name="five").intersection_map
     graph = SocialGraph(
         agents=(
             AgentNode(id="vehicle-1", type="vehicle", entry="south", exit="west", movement="left"),
@@ -85,13 +85,13 @@ def test_on_five_legs_a_turn_goes_where_the_map_leads(tmp_path):
 @needs_sumo
 def test_the_lane_that_a_track_is_on_tells_its_leg_on_five_legs(tmp_path):
     net = map_files.sumo_net(tmp_path / "five.net.xml", (0, 45, 90, 180, 270))
-    made = import_map(net, name="five").assembled
-    for each in made.place.routes:
+    made = import_map(net, name="five")
+    for each in made.intersection_map.routes:
         if each.type == "vehicle":
-            for line in made.lines[each.id]:
-                seen = driven(np.asarray(line), made.place.extent)
-                assert entry_of(seen, made.place) == each.entry
-                assert exit_of(seen, made.place) == each.exit
+            for line in made.route_lines[each.id]:
+                seen = driven(np.asarray(line), made.intersection_map.extent)
+                assert entry_of(seen, made.intersection_map) == each.entry
+                assert exit_of(seen, made.intersection_map) == each.exit
 
 
 def test_where_a_road_bends_the_lane_decides_and_not_the_direction(place):
@@ -111,9 +111,11 @@ def test_in_left_hand_traffic_a_right_turn_across_the_path_is_made_and_proven(
 ):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
     net = map_files.sumo_net(tmp_path / "left.net.xml", (0, 90, 180, 270), left_hand=True)
-    made = import_map(net, name="left").assembled
-    priors = derived_priors(made.place, made.lines)
-    write_own("left", made.place, made.lines, priors, provenance={}, frame={}, notes=[])
+    made = import_map(net, name="left")
+    priors = derived_priors(made.intersection_map, made.route_lines)
+    write_own(
+        "left", made.intersection_map, made.route_lines, priors, provenance={}, frame={}, notes=[]
+    )
     text = "A car turning right hits an oncoming car with nobody else around"
     scene = synthesize(text, intersection="left", seed=1, refiner="none")
     assert scene.proof.verified

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from checker_tracks import crossing_walker, plus_map, scene, yielding_car
 
+from checker_tracks import crossing_walker, plus_map, scene, yielding_car
 from scenewright.scene.account import SaidRecord
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord

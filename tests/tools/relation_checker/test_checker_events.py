@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from checker_tracks import (
     CAR,
     EAST,
@@ -24,7 +25,6 @@ from checker_tracks import (
     walk,
     yielding_car,
 )
-
 from scenewright.scene.track import Shape
 from scenewright.tools.relation_checker import RoadUser, find_events
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from checker_tracks import (
     EAST,
     NORTH,
@@ -19,7 +20,6 @@ from checker_tracks import (
     walk,
     yielding_car,
 )
-
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.track import Track

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from checker_tracks import EAST, NORTH, along, bend, distance, light, line, plus_map, walk
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checker_tracks import EAST, NORTH, along, bend, distance, light, line, plus_map, walk
 from scenewright.tools.relation_checker import RoadUser, as_mover, as_movers, gather, lane_gaps
 from scenewright.tools.relation_checker.curve import project, project_each, side_by_side
 from scenewright.tools.relation_checker.signals import Lights

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from checker_tracks import EAST, NORTH, WEST, along, bend, distance, line, mirrored, moved, walk
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from checker_tracks import EAST, NORTH, WEST, along, bend, distance, line, mirrored, moved, walk
 from scenewright.tools.relation_checker import (
     Mover,
     RoadUser,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from checker_tracks import (
     CAR,
     EAST,
@@ -20,7 +21,6 @@ from checker_tracks import (
     walk,
     yielding_car,
 )
-
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Proof

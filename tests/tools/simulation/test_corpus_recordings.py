@@ -10,7 +10,7 @@ from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.track import STEP, Track, vehicle_shape
-from scenewright.tools.map_import.map_builder import PLANS
+from scenewright.tools.map_import.four_leg_map import PLANS
 from scenewright.tools.simulation.corpus import (
     Trip,
     cleaned_trip,

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from scenewright.scene.map import Route
-from scenewright.tools.map_import.map_builder import AMSTERDAM_120, build_map
+from scenewright.tools.map_import.four_leg_map import AMSTERDAM_120, build_map
 from scenewright.tools.simulation.sumo_network import write_network
 from scenewright.tools.simulation.sumo_run import sidewalk_edge
 

@@ -21,8 +21,8 @@ from scenewright.tools.fitting.fit_priors import (
     fit_waypoints,
     trips_by_route,
 )
-from scenewright.tools.gmm_sampler.priors import HOURS, checksum, save_priors
-from scenewright.tools.map_import.map_builder import PLANS, FourLegPlan, write_map
+from scenewright.tools.gmm_sampler.priors import HOURS, compute_checksum, save_priors
+from scenewright.tools.map_import.four_leg_map import PLANS, FourLegPlan, write_map
 from scenewright.tools.simulation.corpus import (
     DAYS,
     SPLITS,
@@ -163,7 +163,10 @@ def _describe(
         f"count_window = {WINDOW}",
         "",
         "[sha256]",
-        *(f"{json.dumps(name)} = {json.dumps(checksum(out / name))}" for name in _DESCRIBED),
+        *(
+            f"{json.dumps(name)} = {json.dumps(compute_checksum(out / name))}"
+            for name in _DESCRIBED
+        ),
     ]
     (out / "LICENSE").write_text(_LICENCE_NOTE, encoding="utf-8")
     (out / "bundle.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")

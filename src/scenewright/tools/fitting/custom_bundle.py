@@ -26,7 +26,7 @@ from scenewright.intersections import (
 )
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.gmm_sampler.priors import Priors, checksum, save_priors
+from scenewright.tools.gmm_sampler.priors import Priors, compute_checksum, save_priors
 
 _UNSTATED = "unstated; that of the map and the tracks it was made from"
 
@@ -169,7 +169,7 @@ def _describe(
         *(f"{key} = {_toml(value)}" for key, value in frame.items() if value is not None),
         "",
         "[sha256]",
-        *(f"{_toml(name)} = {_toml(checksum(folder / name))}" for name in listed),
+        *(f"{_toml(name)} = {_toml(compute_checksum(folder / name))}" for name in listed),
     ]
     (folder / "bundle.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -19,7 +19,7 @@ from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.tools.fitting.path_frame import SHIPPED, Pool, moving_prior, shipped_pool
-from scenewright.tools.gmm_sampler.jaywalking import jaywalk_components
+from scenewright.tools.gmm_sampler.jaywalking import build_jaywalking_mixture
 from scenewright.tools.gmm_sampler.priors import (
     HOURS,
     CountPrior,
@@ -70,7 +70,7 @@ def derived_priors(
         waypoints={r.id: _way(place, r, lines, tracks or {}, pool) for r in place.routes},
         counts=counts,
         instants=instants,
-        time_laws={r.id: borrowed_law(place, r) for r in place.routes},
+        driving_profiles={r.id: borrowed_law(place, r) for r in place.routes},
         frequency=frequency,
         subtypes={r.id: dict(_SUBTYPES) for r in place.routes if r.type == "vehicle"},
     )
@@ -109,7 +109,7 @@ def _jaywalk(place: IntersectionMap, route: Route) -> WaypointPrior:
         ends = [both if crosswalk.sides[0] == route.entry else both[::-1]]
     wide = min(float(np.hypot(*(each[1] - each[0]))) for each in ends)
     if wide >= _WIDE:
-        return jaywalk_components(route.id, ends, outwards)
+        return build_jaywalking_mixture(route.id, ends, outwards)
     lines = [_stepping_off(each, sign * outwards) for each in ends for sign in (-1.0, 1.0)]
     none = np.zeros((0, K, 2))
     return moving_prior(route, lines, none, pool={route.movement: shipped_pool()["walking"]})
@@ -145,7 +145,7 @@ def _kerbs(
 
 def borrowed_law(place: IntersectionMap, route: Route) -> DrivingProfilePrior:
     """The shipped intersection's time law of the same turn, scaled to the speed limit."""
-    shipped = load_priors(SHIPPED).time_laws
+    shipped = load_priors(SHIPPED).driving_profiles
     known = load_map(SHIPPED)
     turn = "left" if route.movement == "uturn" else route.movement
     like = next(r for r in known.routes if r.type == route.type and r.movement == turn)

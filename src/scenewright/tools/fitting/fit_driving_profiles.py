@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from scenewright.geometry.spline import build_even_path
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import STEP
 from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior
-from scenewright.tools.gmm_sampler.spline import even_path
 from scenewright.tools.simulation.corpus import Trip
 
 _BOUNDS = {
@@ -133,7 +133,7 @@ def _changes(trips: Sequence[Trip], sign: int) -> Iterator[float]:
 def _laterals(trips: Sequence[Trip]) -> Iterator[float]:
     """The most lateral acceleration of each flowing trip that turns."""
     for trip in trips:
-        path = even_path(trip.path)
+        path = build_even_path(trip.path)
         speed = _speeds(trip)
         if speed.min() <= _FLOWING["vehicle"]:
             continue

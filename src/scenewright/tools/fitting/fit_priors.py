@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.tools.fitting.fit_driving_profiles import fit_time_laws
-from scenewright.tools.gmm_sampler.jaywalking import jaywalk_prior
+from scenewright.tools.gmm_sampler.jaywalking import build_jaywalking_prior
 from scenewright.tools.gmm_sampler.priors import (
     DIMENSIONS,
     HOURS,
@@ -26,7 +27,6 @@ from scenewright.tools.gmm_sampler.priors import (
     Priors,
     WaypointPrior,
 )
-from scenewright.tools.gmm_sampler.spline import DENSE, PER_INTERVAL
 from scenewright.tools.simulation.corpus import CorpusHour, Trip, at_equal_length
 
 FLOOR = 0.10
@@ -60,7 +60,7 @@ def fit_priors(place: IntersectionMap, corpus: Sequence[CorpusHour]) -> Priors:
         waypoints={route.id: _route_prior(place, route, trips) for route in place.routes},
         counts=tuple(_hour_prior(known, h, WINDOW) for h in range(HOURS)),
         instants=tuple(_hour_prior(known, h, 0.0) for h in range(HOURS)),
-        time_laws=fit_time_laws(place, trips),
+        driving_profiles=fit_time_laws(place, trips),
         frequency=_frequency(place, corpus),
         subtypes={
             route.id: _subtype_shares(trips[route.id])
@@ -83,7 +83,7 @@ def _route_prior(
     place: IntersectionMap, route: Route, trips: Mapping[str, list[Trip]]
 ) -> WaypointPrior:
     if route.movement == "jaywalking":
-        return jaywalk_prior(place, route)
+        return build_jaywalking_prior(place, route)
     if len(trips[route.id]) < LEAST_TRACKS:
         raise InputError(f"only {len(trips[route.id])} tracks on {route.id}: simulate more days")
     return fit_waypoints(route.id, [trip.path for trip in trips[route.id]])

@@ -147,8 +147,10 @@ def fit_tracks(
     priors = _priors(place, ways, _grouped(m for m, _ in every), elsewhere)
     frequency = _frequency(place, by_file, begin, hourly, lines)
     counts, instants = derived_counts(place, frequency, stay=_stay(every, kinds))
-    laws = _laws(place, every, priors.time_laws)
-    priors = replace(priors, frequency=frequency, counts=counts, instants=instants, time_laws=laws)
+    laws = _laws(place, every, priors.driving_profiles)
+    priors = replace(
+        priors, frequency=frequency, counts=counts, instants=instants, driving_profiles=laws
+    )
     heldout = tuple(heldout_table(place, ways, [found for _, found in by_file], elsewhere))
     return Fitted(
         priors,

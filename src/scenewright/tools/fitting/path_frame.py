@@ -15,6 +15,8 @@ from functools import cache
 
 import numpy as np
 
+from scenewright.geometry.polyline import compute_tangents
+from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
@@ -25,7 +27,6 @@ from scenewright.tools.gmm_sampler.priors import (
     load_priors,
 )
 from scenewright.tools.gmm_sampler.sample import sample_waypoints
-from scenewright.tools.gmm_sampler.spline import DENSE, PER_INTERVAL, tangents
 
 SHIPPED = "amsterdam_120"
 """The intersection whose tracks fill the pool where one's own do not."""
@@ -65,7 +66,7 @@ def centreline(line: FloatArray) -> Centreline:
     dense = at_equal_length(line, DENSE)
     knots = dense[::PER_INTERVAL]
     turn = np.zeros((DIMENSIONS, DIMENSIONS))
-    for k, (c, s) in enumerate(tangents(dense)[::PER_INTERVAL]):
+    for k, (c, s) in enumerate(compute_tangents(dense)[::PER_INTERVAL]):
         turn[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = ((c, -s), (s, c))
     return Centreline(dense, knots, turn)
 

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenewright.geometry.polyline import compute_tangents
+from scenewright.geometry.spline import PER_INTERVAL
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.fitting.path_frame import Centreline, centreline
-from scenewright.tools.gmm_sampler.spline import PER_INTERVAL, tangents
 
 NEAR = {"vehicle": 2.2, "pedestrian": 3.5}
 """On average a track is not farther from the centreline of its route [m]."""
@@ -68,7 +69,7 @@ class Matcher:
     def normals(self, match: Match) -> FloatArray:
         """[K, 2] unit vectors to the left of the matched line at its waypoints."""
         line = next(x for r, _, n, x in self._lines if (r, n) == (match.route, match.line))
-        ahead = tangents(line.dense)[::PER_INTERVAL]
+        ahead = compute_tangents(line.dense)[::PER_INTERVAL]
         return np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
 
     def match(self, xy: FloatArray, kind: str) -> Match | Unmatched:
@@ -131,7 +132,7 @@ def _alike(track: FloatArray, a: Centreline, b: Centreline) -> bool:
 
 def beside_of(track: FloatArray, line: Centreline) -> FloatArray:
     """[K] offset to the left at each waypoint of the line that the track passes [m]."""
-    ahead = tangents(line.dense)[::PER_INTERVAL]
+    ahead = compute_tangents(line.dense)[::PER_INTERVAL]
     beside = np.full(K, np.nan)
     for k in range(K):
         away = track - line.knots[k]

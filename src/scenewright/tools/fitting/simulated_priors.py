@@ -235,7 +235,7 @@ def fitted_priors(
     base = derived_priors(place, lines, tracks=tracks, pool=own_pool(place, lines, tracks))
     laws = {
         name: law
-        for name, law in fit_time_laws(place, by_route, fallback=base.time_laws).items()
+        for name, law in fit_time_laws(place, by_route, fallback=base.driving_profiles).items()
         if law.tracks
     }
     demand = assumed_demand(place)
@@ -245,7 +245,7 @@ def fitted_priors(
     counts, instants = derived_counts(place, base.frequency, stay=stay)
     return replace(
         base,
-        time_laws={**base.time_laws, **laws},
+        driving_profiles={**base.driving_profiles, **laws},
         counts=counts,
         instants=instants,
     )

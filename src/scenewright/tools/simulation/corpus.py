@@ -20,7 +20,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, VEHICLE_SIZES
-from scenewright.tools.map_import.map_builder import FourLegPlan
+from scenewright.tools.map_import.four_leg_map import FourLegPlan
 from scenewright.tools.simulation.demand import HOURS, Demand
 from scenewright.tools.simulation.sumo_network import write_network
 from scenewright.tools.simulation.sumo_run import HOUR, RawTrack, collided, simulate_hour

@@ -19,7 +19,7 @@ from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
-from scenewright.tools.map_import.map_builder import PLANS, FourLegPlan
+from scenewright.tools.map_import.four_leg_map import PLANS, FourLegPlan
 from scenewright.tools.simulation.corpus import (
     DAYS,
     SPACING,

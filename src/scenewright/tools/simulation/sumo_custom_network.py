@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from scenewright.geometry.polyline import compute_tangents
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
-from scenewright.tools.gmm_sampler.spline import tangents
 from scenewright.tools.simulation.sumo_network import (
     converted,
     edge_id,
@@ -123,7 +123,7 @@ def _edges(lanes: Mapping[Compass, _Numbered], place: IntersectionMap) -> Iterat
 def _beside(lane: Lanelet, inwards: bool, left_hand: bool) -> FloatArray:
     """[P, 2] the middle of the sidewalk along the outermost lane."""
     line = np.array(_prolonged(lane, inwards))
-    ahead = tangents(line)
+    ahead = compute_tangents(line)
     kerbwards = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1) * (-1.0 if left_hand else 1.0)
     return np.asarray(line + (lane.width + SIDEWALK) / 2 * kerbwards)
 

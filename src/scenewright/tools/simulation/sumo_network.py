@@ -15,7 +15,7 @@ from xml.sax.saxutils import quoteattr
 from scenewright.errors import InputError
 from scenewright.scene.base import Compass
 from scenewright.scene.map import IntersectionMap, Lanelet, SignalProgram
-from scenewright.tools.map_import.map_builder import LEGS, FourLegPlan, leg_point
+from scenewright.tools.map_import.four_leg_map import LEGS, FourLegPlan, locate_point
 
 REACH = 300.0
 """How far the approach roads reach from the middle [m]."""
@@ -104,9 +104,9 @@ def _nodes(plan: FourLegPlan) -> list[str]:
     outline: list[tuple[float, float]] = []
     for leg in reversed(LEGS):
         side = plan.road(leg).half_width + plan.road(leg).sidewalk
-        outline += [leg_point(leg, plan.stop(leg), sign * side) for sign in (-1, 1)]
+        outline += [locate_point(leg, plan.stop(leg), sign * side) for sign in (-1, 1)]
     middle = tag("node", id="J", x=0, y=0, type="traffic_light", tl="J", shape=shape_of(outline))
-    ends = [(leg, *leg_point(leg, REACH, 0.0)) for leg in LEGS]
+    ends = [(leg, *locate_point(leg, REACH, 0.0)) for leg in LEGS]
     return [middle, *(tag("node", id=leg, x=x, y=y, type="priority") for leg, x, y in ends)]
 
 

@@ -20,7 +20,8 @@ from scenewright.errors import InputError
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.map import IntersectionMap, Route, VehicleMovement
 from scenewright.scene.track import VEHICLE_SIZES
-from scenewright.tools.map_import.map_builder import FourLegPlan, neighbour
+from scenewright.tools.map_import.compass import rotate_compass
+from scenewright.tools.map_import.four_leg_map import FourLegPlan
 from scenewright.tools.simulation.demand import Demand
 from scenewright.tools.simulation.sumo_network import REACH, edge_id, sumo_home, tag
 
@@ -215,7 +216,7 @@ def sidewalk_edge(route: Route, *, at_entry: bool) -> str:
         raise InputError(f"route {route.id} crosses no crosswalk")
     on_leg = sides[0 if at_entry else 1] == "leg"
     road, beside = (leg, corner_side) if on_leg else (corner_side, leg)
-    return edge_id(road, inwards=beside == neighbour(road, 3))
+    return edge_id(road, inwards=beside == rotate_compass(road, -2))
 
 
 def _walker(agent: str, route: Route, time: float, rng: np.random.Generator) -> str:
