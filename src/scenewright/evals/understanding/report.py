@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from scenewright.evals.markdown import format_table
 from scenewright.evals.understanding.evaluate import Evaluated
 from scenewright.evals.understanding.scoring import CLASSES, DEFINITION, KINDS, LEADS, Figure, Row
 
@@ -23,7 +24,7 @@ def markdown(found: Sequence[Evaluated], *, scenes: int, split: str, where: str)
     ]
     intent = [(each, row) for each in found for row in each.rows if row.intent]
     if intent:
-        parts += ["## Exits: accuracy [%]", _table(
+        parts += ["## Exits: accuracy [%]", format_table(
             ("method", "window [s]", "agents", *_INTENT, "s a scene"),
             [[_name(e), f"{r.window:g}", str(r.agents), *(_cell(r.intent[c]) for c in _INTENT),
               _seconds(r)] for e, r in intent],
@@ -37,7 +38,7 @@ def markdown(found: Sequence[Evaluated], *, scenes: int, split: str, where: str)
 
 
 def _relations(related: Sequence[tuple[Evaluated, Row]]) -> str:
-    return _table(
+    return format_table(
         ("method", "window [s]", *_RELATIONS, "later", "s a scene"),
         [
             [
@@ -50,7 +51,7 @@ def _relations(related: Sequence[tuple[Evaluated, Row]]) -> str:
 
 
 def _strict(related: Sequence[tuple[Evaluated, Row]]) -> str:
-    return _table(
+    return format_table(
         ("method", "window [s]", *_RELATIONS),
         [[_name(e), f"{r.window:g}", *(_cell(r.strict[c]) for c in _RELATIONS)]
          for e, r in related],
@@ -61,7 +62,7 @@ def _leads(related: Sequence[tuple[Evaluated, Row]]) -> str:
     heads = [
         f"{low:g} s and more" if high > 1e6 else f"{low:g} to {high:g} s" for low, high in LEADS
     ]
-    return _table(
+    return format_table(
         ("method", "window [s]", "relation", *heads),
         [
             [_name(e), f"{r.window:g}", kind, *(f"{k} of {n}" for k, n in found)]
@@ -83,9 +84,3 @@ def _cell(figure: Figure) -> str:
 
 def _seconds(row: Row) -> str:
     return "" if row.seconds is None else f"{row.seconds:.3f}"
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = ["| " + " | ".join(each) + " |" for each in (heads, *rows)]
-    lines.insert(1, "|" + "---|" * len(heads))
-    return "\n".join(line.replace("\n", " ") for line in lines)
