@@ -13,7 +13,7 @@ from scenewright.geometry.spline import DENSE, build_even_path, build_spline_pat
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.candidates import DrivingProfile, K
 from scenewright.tools.fitting.build_bundle import build_bundle
-from scenewright.tools.fitting.fit_priors import FLOOR, counts_of, fit_waypoints
+from scenewright.tools.fitting.fit_priors import FLOOR, count_present, fit_waypoints
 from scenewright.tools.gmm_sampler import (
     CountPrior,
     DrivingProfilePrior,
@@ -30,7 +30,7 @@ from scenewright.tools.gmm_sampler import (
     sample_waypoints,
 )
 from scenewright.tools.gmm_sampler.priors import save_priors
-from scenewright.tools.simulation.corpus import CorpusHour, Trip, at_equal_length
+from scenewright.tools.simulation.corpus import CorpusHour, Trip, resample_path
 from scenewright.tools.simulation.demand import Demand, derive_demand
 
 NAME = "amsterdam_120"
@@ -261,13 +261,13 @@ def test_fitting_survives_few_tracks():
     paths = [np.stack([x, np.full_like(x, y)], axis=1) for y in (0.0, 0.2, 0.4)]
     prior = fit_waypoints("test", paths, most=1)
     assert np.isfinite(
-        compute_waypoint_nll(prior, np.array([at_equal_length(p) for p in paths]))
+        compute_waypoint_nll(prior, np.array([resample_path(p) for p in paths]))
     ).all()
 
 
 def test_equal_arc_length_is_equal_along_the_curve():
     corner = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
-    points = at_equal_length(corner)
+    points = resample_path(corner)
     assert points[0].tolist() == [0.0, 0.0]
     assert points[-1].tolist() == [9.0, 9.0]
     assert np.linalg.norm(np.diff(points, axis=0), axis=1)[:4] == pytest.approx(2.0)
@@ -275,7 +275,7 @@ def test_equal_arc_length_is_equal_along_the_curve():
 
 def test_presence_counts_who_is_inside_at_any_time_of_the_window():
     presence = np.array([[0, 5.0, 35.0], [0, 29.0, 30.5], [1, 61.0, 62.0]])
-    counts = counts_of(CorpusHour(0, 0, (), presence), 30.0)
+    counts = count_present(CorpusHour(0, 0, (), presence), 30.0)
     assert counts[:3].tolist() == [[2, 0], [2, 0], [0, 1]]
 
 
@@ -313,7 +313,7 @@ def test_demand_comes_from_the_named_streets(tmp_path):
 def test_a_trip_has_ten_waypoints():
     path = np.stack([np.linspace(0, 45, 91), np.zeros(91)], axis=1)
     trip = Trip("vehicle:x", "car", path, np.zeros(3), 0.0)
-    assert trip.waypoints().shape == (K, 2)
+    assert trip.waypoints.shape == (K, 2)
 
 
 def test_priors_hold_every_route(place, priors):

@@ -11,8 +11,8 @@ from scenewright import synthesize
 from scenewright.errors import Rejected
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import AgentNode, SceneContext, SocialGraph
-from scenewright.tools.fitting.custom_bundle import write_own
-from scenewright.tools.fitting.derive_priors import derived_priors
+from scenewright.tools.fitting.custom_bundle import write_custom_bundle
+from scenewright.tools.fitting.derive_priors import derive_priors
 from scenewright.tools.map_grounding.grounding import ground, serves
 from scenewright.tools.map_import import import_map
 from scenewright.tools.relation_checker.entries import entry_of, exit_of
@@ -112,8 +112,8 @@ def test_in_left_hand_traffic_a_right_turn_across_the_path_is_made_and_proven(
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
     net = map_files.sumo_net(tmp_path / "left.net.xml", (0, 90, 180, 270), left_hand=True)
     made = import_map(net, name="left")
-    priors = derived_priors(made.intersection_map, made.route_lines)
-    write_own(
+    priors = derive_priors(made.intersection_map, made.route_lines)
+    write_custom_bundle(
         "left", made.intersection_map, made.route_lines, priors, provenance={}, frame={}, notes=[]
     )
     text = "A car turning right hits an oncoming car with nobody else around"
