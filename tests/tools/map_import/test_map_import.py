@@ -209,6 +209,12 @@ def test_a_huge_file_is_refused_unread(tmp_path):
         import_map(file, name="x")
 
 
+def test_a_junction_too_wide_for_one_map_is_refused(tmp_path):
+    file = map_files.lanelet2(tmp_path / "wide.osm", scale=20.0)
+    with pytest.raises(InputError, match="--center"):
+        import_map(file, name="wide")
+
+
 def test_lanelets_without_bounds_are_refused(tmp_path):
     file = map_files.lanelet2(tmp_path / "map.osm", drop=("left",))
     with pytest.raises(InputError, match="bounds of all are missing"):

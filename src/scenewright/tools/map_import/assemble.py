@@ -446,7 +446,13 @@ class _Assembly:
 def _choose_extent(legs: Sequence[SurveyLeg], wanted: float | None) -> float:
     far = max(float(np.abs(leg.throat).max()) for leg in legs)
     if wanted is None:
-        return float(np.clip(math.ceil(far + _ROOM), *_EXTENTS))
+        extent = float(np.clip(math.ceil(far + _ROOM), *_EXTENTS))
+        if far + 10.0 > extent:
+            raise InputError(
+                f"the junction reaches {far:.0f} m from its middle, too far for one map; choose a "
+                "part of the file by --center, or give --extent"
+            )
+        return extent
     if not far + 10.0 <= wanted <= 200.0:
         raise InputError(
             f"an extent of {wanted:g} m does not do: the junction needs {far + 10.0:.0f} to 200 m"
