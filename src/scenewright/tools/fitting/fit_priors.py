@@ -42,7 +42,7 @@ LEAST_TRACKS = 25
 WINDOW = 30.0
 """Length of a scene for p_tod [s]."""
 JAYWALK_SHARE = 0.01
-"""Jaywalkers per person who uses the crosswalk; assumed."""
+"""Jaywalkers per pedestrian on the crosswalk; assumed."""
 NEIGHBOURS = 6
 """p_tod of an hour also sees every so many-th window of its neighbours (chosen on validation)."""
 _COUNT_FLOOR = 0.15

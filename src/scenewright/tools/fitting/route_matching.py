@@ -33,7 +33,7 @@ _CLEARLY = 0.5
 """By how much the second-best route must be worse [m], unless its line is the same so far."""
 _SHORTEST = 8.0
 _APART = 1.5
-"""Lines closer than this over all of a track cannot be told apart by it [m]."""
+"""Lines closer than this over all of a track cannot be distinguished by it [m]."""
 
 
 @dataclass(frozen=True, eq=False)

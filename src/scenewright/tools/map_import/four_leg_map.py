@@ -66,7 +66,7 @@ class RoadPlan:
     """One of the two streets, the same on both sides of its middle line.
 
     Attributes:
-        name: for people.
+        name: as shown.
         lanes: widths of the driving lanes of one direction, from the middle outwards [m].
         parking: width of the kerbside lane [m].
         sidewalk: width of the sidewalk [m].
@@ -82,7 +82,7 @@ class RoadPlan:
         """From the middle line to the kerb [m]."""
         return sum(self.lanes) + self.parking
 
-    def lane_middle(self, index: int) -> float:
+    def measure_lane_middle(self, index: int) -> float:
         """From the middle line to the middle of a lane, 0 being the innermost [m]."""
         return sum(self.lanes[:index]) + self.lanes[index] / 2
 
@@ -119,26 +119,26 @@ class FourLegPlan:
     yellow: float = 3.0
     all_red: float = 2.0
 
-    def road(self, leg: Compass) -> RoadPlan:
+    def get_road(self, leg: Compass) -> RoadPlan:
         """The road that a leg belongs to."""
         return self.avenue if leg in ("north", "south") else self.street
 
-    def crossed(self, leg: Compass) -> RoadPlan:
+    def get_crossed_road(self, leg: Compass) -> RoadPlan:
         """The road that runs across a leg's end."""
         return self.street if leg in ("north", "south") else self.avenue
 
-    def crosswalk_near(self, leg: Compass) -> float:
+    def measure_crosswalk_near(self, leg: Compass) -> float:
         """Where the crosswalk of a leg begins, from the middle outwards [m]."""
-        return self.crossed(leg).half_width + self.crosswalk_setback
+        return self.get_crossed_road(leg).half_width + self.crosswalk_setback
 
-    def stop(self, leg: Compass) -> float:
+    def measure_stop(self, leg: Compass) -> float:
         """Where the stop line of a leg lies, from the middle outwards [m]."""
-        return self.crosswalk_near(leg) + self.crosswalk_width + self.stop_gap
+        return self.measure_crosswalk_near(leg) + self.crosswalk_width + self.stop_gap
 
-    def sidewalk(self, leg: Compass, sign: int) -> tuple[float, float]:
+    def measure_sidewalk(self, leg: Compass, sign: int) -> tuple[float, float]:
         """Kerb and wall of a sidewalk of a leg, across [m]; sign 1 is the left one."""
-        kerb = self.road(leg).half_width
-        return (sign * kerb, sign * (kerb + self.road(leg).sidewalk))
+        kerb = self.get_road(leg).half_width
+        return (sign * kerb, sign * (kerb + self.get_road(leg).sidewalk))
 
 
 AMSTERDAM_120 = FourLegPlan(
@@ -168,7 +168,7 @@ def build_map(plan: FourLegPlan = AMSTERDAM_120) -> IntersectionMap:
         map_id=plan.map_id,
         title=plan.title,
         extent=plan.extent,
-        legs=tuple(Leg(name=e, road=plan.road(e).name, bearing=_BEARINGS[e]) for e in LEGS),
+        legs=tuple(Leg(name=e, road=plan.get_road(e).name, bearing=_BEARINGS[e]) for e in LEGS),
         lanelets=tuple(_build_lanelets(plan)),
         stop_lines=tuple(_build_stop_line(plan, leg) for leg in LEGS),
         crosswalks=crosswalks,
@@ -210,7 +210,7 @@ def _build_road(plan: FourLegPlan) -> Any:
 def _build_fillet(plan: FourLegPlan, leg: Compass) -> Any:
     """The piece of road that the rounded kerb adds in the corner clockwise of a leg."""
     r = plan.corner_radius
-    near, side = plan.crossed(leg).half_width, plan.road(leg).half_width
+    near, side = plan.get_crossed_road(leg).half_width, plan.get_road(leg).half_width
     square = _build_box(leg, (near - 0.01, near + r), (-side - r, -side + 0.01))
     return square.difference(geos.Point(locate_point(leg, near + r, -side - r)).buffer(r, 16))
 
@@ -219,15 +219,19 @@ def _build_sidewalk(plan: FourLegPlan, leg: Compass, road: Any) -> Any:
     """The sidewalks that meet in the corner clockwise of a leg, with the corner."""
     other = rotate_compass(leg, 2)
     strips = [
-        _build_box(leg, (plan.road(other).half_width, plan.extent), plan.sidewalk(leg, -1)),
-        _build_box(other, (plan.road(leg).half_width, plan.extent), plan.sidewalk(other, 1)),
+        _build_box(
+            leg, (plan.get_road(other).half_width, plan.extent), plan.measure_sidewalk(leg, -1)
+        ),
+        _build_box(
+            other, (plan.get_road(leg).half_width, plan.extent), plan.measure_sidewalk(other, 1)
+        ),
     ]
     return geos.unary_union(strips).difference(road)
 
 
 def _build_lanelets(plan: FourLegPlan) -> Iterator[Lanelet]:
     for leg in LEGS:
-        for index in range(len(plan.road(leg).lanes)):
+        for index in range(len(plan.get_road(leg).lanes)):
             yield _build_approach(plan, leg, index)
             yield _build_driving_lane(plan, leg, index, "exit", ())
         yield from (_build_parking(plan, leg, side) for side in ("approach", "exit"))
@@ -239,17 +243,20 @@ def _build_lanelets(plan: FourLegPlan) -> Iterator[Lanelet]:
 
 def _name_lane(plan: FourLegPlan, leg: Compass, side: _Side, index: int) -> str:
     """The name of a driving lane, e.g. `north:approach:inner`."""
-    lanes = plan.road(leg).lanes
+    lanes = plan.get_road(leg).lanes
     return f"{leg}:{side}" + (f":{_LANE_NAMES[index]}" if len(lanes) > 1 else "")
 
 
 def _name_connector(plan: FourLegPlan, leg: Compass, to: Compass, lane: int) -> str:
-    return f"{leg}>{to}" + (f":{_LANE_NAMES[lane]}" if len(plan.road(leg).lanes) > 1 else "")
+    return f"{leg}>{to}" + (f":{_LANE_NAMES[lane]}" if len(plan.get_road(leg).lanes) > 1 else "")
 
 
 def _pair_lanes(plan: FourLegPlan, leg: Compass, turn: Turn) -> list[tuple[int, int]]:
     """Which lane leads into which, commonest first: turns keep to their own side of the road."""
-    outer_in, outer_out = len(plan.road(leg).lanes) - 1, len(plan.crossed(leg).lanes) - 1
+    outer_in, outer_out = (
+        len(plan.get_road(leg).lanes) - 1,
+        len(plan.get_crossed_road(leg).lanes) - 1,
+    )
     if turn == "straight":
         return [(i, i) for i in reversed(range(outer_in + 1))]
     return [(0, 0)] if turn == "left" else [(outer_in, outer_out)]
@@ -267,15 +274,15 @@ def _build_approach(plan: FourLegPlan, leg: Compass, index: int) -> Lanelet:
 def _build_driving_lane(
     plan: FourLegPlan, leg: Compass, index: int, side: _Side, successors: tuple[str, ...]
 ) -> Lanelet:
-    road, name = plan.road(leg), _name_lane(plan, leg, side, index)
+    road, name = plan.get_road(leg), _name_lane(plan, leg, side, index)
     return _build_strip(
-        plan, leg, side, road.lane_middle(index), id=name, width=road.lanes[index], kind=side,
+        plan, leg, side, road.measure_lane_middle(index), id=name, width=road.lanes[index], kind=side,
         successors=successors,
     )  # fmt: skip
 
 
 def _build_parking(plan: FourLegPlan, leg: Compass, side: _Side) -> Lanelet:
-    road, name = plan.road(leg), f"{leg}:parking:{side}"
+    road, name = plan.get_road(leg), f"{leg}:parking:{side}"
     middle = road.half_width - road.parking / 2
     return _build_strip(plan, leg, side, middle, id=name, width=road.parking, kind="parking")
 
@@ -285,7 +292,7 @@ def _build_strip(
 ) -> Lanelet:
     """A straight lane between map edge and stop line, in driving direction."""
     sign = 1 if side == "approach" else -1
-    ends = [plan.extent, plan.stop(leg)][::sign]
+    ends = [plan.extent, plan.measure_stop(leg)][::sign]
     line = np.array([locate_point(leg, along, sign * middle) for along in ends])
     return build_lanelet(line, leg=leg, speed_limit=plan.speed_limit, **fields)
 
@@ -298,7 +305,7 @@ def _build_connector(
         id=_name_connector(plan, leg, to, lane_in),
         kind="connector",
         leg=None,
-        width=min(plan.road(leg).lanes[lane_in], plan.road(to).lanes[lane_out]),
+        width=min(plan.get_road(leg).lanes[lane_in], plan.get_road(to).lanes[lane_out]),
         speed_limit=plan.speed_limit,
         successors=(_name_lane(plan, to, "exit", lane_out),),
     )
@@ -308,8 +315,12 @@ def _build_curve(
     plan: FourLegPlan, leg: Compass, to: Compass, lane_in: int, lane_out: int
 ) -> FloatArray:
     """[P, 2] middle of the path through the junction, from stop line to the exit lane."""
-    start = np.array(locate_point(leg, plan.stop(leg), plan.road(leg).lane_middle(lane_in)))
-    end = np.array(locate_point(to, plan.stop(to), -plan.road(to).lane_middle(lane_out)))
+    start = np.array(
+        locate_point(leg, plan.measure_stop(leg), plan.get_road(leg).measure_lane_middle(lane_in))
+    )
+    end = np.array(
+        locate_point(to, plan.measure_stop(to), -plan.get_road(to).measure_lane_middle(lane_out))
+    )
     if to == rotate_compass(leg, 4):
         return np.linspace(start, end, 9)
     inwards = np.array(locate_point(leg, -1.0, 0.0))
@@ -321,14 +332,20 @@ def _build_curve(
 
 
 def _build_stop_line(plan: FourLegPlan, leg: Compass) -> StopLine:
-    lanes = plan.road(leg).lanes
-    ends = (locate_point(leg, plan.stop(leg), 0.0), locate_point(leg, plan.stop(leg), sum(lanes)))
+    lanes = plan.get_road(leg).lanes
+    ends = (
+        locate_point(leg, plan.measure_stop(leg), 0.0),
+        locate_point(leg, plan.measure_stop(leg), sum(lanes)),
+    )
     ids = tuple(_name_lane(plan, leg, "approach", index) for index in range(len(lanes)))
     return StopLine(id=f"{leg}:stop", leg=leg, lanelets=ids, line=ends)
 
 
 def _build_crosswalk(plan: FourLegPlan, leg: Compass, road: Any) -> Crosswalk:
-    near, reach = plan.crosswalk_near(leg), plan.road(leg).half_width + plan.corner_radius
+    near, reach = (
+        plan.measure_crosswalk_near(leg),
+        plan.get_road(leg).half_width + plan.corner_radius,
+    )
     middle = near + plan.crosswalk_width / 2
     area = _build_box(leg, (near, near + plan.crosswalk_width), (-reach, reach)).intersection(road)
     kerb = _measure_kerb(plan, leg, middle)
@@ -345,18 +362,18 @@ def _build_crosswalk(plan: FourLegPlan, leg: Compass, road: Any) -> Crosswalk:
 def _measure_kerb(plan: FourLegPlan, leg: Compass, along: float) -> float:
     """How far the kerb is from the middle line of a leg, `along` metres out."""
     r = plan.corner_radius
-    depth = max(plan.crossed(leg).half_width + r - along, 0.0)
-    return plan.road(leg).half_width + r - math.sqrt(r * r - depth * depth)
+    depth = max(plan.get_crossed_road(leg).half_width + r - along, 0.0)
+    return plan.get_road(leg).half_width + r - math.sqrt(r * r - depth * depth)
 
 
 def _build_goal_regions(plan: FourLegPlan) -> Iterator[GoalRegion]:
     for leg in LEGS:
-        edge, walk_edge, lanes = plan.extent, plan.pedestrian_extent, sum(plan.road(leg).lanes)
+        edge, walk_edge, lanes = plan.extent, plan.pedestrian_extent, sum(plan.get_road(leg).lanes)
         area = build_ring(_build_box(leg, (edge - 4.0, edge), (-lanes, 0.0)))
         yield GoalRegion(id=f"{leg}:goal", type="vehicle", leg=leg, polygon=area)
         for sign, side in zip((1, -1), find_sides(leg), strict=True):
             area = build_ring(
-                _build_box(leg, (walk_edge - 3.0, walk_edge), plan.sidewalk(leg, sign))
+                _build_box(leg, (walk_edge - 3.0, walk_edge), plan.measure_sidewalk(leg, sign))
             )
             name = f"{leg}:goal:{side}_sidewalk"
             yield GoalRegion(id=name, type="pedestrian", leg=leg, polygon=area)
@@ -387,8 +404,8 @@ def _build_movement(plan: FourLegPlan, leg: Compass, turn: Turn, to: Compass) ->
 def _build_whole_line(
     plan: FourLegPlan, leg: Compass, to: Compass, lane_in: int, lane_out: int
 ) -> Polyline:
-    start = locate_point(leg, plan.extent, plan.road(leg).lane_middle(lane_in))
-    end = locate_point(to, plan.extent, -plan.road(to).lane_middle(lane_out))
+    start = locate_point(leg, plan.extent, plan.get_road(leg).measure_lane_middle(lane_in))
+    end = locate_point(to, plan.extent, -plan.get_road(to).measure_lane_middle(lane_out))
     return (start, *round_points(_build_curve(plan, leg, to, lane_in, lane_out)), end)
 
 

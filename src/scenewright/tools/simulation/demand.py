@@ -37,7 +37,7 @@ class Demand(Model):
         subtype_shares: of vehicles; assumed. Buses keep to the avenue, straight on.
         side_shares: of the pairs of sidewalks that pedestrians use; assumed.
         pedestrian_level: factor from the mean of the ten busiest counted signals to this one;
-            assumed, as nobody counted pedestrians here.
+            assumed, as pedestrians were not counted here.
         sources: where the numbers come from, and under which terms.
     """
 

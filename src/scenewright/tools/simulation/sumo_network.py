@@ -119,8 +119,8 @@ def format_shape(points: Iterable[tuple[float, float]]) -> str:
 def _format_nodes(plan: FourLegPlan) -> list[str]:
     outline: list[tuple[float, float]] = []
     for leg in reversed(LEGS):
-        side = plan.road(leg).half_width + plan.road(leg).sidewalk
-        outline += [locate_point(leg, plan.stop(leg), sign * side) for sign in (-1, 1)]
+        side = plan.get_road(leg).half_width + plan.get_road(leg).sidewalk
+        outline += [locate_point(leg, plan.measure_stop(leg), sign * side) for sign in (-1, 1)]
     middle = format_tag(
         "node", id="J", x=0, y=0, type="traffic_light", tl="J", shape=format_shape(outline)
     )
@@ -133,7 +133,7 @@ def _format_edges(plan: FourLegPlan) -> list[str]:
 
 
 def _format_edge(plan: FourLegPlan, leg: Compass, inwards: bool) -> str:
-    road = plan.road(leg)
+    road = plan.get_road(leg)
     lanes = [
         format_tag("lane", index=0, width=road.sidewalk, allow="pedestrian", speed=2.8),
         format_tag("lane", index=1, width=road.parking, disallow="all"),
@@ -189,7 +189,7 @@ def format_connection(
 
 
 def _find_lane_index(plan: FourLegPlan, lanelet: Lanelet) -> int:
-    lanes = len(plan.road(lanelet.leg or "north").lanes)
+    lanes = len(plan.get_road(lanelet.leg or "north").lanes)
     inner = lanelet.id.endswith(":inner")
     return _FIRST_DRIVING_LANE + (1 if lanes > 1 and inner else 0)
 

@@ -112,7 +112,7 @@ def _draw_vehicle_departures(
             agent = f"v_{leg}_{number}"
             xml = format_vehicle(
                 movement,
-                lane=min(plan.road(leg).lanes),
+                lane=min(plan.get_road(leg).lanes),
                 agent=agent,
                 subtype=subtype,
                 time=float(time),
