@@ -275,10 +275,8 @@ def _build_driving_lane(
     plan: FourLegPlan, leg: Compass, index: int, side: _Side, successors: tuple[str, ...]
 ) -> Lanelet:
     road, name = plan.get_road(leg), _name_lane(plan, leg, side, index)
-    return _build_strip(
-        plan, leg, side, road.measure_lane_middle(index), id=name, width=road.lanes[index], kind=side,
-        successors=successors,
-    )  # fmt: skip
+    fields = {"width": road.lanes[index], "kind": side, "successors": successors}
+    return _build_strip(plan, leg, side, road.measure_lane_middle(index), id=name, **fields)
 
 
 def _build_parking(plan: FourLegPlan, leg: Compass, side: _Side) -> Lanelet:
