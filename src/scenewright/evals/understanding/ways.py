@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from scenewright.geometry.landmarks import find_landmarks
 from scenewright.geometry.map_areas import MapAreas
+from scenewright.geometry.spline import PER_INTERVAL, build_even_path, compute_spline_matrix
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Candidate, DrivingProfile, K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
 from scenewright.tools.gmm_sampler.priors import HOURS, DrivingProfilePrior
-from scenewright.tools.gmm_sampler.spline import PER_INTERVAL, even_path, spline_matrix
 
 _SPREAD = (-1.2, 0.0, 1.2)
 """Laws that are looked at lie so many standard deviations off the median."""
@@ -96,13 +96,13 @@ def _ways(kind: AgentClass, routes: list[Route], priors: Priors, ground: MapArea
     of = [r for r, way in enumerate(sets) for _ in way.weights]
     curve = np.concatenate([way.base for way in sets])[:, ::_THIN]
     cholesky = np.concatenate([way.cholesky for way in sets])
-    knots = spline_matrix()[::_THIN]
+    knots = compute_spline_matrix()[::_THIN]
     s, heading, curvature = _shape_of(curve)
     normal = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
     rows = np.einsum("pk,cpd->cpkd", knots, normal).reshape(*curve.shape[:2], 2 * K)
     across = np.einsum("cpi,cij->cpj", rows, cholesky)
     turn = np.gradient(across, axis=1) / np.gradient(s, axis=1)[..., None]
-    laws = [priors.time_laws[routes[r].id] for r in of]
+    laws = [priors.driving_profiles[routes[r].id] for r in of]
     marks = [_mark(routes[r], curve[c], ground) for c, r in enumerate(of)]
     weights = np.concatenate([way.weights for way in sets])
     rates = np.stack([_rate(priors, routes[r].id) for r in of], axis=1)
@@ -130,7 +130,10 @@ def _shape_of(curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     middle = np.gradient(curve, axis=1)
     heading = np.unwrap(np.arctan2(middle[..., 1], middle[..., 0]), axis=1)
     curvature = np.stack(
-        [np.interp(s[c], path.s, path.curvature) for c, path in enumerate(map(even_path, curve))]
+        [
+            np.interp(s[c], path.s, path.curvature)
+            for c, path in enumerate(map(build_even_path, curve))
+        ]
     )
     return s, heading, curvature
 
@@ -150,7 +153,7 @@ def _bends(s: FloatArray, curvature: FloatArray, laws: list[DrivingProfilePrior]
 
 def _mark(route: Route, curve: FloatArray, ground: MapAreas) -> tuple[float, str | None]:
     """Where its stop line or kerb lies [m], for a vehicle of length 0; and who rules it."""
-    path = even_path(curve)
+    path = build_even_path(curve)
     shape = PEDESTRIAN if route.type == "pedestrian" else vehicle_shape()
     law = DrivingProfile(1.0, 1.0, 1.0, 1.0)
     probe = Candidate(route, path.xy[:K], path, 0.0, law, 0.0, shape, None)
