@@ -21,7 +21,7 @@ from scenewright.scene.events import Event
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP, Shape, Track
 from scenewright.tools.relation_checker import RoadUser, find_events
-from scenewright.tools.track_io.external_tracks import headings
+from scenewright.tools.track_io.external_tracks import compute_headings
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.model import Refiner
@@ -114,7 +114,7 @@ def check_predicted_tracks(
     ]
     signals = [SignalRecord.model_validate(each.model_dump()) for each in observation.lights]
     events = find_events(
-        users, ground=intersection_map, signals=signals, until=observation.now + HORIZON
+        users, intersection_map=intersection_map, signals=signals, until=observation.now + HORIZON
     )
     return tuple(event for event in events if event.type in RELATIONS)
 
@@ -129,7 +129,7 @@ def _build_road_user(
     if len(xy) < 2:
         return None
     least = LEAST_MOTION[agent.type]
-    later = headings(xy, step=STEP, least=least)[len(agent.xy) :]
+    later = compute_headings(xy, step=STEP, least=least)[len(agent.xy) :]
     turns = np.round((agent.heading[-1] - later[:1]) / (2 * np.pi)) * 2 * np.pi
     moves = len(later) > 0 and float(np.hypot(*(xy[-1] - agent.xy[-1]))) > least
     later = later + turns if moves else np.full(len(later), agent.heading[-1])
