@@ -96,12 +96,7 @@ def _build_components(routes: list[Route], priors: Priors, ground: MapAreas) -> 
     knots = compute_spline_matrix()[::_THIN]
     s, heading = measure_arc_length(curve), measure_headings(curve)
     paths = enumerate(map(build_even_path, curve))
-    curvature = np.stack(
-        [
-            np.interp(s[c], path.s, path.curvature)
-            for c, path in enumerate(map(build_even_path, curve))
-        ]
-    )
+    curvature = np.stack([np.interp(s[c], path.s, path.curvature) for c, path in paths])
     normal = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
     rows = np.einsum("pk,cpd->cpkd", knots, normal).reshape(*curve.shape[:2], 2 * K)
     across = np.einsum("cpi,cij->cpj", rows, cholesky)
