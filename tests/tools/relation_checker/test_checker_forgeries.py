@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from checker_tracks import (
     CAR,
     EAST,
@@ -23,7 +24,6 @@ from checker_tracks import (
     walk,
     yielding_car,
 )
-
 from scenewright.scene.events import Proof
 from scenewright.scene.map import (
     GoalRegion,

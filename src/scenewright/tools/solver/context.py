@@ -10,7 +10,7 @@ from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import PairClause, TimeGap
 from scenewright.scene.track import STEP
-from scenewright.scene.yielding_behavior import Habits, YieldingBehavior
+from scenewright.scene.yielding_behavior import YieldingBehavior, YieldingModel
 from scenewright.tools.solver.encounter import Encounter, Intervals, encounter, meeting_offsets
 from scenewright.tools.solver.nearest_miss import Reached, Shortfall, Shortfalls
 from scenewright.tools.solver.schedule import Pairing, Staging, pair_of
@@ -44,11 +44,11 @@ class Setting:
         *,
         lenient: bool = True,
         shortfalls: Shortfalls | None = None,
-        habits: Habits | None = None,
+        habits: YieldingModel | None = None,
         openings: Mapping[str, Actor] | None = None,
     ) -> None:
         self.openings = openings or {}
-        self.habits: Habits = {} if habits is None else habits
+        self.habits: YieldingModel = {} if habits is None else habits
         self.busy: frozenset[str] = frozenset()
         self.candidates = candidates
         self.lenient = lenient

@@ -30,7 +30,7 @@ from scenewright.scene.constraints import (
     TimeGap,
 )
 from scenewright.scene.selection import Stop
-from scenewright.scene.yielding_behavior import Habits
+from scenewright.scene.yielding_behavior import YieldingModel
 from scenewright.tools.map_grounding.signal_plan import Demand
 from scenewright.tools.solver.contact import contacts
 from scenewright.tools.solver.context import Setting, close_encounter
@@ -67,7 +67,7 @@ class Stage:
         *,
         lenient: bool = True,
         shortfalls: Shortfalls | None = None,
-        habits: Habits | None = None,
+        habits: YieldingModel | None = None,
         openings: Mapping[str, Actor] | None = None,
     ) -> None:
         self._setting = Setting(

@@ -140,7 +140,7 @@ class Least(Search):
         """Stagings of a tuple, drawn afresh several times."""
         stage = Stage(
             candidates, marks, self._rng, lenient=self._lenient,
-            shortfalls=self._shortfalls, habits=self._pool.manners,
+            shortfalls=self._shortfalls, habits=self._pool.yielding_model,
         )  # fmt: skip
         for _ in range(_MAP_PLAYS):
             played = itertools.islice(stage.play(self._events, Staging()), _MAP_STAGINGS)

@@ -238,7 +238,7 @@ class Search:
         """The first survivor among the stagings of a tuple, opened like that."""
         stage = Stage(
             candidates, marks, self._rng, lenient=self._lenient,
-            shortfalls=self._shortfalls, habits=self._pool.manners, openings=opening,
+            shortfalls=self._shortfalls, habits=self._pool.yielding_model, openings=opening,
         )  # fmt: skip
         count = 0
         for staging in filter(self._run_first, stage.play(self._events, self._opening())):

@@ -1,0 +1,11 @@
+"""Markdown tables of the reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+
+def format_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Format a table as GitHub Markdown; a line break within a cell becomes a space."""
+    lines = [f"| {' | '.join(map(str, cells))} |".replace("\n", " ") for cells in (head, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]])

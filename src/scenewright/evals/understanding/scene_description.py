@@ -1,0 +1,183 @@
+"""A scene in words for a language model: entrances, map features and findings, no coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.evals.understanding.observation import ObservedAgent, SceneObservation
+from scenewright.intersections import load_map
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Event
+from scenewright.scene.map import IntersectionMap
+
+_SUBTYPES = ((3.0, "motorcycle"), (6.5, "car"), (10.0, "truck"), (99.0, "bus"))
+_JUNCTION = 15.0
+"""Within this of the middle on both axes [m] is the junction."""
+_RELATION = {"collision": "a collision", "yielding": "giving way", "near_miss": "a near miss"}
+_LIKELY = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class SceneDescription:
+    """The prompt of a language model.
+
+    Attributes:
+        names: plain name by id, such as `vehicle-1`, in the order of the ids.
+        text: the facts.
+    """
+
+    names: Mapping[str, str]
+    text: str
+
+
+def describe_scene(
+    observation: SceneObservation,
+    exits: Mapping[str, FloatArray],
+    sides: tuple[str, ...],
+    events: Sequence[Event],
+    predictor: str,
+) -> SceneDescription:
+    """Describe a scene in words.
+
+    Args:
+        exits: of every agent, the probability of each side by the statistical model.
+        events: findings of the rule checker in the tracks that `predictor` predicts.
+    """
+    intersection_map = load_map(observation.intersection)
+    names = name_agents(observation)
+    agents = (
+        f"- {names[agent.id]}: {_describe_agent(agent, intersection_map)}; statistical model: "
+        f"{_describe_exits(exits[agent.id], sides)}"
+        for agent in observation.agents
+    )
+    lines = [
+        *_describe_map(intersection_map),
+        *_describe_lights(observation),
+        f"Agents after {observation.now:g} s:",
+        *agents,
+        f"Rule checker on the tracks that {predictor} predicts:",
+        *(_describe_findings(events, observation, names) or ["- no close encounter"]),
+    ]
+    return SceneDescription(names, "\n".join(lines))
+
+
+def name_agents(observation: SceneObservation) -> dict[str, str]:
+    """Name the agents by class, numbered in the order of their ids."""
+    counts = {"vehicle": 0, "pedestrian": 0}
+    names = {}
+    for agent in observation.agents:
+        counts[agent.type] += 1
+        names[agent.id] = f"{agent.type}-{counts[agent.type]}"
+    return names
+
+
+def _describe_map(intersection_map: IntersectionMap) -> list[str]:
+    """Legs, movements, crosswalks and conflicting routes."""
+    routes = ", ".join(f"{m.entry} to {m.exit} ({m.turn})" for m in intersection_map.movements)
+    walks = ", ".join(
+        f"the {c.leg} crosswalk between the {c.sides[0]} and the {c.sides[1]} side"
+        for c in intersection_map.crosswalks
+    )
+    movements = {m.id: f"{m.entry} to {m.exit}" for m in intersection_map.movements}
+    conflicts = sorted(
+        " and ".join(
+            movements.get(route, route.replace(":", " ")) for route in (zone.first, zone.second)
+        )
+        for zone in intersection_map.conflict_zones
+    )
+    legs = ", ".join(leg.name for leg in intersection_map.legs)
+    return [
+        f"Intersection: {intersection_map.title}, legs {legs}.",
+        f"Vehicles go {routes}.",
+        f"Pedestrians use {walks}.",
+        f"Ways that cross or merge: {'; '.join(conflicts)}.",
+    ]
+
+
+def _describe_lights(observation: SceneObservation) -> list[str]:
+    last = {light.stop_line or light.crosswalk or "": light for light in observation.lights}
+    states = [
+        f"{name.replace(':', ' ')} {light.colour}"
+        + (f" for {light.end - light.start:.0f} s" if light.start > 0 else "")
+        for name, light in sorted(last.items())
+    ]
+    return [f"Lights: {', '.join(states)}."] if states else []
+
+
+def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> str:
+    side = _find_side(agent.xy[0])
+    kind = next(n for m, n in _SUBTYPES if agent.length < m) if agent.is_vehicle else agent.type
+    if agent.left:
+        return f"{kind}, came from the {side}, has left"
+    position, motion = _describe_position(agent, intersection_map), _describe_motion(agent)
+    return f"{kind}, came from the {side}, {position}, {motion}"
+
+
+def _find_side(xy: FloatArray) -> str:
+    x, y = float(xy[0]), float(xy[1])
+    if abs(x) > abs(y):
+        return "east" if x > 0 else "west"
+    return "north" if y > 0 else "south"
+
+
+def _describe_position(agent: ObservedAgent, intersection_map: IntersectionMap) -> str:
+    """In words: how near the junction, and where it faces."""
+    xy, heading = agent.xy[-1], float(agent.heading[-1])
+    facing = ("east", "north", "west", "south")[round(heading / (np.pi / 2)) % 4]
+    middle = float(np.abs(xy).max())
+    inwards = float(xy @ np.array([np.cos(heading), np.sin(heading)])) < 0
+    if middle < _JUNCTION:
+        place = "in or at the junction"
+    elif not inwards:
+        place = f"leaving on the {_find_side(xy)} leg"
+    else:
+        near = "near" if middle < _JUNCTION + 12 else "far from"
+        place = f"on the {_find_side(xy)} approach, {near} the stop line"
+    lane = _find_lane(agent, intersection_map)
+    return f"{place}{f', in the {lane} lane' if lane else ''}, facing {facing}"
+
+
+def _find_lane(agent: ObservedAgent, intersection_map: IntersectionMap) -> str | None:
+    """The inner or outer lane, where an approach has two."""
+    if not agent.is_vehicle:
+        return None
+    for lanelet in intersection_map.lanelets:
+        if lanelet.kind == "approach" and lanelet.id.endswith((":inner", ":outer")):
+            line = np.array(lanelet.centreline)
+            low, high = line.min(axis=0) - lanelet.width / 2, line.max(axis=0) + lanelet.width / 2
+            if bool(((agent.xy[-1] >= low) & (agent.xy[-1] <= high)).all()):
+                return lanelet.id.rsplit(":", 1)[1]
+    return None
+
+
+def _describe_motion(agent: ObservedAgent) -> str:
+    speed = float(agent.speed[-1])
+    if speed < 0.3:
+        stood = int(np.argmax(agent.speed[::-1] >= 0.3)) if (agent.speed >= 0.3).any() else 0
+        return f"standing{f' for {stood / 10:.0f} s' if stood >= 10 else ''}"
+    before = float(agent.speed[-min(len(agent.speed), 8)])
+    change = "steady"
+    if abs(speed - before) > 0.5:
+        change = "speeding up" if speed > before else "slowing down"
+    return f"{speed:.0f} m/s, {change}" if agent.is_vehicle else f"walking, {change}"
+
+
+def _describe_exits(likely: FloatArray, sides: tuple[str, ...]) -> str:
+    order = np.argsort(-likely)
+    shown = [f"{sides[n]} {100 * likely[n]:.0f} %" for n in order if likely[n] > _LIKELY]
+    return "leaves " + " or ".join(shown)
+
+
+def _describe_findings(
+    events: Sequence[Event], observation: SceneObservation, names: Mapping[str, str]
+) -> list[str]:
+    ids = observation.ids
+    return [
+        f"- close encounter of {names[ids[e.from_]]} and {names[ids[e.to]]} in "
+        f"{max(e.time - observation.now, 0):.0f} s: {_RELATION[e.type]}"
+        + (f" ({names[ids[e.from_]]} gives way)" if e.type == "yielding" else "")
+        for e in events
+    ]

@@ -1,0 +1,135 @@
+"""Point in polygon for whole scenes: most points are decided by a raster of 1 m cells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.base import AgentClass, Compass, FloatArray, Point
+from scenewright.scene.map import Crosswalk, IntersectionMap, PolygonWithHoles
+from scenewright.tools.relation_checker.planar import Area, geos
+
+CELL = 1.0
+KERB = 0.1
+"""Walkable areas and crosswalks are widened by this [m], to close the seams between them."""
+
+Bounds = tuple[float, float, float, float]
+BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True, eq=False)
+class RasterizedArea:
+    """An area that answers for many points at once.
+
+    Attributes:
+        area: the exact geometry; origin: south-west corner of the raster [m].
+        cells: [rows, columns] 0 outside, 1 inside, 2 cut by the boundary.
+    """
+
+    area: Area
+    origin: FloatArray
+    cells: np.ndarray[tuple[int, ...], np.dtype[np.int8]]
+
+    def contains(self, xy: FloatArray) -> BoolArray:
+        """Which points [n, 2] lie in the area, its edge included."""
+        column, row = np.floor((xy - self.origin) / CELL).astype(np.intp).T
+        inside = (column >= 0) & (column < self.cells.shape[1])
+        inside &= (row >= 0) & (row < self.cells.shape[0])
+        state = np.zeros(len(xy), dtype=np.int8)
+        state[inside] = self.cells[row[inside], column[inside]]
+        cut = np.flatnonzero(state == 2)
+        result = state == 1
+        result[cut] = geos.intersects_xy(self.area, xy[cut, 0], xy[cut, 1])
+        return np.asarray(result)
+
+
+@dataclass(frozen=True, eq=False)
+class CrosswalkArea:
+    """A crosswalk with its prepared polygon; bounds: its west, south, east and north end [m]."""
+
+    crosswalk: Crosswalk
+    area: Area
+    bounds: Bounds
+
+
+@dataclass(frozen=True, eq=False)
+class GroundRaster:
+    """Where vehicles and pedestrians belong: road, walkable (with crosswalks), and both.
+
+    Attributes:
+        crosswalks: each on its own, in the order of the map.
+        routes: class, entry, exit, movement and crosswalk by id of the route.
+        goals: class, leg and bounds (west, south, east, north [m]) of every goal region.
+    """
+
+    road: RasterizedArea
+    walkable: RasterizedArea
+    anywhere: RasterizedArea
+    crosswalks: tuple[CrosswalkArea, ...]
+    routes: Mapping[str, tuple[str | None, ...]]
+    goals: tuple[tuple[AgentClass, Compass, Bounds], ...]
+
+
+def rasterize_area(area: Area) -> RasterizedArea:
+    """Prepares an area for many questions."""
+    geos.prepare(area)
+    if area.is_empty:
+        return RasterizedArea(area, np.zeros(2), np.zeros((0, 0), dtype=np.int8))
+    west, south, east, north = (float(v) for v in area.bounds)
+    x = np.arange(np.floor(west), np.ceil(east), CELL)
+    y = np.arange(np.floor(south), np.ceil(north), CELL)
+    boxes = geos.box(x, y[:, None], x + CELL, y[:, None] + CELL)
+    cells = np.where(geos.intersects(area, boxes), 2, 0).astype(np.int8)
+    cells[geos.contains_properly(area, boxes)] = 1
+    return RasterizedArea(area, np.array((x[0], y[0])), cells)
+
+
+_prepared: list[tuple[IntersectionMap, GroundRaster]] = []
+
+
+def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
+    """The prepared areas of a map; the last four maps are remembered by identity."""
+    for known, ground in _prepared:
+        if known is intersection_map:
+            return ground
+    road = geos.union_all([_build_polygon(p) for p in intersection_map.road])
+    walks = tuple(_prepare_crosswalk(each) for each in intersection_map.crosswalks)
+    walkable = [
+        *(_build_polygon(p) for p in intersection_map.walkable),
+        *(each.area for each in walks),
+    ]
+    walkable = geos.union_all(walkable).buffer(KERB, quad_segs=2)
+    routes = {
+        r.id: (r.type, r.entry, r.exit, r.movement, r.crosswalk) for r in intersection_map.routes
+    }
+    goals = tuple(
+        (g.type, g.leg, _compute_bounds(g.polygon)) for g in intersection_map.goal_regions
+    )
+    ground = GroundRaster(
+        rasterize_area(road),
+        rasterize_area(walkable),
+        rasterize_area(road.union(walkable)),
+        walks,
+        routes,
+        goals,
+    )
+    _prepared[:] = [(intersection_map, ground), *_prepared[:3]]
+    return ground
+
+
+def _prepare_crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
+    area = geos.Polygon(crosswalk.polygon)
+    geos.prepare(area)
+    return CrosswalkArea(crosswalk, area, area.bounds)
+
+
+def _compute_bounds(polygon: Sequence[Point]) -> Bounds:
+    x, y = zip(*polygon, strict=True)
+    return min(x), min(y), max(x), max(y)
+
+
+def _build_polygon(area: PolygonWithHoles) -> Any:
+    return geos.Polygon(area.exterior, area.holes)

@@ -1,0 +1,169 @@
+"""Which leg a track comes from, and how the entries of two tracks lie to one another.
+
+The lane that a track begins or ends on tells its leg, however the legs lie and bend. Beside the
+lanes (a wrong-way driver, a map without lanes) it is the leg whose direction it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Finding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import TieRecord
+from scenewright.tools.relation_checker.trajectory import Trajectory
+
+ALONG = np.deg2rad(40.0)
+"""How far a track may begin off the direction of the leg that it comes in by [rad]."""
+BESIDE = 2.5
+"""How far from the middle of a lane a vehicle's centre may be on it [m]."""
+WELL_OUT = 8.0
+"""How far out of the middle a track has chosen its exit [m]."""
+
+_SEEN_AS = {"lateral": ("left", "right"), "other": ("left", "right", "opposite")}
+
+_ROUND = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
+
+
+@dataclass(frozen=True, eq=False)
+class LanePoints:
+    """The middles of a map's lanes on legs, point by point.
+
+    Attributes:
+        xy: [P, 2] points [m]; heading: [P] of the lane there [rad].
+        legs: by point.
+    """
+
+    xy: FloatArray
+    heading: FloatArray
+    legs: tuple[str, ...]
+
+    def find_leg(self, xy: FloatArray, heading: float) -> str | None:
+        """The leg of the nearest lane that leads the way a vehicle [2] is headed, if on it."""
+        alike = np.flatnonzero(np.abs(_turn(self.heading - heading)) <= ALONG)
+        if not len(alike):
+            return None
+        away = np.hypot(*(self.xy[alike] - xy).T)
+        nearest = int(away.argmin())
+        return self.legs[alike[nearest]] if away[nearest] <= BESIDE else None
+
+
+def find_entry_leg(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
+    """The leg along which a track comes in; None if it begins where that cannot be told."""
+    lane = _get_lane_points(intersection_map, "approach").find_leg(
+        track.xy[0], float(track.heading[0])
+    )
+    return lane or _find_entry_by_direction(track, intersection_map)
+
+
+def _find_entry_by_direction(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
+    inwards = {leg.name: leg.bearing + np.pi for leg in intersection_map.legs}
+    begin = float(track.heading[0])
+    off = {name: float(np.abs(_turn(begin - way))) for name, way in inwards.items()}
+    name = min(off, key=off.__getitem__, default=None)
+    if name is None or off[name] > ALONG:
+        return None
+    outward = float(track.xy[0] @ (-np.cos(inwards[name]), -np.sin(inwards[name])))
+    return name if outward > 0.0 else None
+
+
+def find_exit_leg(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
+    """The leg along which a track goes out; None if it ends before that can be told."""
+    lane = _get_lane_points(intersection_map, "exit").find_leg(
+        track.xy[-1], float(track.heading[-1])
+    )
+    return lane or _find_exit_by_direction(track, intersection_map)
+
+
+def _find_exit_by_direction(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
+    end = float(track.heading[-1])
+    off = {leg.name: float(np.abs(_turn(end - leg.bearing))) for leg in intersection_map.legs}
+    name = min(off, key=off.__getitem__, default=None)
+    if name is None or off[name] > ALONG:
+        return None
+    way = next(leg.bearing for leg in intersection_map.legs if leg.name == name)
+    outward = float(track.xy[-1] @ (np.cos(way), np.sin(way)))
+    return name if outward > WELL_OUT else None
+
+
+def find_relative_side(entry: str, *, seen_from: str) -> str:
+    """How an entry lies to another one: same, opposite, left or right.
+
+    >>> side_of("east", seen_from="north"), side_of("south", seen_from="north")
+    ('left', 'opposite')
+    """
+    turn = (_ROUND.index(entry) - _ROUND.index(seen_from)) % len(_ROUND)
+    if turn % 4 == 0:
+        return "opposite" if turn else "same"
+    return "left" if turn < 4 else "right"
+
+
+def check_ties(
+    ties: Sequence[TieRecord], tracks: Mapping[int, Trajectory], intersection_map: IntersectionMap
+) -> tuple[Finding, ...]:
+    """Agents that do not come from where, seen by another one, they were to come from."""
+    found: list[Finding] = []
+    for tie in ties:
+        entry, other = (find_entry_leg(tracks[n], intersection_map) for n in (tie.agent, tie.of))
+        seen = find_relative_side(entry, seen_from=other) if entry and other else "none"
+        if seen in _SEEN_AS.get(tie.side, (tie.side,)):
+            continue
+        found.append(
+            Finding(
+                rule="entry_elsewhere", agents=(tie.agent, tie.of),
+                detail=f"agent {tie.agent} comes from the {entry or 'middle'}, agent {tie.of} from "
+                f"the {other or 'middle'}: {seen} observed, {tie.side} asked for",
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+_Kind = Literal["approach", "exit"]
+_known: list[tuple[IntersectionMap, dict[_Kind, LanePoints]]] = []
+
+
+def _get_lane_points(intersection_map: IntersectionMap, kind: _Kind) -> LanePoints:
+    """The lanes of a map; the last four maps are remembered by identity."""
+    for known, lanes in _known:
+        if known is intersection_map:
+            return lanes[kind]
+    found: dict[_Kind, LanePoints] = {
+        each: _build_lane_points(intersection_map, each) for each in _KINDS
+    }
+    _known[:] = [(intersection_map, found), *_known[:3]]
+    return found[kind]
+
+
+_KINDS: tuple[_Kind, ...] = ("approach", "exit")
+_SPACING = 1.0
+
+
+def _build_lane_points(intersection_map: IntersectionMap, kind: _Kind) -> LanePoints:
+    parts: list[FloatArray] = [np.zeros((0, 3))]
+    legs: list[str] = []
+    for lane in intersection_map.lanelets:
+        if lane.kind == kind and lane.leg is not None:
+            parts.append(_sample_line(np.array(lane.centreline)))
+            legs += [lane.leg] * len(parts[-1])
+    points = np.concatenate(parts)
+    return LanePoints(points[:, :2], points[:, 2], tuple(legs))
+
+
+def _sample_line(line: FloatArray) -> FloatArray:
+    """[P, 3] x, y and heading every metre along a line."""
+    step = np.diff(line, axis=0)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
+    at = np.linspace(0.0, s[-1], max(2, round(float(s[-1]) / _SPACING) + 1))
+    course = np.arctan2(step[:, 1], step[:, 0])
+    piece = np.clip(np.searchsorted(s, at, side="right") - 1, 0, len(step) - 1)
+    return np.stack([np.interp(at, s, line[:, 0]), np.interp(at, s, line[:, 1]), course[piece]], 1)
+
+
+def _turn(angle: FloatArray | float) -> FloatArray:
+    """Angles as turns within half a circle [rad]."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -1,0 +1,303 @@
+"""The curve of a track: evenly sampled in arc length, projected on, extended straight on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from scenewright.compiled import compiled
+from scenewright.scene.base import FloatArray
+
+SPACING = 0.5
+"""Distance of path points [m]."""
+FOOT = 2 * SPACING
+"""The foot of a projection lies at most this far from the nearest path point [m]."""
+SHORTEST = 0.05
+"""Shorter tracks have no direction of their own [m]."""
+LANE_BEFORE, LANE_AFTER = 30, 50
+"""Points by which a lane goes on straight before and after a path: 15 and 25 m."""
+
+IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
+
+
+@dataclass(frozen=True, eq=False)
+class TrackPath:
+    """The curve of an agent's whole track, evenly sampled in arc length.
+
+    Attributes:
+        s: [P] arc length [m] from the first position; negative on a straight extension.
+        xy: [P, 2] points [m]; direction: [P] of travel, unwrapped [rad].
+    """
+
+    s: FloatArray
+    xy: FloatArray
+    direction: FloatArray
+
+    def coarsen(self) -> TrackPath:
+        """Every second point."""
+        return TrackPath(self.s[::2], self.xy[::2], self.direction[::2])
+
+    def extend(self, *, before: float, after: float) -> TrackPath:
+        """The path with straight pieces at both ends [m]."""
+        back, intersection_map = (
+            SPACING * np.arange(1, int(d / SPACING) + 1) for d in (before, after)
+        )
+        ends = self.direction[[0, -1]]
+        (tail, front), way = self.xy[[0, -1]], np.stack((np.cos(ends), np.sin(ends)), axis=1)
+        tail, front = tail - back[::-1, None] * way[0], front + intersection_map[:, None] * way[1]
+        return TrackPath(
+            np.concatenate((self.s[0] - back[::-1], self.s, self.s[-1] + intersection_map)),
+            np.concatenate((tail, self.xy, front)),
+            np.concatenate(
+                (ends[:1].repeat(len(back)), self.direction, ends[1:].repeat(len(intersection_map)))
+            ),
+        )
+
+
+def build_paths(
+    xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray
+) -> list[TrackPath]:
+    """The paths of many tracks in one pass; one point where a track is shorter than 0.05 m.
+
+    Args:
+        xy: [S, 2] positions [m], track after track; s: [S] arc length since the first position of
+            the track; heading: [S]; origin: [N+1] where each track begins, the last entry being S.
+    """
+    even, points, direction, begin = _resample_evenly(xy, s, heading, origin)
+    return [
+        TrackPath(even[i:j], points[i:j], unwrap_angles(direction[i:j]))
+        for i, j in pairwise(begin.tolist())
+    ]
+
+
+@compiled
+def _resample_evenly(
+    xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    """Arc lengths [m], points [m] and directions [rad] of all paths, and where each begins."""
+    begin = np.zeros(len(origin), np.intp)
+    for n in range(len(origin) - 1):
+        total = s[origin[n + 1] - 1]
+        count = 1 if total < SHORTEST else max(int(total / SPACING), 1) + 1
+        begin[n + 1] = begin[n] + count
+    even, points = np.zeros(begin[-1]), np.empty((begin[-1], 2))
+    direction = np.empty(begin[-1])
+    for n in range(len(origin) - 1):
+        i, j, last = begin[n], begin[n + 1], begin[n + 1] - 1
+        total, first = s[origin[n + 1] - 1], origin[n]
+        if i == last:
+            points[i, 0], points[i, 1], direction[i] = xy[first, 0], xy[first, 1], heading[first]
+            continue
+        for k in range(i, last):
+            even[k] = (k - i) * (total / (last - i))
+        even[last] = total
+        _interpolate(even[i:j], xy[first : origin[n + 1]], s[first : origin[n + 1]], points[i:j])
+        for k in range(i, j):
+            before, after = max(k - 1, i), min(k + 1, last)
+            dx, dy = points[after, 0] - points[before, 0], points[after, 1] - points[before, 1]
+            direction[k] = np.arctan2(dy, dx)
+    return even, points, direction, begin
+
+
+@compiled
+def _interpolate(even: FloatArray, xy: FloatArray, s: FloatArray, points: FloatArray) -> None:
+    """Writes points at ascending arc lengths, linear between samples that differ."""
+    here = there = 0
+    for n in range(len(even)):
+        while there < len(s) and s[there] <= even[n]:
+            here = there
+            there = _find_next_distinct(s, there)
+        after = there if there < len(s) else here
+        apart = max(s[after] - s[here], 1e-9)
+        for axis in range(2):
+            slope = (xy[after, axis] - xy[here, axis]) / apart
+            points[n, axis] = slope * (even[n] - s[here]) + xy[here, axis]
+
+
+@compiled
+def _find_next_distinct(s: FloatArray, k: int) -> int:
+    """The next sample more than 0.1 mm after the one before it; as many as there are if none."""
+    k += 1
+    while k < len(s) and not s[k] - s[k - 1] > 1e-4:
+        k += 1
+    return k
+
+
+def build_lanes(paths: Sequence[TrackPath]) -> list[TrackPath]:
+    """Every path at every second point, with straight pieces before and after it, in one pass."""
+    begin = np.cumsum([0, *(len(path.s) for path in paths)])
+    s, xy, direction, ends = _prolong(
+        np.concatenate([path.s for path in paths]),
+        np.concatenate([path.xy for path in paths]),
+        np.concatenate([path.direction for path in paths]),
+        begin,
+    )
+    return [TrackPath(s[i:j], xy[i:j], direction[i:j]) for i, j in pairwise(ends.tolist())]
+
+
+@compiled
+def _prolong(
+    s: FloatArray, xy: FloatArray, direction: FloatArray, begin: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    ends = np.zeros(len(begin), np.intp)
+    for n in range(len(begin) - 1):
+        count = begin[n + 1] - begin[n]
+        ends[n + 1] = ends[n] + (count + LANE_BEFORE + LANE_AFTER + 1) // 2
+    along, points, facing = np.empty(ends[-1]), np.empty((ends[-1], 2)), np.empty(ends[-1])
+    for n in range(len(begin) - 1):
+        for row in range(ends[n], ends[n + 1]):
+            k = begin[n] + 2 * (row - ends[n]) - LANE_BEFORE
+            at = min(max(k, begin[n]), begin[n + 1] - 1)
+            beyond = SPACING * (k - at)
+            along[row], facing[row] = s[at] + beyond, direction[at]
+            points[row, 0] = xy[at, 0] + beyond * np.cos(direction[at])
+            points[row, 1] = xy[at, 1] + beyond * np.sin(direction[at])
+    return along, points, facing, ends
+
+
+def unwrap_angles(angles: FloatArray) -> FloatArray:
+    """Angles [rad] without jumps of full turns; most have none, which is far quicker to see."""
+    if (np.abs(angles[1:] - angles[:-1]) < np.pi).all():
+        return angles
+    return np.unwrap(angles)
+
+
+def compute_curvature(path: TrackPath) -> FloatArray:
+    """[P] change of direction per metre [1/m], over 2 m of path."""
+    if len(path.s) < 3:
+        return np.zeros(len(path.s))
+    k = np.arange(len(path.s))
+    low, high = np.maximum(k - 2, 0), np.minimum(k + 2, len(k) - 1)
+    return np.asarray((path.direction[high] - path.direction[low]) / (path.s[high] - path.s[low]))
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Where points lie along a path.
+
+    Attributes:
+        s: arc length of the foot [m]; lateral: distance from the path [m]; direction: of the path
+            there [rad]. All have the shape of the points.
+    """
+
+    s: FloatArray
+    lateral: FloatArray
+    direction: FloatArray
+
+
+def project(points: FloatArray, path: TrackPath) -> Projection:
+    """Projects points [..., 2] on the nearest place of a path."""
+    x, y = points[..., 0], points[..., 1]
+    square, more = np.subtract.outer(x, path.xy[:, 0]), np.subtract.outer(y, path.xy[:, 1])
+    square *= square
+    more *= more
+    square += more
+    k = square.argmin(axis=-1)
+    direction, foot = path.direction[k], path.xy[k]
+    along, lateral = _find_foot(x - foot[..., 0], y - foot[..., 1], direction)
+    return Projection(path.s[k] + along, lateral, direction)
+
+
+@dataclass(frozen=True, eq=False)
+class LaneTable:
+    """Lanes of N movers side by side, padded to one length.
+
+    Attributes:
+        x, y: [N, P] points [m], inf past the end of a lane; s, direction: [N, P], see `TrackPath`.
+        low, high: [2, N] corners of the boxes round the lanes [m].
+    """
+
+    x: FloatArray
+    y: FloatArray
+    s: FloatArray
+    direction: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def build_lane_table(lanes: Sequence[TrackPath]) -> LaneTable:
+    """Lanes in one table, for many projections at once."""
+    size = max(len(lane.s) for lane in lanes)
+    xy = np.full((2, len(lanes), size), np.inf)
+    s, direction = np.zeros((len(lanes), size)), np.zeros((len(lanes), size))
+    for n, lane in enumerate(lanes):
+        xy[:, n, : len(lane.s)] = lane.xy.T
+        s[n, : len(lane.s)], direction[n, : len(lane.s)] = lane.s, lane.direction
+    high = np.where(np.isinf(xy), -np.inf, xy).max(axis=2)
+    return LaneTable(xy[0], xy[1], s, direction, xy.min(axis=2), high)
+
+
+def project_each(
+    points: FloatArray, lanes: LaneTable, which: IntArray, *, within: FloatArray
+) -> Projection:
+    """Projects points [n, 2], each on a lane of its own, `which` [n].
+
+    Args:
+        within: [n] distance from the lane [m] beyond which a point does not matter; points that the
+            box of the lane already excludes are not projected: lateral inf, the rest 0.
+    """
+    return Projection(*_project_each(
+        points, which, within, lanes.x, lanes.y, lanes.s, lanes.direction, lanes.low, lanes.high,
+    ))  # fmt: skip
+
+
+@compiled
+def _project_each(
+    points: FloatArray,
+    which: IntArray,
+    within: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    s: FloatArray,
+    direction: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> FloatArray:
+    """[3, n] arc length, lateral and direction; see `project_each`."""
+    found = np.zeros((3, len(points)))
+    for n in range(len(points)):
+        px, py, lane = points[n, 0], points[n, 1], which[n]
+        beside = max(low[0, lane] - px, px - high[0, lane])
+        beyond = max(low[1, lane] - py, py - high[1, lane])
+        if max(beside, beyond) >= within[n] + FOOT:
+            found[1, n] = np.inf
+            continue
+        # Who stands keeps the projection of its first sample there.
+        k = n - 1
+        stays = n > 0 and px == points[k, 0] and py == points[k, 1]
+        if stays and lane == which[k] and within[n] == within[k]:
+            for row in range(3):
+                found[row, n] = found[row, k]
+            continue
+        nearest, k = np.inf, 0
+        for m in range(x.shape[1]):
+            away = (px - x[lane, m]) * (px - x[lane, m]) + (py - y[lane, m]) * (py - y[lane, m])
+            if away < nearest:
+                nearest, k = away, m
+        px, py, facing = px - x[lane, k], py - y[lane, k], direction[lane, k]
+        along = min(max(np.cos(facing) * px + np.sin(facing) * py, -FOOT), FOOT)
+        found[0, n] = s[lane, k] + along
+        found[1, n] = np.sqrt(max(px * px + py * py - along * along, 0.0))
+        found[2, n] = facing
+    return found
+
+
+def _find_foot(
+    px: FloatArray, py: FloatArray, direction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """How far along a direction a place is, at most 1 m, and how far beside it [m]."""
+    along = np.cos(direction) * px + np.sin(direction) * py
+    along = np.minimum(np.maximum(along, -FOOT), FOOT)
+    return along, np.sqrt(np.maximum(px * px + py * py - along**2, 0.0))
+
+
+def sample_path(path: TrackPath, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points [..., 2] and directions [...] at arc lengths, straight beyond the end of the path."""
+    beyond = np.maximum(s - path.s[-1], 0.0)
+    xy = np.stack([np.interp(s, path.s, path.xy[:, k]) for k in (0, 1)], axis=-1)
+    last = path.direction[-1]
+    xy += beyond[..., None] * np.array((np.cos(last), np.sin(last)))
+    return xy, np.asarray(np.interp(s, path.s, path.direction))

@@ -1,0 +1,423 @@
+"""One road user's track with everything that is derived from it (SEMANTICS section 5).
+
+All derivatives are taken on a grid of 0.1 s. Velocity is the central difference of positions, speed
+its length; acceleration is the central difference of speed, averaged over three samples (0.3 s). At
+the ends, where a central difference does not exist, velocity is the one-sided difference, and the
+last three samples hold the acceleration over the 0.2 s nearest to the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from scenewright.compiled import compiled
+from scenewright.errors import InputError
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.track import STEP, Shape, Track
+from scenewright.tools.relation_checker.track_path import (
+    LaneTable,
+    TrackPath,
+    build_lane_table,
+    build_lanes,
+    build_paths,
+    unwrap_angles,
+)
+
+IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
+
+ON_GRID = 1e-4
+"""Samples this near to a time of the grid [s] are on it."""
+FULL_WINDOW = 3
+"""Samples at either end of a track that have no full window for the acceleration."""
+
+FARTHEST = 1e8
+"""Positions [m] and headings beyond this are refused."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoadUser:
+    """One agent of any origin: a scene, a log, another simulator.
+
+    Attributes:
+        id: unique among the agents checked together.
+        track: centre positions and headings.
+        shape: class and size.
+    """
+
+    id: int
+    track: Track
+    shape: Shape
+
+
+@dataclass(frozen=True, eq=False)
+class MotionDerivatives:
+    """What follows from a track's positions alone; see `Trajectory` for shapes and units."""
+
+    steps: FloatArray
+    velocity: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    lateral_acceleration: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A road user on the 0.1 s grid, with its kinematics.
+
+    Attributes:
+        is_vehicle: whether the footprint is a rectangle, else it is a disc.
+        half_length, half_width: of the rectangle [m]; 0 for pedestrians.
+        radius: of the disc [m]; 0 for vehicles.
+        nose: distance from the centre to the foremost point [m].
+        reach: radius of the circle round the footprint [m].
+        start: time of the first sample [s], a multiple of 0.1 but for the offset of the grid.
+        xy: [T, 2] positions [m]; heading: [T], unwrapped [rad].
+        s: [T] arc length driven since the first sample [m].
+        kinematics, path, lane: see `derive_all`, which fills them in for many movers in one pass.
+    """
+
+    id: int
+    type: AgentClass
+    length: float
+    width: float
+    start: float
+    xy: FloatArray
+    heading: FloatArray
+    is_vehicle: bool = field(init=False)
+    half_length: float = field(init=False)
+    half_width: float = field(init=False)
+    radius: float = field(init=False)
+    nose: float = field(init=False)
+    reach: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        drives = self.type == "vehicle"
+        length, width = (self.length / 2, self.width / 2) if drives else (0.0, 0.0)
+        radius = 0.0 if drives else self.width / 2
+        for name, value in (
+            ("is_vehicle", drives), ("half_length", length), ("half_width", width),
+            ("radius", radius), ("nose", length + radius),
+            ("reach", float(np.hypot(length, width)) + radius),
+        ):  # fmt: skip
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    @cached_property
+    def times(self) -> FloatArray:
+        """[T] sample times [s]."""
+        return np.asarray(self.start + STEP * np.arange(len(self.xy)), dtype=np.float64)
+
+    @cached_property
+    def end(self) -> float:
+        """Time of the last sample [s]."""
+        return self.start + STEP * (len(self.xy) - 1)
+
+    @cached_property
+    def bounds(self) -> list[float]:
+        """West, south, east and north end of the positions [m]."""
+        return [*self.xy.min(axis=0).tolist(), *self.xy.max(axis=0).tolist()]
+
+    @cached_property
+    def kinematics(self) -> MotionDerivatives:
+        """Steps, velocity, speed and acceleration."""
+        return _compute_derivatives(self.xy, np.array((0, len(self.xy))))[0]
+
+    @property
+    def steps(self) -> FloatArray:
+        """[T-1] distance between successive samples [m]."""
+        return self.kinematics.steps
+
+    @cached_property
+    def s(self) -> FloatArray:
+        """[T] arc length since the first sample [m]."""
+        result = np.zeros(len(self.xy))
+        np.cumsum(self.steps, out=result[1:])
+        return result
+
+    @property
+    def velocity(self) -> FloatArray:
+        """[T, 2] velocity by central differences [m/s]."""
+        return self.kinematics.velocity
+
+    @property
+    def speed(self) -> FloatArray:
+        """[T] length of the velocity [m/s]."""
+        return self.kinematics.speed
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """[T] rate of change of speed [m/s^2], negative when braking."""
+        return self.kinematics.acceleration
+
+    @property
+    def lateral_acceleration(self) -> FloatArray:
+        """[T] acceleration across the direction of motion, v^2 times curvature [m/s^2], >= 0."""
+        return self.kinematics.lateral_acceleration
+
+    @cached_property
+    def path(self) -> TrackPath:
+        """The curve of the whole track."""
+        return build_paths(self.xy, self.s, self.heading, np.array((0, len(self.xy))))[0]
+
+    @cached_property
+    def lane(self) -> TrackPath:
+        """The path every metre, with 15 m straight before and 25 m after it."""
+        return build_lanes((self.path,))[0]
+
+    def index(self, time: float) -> int:
+        """The sample nearest to a time, within the track."""
+        return min(max(round((time - self.start) / STEP), 0), len(self.xy) - 1)
+
+    def indices(self, times: FloatArray) -> IntArray:
+        """The samples nearest to times, within the track."""
+        k = np.rint((times - self.start) / STEP).astype(np.intp)
+        return np.asarray(np.minimum(np.maximum(k, 0), len(self.xy) - 1))
+
+    def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Positions [..., 2] and headings [...] at times [s], linear in between, held outside."""
+        xy, heading = _interpolate_samples(times.ravel(), self.start, self.xy, self.heading)
+        return xy.reshape(*times.shape, 2), heading.reshape(times.shape)
+
+
+@compiled
+def _interpolate_samples(
+    times: FloatArray, start: float, xy: FloatArray, heading: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    there, turned, last = np.empty((len(times), 2)), np.empty(len(times)), len(xy) - 1
+    for n in range(len(times)):
+        f = min(max((times[n] - start) / STEP, 0.0), float(last))
+        low = min(int(f), max(last - 1, 0))
+        high, part = min(low + 1, last), f - low
+        there[n, 0] = xy[low, 0] + part * (xy[high, 0] - xy[low, 0])
+        there[n, 1] = xy[low, 1] + part * (xy[high, 1] - xy[low, 1])
+        turned[n] = heading[low] + part * (heading[high] - heading[low])
+    return there, turned
+
+
+def concatenate_samples(tracks: Sequence[Trajectory]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """All movers' samples one after another, and where each mover's begin; not to be written to.
+
+    Returns:
+        xy [S, 2] [m]; heading [S] [rad]; origin [N+1], the last entry being S.
+    """
+    return _concatenate_samples(tuple(tracks))
+
+
+@lru_cache(maxsize=4)
+def _concatenate_samples(tracks: tuple[Trajectory, ...]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Every measure asks for the same few; movers are known by identity."""
+    xy = np.concatenate([np.zeros((0, 2)), *(m.xy for m in tracks)])
+    heading = np.concatenate([np.zeros(0), *(m.heading for m in tracks)])
+    return xy, heading, np.cumsum([0, *(len(m.xy) for m in tracks)])
+
+
+@lru_cache(maxsize=1)
+def get_lane_table(tracks: tuple[Trajectory, ...]) -> LaneTable:
+    """The lanes of all movers, for many projections at once; movers are known by identity."""
+    return build_lane_table([m.lane for m in tracks])
+
+
+def derive_all(tracks: Sequence[Trajectory]) -> None:
+    """Gives all movers kinematics, path and lane in one pass, far cheaper than one by one."""
+    if not tracks:
+        return
+    xy, heading, origin = concatenate_samples(tracks)
+    s, bounds = _compute_arc_lengths(xy, origin)
+    paths = build_paths(xy, s, heading, origin)
+    ends = pairwise(origin.tolist())
+    kinematics, boxes, ways = _compute_derivatives(xy, origin), bounds.tolist(), build_lanes(paths)
+    for track, (a, b), *derived in zip(tracks, ends, kinematics, boxes, paths, ways, strict=True):
+        for name, value in zip(_DERIVED, (s[a:b], *derived), strict=True):
+            object.__setattr__(track, name, value)
+
+
+_DERIVED = ("s", "kinematics", "bounds", "path", "lane")
+
+
+@compiled
+def _compute_arc_lengths(xy: FloatArray, origin: IntArray) -> tuple[FloatArray, FloatArray]:
+    """[S] arc length since each track's first sample [m], and [N, 4] `Trajectory.bounds`."""
+    s, bounds = np.zeros(len(xy)), np.empty((len(origin) - 1, 4))
+    for track in range(len(origin) - 1):
+        a, b = origin[track], origin[track + 1]
+        for k in range(a + 1, b):
+            s[k] = s[k - 1] + np.hypot(xy[k, 0] - xy[k - 1, 0], xy[k, 1] - xy[k - 1, 1])
+        for axis in range(2):
+            low = high = xy[a, axis]
+            for k in range(a + 1, b):
+                low, high = min(low, xy[k, axis]), max(high, xy[k, axis])
+            bounds[track, axis], bounds[track, axis + 2] = low, high
+    return s, bounds
+
+
+def _compute_derivatives(xy: FloatArray, origin: IntArray) -> list[MotionDerivatives]:
+    steps, velocity, speed, acceleration, lateral = _differentiate_tracks(xy, origin)
+    return [
+        MotionDerivatives(
+            steps[a : b - 1], velocity[a:b], speed[a:b], acceleration[a:b], lateral[a:b]
+        )
+        for a, b in pairwise(origin.tolist())
+    ]
+
+
+@compiled
+def _differentiate_tracks(
+    xy: FloatArray, origin: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Steps, velocity, speed, acceleration and lateral acceleration of tracks in one string."""
+    steps, speed, lateral = np.zeros(len(xy)), np.empty(len(xy)), np.empty(len(xy))
+    velocity, acceleration = np.empty(xy.shape), np.empty(len(xy))
+    for track in range(len(origin) - 1):
+        a, b = origin[track], origin[track + 1]
+        for k in range(a, b):
+            velocity[k, 0] = _differentiate(xy[a:b, 0], k - a)
+            velocity[k, 1] = _differentiate(xy[a:b, 1], k - a)
+            speed[k] = np.hypot(velocity[k, 0], velocity[k, 1])
+            if k < b - 1:
+                steps[k] = np.hypot(xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1])
+        for k in range(a, b):
+            acceleration[k] = _differentiate_smoothly(speed[a:b], k - a)
+            push_x = _differentiate_smoothly(velocity[a:b, 0], k - a)
+            push_y = _differentiate_smoothly(velocity[a:b, 1], k - a)
+            across = velocity[k, 0] * push_y - velocity[k, 1] * push_x
+            lateral[k] = abs(across) / max(speed[k], 0.1)
+    return steps, velocity, speed, acceleration, lateral
+
+
+@compiled
+def _differentiate(values: FloatArray, k: int) -> float:
+    """Derivative of samples 0.1 s apart: (x[k+1] - x[k-1]) / 0.2 s; one-sided at the ends."""
+    last = len(values) - 1
+    if 0 < k < last:
+        return float((values[k + 1] - values[k - 1]) / (2 * STEP))
+    return float((values[min(k + 1, last)] - values[max(k - 1, 0)]) / STEP)
+
+
+@compiled
+def _differentiate_smoothly(values: FloatArray, k: int) -> float:
+    """Central difference averaged over 0.3 s.
+
+    The three samples at either end, which have no full window, hold the central difference of the
+    third: that over the 0.2 s nearest to the end. Tracks of fewer than 7 samples have no full
+    window and are not averaged; those of fewer than 3 have derivative 0.
+    """
+    count = len(values)
+    if count <= 2 * FULL_WINDOW:
+        return _differentiate(values, k) if count >= 3 else 0.0
+    if k < FULL_WINDOW:
+        return _differentiate(values, FULL_WINDOW - 1)
+    if k >= count - FULL_WINDOW:
+        return _differentiate(values, count - FULL_WINDOW)
+    return (
+        _differentiate(values, k - 1) + _differentiate(values, k) + _differentiate(values, k + 1)
+    ) / 3
+
+
+def extend_straight(track: Trajectory, *, distance: float, speed: float) -> Trajectory:
+    """The same mover, driving on straight ahead after its last sample."""
+    count = int(np.ceil(distance / (speed * STEP)))
+    ahead = np.array((np.cos(track.heading[-1]), np.sin(track.heading[-1])))
+    more = track.xy[-1] + speed * STEP * np.arange(1, count + 1)[:, None] * ahead
+    return Trajectory(
+        track.id, track.type, track.length, track.width, track.start,
+        np.concatenate((track.xy, more)),
+        np.concatenate((track.heading, np.full(count, track.heading[-1]))),
+    )  # fmt: skip
+
+
+def build_trajectory(user: RoadUser, *, offset: float = 0.0) -> Trajectory:
+    """The road user on the common 0.1 s grid, which begins `offset` seconds after 0.
+
+    Tracks already on the grid are taken as they are; finer ones are interpolated linearly, coarser
+    ones by cubic Hermite splines through the samples. Ends that lie between two times of the grid
+    are continued straight on to the next of them, so that nothing of a track is lost.
+    """
+    track, heading = user.track, unwrap_angles(user.track.heading)
+    first = round((track.start - offset) / STEP)
+    if abs(track.step - STEP) < 1e-9 and abs(track.start - offset - first * STEP) < ON_GRID:
+        return _assemble_trajectory(user, offset + first * STEP, track.xy, heading)
+    first = math.floor((track.start - offset + ON_GRID) / STEP)
+    last = math.ceil((track.end - offset - ON_GRID) / STEP)
+    times = offset + STEP * np.arange(first, max(last, first) + 1)
+    wanted = (times - track.start) / track.step
+    position = np.minimum(np.maximum(wanted, 0.0), len(heading) - 1.0)
+    xy = (
+        _interpolate_hermite(track.xy, position)
+        if track.step > STEP
+        else _interpolate_linearly(track.xy, position)
+    )
+    if len(heading) > 1:
+        for k, edge in ((0, slice(0, 2)), (-1, slice(-2, None))):
+            beyond = (wanted[k] - position[k]) * np.diff(track.xy[edge], axis=0)[0]
+            xy[k] += beyond
+    turned = np.interp(position, np.arange(len(heading)), heading)
+    return _assemble_trajectory(user, offset + first * STEP, xy, turned)
+
+
+def find_grid_offset(users: Sequence[RoadUser]) -> float:
+    """Where between two multiples of 0.1 s most tracks of that step have their samples [s].
+
+    So tracks that all begin at, say, 0.037 s are taken as they are, not interpolated.
+    """
+    found = Counter(
+        round(u.track.start % STEP, 4) % STEP for u in users if abs(u.track.step - STEP) < 1e-9
+    )
+    return max(found, key=lambda each: (found[each], -each), default=0.0)
+
+
+def _assemble_trajectory(
+    user: RoadUser, start: float, xy: FloatArray, heading: FloatArray
+) -> Trajectory:
+    shape = user.shape
+    return Trajectory(user.id, shape.type, shape.length, shape.width, start, xy, heading)
+
+
+def _interpolate_linearly(xy: FloatArray, position: FloatArray) -> FloatArray:
+    grid = np.arange(len(xy))
+    return np.stack([np.interp(position, grid, xy[:, k]) for k in (0, 1)], axis=1)
+
+
+def _interpolate_hermite(xy: FloatArray, position: FloatArray) -> FloatArray:
+    if len(xy) < 3:
+        return _interpolate_linearly(xy, position)
+    slope = np.gradient(xy, axis=0)
+    low = np.minimum(position.astype(np.intp), len(xy) - 2)
+    u = (position - low)[:, None]
+    return np.asarray(
+        (1 + 2 * u) * (1 - u) ** 2 * xy[low] + u * (1 - u) ** 2 * slope[low]
+        + u**2 * (3 - 2 * u) * xy[low + 1] + u**2 * (u - 1) * slope[low + 1]
+    )  # fmt: skip
+
+
+def build_trajectories(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Trajectory, ...]:
+    """All road users on the common grid.
+
+    Raises:
+        InputError: an id twice, an empty track, a step or a size that is not positive.
+    """
+    seen: set[int] = set()
+    for user in users:
+        if user.id in seen:
+            raise InputError(f"agent id {user.id} occurs twice; ids must be unique")
+        seen.add(user.id)
+        if len(user.track.xy) == 0:
+            raise InputError(f"agent {user.id} has an empty trajectory")
+        if not (np.isfinite(user.track.step) and user.track.step > 0):
+            raise InputError(f"agent {user.id}: time step {user.track.step} s must be positive")
+        if not (0 < user.shape.length < 100 and 0 < user.shape.width < 100):
+            raise InputError(
+                f"agent {user.id}: size {user.shape.length} x {user.shape.width} m is not usable"
+            )
+    offset = find_grid_offset(users)
+    tracks = tuple(build_trajectory(user, offset=offset) for user in users)
+    derive_all(tracks)
+    return tracks
