@@ -1,6 +1,6 @@
 """Makes the gallery: one scene for each instruction below, its picture and `docs/gallery.md`.
 
-    python docs/_site/gallery.py
+python docs/_site/gallery.py
 """
 
 from __future__ import annotations

@@ -246,3 +246,10 @@ def test_a_street_that_is_not_there_is_refused_with_those_that_are() -> None:
     plan = plan_at("[veh:1 A car] from [from:1 Baker Street] [hit:1>2 hits] [veh:2 a bus]")
     assert isinstance(plan, Refusal)
     assert "Amsterdam Avenue, West 120th Street, Marshalsea Road" in plan.reason
+
+
+@pytest.mark.parametrize("words", ["head-on", "head on"])
+def test_nearly_head_on_is_a_near_miss_from_opposite_sides(words: str) -> None:
+    graph = graph_of(f"[veh:1,2 Two cars] [near:1>2 nearly collide] [hit=head:1>2 {words}].")
+    assert [(edge.type, edge.kind) for edge in graph.relations] == [("near_miss", None)]
+    assert [tie.side for tie in graph.ties] == ["opposite"]

@@ -549,12 +549,25 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
             "collides with, nearly hits, gives way to or follows which other.",
         )
     for first, second in _of_fitting_classes(span.tag, pairs, users):
+        if _HEAD_ON.fullmatch(span.words) and _is_near_miss(result, users[first], users[second]):
+            users[second].relatives.append(("opposite", users[first]))
+            result.enter(span, "relation", (first, second), "near_miss")
+            continue
         edge = RelationDraft(RELATIONS[span.tag], users[first], users[second])
         if span.tag == "yield" and _CROSSES.search(span.words):
             _let_cross(users[second])
         edge.kind = _KINDS.get(span.value or "")
         _add_relation(result, edge)
         result.enter(span, "relation", (first, second), edge.type)
+
+
+_HEAD_ON = re.compile(r"head[- ]?on", re.IGNORECASE)
+
+
+def _is_near_miss(result: Interpretation, first: AgentDraft, second: AgentDraft) -> bool:
+    """Whether "head-on" says how two nearly collide, and not that they do."""
+    pair = frozenset((id(first), id(second)))
+    return any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
 
 
 def _with_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:

@@ -1,0 +1,28 @@
+"""The recipes of CONTRIBUTING.md run, and print what they say."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PAGE = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text("utf-8")
+
+
+def test_every_kind_of_extension_has_a_recipe() -> None:
+    titles = re.findall(r"^### \.\.\. (.*)$", PAGE, re.MULTILINE)
+    assert titles == ["a relation", "a map format", "a backend", "an exporter"]
+
+
+@pytest.mark.parametrize(
+    "code", re.findall(r"^```python\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+)
+def test_a_recipe_prints_what_it_says(code: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120.0, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
