@@ -13,7 +13,7 @@ from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.grounding import RoleAssignment
 from scenewright.scene.map import Route
 from scenewright.scene.track import Shape
-from scenewright.scene.yielding_behavior import Habits
+from scenewright.scene.yielding_behavior import YieldingModel
 
 K = 10
 """Waypoints per candidate, at equal arc length (SEMANTICS section 6)."""
@@ -128,7 +128,7 @@ class AgentCandidates:
     build: Callable[[int], Candidate]
     arrival: float | None = None
     chance: float | None = None
-    spare: bool = False
+    reserve: bool = False
 
     @property
     def drawn(self) -> DrawnWaypoints:
@@ -161,4 +161,4 @@ class CandidateSet:
     cast: RoleAssignment
     hour: float
     background: Mapping[AgentClass, int]
-    manners: Habits = field(default_factory=dict)
+    manners: YieldingModel = field(default_factory=dict)

@@ -38,7 +38,7 @@ class YieldingBehavior:
     reacts: Quantiles
 
 
-Habits = Mapping[tuple[AgentClass, AgentClass], YieldingBehavior]
+YieldingModel = Mapping[tuple[AgentClass, AgentClass], YieldingBehavior]
 """By class of who gives way and of who is let pass."""
 
 

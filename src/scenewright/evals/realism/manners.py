@@ -22,7 +22,7 @@ from scenewright.intersections import load_map, sign_bundle
 from scenewright.scene.base import AgentClass
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.yielding_behavior import LEVELS, Habits, Quantiles, YieldingBehavior
+from scenewright.scene.yielding_behavior import LEVELS, Quantiles, YieldingBehavior, YieldingModel
 from scenewright.tools.gmm_sampler.behavior_files import Pace, Paces, to_json
 from scenewright.tools.relation_checker import Mover, observe
 from scenewright.tools.track_io import load_recordings
@@ -136,7 +136,7 @@ def _rate(kind: AgentClass, most: float | None, mean: float | None) -> float | N
     return (most + mean) / 2.0
 
 
-def habits(seen: Sequence[Case]) -> Habits:
+def habits(seen: Sequence[Case]) -> YieldingModel:
     """The quantiles of every pair of classes that gives way often enough."""
     pairs = sorted({each.pair for each in seen})
     of = {pair: [each for each in seen if each.pair == pair] for pair in pairs}

@@ -23,7 +23,7 @@ from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, SignalProgram
-from scenewright.tools.map_grounding.signal_plan import shows
+from scenewright.tools.map_grounding.signal_plan import is_showing
 
 BoolArray = NDArray[np.bool_]
 
@@ -298,7 +298,7 @@ def _offsets(
             continue
         times = np.arange(light.start + 0.05, max(light.end - 0.05, light.start + 0.06), 0.4)
         times = np.append(times, max(light.end - 0.05, light.start + 0.05))
-        good &= shows(program, group, tried[:, None] + times, (light.colour,)).all(axis=1)
+        good &= is_showing(program, group, tried[:, None] + times, (light.colour,)).all(axis=1)
     fits = tried[good]
     return _chance(fits.tobytes()).choice(fits, size=size) if len(fits) else None
 
@@ -342,7 +342,7 @@ def _stops(
             before = drive.begins < drive.line + (_STOOD if stands else 0.2)
             clock = now + offsets
             reaches = np.maximum(reaches, 0.0)
-            green = shows(program, name, clock + np.minimum(reaches, 200.0), ("green",))
+            green = is_showing(program, name, clock + np.minimum(reaches, 200.0), ("green",))
             at_red = mine & before & ~green & np.isfinite(reaches)
             place = np.where(at_red, np.maximum(drive.line - gap, drive.begins), place)
             wait = _until_green(program, name, clock + np.minimum(reaches, 200.0))
@@ -398,7 +398,7 @@ def _queued(
 def _until_green(program: SignalProgram, group: str, times: FloatArray) -> FloatArray:
     """[K] how long it takes until green from moments of the programme [s]."""
     grid = np.arange(0.0, program.cycle, 0.25)
-    green = shows(program, group, grid, ("green",))
+    green = is_showing(program, group, grid, ("green",))
     twice = np.concatenate([green, green])
     index = np.where(twice, np.arange(len(twice)), len(twice))
     following = np.minimum.accumulate(index[::-1])[::-1][: len(grid)]

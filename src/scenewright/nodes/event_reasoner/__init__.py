@@ -24,7 +24,7 @@ from scenewright.scene.grounding import RoleAssignment
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import Selection
-from scenewright.tools.event_summary import facts_of, summarise
+from scenewright.tools.event_summary import summarise, to_facts
 
 
 class ReasonerReads(TypedDict):
@@ -47,7 +47,7 @@ class ReasonerWrites(TypedDict):
 def reason_events(state: ReasonerReads, *, runtime: Runtime[RunContext]) -> ReasonerWrites:
     """Summarises the selected priors and asks which segments realise the relations."""
     context = runtime.context
-    summary = summarise(state["selection"], ground=context.ground)
+    summary = summarise(state["selection"], map_areas=context.ground)
     owed = _owed(state["candidates"].cast)
     seen = _summarised(summary, owed, state, context)
     program = _as_before(_reasoned(summary, seen, owed, state, context), state)
@@ -71,7 +71,7 @@ def _summarised(
         task="summary",
         facts={
             "instruction": instruction,
-            **facts_of(summary.model_copy(update={"agents": agents})),
+            **to_facts(summary.model_copy(update={"agents": agents})),
         },
         rejections=told,
         seed=context.seed,
@@ -94,7 +94,7 @@ def _reasoned(
         return BehaviorReply(segments={}).read(summary)
     instruction, relations = state["instruction"], _relations(state["candidates"].cast)
     told = tuple(each for each in _told(state, context) if not each.startswith(SUMMARY))
-    facts: dict[str, Any] = {"instruction": instruction, "owed": owed, **facts_of(seen)}
+    facts: dict[str, Any] = {"instruction": instruction, "owed": owed, **to_facts(seen)}
     question = Question(
         task="behavior",
         facts=facts,

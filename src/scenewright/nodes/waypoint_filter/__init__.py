@@ -52,11 +52,11 @@ def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> Fil
     selection = select(
         program,
         state["candidates"],
-        ground=context.ground,
+        map_areas=context.ground,
         rng=context.rng("waypoint_filter", rejections),
         mode=context.selection,
         lenient=len(rejections) >= _STRICT_ATTEMPTS,
-        pins=state.get("pinned"),
+        frozen=state.get("pinned"),
     )
     tried = int(selection.figures["tuples"])
     context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")

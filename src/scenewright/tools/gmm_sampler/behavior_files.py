@@ -18,7 +18,7 @@ from pydantic import TypeAdapter
 from scenewright.errors import InputError
 from scenewright.intersections import check_bundle, find_bundle_folder
 from scenewright.scene.base import AgentClass
-from scenewright.scene.yielding_behavior import LEVELS, Habits, YieldingBehavior
+from scenewright.scene.yielding_behavior import LEVELS, YieldingBehavior, YieldingModel
 
 FILE = "manners.json"
 _LENDS = "amsterdam_120"
@@ -43,7 +43,7 @@ Paces = Mapping[AgentClass, Pace]
 _Habits, _Paces = TypeAdapter(dict[str, YieldingBehavior]), TypeAdapter(dict[str, Pace])
 
 
-def load_manners(folder: Path) -> Habits:
+def load_manners(folder: Path) -> YieldingModel:
     """The habits of a bundle, or those it borrows.
 
     Raises:
@@ -88,7 +88,7 @@ def _read(folder: Path, form: TypeAdapter[Any], *, pairs: bool) -> dict[Any, Any
         raise InputError(f"cannot read {FILE} of {folder.name!r}: {fault}") from None
 
 
-def to_json(habits: Habits, paces: Paces | None = None) -> str:
+def to_json(habits: YieldingModel, paces: Paces | None = None) -> str:
     """The text of `manners.json`."""
     named = {f"{giver}{_TO}{other}": asdict(each) for (giver, other), each in habits.items()}
     rates = {name: asdict(pace) for name, pace in (paces or {}).items()}

@@ -72,7 +72,7 @@ def cast_foreground(
     rng: np.random.Generator,
 ) -> RoleAssignment:
     """Routes and patterns of the foreground; no red light is run where that can be avoided."""
-    from scenewright.tools.map_grounding.grounding import at_odds, casts
+    from scenewright.tools.map_grounding.grounding import count_signal_conflicts, find_assignments
 
     weights = {
         route.id: math.sqrt(_rate(priors, route, hour)) + 1e-3
@@ -84,12 +84,19 @@ def cast_foreground(
         return weights[route.id]
 
     drawn = [
-        next(casts(graph, grounding, intersection_map=intersection_map, rng=rng, weight=weight))
+        next(
+            find_assignments(
+                graph, grounding, intersection_map=intersection_map, rng=rng, weight=weight
+            )
+        )
         for _ in range(_CASTS)
     ]
     return min(
         drawn,
-        key=lambda cast: (at_odds(cast, intersection_map=intersection_map), len(_violators(cast))),
+        key=lambda cast: (
+            count_signal_conflicts(cast, intersection_map=intersection_map),
+            len(_violators(cast)),
+        ),
     )
 
 
@@ -133,7 +140,7 @@ def amplify(
         for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
             agents[name] = _draws(
                 name, "background", route, None, priors, crowd_size or size, rng,
-                arrival, spare=n >= count,
+                arrival, reserve=n >= count,
             )  # fmt: skip
     return CandidateSet(
         agents=agents, cast=cast, hour=hour, background=counts, manners=priors.manners
@@ -176,7 +183,7 @@ def _draws(
     rng: np.random.Generator,
     arrival: float | None = None,
     *,
-    spare: bool = False,
+    reserve: bool = False,
 ) -> AgentCandidates:
     """What the priors offer, with a random generator of the agent's own: drawn on demand."""
     seed: Any = rng.bit_generator.seed_seq
@@ -190,7 +197,7 @@ def _draws(
             made.append(_drawn(prior, priors, np.random.default_rng(own), size))
         return made[0]
 
-    return _offered(name, role, route, subtype, shape, draw, prior, arrival, spare=spare)
+    return _offered(name, role, route, subtype, shape, draw, prior, arrival, reserve=reserve)
 
 
 def _drawn(
@@ -213,7 +220,7 @@ def _offered(
     prior: WaypointPrior,
     arrival: float | None = None,
     *,
-    spare: bool = False,
+    reserve: bool = False,
 ) -> AgentCandidates:
     """The draws and how to make candidates of them."""
 
@@ -232,7 +239,7 @@ def _offered(
 
     chance = None if arrival is None else arrival / _SECONDS
     return AgentCandidates(
-        name, role, route, shape, subtype, draw, build, arrival, chance, spare
+        name, role, route, shape, subtype, draw, build, arrival, chance, reserve
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from scenewright.errors import InputError
 from scenewright.intersections import check_bundle, find_bundle_folder
 from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.candidates import K
-from scenewright.scene.yielding_behavior import Habits
+from scenewright.scene.yielding_behavior import YieldingModel
 from scenewright.tools.gmm_sampler.behavior_files import BRISKEST, Paces, load_manners, load_paces
 
 DIMENSIONS = 2 * K
@@ -158,7 +158,7 @@ class Priors:
     time_laws: Mapping[str, DrivingProfilePrior]
     frequency: Mapping[str, FloatArray]
     subtypes: Mapping[str, Mapping[str, float]]
-    manners: Habits = field(default_factory=dict)
+    manners: YieldingModel = field(default_factory=dict)
 
     @cached_property
     def busyness(self) -> FloatArray:
