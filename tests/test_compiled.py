@@ -14,14 +14,14 @@ from scenewright import compiled as module
 
 PROGRAM = """
 import numpy as np
-from scenewright.compiled import anything_kept, compiled, kept_at
+from scenewright.compiled import has_cache, compiled, find_cache_folder
 
 @compiled
 def ratio(values):
     return values[0] / values[1]
 
-before = anything_kept()
-print(ratio(np.array([5.0, 2.0])), ratio(np.array([1.0, 0.0])), kept_at(), before)
+before = has_cache()
+print(ratio(np.array([5.0, 2.0])), ratio(np.array([1.0, 0.0])), find_cache_folder(), before)
 """
 
 
@@ -66,8 +66,8 @@ def test_without_a_place_to_keep_it_it_still_runs(
 ) -> None:
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
-    monkeypatch.setattr(module, "kept_at", module.kept_at.__wrapped__)
-    assert module.kept_at() is None
+    monkeypatch.setattr(module, "find_cache_folder", module.find_cache_folder.__wrapped__)
+    assert module.find_cache_folder() is None
 
     def double(values: np.ndarray) -> float:
         return float(values[0] * 2.0)

@@ -18,15 +18,15 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.track import Shape
 from scenewright.tools.relation_checker import (
     RoadUser,
-    as_mover,
-    clearance,
-    common_times,
-    drac,
-    encounters,
-    first_contact,
-    path_ttc,
-    post_encroachment_time,
-    ttc_2d,
+    build_trajectory,
+    compute_clearance,
+    compute_drac,
+    compute_path_ttc,
+    compute_pet,
+    compute_ttc_2d,
+    find_common_times,
+    find_encounters,
+    find_first_contact,
 )
 
 HORIZON = 5.0
@@ -60,9 +60,9 @@ def pairs(kind: str) -> Iterator[tuple[str, Pair]]:
 
 def test_clearance_is_the_distance_of_the_polygons(kind: str) -> None:
     for name, (a, b) in pairs(kind):
-        one, two = as_mover(a), as_mover(b)
-        times = common_times(one, two)
-        difference = clearance(one, two, times=times) - reference.clearances(a, b, times)
+        one, two = build_trajectory(a), build_trajectory(b)
+        times = find_common_times(one, two)
+        difference = compute_clearance(one, two, times=times) - reference.clearances(a, b, times)
         note("clearance [m]", "shapely", kind, difference)
         assert np.abs(difference).max(initial=0.0) < 1e-9, name
 
@@ -73,7 +73,10 @@ def test_first_contact_is_when_the_polygons_first_meet(kind: str) -> None:
         times = reference.common(a, b)
         if len(times) == 0 or reference.clearances(a, b, times).min() > 3.0:
             continue
-        ours, theirs = first_contact(as_mover(a), as_mover(b)), reference.first_touch(a, b)
+        ours, theirs = (
+            find_first_contact(build_trajectory(a), build_trajectory(b)),
+            reference.first_touch(a, b),
+        )
         assert (ours is None) == (theirs is None), name
         if ours is not None and theirs is not None:
             note("first contact [s]", "shapely", kind, [ours.time - theirs])
@@ -87,7 +90,7 @@ def test_pet_is_the_least_lag_of_the_polygons(kind: str) -> None:
     step = 0.05 if kind in ("generated", "recorded") else 0.02
     compared = 0
     for name, (a, b) in pairs(kind):
-        ours = post_encroachment_time(as_mover(a), as_mover(b))
+        ours = compute_pet(build_trajectory(a), build_trajectory(b))
         found = reference.crossings(a, b, step=step)
         theirs = min((c.lag for c in found), default=None)
         if a.shape.type == b.shape.type and any(c.angle <= np.deg2rad(30) for c in found):
@@ -108,19 +111,19 @@ def test_pet_ends_with_the_track() -> None:
     """A car is last seen on the crossing at 3 s; 2.6775 s later the other's front is there."""
     seen = traffic.straight(1, towards=0.0, speed=10.0, at=3.0, lasts=3.0)
     later = traffic.straight(2, towards=np.pi / 2, speed=10.0, at=6.0)
-    (meeting,) = encounters((as_mover(seen), as_mover(later)))
+    (meeting,) = find_encounters((build_trajectory(seen), build_trajectory(later)))
     assert meeting.first_time == pytest.approx(3.0)
     assert meeting.pet == pytest.approx(2.6775, abs=0.01)
 
 
 def test_a_corner_that_is_hit_for_a_moment_has_a_ttc() -> None:
     """Two cars that cross touch at their corners from 6.3475 to 6.3725 s, between two samples."""
-    one = as_mover(traffic.straight(1, towards=0.0, speed=10.0, at=6.05))
-    two = as_mover(traffic.straight(2, towards=np.pi / 2, speed=10.0, at=6.67))
+    one = build_trajectory(traffic.straight(1, towards=0.0, speed=10.0, at=6.05))
+    two = build_trajectory(traffic.straight(2, towards=np.pi / 2, speed=10.0, at=6.67))
     times = np.array([4.0, 5.0, 6.0])
-    for measure in (ttc_2d, path_ttc):
+    for measure in (compute_ttc_2d, compute_path_ttc):
         assert measure(one, two, times=times) == pytest.approx(6.3475 - times, abs=0.006)
-    contact = first_contact(one, two)
+    contact = find_first_contact(one, two)
     assert contact is not None
     assert contact.time == pytest.approx(6.3475, abs=0.001)
 
@@ -135,7 +138,7 @@ def test_pet_of_a_zone_is_never_longer(degrees: float, lag: float) -> None:
     """
     a = traffic.straight(1, towards=0.0, speed=10.0, at=6.0)
     b = traffic.straight(2, towards=np.deg2rad(degrees), speed=7.0, at=6.0 + lag)
-    ours, zone = post_encroachment_time(as_mover(a), as_mover(b)), reference.zone_lag(a, b)
+    ours, zone = compute_pet(build_trajectory(a), build_trajectory(b)), reference.zone_lag(a, b)
     assert ours is not None
     assert zone is not None
     note(f"PET less that of the zone, {degrees} degrees [s]", "shapely", "analytic", [ours - zone])
@@ -153,8 +156,8 @@ def test_ttc_at_constant_velocity(kind: str) -> None:
         times = _near_times(pair)[::3]
         if len(times) == 0:
             continue
-        movers = as_mover(pair[0]), as_mover(pair[1])
-        ours = ttc_2d(*movers, times=times, horizon=HORIZON)
+        tracks = build_trajectory(pair[0]), build_trajectory(pair[1])
+        ours = compute_ttc_2d(*tracks, times=times, horizon=HORIZON)
         theirs = reference.straight_ttc(*pair, times, horizon=HORIZON + 0.1)
         compared += _compare(_Shown(name, kind, "shapely", pair, times), ours, theirs)
     assert compared
@@ -173,7 +176,7 @@ def test_ttc_by_fcl() -> None:
     answer = ask("python-fcl", {"horizon": HORIZON + 0.1, "pairs": question})["pairs"]
     compared = 0
     for (name, pair), times, found in zip(shown, moments, answer, strict=True):
-        ours = ttc_2d(*(as_mover(u) for u in pair), times=times, horizon=HORIZON)
+        ours = compute_ttc_2d(*(build_trajectory(u) for u in pair), times=times, horizon=HORIZON)
         theirs = np.array([np.inf if t is None else t for t in found], dtype=np.float64)
         # FCL itself overlooks contacts of a few millimetres
         known = np.isinf(ours) | np.isfinite(theirs)
@@ -192,7 +195,7 @@ def test_ttc_along_the_paths(kind: str) -> None:
         ])  # fmt: skip
         if len(times) == 0:
             continue
-        ours = path_ttc(*(as_mover(u) for u in pair), times=times, horizon=HORIZON)
+        ours = compute_path_ttc(*(build_trajectory(u) for u in pair), times=times, horizon=HORIZON)
         theirs = np.array([reference.path_ttc_at(*pair, t, horizon=HORIZON) for t in times])
         both = np.isfinite(ours) & np.isfinite(theirs)
         difference = ours[both] - theirs[both]
@@ -214,7 +217,7 @@ def test_drac_of_who_closes_in_from_behind() -> None:
         gaps = reference.clearances(a, b, times)
         known = (gaps > 0.1) & (gaps / (fast - slow) < HORIZON - 0.1)
         known &= ~np.maximum.accumulate(gaps <= 0.1)  # afterwards the one has driven through
-        ours = drac(as_mover(a), as_mover(b), times=times[known])
+        ours = compute_drac(build_trajectory(a), build_trajectory(b), times=times[known])
         difference = ours - (fast - slow) ** 2 / (2 * gaps[known])
         note("DRAC [m/s^2]", "shapely", "analytic", difference)
         assert len(difference) > 10
@@ -222,7 +225,7 @@ def test_drac_of_who_closes_in_from_behind() -> None:
 
 
 def _near_times(pair: Pair) -> FloatArray:
-    times = common_times(as_mover(pair[0]), as_mover(pair[1]))
+    times = find_common_times(build_trajectory(pair[0]), build_trajectory(pair[1]))
     if len(times) == 0:
         return times
     centres = [reference.pose_at(u, times)[0] for u in pair]

@@ -17,16 +17,16 @@ from peer import ask
 
 from scenewright.scene.track import Shape, Track
 from scenewright.tools.relation_checker import (
-    Mover,
     RoadUser,
-    as_mover,
-    clearance,
-    common_times,
-    drac,
-    first_contact,
-    path_ttc,
-    post_encroachment_time,
-    ttc_2d,
+    Trajectory,
+    build_trajectory,
+    compute_clearance,
+    compute_drac,
+    compute_path_ttc,
+    compute_pet,
+    compute_ttc_2d,
+    find_common_times,
+    find_first_contact,
 )
 
 Pair = tuple[RoadUser, RoadUser]
@@ -42,17 +42,17 @@ def _pairs(
     return found[:: max(len(found) // most, 1)][:most]
 
 
-def _movers(pair: Pair) -> tuple[Mover, Mover]:
-    return as_mover(pair[0]), as_mover(pair[1])
+def _tracks(pair: Pair) -> tuple[Trajectory, Trajectory]:
+    return build_trajectory(pair[0]), build_trajectory(pair[1])
 
 
 def _pet(pair: Pair) -> float | None:
-    return post_encroachment_time(*_movers(pair))
+    return compute_pet(*_tracks(pair))
 
 
 def _least_clearance(pair: Pair) -> float:
-    one, two = _movers(pair)
-    return float(clearance(one, two, times=common_times(one, two)).min(initial=np.inf))
+    one, two = _tracks(pair)
+    return float(compute_clearance(one, two, times=find_common_times(one, two)).min(initial=np.inf))
 
 
 def _boxed(pairs: list[Pair]) -> list[Pair]:
@@ -61,7 +61,7 @@ def _boxed(pairs: list[Pair]) -> list[Pair]:
 
 def _together(pair: Pair) -> Pair:
     """Both tracks while both are there, from time 0: others expect all to be there throughout."""
-    times = common_times(*_movers(pair))
+    times = find_common_times(*_tracks(pair))
     cut = []
     for user in pair:
         first = round((times[0] - user.track.start) / 0.1)
@@ -109,7 +109,7 @@ def test_following_by_omega_prime() -> None:
         found = np.array(answer["ttc"])
         theirs = found[:, 1] - traffic.CAR.length / (fast - slow)
         ahead = theirs > 0.1
-        ours = path_ttc(*_movers(pair), times=found[ahead, 0], horizon=60.0)
+        ours = compute_path_ttc(*_tracks(pair), times=found[ahead, 0], horizon=60.0)
         note("TTC of following [s]", "omega-prime", "analytic", ours - theirs[ahead])
         assert ahead.sum() > 5
         assert np.abs(ours - theirs[ahead]).max() < 1e-3
@@ -128,7 +128,7 @@ def test_contact_by_scenario_gym(kind: str) -> None:
     answer = ask("scenario-gym", {"timestep": step, "pairs": _told(pairs)})["pairs"]
     contacts = 0
     for pair, theirs in zip(pairs, answer, strict=True):
-        ours = first_contact(*_movers(pair))
+        ours = find_first_contact(*_tracks(pair))
         if theirs is None:
             # a contact of some millimetres, or one that is over before it looks again
             assert ours is None or _slight(pair, ours.time, step), ours
@@ -163,8 +163,8 @@ def test_closest_encounter_by_crime(kind: str) -> None:
     answer = ask("commonroad-crime", {"pairs": question})["pairs"]
     assert len(pairs) > 10
     for pair, found in zip(pairs, answer, strict=True):
-        one, two = _movers(pair)
-        ours = clearance(one, two, times=common_times(one, two)[:-1])
+        one, two = _tracks(pair)
+        ours = compute_clearance(one, two, times=find_common_times(one, two)[:-1])
         k = int(np.argmin(ours))
         note("closest approach [m]", "commonroad-crime", kind, [ours[k] - found["dce"]])
         # rounded to 1 cm; its discs are polygons, up to 2 mm narrower
@@ -186,8 +186,11 @@ def test_following_by_crime() -> None:
     for pair, found in zip(pairs, answer, strict=True):
         theirs = np.array([value for _, value in found["ttc"]], dtype=np.float64)
         times = np.array([0.1 * k for k, _ in found["ttc"]])
-        for name, measure in (("TTC of following [s]", path_ttc), ("TTC in the plane [s]", ttc_2d)):
-            ours = measure(*_movers(pair), times=times, horizon=80.0)
+        for name, measure in (
+            ("TTC of following [s]", compute_path_ttc),
+            ("TTC in the plane [s]", compute_ttc_2d),
+        ):
+            ours = measure(*_tracks(pair), times=times, horizon=80.0)
             note(name, "commonroad-crime", "analytic", ours - theirs)
             assert np.abs(ours - theirs).max() < 0.006
 
@@ -217,14 +220,14 @@ class Simulated:
     def __init__(self, answer: dict[str, Any]) -> None:
         self.conflicts: list[dict[str, Any]] = answer["conflicts"]
         self.agents = {agent["name"]: agent for agent in answer["agents"]}
-        self.movers = {
-            name: as_mover(RoadUser(n, _track(agent), Shape("vehicle", agent["length"],
+        self.tracks = {
+            name: build_trajectory(RoadUser(n, _track(agent), Shape("vehicle", agent["length"],
                                                             agent["width"])))
             for n, (name, agent) in enumerate(self.agents.items())
         }  # fmt: skip
 
-    def pair(self, conflict: dict[str, Any]) -> tuple[Mover, Mover]:
-        return self.movers[conflict["ego"]], self.movers[conflict["foe"]]
+    def pair(self, conflict: dict[str, Any]) -> tuple[Trajectory, Trajectory]:
+        return self.tracks[conflict["ego"]], self.tracks[conflict["foe"]]
 
 
 def _track(agent: dict[str, Any]) -> Track:
@@ -241,7 +244,7 @@ def test_pet_by_sumo() -> None:
     """Lanes as wide as cars that cross at a right angle: its zone is the footprints'."""
     traffic_ = simulated()
     found = [c for c in traffic_.conflicts if c["pet"] and c["pet"] < LAST_PET]
-    ours = np.array([post_encroachment_time(*traffic_.pair(c)) for c in found], dtype=np.float64)
+    ours = np.array([compute_pet(*traffic_.pair(c)) for c in found], dtype=np.float64)
     difference = ours - np.array([c["pet"] for c in found])
     note("PET [s]", "eclipse-sumo", "simulated", difference)
     assert len(found) > 50
@@ -256,8 +259,8 @@ def test_contact_by_sumo() -> None:
     traffic_ = simulated()
     theirs = [c for c in traffic_.conflicts if c["pet_kind"] == COLLIDES]
     found = {
-        frozenset(names): first_contact(*(traffic_.movers[name] for name in names))
-        for names in combinations(traffic_.movers, 2)
+        frozenset(names): find_first_contact(*(traffic_.tracks[name] for name in names))
+        for names in combinations(traffic_.tracks, 2)
     }
     ours = {names: contact.time for names, contact in found.items() if contact is not None}
     assert {_names(c) for c in theirs} == ours.keys()
@@ -308,18 +311,18 @@ def _following_rows(traffic_: Simulated, conflict: dict[str, Any]) -> list[tuple
         at = np.array([time])
         rate_slack = rate * ((closing + change) ** 2 / closing**2 - 1)
         rows.append((
-            float(path_ttc(one, two, times=at)[0]), ttc,
+            float(compute_path_ttc(one, two, times=at)[0]), ttc,
             ttc * closing / (closing + change), ttc * closing / (closing - change),
-            float(drac(one, two, times=at)[0]), rate, rate_slack,
+            float(compute_drac(one, two, times=at)[0]), rate, rate_slack,
         ))  # fmt: skip
     return rows
 
 
-def _on_the_road(one: Mover, two: Mover, time: float) -> bool:
+def _on_the_road(one: Trajectory, two: Trajectory, time: float) -> bool:
     """Away from the ends, and from the junction: lanes there are not as long as they look."""
     middle = np.array([200.0, 200.0])
-    for mover in (one, two):
-        k = mover.index(time)
-        if not 1 < k < len(mover) - 2 or np.hypot(*(mover.xy[k] - middle)) < 15.0:
+    for track in (one, two):
+        k = track.index(time)
+        if not 1 < k < len(track) - 2 or np.hypot(*(track.xy[k] - middle)) < 15.0:
             return False
     return True

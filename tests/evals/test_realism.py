@@ -36,7 +36,7 @@ from scenewright.evals.realism.stops import all_stops, line_gap, standstills, yi
 from scenewright.graph.run import synthesize
 from scenewright.intersections import load_map
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, vehicle_shape
-from scenewright.tools.relation_checker import RoadUser, as_mover
+from scenewright.tools.relation_checker import RoadUser, build_trajectory
 from scenewright.tools.track_io import RecordedAgent, Recording, save_recordings
 
 values = st.lists(st.floats(-50, 50), min_size=1, max_size=30).map(np.array)
@@ -141,7 +141,7 @@ def ride(*, speed=8.0, braking=2.0, wait=3.0, starting=1.0, cruise=3.0):
 def mover(s, *, shape=None, origin=(0.0, 0.0), heading=0.0):
     way = np.array([np.cos(heading), np.sin(heading)])
     track = Track(np.array(origin) + s[:, None] * way, np.full(len(s), heading), 0.0)
-    return as_mover(RoadUser(1, track, shape or vehicle_shape()))
+    return build_trajectory(RoadUser(1, track, shape or vehicle_shape()))
 
 
 def test_a_stop_is_measured_as_it_was_driven():
@@ -191,7 +191,7 @@ def test_the_stop_of_who_was_asked_to_yield_is_found(intersection_map, yielding)
     assert 0.0 <= asked.gap < 10.0
     assert yields.seen >= yields.stood == len(stops) >= 1
     giver = next(user for user in scene.users if user.id == scene.asked[0][0])
-    lengths = [(s.stop - s.start) * STEP for s in standstills(as_mover(giver))]
+    lengths = [(s.stop - s.start) * STEP for s in standstills(build_trajectory(giver))]
     assert any(asked.duration == pytest.approx(length) for length in lengths)
 
 

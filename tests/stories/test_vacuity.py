@@ -123,7 +123,7 @@ def test_nothing_is_left_of_it_once_one_of_the_two_comes_a_minute_later(
     users = [
         changed(user, later=MINUTE if user.id == who else 0.0) for user in read_users(scene.record)
     ]
-    assert find_events(users, ground=MAP, signals=scene.record.signals) == ()
+    assert find_events(users, intersection_map=MAP, signals=scene.record.signals) == ()
     proof = check(with_delay(scene.record, who), MAP)
     assert not proof.verified
     assert proof.missing[0].rule == "relation_not_realised"

@@ -14,7 +14,13 @@ from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.viz import animate_scene, draw_intersection, draw_scene
-from scenewright.viz.appearance import BACKGROUND_VEHICLE, colours, motions, printable, rgb
+from scenewright.viz.appearance import (
+    BACKGROUND_VEHICLE,
+    choose_colours,
+    list_motions,
+    make_printable,
+    parse_colour,
+)
 
 HOSTILE = (
     "A car\nyields \x1b[31m$\\frac{1}{0}$ _{x} 行人 \u202eleft\ud800 & <b>" + " very long" * 4000
@@ -27,7 +33,7 @@ def pixels(path: Path) -> np.ndarray:
 
 
 def share_of(picture: np.ndarray, colour: str) -> float:
-    return float((np.abs(picture - np.array(rgb(colour))).sum(axis=2) < 30).mean())
+    return float((np.abs(picture - np.array(parse_colour(colour))).sum(axis=2) < 30).mean())
 
 
 def asked(scene: SceneRecord, prompt: str) -> SceneRecord:
@@ -40,7 +46,7 @@ def test_still_shows_every_foreground_agent_in_its_colour(
     draw_scene(tmp_path / "a.png", scene=scene, proof=proof, intersection=intersection, dpi=100)
     picture = pixels(tmp_path / "a.png")
     assert picture.shape[1] == 700
-    shades = colours(scene)
+    shades = choose_colours(scene)
     assert share_of(picture, shades[1]) > 1e-3
     assert share_of(picture, shades[2]) > 2e-4
     assert share_of(picture, BACKGROUND_VEHICLE) > 1e-3
@@ -55,8 +61,8 @@ def test_north_is_up_and_east_right(
     picture = pixels(tmp_path / "a.png")[:740]
     spots = {}
     for number in (1, 2):
-        colour = colours(scene)[number]
-        found = np.argwhere(np.abs(picture - np.array(rgb(colour))).sum(axis=2) < 30)
+        colour = choose_colours(scene)[number]
+        found = np.argwhere(np.abs(picture - np.array(parse_colour(colour))).sum(axis=2) < 30)
         spots[number] = found.mean(axis=0)
     assert spots[1][1] > 350
     assert spots[2][0] < spots[1][0]
@@ -121,7 +127,7 @@ def test_animation_moves_and_lasts_as_long_as_the_scene(
     assert lasts == pytest.approx(30_500, abs=500)
     assert all((a != b).any() for a, b in pairwise(shown))
     assert path.stat().st_size < 1_000_000
-    orange = [share_of(picture, colours(scene)[1]) for picture in shown]
+    orange = [share_of(picture, choose_colours(scene)[1]) for picture in shown]
     assert max(orange) > 1e-3 > min(orange)
 
 
@@ -149,11 +155,11 @@ def test_intersection_with_tracks_and_samples(
 
 
 def test_an_agent_is_shown_only_while_it_is_there(scene: SceneRecord) -> None:
-    walker = next(motion for motion in motions(scene) if motion.agent.id == 2)
-    assert walker.index(1.9) is None
-    assert walker.index(2.0) == 0
-    assert walker.index(24.0) == len(walker.times) - 1
-    assert walker.index(24.2) is None
+    walker = next(motion for motion in list_motions(scene) if motion.agent.id == 2)
+    assert walker.find_sample(1.9) is None
+    assert walker.find_sample(2.0) == 0
+    assert walker.find_sample(24.0) == len(walker.times) - 1
+    assert walker.find_sample(24.2) is None
 
 
 def test_after_a_collision_the_footprint_stays(scene: SceneRecord) -> None:
@@ -161,20 +167,20 @@ def test_after_a_collision_the_footprint_stays(scene: SceneRecord) -> None:
         {"type": "collision", "from": 1, "to": 2, "time": 24.0, "location": (0.0, 0.0)}
     )
     walker = next(
-        m for m in motions(scene.model_copy(update={"events": (crash,)})) if m.agent.id == 2
+        m for m in list_motions(scene.model_copy(update={"events": (crash,)})) if m.agent.id == 2
     )
-    assert walker.index(29.0) == len(walker.times) - 1
+    assert walker.find_sample(29.0) == len(walker.times) - 1
 
 
 def test_outline_of_a_turned_vehicle(scene: SceneRecord) -> None:
     """Car 3 drives east: its footprint is 4.6 m along x and 1.85 m along y around its centre."""
-    car = next(motion for motion in motions(scene) if motion.agent.id == 3)
-    outline = car.outline(0)
+    car = next(motion for motion in list_motions(scene) if motion.agent.id == 3)
+    outline = car.compute_outline(0)
     assert np.ptp(outline, axis=0) == pytest.approx([4.6, 1.85], abs=1e-6)
-    assert car.front(0) == pytest.approx([-40 + 2.3, -1.65], abs=1e-6)
+    assert car.compute_front(0) == pytest.approx([-40 + 2.3, -1.65], abs=1e-6)
 
 
 def test_printable_keeps_one_short_line() -> None:
-    assert printable("a\n\tb\x00 c") == "a b c"
-    assert len(printable("x" * 100_000, limit=50)) == 50
-    assert printable("x" * 50, limit=50) == "x" * 50
+    assert make_printable("a\n\tb\x00 c") == "a b c"
+    assert len(make_printable("x" * 100_000, limit=50)) == 50
+    assert make_printable("x" * 50, limit=50) == "x" * 50

@@ -14,7 +14,7 @@ from scenewright.errors import InputError
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
-from scenewright.viz import recording as recorder
+from scenewright.viz import recording as recording_module
 from scenewright.viz.recording import open_recording, record_scene
 
 Chunks = dict[str, list[pa.RecordBatch]]
@@ -154,7 +154,7 @@ def test_open_starts_the_viewer_on_this_machine_only(
         calls.append(command)
         return subprocess.CompletedProcess(command, returncode=len(calls) - 1)
 
-    monkeypatch.setattr(recorder.subprocess, "run", run)
+    monkeypatch.setattr(recording_module.subprocess, "run", run)
     open_recording(recording.parent)
     assert calls[0][1:] == ["--bind", "127.0.0.1", str(recording)]
     with pytest.raises(InputError, match="code 1"):

@@ -237,7 +237,7 @@ def fit_own(
         "name": name,
         "folder": folder,
         "files": len(files),
-        "cleaning": removed.lines(),
+        "cleaning": removed.format_lines(),
         "matched": fitted.matched,
         "off": fitted.off,
         "open": fitted.open_,

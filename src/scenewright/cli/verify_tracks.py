@@ -9,7 +9,7 @@ from typing import Any
 
 from scenewright.cli.console import one_line, rendered
 from scenewright.scene.events import Event, Finding
-from scenewright.tools.relation_checker.recording import ExternalTracks
+from scenewright.tools.relation_checker.external_events import ExternalTracks
 
 _MEASURES = {
     "collision": (("relative speed", "relative_speed", "m/s"),),

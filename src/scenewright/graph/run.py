@@ -36,12 +36,16 @@ from scenewright.scene.social import SocialGraph
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.relation_checker import check
-from scenewright.tools.relation_checker.recording import ExternalTracks, off_map, recorded_events
+from scenewright.tools.relation_checker.external_events import (
+    ExternalTracks,
+    find_off_map,
+    find_recorded_events,
+)
 from scenewright.tools.solver.select import Mode
 from scenewright.tools.track_io.external_tracks import (
     MOST_BYTES,
+    describe_too_large,
     read_tracks,
-    too_large,
 )
 
 if TYPE_CHECKING:
@@ -205,7 +209,7 @@ def verify_tracks(
     """
     ground = None if intersection is None else load_map(intersection)
     tracks = path if isinstance(path, ExternalTracks) else load_tracks(path)
-    return recorded_events(tracks, ground=ground)
+    return find_recorded_events(tracks, intersection_map=ground)
 
 
 def off_ground_in(tracks: ExternalTracks, *, intersection: str) -> tuple[Finding, ...]:
@@ -214,7 +218,7 @@ def off_ground_in(tracks: ExternalTracks, *, intersection: str) -> tuple[Finding
     Raises:
         InputError: no such intersection.
     """
-    return off_map(tracks, load_map(intersection))
+    return find_off_map(tracks, load_map(intersection))
 
 
 def load_tracks(path: str | Path) -> ExternalTracks:
@@ -241,7 +245,7 @@ def _content(file: Path) -> bytes:
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
     if len(data) > MOST_BYTES:
-        raise InputError(too_large(str(file), max(size, len(data))))
+        raise InputError(describe_too_large(str(file), max(size, len(data))))
     return data
 
 

@@ -16,21 +16,28 @@ from scenewright.files import write_atomically
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
-from scenewright.viz.appearance import LIGHTS, Motion, framed, lights_at, motions, rgb
+from scenewright.viz.appearance import (
+    LIGHTS,
+    Motion,
+    choose_view,
+    find_light_colours,
+    list_motions,
+    parse_colour,
+)
 from scenewright.viz.basemap import draw_basemap, draw_north, draw_scale
 from scenewright.viz.figure import (
     INK,
     SOFT_INK,
-    dots,
-    haloed,
-    map_axes,
-    new_figure,
-    plain_style,
-    shown,
+    add_halo,
+    add_map_axes,
+    create_figure,
+    draw_points,
+    make_drawable,
+    use_plain_style,
 )
-from scenewright.viz.label_placement import Room
-from scenewright.viz.road_markings import light_places
-from scenewright.viz.still import EVENT_WORDS, windscreen
+from scenewright.viz.label_placement import LabelLayout
+from scenewright.viz.road_markings import find_light_positions
+from scenewright.viz.still import EVENT_WORDS, compute_windscreen
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -46,7 +53,7 @@ FLASH = 2.5
 """How long [s] a trail reaches back, and how long an event stays marked."""
 
 UNUSED = 255
-"""The palette entry kept for: as before."""
+"""The palette entry of pixels that stay as they were."""
 
 Pixels = NDArray[np.uint8]
 
@@ -67,133 +74,139 @@ def animate_scene(
     if not 1 <= fps <= 50:
         raise InputError(f"frames per second must be from 1 to 50, got {fps}")
     times = np.arange(0.0, scene.meta.duration + 1e-9, 1.0 / fps)
-    with plain_style():
-        stage = _Stage(scene, proof, intersection)
-        few = [stage.frame(float(t)) for t in times[:: max(1, len(times) // 8)][:9]]
-        data = _gif((stage.frame(float(t)) for t in times), palette=_palette(few), fps=fps)
+    with use_plain_style():
+        animated = _AnimatedScene(scene, proof, intersection)
+        few = [animated.render_frame(float(t)) for t in times[:: max(1, len(times) // 8)][:9]]
+        data = _encode_gif(
+            (animated.render_frame(float(t)) for t in times), palette=_choose_palette(few), fps=fps
+        )
     write_atomically(path, data)
 
 
-class _Stage:
+class _AnimatedScene:
     """The still map in memory and the few artists that move over it."""
 
     def __init__(
         self, scene: SceneRecord, proof: Proof | None, intersection: IntersectionMap
     ) -> None:
         self.scene = scene
-        self.moving = motions(scene)
-        self.figure = new_figure(SIDE + 0.2, SIDE + HEAD + 0.1, dpi=100)
+        self.moving = list_motions(scene)
+        self.figure = create_figure(SIDE + 0.2, SIDE + HEAD + 0.1, dpi=100)
         tall, wide = SIDE + HEAD + 0.1, SIDE + 0.2
         rect = (0.1 / wide, 0.1 / tall, SIDE / wide, SIDE / tall)
-        self.axes = map_axes(self.figure, rect)
-        draw_basemap(self.axes, intersection, framed(scene, self.moving, intersection))
+        self.axes = add_map_axes(self.figure, rect)
+        draw_basemap(self.axes, intersection, choose_view(scene, self.moving, intersection))
         draw_scale(self.axes)
         draw_north(self.axes)
-        _head(self.figure, scene, proof)
+        _draw_header(self.figure, scene, proof)
         self.canvas: FigureCanvasAgg = self.figure.canvas  # type: ignore[assignment]
         self.canvas.draw()  # type: ignore[no-untyped-call]
         self.still = self.canvas.copy_from_bbox(self.figure.bbox)  # type: ignore[no-untyped-call]
-        self.trails = self._trails()
-        self.bodies = self._polygons(10, edge="white")
-        self.panes = self._polygons(11, edge="none")
-        self.lights, self.lit = self._lights(intersection)
-        self.clock = self._clock()
-        self.names = [self._name(motion) for motion in self.moving if motion.foreground]
-        self.flashes = self._flashes()
+        self.trails = self._add_trails()
+        self.bodies = self._add_polygons(10, edge="white")
+        self.panes = self._add_polygons(11, edge="none")
+        self.lights, self.lit = self._add_lights(intersection)
+        self.clock = self._add_clock()
+        self.names = [self._add_name(motion) for motion in self.moving if motion.is_foreground]
+        self.flashes = self._add_event_marks()
 
-    def frame(self, time: float) -> Pixels:
+    def render_frame(self, time: float) -> Pixels:
         """[H, W, 3] the scene at a time [s]."""
         self.canvas.restore_region(self.still)  # type: ignore[no-untyped-call]
-        for artist in self._at(time):
+        for artist in self._update_artists(time):
             self.axes.draw_artist(artist)
         pixels = self.canvas.buffer_rgba()  # type: ignore[no-untyped-call]
         return np.asarray(pixels)[:, :, :3].copy()
 
-    def _at(self, time: float) -> Iterator[Artist]:
-        here = [(m, i) for m in self.moving if (i := m.index(time)) is not None]
-        self._set_trails(here)
-        self.bodies.set_verts([m.outline(i) for m, i in here])
+    def _update_artists(self, time: float) -> Iterator[Artist]:
+        here = [(m, i) for m in self.moving if (i := m.find_sample(time)) is not None]
+        self._update_trails(here)
+        self.bodies.set_verts([m.compute_outline(i) for m, i in here])
         self.bodies.set_facecolor([m.colour for m, _ in here])
-        self.panes.set_verts([windscreen(m, i) for m, i in here if m.agent.type == "vehicle"])
-        now = lights_at(self.scene, time)
+        self.panes.set_verts(
+            [compute_windscreen(m, i) for m, i in here if m.agent.type == "vehicle"]
+        )
+        now = find_light_colours(self.scene, time)
         self.lights.set_facecolor([LIGHTS[now[n]] if n in now else "none" for n in self.lit])
         self.lights.set_edgecolor([INK if n in now else "none" for n in self.lit])
         self.clock.set_text(f"{time:4.1f} s")
         yield from (self.lights, self.trails, self.bodies, self.panes, self.clock)
-        yield from self._named(here)
+        yield from self._place_names(here)
         for begin, artists in self.flashes:
             if begin - 1e-6 <= time <= begin + FLASH:
                 yield from artists
 
-    def _trails(self) -> LineCollection:
+    def _add_trails(self) -> LineCollection:
         from matplotlib.collections import LineCollection
 
         trails = LineCollection([], linewidths=2.0, capstyle="butt", zorder=9)
         self.axes.add_collection(trails, autolim=False)
         return trails
 
-    def _set_trails(self, here: list[tuple[Motion, int]]) -> None:
+    def _update_trails(self, here: list[tuple[Motion, int]]) -> None:
         lines, shades = [], []
         for motion, index in here:
             back = max(0, index - round(TRAIL / self.scene.meta.step))
             for number, part in enumerate(np.array_split(np.arange(back, index + 1), 5)):
                 if len(part) > 1:
                     lines.append(motion.xy[part[0] : part[-1] + 2])
-                    strength = 0.9 if motion.foreground else 0.5
-                    colour = np.array(rgb(motion.colour)) / 255
+                    strength = 0.9 if motion.is_foreground else 0.5
+                    colour = np.array(parse_colour(motion.colour)) / 255
                     shades.append((*colour, strength * (number + 1) / 5))
         self.trails.set_segments(lines)
         self.trails.set_color(shades)
 
-    def _polygons(self, order: int, *, edge: str) -> PolyCollection:
+    def _add_polygons(self, order: int, *, edge: str) -> PolyCollection:
         from matplotlib.collections import PolyCollection
 
-        shapes = PolyCollection([], facecolor=(1, 1, 1, 0.75), edgecolor=edge, linewidth=0.7,
-                                zorder=order)  # fmt: skip
+        shapes = PolyCollection(
+            [], facecolor=(1, 1, 1, 0.75), edgecolor=edge, linewidth=0.7, zorder=order
+        )
         self.axes.add_collection(shapes, autolim=False)
         return shapes
 
-    def _lights(self, intersection: IntersectionMap) -> tuple[PathCollection, list[str]]:
-        places = light_places(intersection)
+    def _add_lights(self, intersection: IntersectionMap) -> tuple[PathCollection, list[str]]:
+        places = find_light_positions(intersection)
         names = [name for name, spots in places.items() for _ in spots]
         spots = np.array([spot for found in places.values() for spot in found]).reshape(-1, 2)
         sizes = [26 if len(places[name]) == 1 else 14 for name in names]
-        return dots(self.axes, spots, s=sizes, linewidths=1.0, zorder=8), names
+        return draw_points(self.axes, spots, s=sizes, linewidths=1.0, zorder=8), names
 
-    def _clock(self) -> Text:
+    def _add_clock(self) -> Text:
         return self.axes.text(
             0.025, 0.97, "", transform=self.axes.transAxes, va="top", ha="left", fontsize=11,
             color=INK, zorder=30, fontfamily=["DejaVu Sans Mono", "DejaVu Sans"],
             bbox={"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": "#C9CCD1"},
         )  # fmt: skip
 
-    def _name(self, motion: Motion) -> tuple[int, Text]:
-        text = self.axes.text(0, 0, shown(motion.agent.name, limit=40), fontsize=8, va="bottom",
-                              ha="left", fontweight="bold", color=motion.colour, zorder=24,
-                              clip_on=True)  # fmt: skip
-        return motion.agent.id, haloed(text)
+    def _add_name(self, motion: Motion) -> tuple[int, Text]:
+        text = self.axes.text(0, 0, make_drawable(motion.agent.name, limit=40), fontsize=8,
+                              va="bottom", ha="left", fontweight="bold", color=motion.colour,
+                              zorder=24, clip_on=True)  # fmt: skip
+        return motion.agent.id, add_halo(text)
 
-    def _named(self, here: list[tuple[Motion, int]]) -> Iterator[Artist]:
-        at = {motion.agent.id: motion.outline(index) for motion, index in here}
+    def _place_names(self, here: list[tuple[Motion, int]]) -> Iterator[Artist]:
+        at = {motion.agent.id: motion.compute_outline(index) for motion, index in here}
         for number, text in self.names:
             if number in at:
                 text.set_position((at[number][:, 0].max() + 0.4, at[number][:, 1].max() + 0.2))
                 yield text
 
-    def _flashes(self) -> list[tuple[float, list[Artist]]]:
-        """For every event when it begins and what marks it."""
+    def _add_event_marks(self) -> list[tuple[float, list[Artist]]]:
+        """The begin [s] of every event, and the artists that mark it."""
         found: list[tuple[float, list[Artist]]] = []
         for event in self.scene.events:
             if event.time is None or event.location is None:
                 continue
             spot = np.array(event.location, dtype=float)
-            room = Room(self.axes)
+            layout = LabelLayout(self.axes)
             for motion in self.moving:
                 near = (motion.times >= event.time) & (motion.times <= event.time + FLASH)
-                room.take(motion.xy[near])
-            ring: Artist = dots(self.axes, spot, s=700, facecolors="none", edgecolors=INK,
-                                             linewidths=1.6, zorder=20)  # fmt: skip
-            words = room.place(
+                layout.avoid(motion.xy[near])
+            ring: Artist = draw_points(
+                self.axes, spot, s=700, facecolors="none", edgecolors=INK, linewidths=1.6, zorder=20
+            )
+            words = layout.write(
                 f"{EVENT_WORDS[event.type]} · {event.time:.1f} s", spot, distances=(3.4, 5.0),
                 halo=False, fontsize=9, fontweight="bold", color=INK, zorder=25,
                 bbox={"boxstyle": "round,pad=0.3", "facecolor": "#FFF4CC", "edgecolor": INK},
@@ -202,8 +215,10 @@ class _Stage:
         return found
 
 
-def _head(figure: Figure, scene: SceneRecord, proof: Proof | None) -> None:
-    words = textwrap.wrap(shown(scene.meta.user_prompt, limit=200), 92) or ["Untitled scene"]
+def _draw_header(figure: Figure, scene: SceneRecord, proof: Proof | None) -> None:
+    words = textwrap.wrap(make_drawable(scene.meta.user_prompt, limit=200), 92) or [
+        "Untitled scene"
+    ]
     if len(words) > 2:
         words = [words[0], words[1] + " …"]
     tall, wide = figure.get_figheight(), figure.get_figwidth()
@@ -213,18 +228,18 @@ def _head(figure: Figure, scene: SceneRecord, proof: Proof | None) -> None:
     share = text.get_window_extent().width / (figure.dpi * SIDE)
     text.set_fontsize(7.8 / max(1.0, share))
     facts = f"{scene.meta.scene_id}  {verdict}" if verdict else scene.meta.scene_id
-    figure.text(1 - 0.1 / wide, (SIDE + 0.13) / tall, shown(facts, limit=80), fontsize=6.5,
+    figure.text(1 - 0.1 / wide, (SIDE + 0.13) / tall, make_drawable(facts, limit=80), fontsize=6.5,
                 color=SOFT_INK, va="bottom", ha="right")  # fmt: skip
 
 
-def _gif(frames: Iterator[Pixels], *, palette: bytes, fps: int) -> bytes:
+def _encode_gif(frames: Iterator[Pixels], *, palette: bytes, fps: int) -> bytes:
     """An animated GIF with one palette for all frames; pixels that stay are not sent again."""
     from PIL import Image
 
-    table = _table(palette)
+    table = _tabulate_nearest_entries(palette)
     indexed = []
     for pixels in frames:
-        image = Image.fromarray(_indices(pixels, table), mode="P")
+        image = Image.fromarray(_look_up_entries(pixels, table), mode="P")
         image.putpalette(palette)
         indexed.append(image)
     buffer = BytesIO()
@@ -235,8 +250,8 @@ def _gif(frames: Iterator[Pixels], *, palette: bytes, fps: int) -> bytes:
     return buffer.getvalue()
 
 
-def _palette(pictures: list[Pixels]) -> bytes:
-    """255 colours that serve these frames, and one to spare."""
+def _choose_palette(pictures: list[Pixels]) -> bytes:
+    """255 colours for these frames, and one spare entry."""
     from PIL import Image
 
     sample = Image.fromarray(np.vstack([picture[::2, ::2] for picture in pictures]))
@@ -244,7 +259,7 @@ def _palette(pictures: list[Pixels]) -> bytes:
     return bytes((colours + [0] * 768)[:768])
 
 
-def _table(palette: bytes) -> Pixels:
+def _tabulate_nearest_entries(palette: bytes) -> Pixels:
     """[32768] nearest palette entry of every colour of 5 bits a channel."""
     from PIL import Image
 
@@ -256,6 +271,6 @@ def _table(palette: bytes) -> Pixels:
     return np.asarray(every.quantize(palette=chart, dither=Image.Dither.NONE)).reshape(-1)
 
 
-def _indices(pixels: Pixels, table: Pixels) -> Pixels:
+def _look_up_entries(pixels: Pixels, table: Pixels) -> Pixels:
     red, green, blue = (pixels[:, :, i].astype(np.uint16) >> 3 for i in range(3))
     return np.asarray(table[(red << 10) | (green << 5) | blue])

@@ -1,4 +1,4 @@
-"""How a scene looks, whoever draws it: colours, outlines over time, printable text."""
+"""How a scene looks in every kind of view: colours, outlines over time, printable text."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FOREGROUND = (
     "#5B3A9E",
     "#8C564B",
 )
-"""Told apart by colour-blind readers too, in this order (after Okabe and Ito)."""
+"""Colours that colour-blind readers can tell apart, in this order (after Okabe and Ito)."""
 BACKGROUND_VEHICLE = "#8A94A3"
 BACKGROUND_PEDESTRIAN = "#A39382"
 LIGHTS: dict[Colour, str] = {"green": "#19A974", "yellow": "#F2B705", "red": "#DB2B39"}
@@ -34,8 +34,8 @@ STATES: dict[SegmentStatus, str] = {
 }
 View = tuple[float, float, float, float]
 """West, east, south, north [m]."""
-STANDING = 0.3
-"""Speed [m/s] at or below which an agent stands (SEMANTICS section 4)."""
+STANDSTILL_SPEED = 0.3
+"""Speed [m/s] at or below which an agent is stationary (SEMANTICS section 4)."""
 
 _DISC = np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 24, endpoint=False)), np.sin(a)], axis=1)
 
@@ -62,51 +62,51 @@ class Motion:
     stays: bool
 
     @property
-    def foreground(self) -> bool:
+    def is_foreground(self) -> bool:
         """Whether the instruction is about this agent."""
         return self.agent.role == "foreground"
 
-    def index(self, time: float) -> int | None:
+    def find_sample(self, time: float) -> int | None:
         """The sample shown at `time`; None before it appears and after it has left."""
         if time < self.times[0] - 1e-6 or (time > self.times[-1] + 1e-6 and not self.stays):
             return None
         return int(np.clip(np.searchsorted(self.times, time + 1e-6) - 1, 0, len(self.times) - 1))
 
-    def outline(self, index: int) -> FloatArray:
+    def compute_outline(self, index: int) -> FloatArray:
         """[N, 2] corners of the footprint at a sample [m]."""
         size = np.array([self.agent.length, self.agent.width]) / 2
-        unit = _DISC if self.agent.type == "pedestrian" else _body(self.agent.length)
+        unit = _DISC if self.agent.type == "pedestrian" else _shape_vehicle(self.agent.length)
         angle = self.heading[index]
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         return np.asarray((unit * size) @ turn + self.xy[index])
 
-    def front(self, index: int) -> FloatArray:
+    def compute_front(self, index: int) -> FloatArray:
         """[2] middle of the front edge at a sample [m]."""
         angle = self.heading[index]
         ahead = np.array([np.cos(angle), np.sin(angle)]) * self.agent.length / 2
         return np.asarray(self.xy[index] + ahead)
 
-    def standing(self, start: float, end: float) -> tuple[int, int] | None:
-        """First and last sample of the standstill within a stretch of time [s], if it stands."""
+    def find_standstill(self, start: float, end: float) -> tuple[int, int] | None:
+        """First and last sample of the standstill within an interval [s]; None if it has none."""
         inside = (self.times >= start - 1e-6) & (self.times <= end + 1e-6)
-        still = np.flatnonzero(inside & (self.speed <= STANDING))
+        still = np.flatnonzero(inside & (self.speed <= STANDSTILL_SPEED))
         return (int(still[0]), int(still[-1])) if len(still) else None
 
 
-def _body(length: float) -> FloatArray:
-    """[N, 2] unit rectangle whose front corners are cut by about 0.4 m: it shows where front is."""
+def _shape_vehicle(length: float) -> FloatArray:
+    """[N, 2] unit rectangle; its front corners are cut by about 0.4 m to show the heading."""
     nose = 1 - min(0.8 / length, 0.5)
     return np.array([(-1, -1), (nose, -1), (1, -0.55), (1, 0.55), (nose, 1), (-1, 1)], dtype=float)
 
 
-def motions(scene: SceneRecord) -> list[Motion]:
+def list_motions(scene: SceneRecord) -> list[Motion]:
     """All agents as arrays, background first, so that the foreground is drawn on top."""
-    shades = colours(scene)
+    shades = choose_colours(scene)
     ordered = sorted(scene.agents, key=lambda agent: (agent.role == "foreground", agent.id))
-    return [_motion(agent, scene, shades[agent.id]) for agent in ordered if agent.trajectory]
+    return [_build_motion(agent, scene, shades[agent.id]) for agent in ordered if agent.trajectory]
 
 
-def _motion(agent: AgentRecord, scene: SceneRecord, colour: str) -> Motion:
+def _build_motion(agent: AgentRecord, scene: SceneRecord, colour: str) -> Motion:
     xy = np.array(agent.trajectory, dtype=float).reshape(-1, 2)
     times = agent.spawn_time + scene.meta.step * np.arange(len(xy), dtype=np.float64)
     return Motion(
@@ -114,19 +114,19 @@ def _motion(agent: AgentRecord, scene: SceneRecord, colour: str) -> Motion:
         times=times,
         xy=xy,
         heading=np.array(agent.heading, dtype=float),
-        speed=_speed(xy, scene.meta.step),
+        speed=_compute_speed(xy, scene.meta.step),
         colour=colour,
-        stays=_stays(agent.id, float(times[-1]), scene.events),
+        stays=_stays_as_obstacle(agent.id, float(times[-1]), scene.events),
     )
 
 
-def _speed(xy: FloatArray, step: float) -> FloatArray:
+def _compute_speed(xy: FloatArray, step: float) -> FloatArray:
     if len(xy) < 2:
         return np.zeros(len(xy))
     return np.asarray(np.linalg.norm(np.gradient(xy, step, axis=0), axis=1))
 
 
-def _stays(number: int, end: float, events: Iterable[EventRecord]) -> bool:
+def _stays_as_obstacle(number: int, end: float, events: Iterable[EventRecord]) -> bool:
     return any(
         event.type == "collision"
         and number in (event.from_, event.to)
@@ -136,7 +136,7 @@ def _stays(number: int, end: float, events: Iterable[EventRecord]) -> bool:
     )
 
 
-def colours(scene: SceneRecord) -> dict[int, str]:
+def choose_colours(scene: SceneRecord) -> dict[int, str]:
     """`#RRGGBB` by agent id: strong for the foreground, muted for the background."""
     muted = {"vehicle": BACKGROUND_VEHICLE, "pedestrian": BACKGROUND_PEDESTRIAN}
     foreground = sorted(agent.id for agent in scene.agents if agent.role == "foreground")
@@ -144,12 +144,12 @@ def colours(scene: SceneRecord) -> dict[int, str]:
     return shades | {n: FOREGROUND[i % len(FOREGROUND)] for i, n in enumerate(foreground)}
 
 
-def rgb(colour: str) -> tuple[int, int, int]:
+def parse_colour(colour: str) -> tuple[int, int, int]:
     """`#RRGGBB` as three bytes."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
-def printable(text: str, *, limit: int = 400) -> str:
+def make_printable(text: str, *, limit: int = 400) -> str:
     """One line of visible characters, at most `limit` long; an ellipsis stands for the rest."""
     head = text[: 8 * limit]
     kept = "".join(c if unicodedata.category(c)[0] not in "CZ" else " " for c in head)
@@ -158,7 +158,7 @@ def printable(text: str, *, limit: int = 400) -> str:
     return line if whole else line[: limit - 1].rstrip() + "…"
 
 
-def lights_at(scene: SceneRecord, time: float) -> dict[str, Colour]:
+def find_light_colours(scene: SceneRecord, time: float) -> dict[str, Colour]:
     """Colour by stop line or crosswalk id at a time [s since scene start]."""
     return {
         row.stop_line or row.crosswalk or "": row.colour
@@ -167,7 +167,7 @@ def lights_at(scene: SceneRecord, time: float) -> dict[str, Colour]:
     }
 
 
-def main_time(scene: SceneRecord) -> float:
+def find_main_time(scene: SceneRecord) -> float:
     """The time to show when there is only one picture [s]: the first event, else the fullest."""
     times = [event.time for event in scene.events if event.time is not None]
     if times:
@@ -181,12 +181,12 @@ def main_time(scene: SceneRecord) -> float:
     return float(grid[int(np.argmax(present - 1e-3 * np.abs(grid - scene.meta.duration * 0.4)))])
 
 
-def framed(scene: SceneRecord, moving: list[Motion], intersection: IntersectionMap) -> View:
+def choose_view(scene: SceneRecord, moving: list[Motion], intersection: IntersectionMap) -> View:
     """The square that shows the crosswalks and the foreground around its event [m]."""
-    time = main_time(scene)
+    time = find_main_time(scene)
     shown_points = [np.array(walk.polygon) for walk in intersection.crosswalks]
     for motion in moving:
-        if motion.foreground:
+        if motion.is_foreground:
             near = np.abs(motion.times - time) <= 4.0
             shown_points.append(motion.xy[near])
     shown_points += [np.array([e.location]) for e in scene.events if e.location is not None]

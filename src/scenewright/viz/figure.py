@@ -1,4 +1,4 @@
-"""The paper a picture is drawn on: figures without global state, text as data, PNG bytes."""
+"""Matplotlib figures without global state, drawable text, and PNG bytes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenewright.scene.base import FloatArray, Point
-from scenewright.viz.appearance import printable
+from scenewright.viz.appearance import make_printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ _STYLE: dict[str, Any] = {
 
 
 @contextmanager
-def plain_style() -> Iterator[None]:
+def use_plain_style() -> Iterator[None]:
     """Settings that a user's own matplotlib configuration must not change."""
     import matplotlib as mpl
 
@@ -40,7 +40,7 @@ def plain_style() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float, *, dpi: int) -> Figure:
+def create_figure(width: float, height: float, *, dpi: int) -> Figure:
     """An empty white figure [inches] with its own Agg canvas."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -50,7 +50,7 @@ def new_figure(width: float, height: float, *, dpi: int) -> Figure:
     return figure
 
 
-def map_axes(figure: Figure, rect: tuple[float, float, float, float]) -> Axes:
+def add_map_axes(figure: Figure, rect: tuple[float, float, float, float]) -> Axes:
     """Axes in metres, equal in both directions, without ticks."""
     axes = figure.add_axes(rect)
     axes.set_aspect("equal", adjustable="box")
@@ -62,21 +62,21 @@ def map_axes(figure: Figure, rect: tuple[float, float, float, float]) -> Axes:
     return axes
 
 
-def png(figure: Figure) -> bytes:
+def encode_png(figure: Figure) -> bytes:
     """The figure as a PNG file without a date, so that the same picture has the same bytes."""
     buffer = BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": "scenewright"})
     return buffer.getvalue()
 
 
-def shown(text: str, *, limit: int = 400) -> str:
+def make_drawable(text: str, *, limit: int = 400) -> str:
     """Printable text in which characters that the font lacks become boxes."""
-    known = _charmap()
-    return "".join(c if ord(c) in known else "□" for c in printable(text, limit=limit))
+    known = _list_known_characters()
+    return "".join(c if ord(c) in known else "□" for c in make_printable(text, limit=limit))
 
 
 @cache
-def _charmap() -> frozenset[int]:
+def _list_known_characters() -> frozenset[int]:
     """Code points that both the regular and the bold face can show."""
     from matplotlib.font_manager import FontProperties, findfont, get_font
 
@@ -84,7 +84,7 @@ def _charmap() -> frozenset[int]:
     return frozenset.intersection(*(frozenset(get_font(findfont(f)).get_charmap()) for f in faces))
 
 
-def haloed(text: Text, *, width: float = 2.2, colour: str = "white") -> Text:
+def add_halo(text: Text, *, width: float = 2.2, colour: str = "white") -> Text:
     """The text with an outline that keeps it readable on anything."""
     from matplotlib.patheffects import withStroke
 
@@ -92,13 +92,13 @@ def haloed(text: Text, *, width: float = 2.2, colour: str = "white") -> Text:
     return text
 
 
-def dots(axes: Axes, points: FloatArray | Sequence[Point], **style: Any) -> PathCollection:
+def draw_points(axes: Axes, points: FloatArray | Sequence[Point], **style: Any) -> PathCollection:
     """Markers at [N, 2] points [m]."""
     spots = np.asarray(points, dtype=float).reshape(-1, 2)
     return axes.scatter(spots[:, 0], spots[:, 1], **style)
 
 
-def curve(axes: Axes, points: FloatArray, **style: Any) -> None:
+def draw_curve(axes: Axes, points: FloatArray, **style: Any) -> None:
     """A line through [N, 2] points [m]."""
     spots = np.asarray(points, dtype=float).reshape(-1, 2)
     axes.plot(spots[:, 0], spots[:, 1], **style)

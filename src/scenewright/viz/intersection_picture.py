@@ -16,13 +16,13 @@ from scenewright.viz.basemap import draw_basemap, draw_north, draw_scale
 from scenewright.viz.figure import (
     INK,
     SOFT_INK,
-    curve,
-    haloed,
-    map_axes,
-    new_figure,
-    plain_style,
-    png,
-    shown,
+    add_halo,
+    add_map_axes,
+    create_figure,
+    draw_curve,
+    encode_png,
+    make_drawable,
+    use_plain_style,
 )
 
 if TYPE_CHECKING:
@@ -53,39 +53,41 @@ def draw_intersection(
     Raises:
         InputError: the file cannot be written; nothing is left behind.
     """
-    with plain_style():
-        write_atomically(path, png(_figure(intersection, tracks or (), samples or (), dpi)))
+    with use_plain_style():
+        write_atomically(
+            path, encode_png(_draw_figure(intersection, tracks or (), samples or (), dpi))
+        )
 
 
-def _figure(
+def _draw_figure(
     intersection: IntersectionMap,
     tracks: Sequence[FloatArray],
     samples: Sequence[FloatArray],
     dpi: int,
 ) -> Figure:
     side = 0.94 * SIZE
-    entries = len(group_colours(intersection)) + 1 + (len(tracks) > 0) + (len(samples) > 0)
+    entries = len(choose_group_colours(intersection)) + 1 + (len(tracks) > 0) + (len(samples) > 0)
     key = 0.3 if entries <= KEY_COLUMNS else 0.5
     tall = 0.58 + side + key
-    figure = new_figure(SIZE, tall, dpi=dpi)
-    axes = map_axes(figure, (0.03, key / tall, 0.94, side / tall))
+    figure = create_figure(SIZE, tall, dpi=dpi)
+    axes = add_map_axes(figure, (0.03, key / tall, 0.94, side / tall))
     half = intersection.extent
     draw_basemap(axes, intersection, (-half, half, -half, half))
     dense = len(tracks) + len(samples) > 0
-    _curves(axes, tracks, TRACK, order=4)
-    _curves(axes, samples, SAMPLE, order=5)
-    shades = group_colours(intersection)
-    _movements(axes, intersection, shades, faint=dense)
-    _goals(axes, intersection)
-    _legs(axes, intersection)
+    _draw_curves(axes, tracks, TRACK, order=4)
+    _draw_curves(axes, samples, SAMPLE, order=5)
+    shades = choose_group_colours(intersection)
+    _draw_movements(axes, intersection, shades, faint=dense)
+    _draw_goal_regions(axes, intersection)
+    _write_leg_names(axes, intersection)
     draw_scale(axes)
     draw_north(axes)
-    _head(figure, intersection)
-    _key(figure, shades, tracks, samples)
+    _draw_header(figure, intersection)
+    _draw_legend(figure, shades, tracks, samples)
     return figure
 
 
-def group_colours(intersection: IntersectionMap) -> dict[str, str]:
+def choose_group_colours(intersection: IntersectionMap) -> dict[str, str]:
     """`#RRGGBB` by signal group, with `unsignalised` for movements that have none."""
     groups = intersection.signals.groups if intersection.signals else ()
     shades = {group.id: FOREGROUND[i % len(FOREGROUND)] for i, group in enumerate(groups)}
@@ -93,7 +95,7 @@ def group_colours(intersection: IntersectionMap) -> dict[str, str]:
     return shades | ({"unsignalised": INK} if free else {})
 
 
-def _curves(axes: Axes, curves: Sequence[FloatArray], colour: str, *, order: int) -> None:
+def _draw_curves(axes: Axes, curves: Sequence[FloatArray], colour: str, *, order: int) -> None:
     from matplotlib.collections import LineCollection
 
     strength = float(np.clip(24.0 / max(len(curves), 1), 0.16, 0.6))
@@ -104,35 +106,50 @@ def _curves(axes: Axes, curves: Sequence[FloatArray], colour: str, *, order: int
     )  # fmt: skip
 
 
-def _movements(
+def _draw_movements(
     axes: Axes, intersection: IntersectionMap, shades: dict[str, str], *, faint: bool
 ) -> None:
-    lights = {walk: g.id for g in (intersection.signals.groups if intersection.signals else ())
-              for walk in g.crosswalks}  # fmt: skip
+    lights = {
+        walk: g.id
+        for g in (intersection.signals.groups if intersection.signals else ())
+        for walk in g.crosswalks
+    }
     for movement in intersection.movements:
         colour = shades[movement.signal_group or "unsignalised"]
-        _arrowed(axes, movement, colour, strength=0.45 if faint else 0.9)
+        _draw_movement(axes, movement, colour, strength=0.45 if faint else 0.9)
     for walk in intersection.crosswalks:
         colour = shades.get(lights.get(walk.id, ""), SOFT_INK)
-        curve(axes, np.array(walk.centreline), color=colour, lw=1.4, ls=(0, (1.5, 1.2)), zorder=6)
+        draw_curve(
+            axes, np.array(walk.centreline), color=colour, lw=1.4, ls=(0, (1.5, 1.2)), zorder=6
+        )
 
 
-def _arrowed(axes: Axes, movement: VehicleMovement, colour: str, *, strength: float) -> None:
+def _draw_movement(axes: Axes, movement: VehicleMovement, colour: str, *, strength: float) -> None:
     line = np.array(movement.centreline, dtype=float)
-    curve(axes, line, color=colour, lw=1.1, alpha=strength, zorder=6)
+    draw_curve(axes, line, color=colour, lw=1.1, alpha=strength, zorder=6)
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     for place in (min(12.0, s[-1] / 3), s[-1] - min(12.0, s[-1] / 3)):
-        tail, tip = (_at(line, s, place + d) for d in (-1.0, 1.0))
-        axes.annotate("", xy=tip, xytext=tail, zorder=7,
-                      arrowprops={"arrowstyle": "-|>", "color": colour, "alpha": strength,
-                                  "lw": 0, "mutation_scale": 9})  # fmt: skip
+        tail, tip = (_interpolate_point(line, s, place + d) for d in (-1.0, 1.0))
+        axes.annotate(
+            "",
+            xy=tip,
+            xytext=tail,
+            zorder=7,
+            arrowprops={
+                "arrowstyle": "-|>",
+                "color": colour,
+                "alpha": strength,
+                "lw": 0,
+                "mutation_scale": 9,
+            },
+        )
 
 
-def _at(line: FloatArray, s: FloatArray, place: float) -> Point:
+def _interpolate_point(line: FloatArray, s: FloatArray, place: float) -> Point:
     return float(np.interp(place, s, line[:, 0])), float(np.interp(place, s, line[:, 1]))
 
 
-def _goals(axes: Axes, intersection: IntersectionMap) -> None:
+def _draw_goal_regions(axes: Axes, intersection: IntersectionMap) -> None:
     from matplotlib.collections import PolyCollection
 
     outlines = [np.array(goal.polygon) for goal in intersection.goal_regions]
@@ -143,7 +160,7 @@ def _goals(axes: Axes, intersection: IntersectionMap) -> None:
     )  # fmt: skip
 
 
-def _legs(axes: Axes, intersection: IntersectionMap) -> None:
+def _write_leg_names(axes: Axes, intersection: IntersectionMap) -> None:
     """Compass name and road of every leg, on the ground beside its sidewalk."""
     half = intersection.extent
     kerb = np.vstack(
@@ -156,22 +173,21 @@ def _legs(axes: Axes, intersection: IntersectionMap) -> None:
         own = np.abs(kerb @ aside)[(kerb @ ahead > 0.6 * half) & (np.abs(kerb @ aside) < half / 2)]
         at = 0.97 * half * ahead + (float(own.max(initial=4.0)) + 1.0) * aside
         at = np.clip(at, -0.97 * half, 0.95 * half)
-        across = _align(aside[0] - ahead[0], "left", "right")
+        across = _choose_alignment(aside[0] - ahead[0], "left", "right")
         if abs(at[0]) > 0.5 * half:
             across = "right" if at[0] > 0 else "left"
-        words = shown(f"{leg.name}  ·  {leg.road}", limit=70)
-        text = axes.text(float(at[0]), float(at[1]), words, fontsize=8.5,
-                         ha=across,
-                         va=_align(aside[1] - ahead[1], "bottom", "top"),
-                         color=INK, fontweight="bold", zorder=20)  # fmt: skip
-        haloed(text)
+        words = make_drawable(f"{leg.name}  ·  {leg.road}", limit=70)
+        text = axes.text(float(at[0]), float(at[1]), words, fontsize=8.5, ha=across,
+                         va=_choose_alignment(aside[1] - ahead[1], "bottom", "top"), color=INK,
+                         fontweight="bold", zorder=20)  # fmt: skip
+        add_halo(text)
 
 
-def _align(outwards: float, positive: Align, negative: Align) -> Align:
+def _choose_alignment(outwards: float, positive: Align, negative: Align) -> Align:
     return positive if outwards > 0 else negative
 
 
-def _head(figure: Figure, intersection: IntersectionMap) -> None:
+def _draw_header(figure: Figure, intersection: IntersectionMap) -> None:
     counts = (
         f"{intersection.name}   ·   {len(intersection.legs)} legs, "
         f"{len(intersection.movements)} movements, {len(intersection.crosswalks)} crosswalks"
@@ -179,13 +195,13 @@ def _head(figure: Figure, intersection: IntersectionMap) -> None:
     signals = intersection.signals
     counts += f", signals with a cycle of {signals.cycle:.0f} s" if signals else ", no signals"
     tall = figure.get_figheight()
-    figure.text(0.03, 1 - 0.1 / tall, shown(intersection.title, limit=90), fontsize=12,
+    figure.text(0.03, 1 - 0.1 / tall, make_drawable(intersection.title, limit=90), fontsize=12,
                 color=INK, va="top")  # fmt: skip
-    figure.text(0.03, 1 - 0.34 / tall, shown(counts, limit=140), fontsize=8.5, color=SOFT_INK,
-                va="top")  # fmt: skip
+    figure.text(0.03, 1 - 0.34 / tall, make_drawable(counts, limit=140), fontsize=8.5,
+                color=SOFT_INK, va="top")  # fmt: skip
 
 
-def _key(
+def _draw_legend(
     figure: Figure,
     shades: dict[str, str],
     tracks: Sequence[FloatArray],
@@ -193,7 +209,9 @@ def _key(
 ) -> None:
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], color=c, lw=2, label=shown(n, limit=40)) for n, c in shades.items()]
+    handles = [
+        Line2D([], [], color=c, lw=2, label=make_drawable(n, limit=40)) for n, c in shades.items()
+    ]
     handles += [Line2D([], [], color=SOFT_INK, lw=1.4, ls=(0, (1.5, 1.2)), label="crosswalk")]
     if len(tracks):
         handles.append(Line2D([], [], color=TRACK, lw=1, label=f"{len(tracks)} recorded tracks"))

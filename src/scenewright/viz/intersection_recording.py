@@ -11,14 +11,14 @@ import numpy as np
 from scenewright.files import write_atomically
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.viz.appearance import printable, rgb
+from scenewright.viz.appearance import make_printable, parse_colour
 from scenewright.viz.recording import (
     APPLICATION,
     PAPER,
-    _escaped,
-    _log_map,
-    _path,
-    _raised,
+    escape_markdown,
+    join_entity_path,
+    log_map,
+    raise_points,
 )
 
 if TYPE_CHECKING:
@@ -53,22 +53,24 @@ def record_intersection(
     stream = rr.RecordingStream(APPLICATION, recording_id=f"intersection-{intersection.name}")
     memory = stream.memory_recording()
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    _log_map(stream, intersection)
+    log_map(stream, intersection)
     _log_legs(stream, intersection)
     _log_movements(stream, intersection)
     _log_curves(stream, "tracks", tracks, _TRACKS, "tracks", 0.04)
     for route in intersection.routes:
-        colour = rgb(_TURNS.get(route.movement, _WALKS))
+        colour = parse_colour(_TURNS.get(route.movement, _WALKS))
         drawn = (priors or {}).get(route.id, ())
-        _log_curves(stream, _path("priors", route.type, route.id), drawn, colour, "priors", 0.05)
-    page = _page(intersection, facts)
+        _log_curves(
+            stream, join_entity_path("priors", route.type, route.id), drawn, colour, "priors", 0.05
+        )
+    page = _write_facts(intersection, facts)
     stream.log("about", rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
-    stream.send_blueprint(_blueprint(intersection))
+    stream.send_blueprint(_build_blueprint(intersection))
     write_atomically(path, memory.drain_as_bytes())
 
 
 def _log_legs(stream: rr.RecordingStream, intersection_map: IntersectionMap) -> None:
-    """Every leg's name where it leaves the map."""
+    """Log every leg's name where it leaves the map."""
     import rerun as rr
 
     ways = [np.array([np.cos(leg.bearing), np.sin(leg.bearing)]) for leg in intersection_map.legs]
@@ -76,9 +78,9 @@ def _log_legs(stream: rr.RecordingStream, intersection_map: IntersectionMap) -> 
     stream.log(
         "map/legs",
         rr.Points3D(
-            _raised(places, _HEIGHTS["names"]),
+            raise_points(places, _HEIGHTS["names"]),
             labels=[
-                printable(f"{leg.name}: {leg.road}", limit=80) for leg in intersection_map.legs
+                make_printable(f"{leg.name}: {leg.road}", limit=80) for leg in intersection_map.legs
             ],
             colors=_INK,
             radii=0.6,
@@ -89,17 +91,17 @@ def _log_legs(stream: rr.RecordingStream, intersection_map: IntersectionMap) -> 
 
 
 def _log_movements(stream: rr.RecordingStream, intersection_map: IntersectionMap) -> None:
-    """The middle of every movement, in the colour of its turn, arrowed where it leaves."""
+    """Log the middle of every movement in the colour of its turn, with an arrow at its end."""
     import rerun as rr
 
     for each in intersection_map.movements:
         line = np.array(each.centreline)
-        colour = rgb(_TURNS[each.turn])
-        name = _path("movements", each.id)
+        colour = parse_colour(_TURNS[each.turn])
+        name = join_entity_path("movements", each.id)
         _log_curves(stream, name, [line], colour, "movements", 0.12)
         head = rr.Arrows3D(
-            origins=_raised(line[-2:-1], _HEIGHTS["movements"]),
-            vectors=_raised(line[-1:] - line[-2:-1], 0.0),
+            origins=raise_points(line[-2:-1], _HEIGHTS["movements"]),
+            vectors=raise_points(line[-1:] - line[-2:-1], 0.0),
             colors=colour,
             radii=0.15,
         )
@@ -116,17 +118,21 @@ def _log_curves(
 ) -> None:
     import rerun as rr
 
-    strips = [_raised(np.asarray(curve), _HEIGHTS[layer]) for curve in curves if len(curve) > 1]
+    strips = [
+        raise_points(np.asarray(curve), _HEIGHTS[layer]) for curve in curves if len(curve) > 1
+    ]
     if strips:
         stream.log(path, rr.LineStrips3D(strips, colors=colour, radii=radius), static=True)
 
 
-def _page(intersection_map: IntersectionMap, facts: Sequence[str]) -> str:
-    lines = [f"### {_escaped(printable(intersection_map.title, limit=200))}", ""]
-    return "\n".join([*lines, *(f"- {_escaped(printable(each, limit=400))}" for each in facts)])
+def _write_facts(intersection_map: IntersectionMap, facts: Sequence[str]) -> str:
+    lines = [f"### {escape_markdown(make_printable(intersection_map.title, limit=200))}", ""]
+    return "\n".join(
+        [*lines, *(f"- {escape_markdown(make_printable(each, limit=400))}" for each in facts)]
+    )
 
 
-def _blueprint(intersection_map: IntersectionMap) -> rrb.Blueprint:
+def _build_blueprint(intersection_map: IntersectionMap) -> rrb.Blueprint:
     """The plan from above, north up, and the facts beside it."""
     import rerun.blueprint as rrb
 

@@ -1,6 +1,6 @@
 """The whole run as one rerun recording: map, candidates, priors, motion, states, checks, messages.
 
-With `place_recorder`, the only module that imports rerun. A recording is a view for people;
+Only this module and `intersection_recording` import rerun. A recording is a view;
 scene.json is the data. The plan view is a 3D view seen from above, because rerun's 2D views have
 y pointing down and would show a mirrored map.
 """
@@ -27,12 +27,17 @@ from scenewright.viz.appearance import (
     LIGHTS,
     STATES,
     Motion,
-    framed,
-    motions,
-    printable,
-    rgb,
+    choose_view,
+    list_motions,
+    make_printable,
+    parse_colour,
 )
-from scenewright.viz.road_markings import dashes, light_places, marked_bounds, stripes
+from scenewright.viz.road_markings import (
+    build_crosswalk_bars,
+    find_light_positions,
+    find_painted_bounds,
+    split_into_dashes,
+)
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -47,7 +52,7 @@ VEHICLE_HEIGHTS = {"truck": 3.2, "bus": 3.1, "motorcycle": 1.3}
 PAPER, PAVING, ASPHALT = (246, 244, 239), (228, 222, 210), (205, 209, 214)
 PAINT, MEDIAN = (255, 255, 255), (224, 178, 60)
 _LAYERS = {"walkable": -0.30, "road": -0.24, "crosswalks": -0.18, "lanes": -0.12}
-"""Heights [m] of the painted layers: apart, or the viewer cannot tell which is on top."""
+"""Heights [m] of the painted layers; the viewer needs them apart to tell which is on top."""
 
 
 def record_scene(
@@ -65,7 +70,7 @@ def record_scene(
     Args:
         candidates: [P, 2] paths offered for each agent, by agent name [m].
         priors: [P, 2] selected path of each agent, by agent name [m].
-        messages: (who, what) in the order in which they were said.
+        messages: (sender, text) in order of time.
 
     Raises:
         InputError: the file cannot be written; nothing is left behind.
@@ -74,19 +79,19 @@ def record_scene(
 
     stream = rr.RecordingStream(APPLICATION, recording_id=scene.meta.scene_id)
     memory = stream.memory_recording()
-    moving = motions(scene)
+    moving = list_motions(scene)
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    _log_map(stream, intersection)
+    log_map(stream, intersection)
     _log_paths(stream, "candidates", candidates or {}, moving, width=0.03, strength=0.3)
-    _log_paths(stream, "priors", {n: [p] for n, p in (priors or {}).items()}, moving,
-               width=0.09, strength=0.65)  # fmt: skip
+    _log_paths(stream, "priors", {n: [p] for n, p in (priors or {}).items()}, moving, width=0.09,
+               strength=0.65)  # fmt: skip
     for motion in moving:
         _log_motion(stream, motion)
     _log_states(stream, scene)
     _log_signals(stream, scene, intersection)
     _log_events(stream, scene)
-    _log_words(stream, scene, proof, messages)
-    stream.send_blueprint(_blueprint(scene, moving, intersection))
+    _log_report(stream, scene, proof, messages)
+    stream.send_blueprint(_build_blueprint(scene, moving, intersection))
     write_atomically(path, memory.drain_as_bytes())
 
 
@@ -99,8 +104,8 @@ def open_recording(path: str | Path) -> None:
     Raises:
         InputError: there is no readable recording, no viewer, or the viewer fails.
     """
-    recording = _recording_at(Path(path))
-    command = [_viewer(), "--bind", "127.0.0.1", str(recording)]
+    recording = _find_recording(Path(path))
+    command = [_find_viewer(), "--bind", "127.0.0.1", str(recording)]
     try:
         done = subprocess.run(command, check=False, stderr=subprocess.PIPE, text=True)
     except OSError as error:
@@ -114,7 +119,7 @@ def open_recording(path: str | Path) -> None:
         )
 
 
-def _recording_at(path: Path) -> Path:
+def _find_recording(path: Path) -> Path:
     recording = path / "scene.rrd" if path.is_dir() else path
     try:
         with recording.open("rb") as file:
@@ -126,7 +131,7 @@ def _recording_at(path: Path) -> Path:
     return recording
 
 
-def _viewer() -> str:
+def _find_viewer() -> str:
     """The `rerun` command of this environment, else the one on PATH."""
     name = "rerun.exe" if os.name == "nt" else "rerun"
     beside = Path(sys.executable).with_name(name)
@@ -136,13 +141,14 @@ def _viewer() -> str:
     return found
 
 
-def _log_map(stream: rr.RecordingStream, intersection: IntersectionMap) -> None:
+def log_map(stream: rr.RecordingStream, intersection: IntersectionMap) -> None:
+    """Log the ground, the markings and the movements of an intersection."""
     _log_area(stream, "map/walkable", intersection.walkable, PAVING)
     _log_area(stream, "map/road", intersection.road, ASPHALT)
-    bars = [bar for walk in intersection.crosswalks for bar in stripes(walk)]
+    bars = [bar for walk in intersection.crosswalks for bar in build_crosswalk_bars(walk)]
     _log_quads(stream, "map/crosswalks", bars)
-    bounds = marked_bounds(intersection)
-    broken = [dash for line in bounds["divider"] for dash in dashes(line)]
+    bounds = find_painted_bounds(intersection)
+    broken = [dash for line in bounds["divider"] for dash in split_into_dashes(line)]
     _log_lines(stream, "map/lanes/median", bounds["median"], MEDIAN, 0.09)
     _log_lines(stream, "map/lanes/divider", broken, PAINT, 0.07)
     _log_lines(stream, "map/lanes/edge", bounds["edge"], PAINT, 0.06)
@@ -161,11 +167,11 @@ def _log_lines(
 ) -> None:
     import rerun as rr
 
-    strips = [_raised(line, _LAYERS["lanes"]) for line in lines]
+    strips = [raise_points(line, _LAYERS["lanes"]) for line in lines]
     stream.log(path, rr.LineStrips3D(strips, colors=colour, radii=radius), static=True)
 
 
-def _raised(xy: FloatArray, height: float) -> FloatArray:
+def raise_points(xy: FloatArray, height: float) -> FloatArray:
     """[N, 3] points of a polyline at a height [m]."""
     return np.column_stack([xy, np.full(len(xy), height)])
 
@@ -177,12 +183,12 @@ def _log_area(
     colour: tuple[int, int, int],
 ) -> None:
     height = _LAYERS[path.removeprefix("map/")]
-    corners = [triangle for area in areas for triangle in _triangles(area)]
+    corners = [triangle for area in areas for triangle in _triangulate(area)]
     if corners:
         _log_mesh(stream, path, np.vstack(corners), colour, height)
 
 
-def _triangles(area: PolygonWithHoles) -> list[FloatArray]:
+def _triangulate(area: PolygonWithHoles) -> list[FloatArray]:
     """[3, 2] corners of triangles that fill an area."""
     from shapely import constrained_delaunay_triangles, get_coordinates, get_parts
     from shapely.geometry import Polygon
@@ -209,7 +215,7 @@ def _log_mesh(
     import rerun as rr
 
     mesh = rr.Mesh3D(
-        vertex_positions=_raised(corners, height),
+        vertex_positions=raise_points(corners, height),
         triangle_indices=np.arange(len(corners)).reshape(-1, 3),
         vertex_colors=np.tile(np.array(colour, dtype=np.uint8), (len(corners), 1)),
     )
@@ -230,14 +236,14 @@ def _log_paths(
 
     colours = {motion.agent.name: motion.colour for motion in moving}
     for name, curves in paths.items():
-        strips = [_raised(np.asarray(curve), 0.02) for curve in curves if len(curve) > 1]
-        shade = np.array(rgb(colours.get(name, "#808080")))
+        strips = [raise_points(np.asarray(curve), 0.02) for curve in curves if len(curve) > 1]
+        shade = np.array(parse_colour(colours.get(name, "#808080")))
         colour = (strength * shade + (1 - strength) * np.array(ASPHALT)).astype(np.uint8)
-        stream.log(_path(root, name), rr.LineStrips3D(strips, colors=colour, radii=width),
-                   static=True)  # fmt: skip
+        stream.log(join_entity_path(root, name),
+                   rr.LineStrips3D(strips, colors=colour, radii=width), static=True)  # fmt: skip
 
 
-def _path(*parts: str) -> str:
+def join_entity_path(*parts: str) -> str:
     """An entity path; rerun's special characters in names are escaped."""
     import rerun as rr
 
@@ -250,18 +256,23 @@ def _log_motion(stream: rr.RecordingStream, motion: Motion) -> None:
 
     name, half = motion.agent.name, motion.heading / 2
     turns = np.column_stack([np.zeros((len(half), 2)), np.sin(half), np.cos(half)])
-    poses = rr.Transform3D.columns(translation=_raised(motion.xy, 0.0), quaternion=turns)
-    _send(stream, _path("agents", name), motion.times, poses)
+    poses = rr.Transform3D.columns(translation=raise_points(motion.xy, 0.0), quaternion=turns)
+    _send(stream, join_entity_path("agents", name), motion.times, poses)
     _log_body(stream, motion)
     _log_trail(stream, motion)
-    stream.log(_path("speed", name), rr.SeriesLines(
-        colors=rgb(motion.colour), names=name, widths=2.5 if motion.foreground else 1.0,
+    stream.log(join_entity_path("speed", name), rr.SeriesLines(
+        colors=parse_colour(motion.colour), names=name, widths=2.5 if motion.is_foreground else 1.0,
     ), static=True)  # fmt: skip
-    _send(stream, _path("speed", name), motion.times, rr.Scalars.columns(scalars=motion.speed))
+    _send(
+        stream,
+        join_entity_path("speed", name),
+        motion.times,
+        rr.Scalars.columns(scalars=motion.speed),
+    )
     if not motion.stays:
         gone = motion.times[-1:] + 0.1
         for root in ("agents", "trails"):
-            _send(stream, _path(root, name), gone, rr.Clear.columns(is_recursive=[True]))
+            _send(stream, join_entity_path(root, name), gone, rr.Clear.columns(is_recursive=[True]))
 
 
 def _send(
@@ -273,12 +284,12 @@ def _send(
 
 
 def _log_body(stream: rr.RecordingStream, motion: Motion) -> None:
-    """Logged when the agent appears and not as a static, or it would stand there before."""
+    """Log the body when the agent appears; static, it would show before that."""
     import rerun as rr
 
     agent, begin = motion.agent, motion.times[:1]
-    path, colour = _path("agents", agent.name, "body"), [rgb(motion.colour)]
-    label: dict[str, Any] = {"labels": [agent.name], "show_labels": [motion.foreground]}
+    path, colour = join_entity_path("agents", agent.name, "body"), [parse_colour(motion.colour)]
+    label: dict[str, Any] = {"labels": [agent.name], "show_labels": [motion.is_foreground]}
     if agent.type == "pedestrian":
         columns = rr.Cylinders3D.columns(
             lengths=[WALKER_HEIGHT], radii=[agent.width / 2], centers=[(0, 0, WALKER_HEIGHT / 2)],
@@ -297,21 +308,24 @@ def _log_body(stream: rr.RecordingStream, motion: Motion) -> None:
         vectors=[(agent.length * 0.36, 0, 0)], origins=[(0.08 * agent.length, 0, height + 0.05)],
         colors=[(255, 255, 255)], radii=[0.12],
     )  # fmt: skip
-    _send(stream, _path("agents", agent.name, "heading"), begin, arrow)
+    _send(stream, join_entity_path("agents", agent.name, "heading"), begin, arrow)
 
 
 def _log_trail(stream: rr.RecordingStream, motion: Motion) -> None:
-    """One short piece a sample; the view shows those of the last seconds."""
+    """Log one short piece per sample; the view shows those of the last seconds."""
     import rerun as rr
 
     if len(motion.xy) < 2:
         return
-    points = _raised(motion.xy, 0.05)
+    points = raise_points(motion.xy, 0.05)
     pieces = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
-    colours = np.tile(np.array(rgb(motion.colour), dtype=np.uint8), (len(pieces), 1))
-    _send(stream, _path("trails", motion.agent.name), motion.times[1:],
-          rr.LineStrips3D.columns(strips=pieces, colors=colours,
-                                  radii=np.full(len(pieces), 0.12)))  # fmt: skip
+    colours = np.tile(np.array(parse_colour(motion.colour), dtype=np.uint8), (len(pieces), 1))
+    _send(
+        stream,
+        join_entity_path("trails", motion.agent.name),
+        motion.times[1:],
+        rr.LineStrips3D.columns(strips=pieces, colors=colours, radii=np.full(len(pieces), 0.12)),
+    )
 
 
 def _log_states(stream: rr.RecordingStream, scene: SceneRecord) -> None:
@@ -320,18 +334,18 @@ def _log_states(stream: rr.RecordingStream, scene: SceneRecord) -> None:
 
     for agent in scene.agents:
         if agent.segments:
-            path = _path("states", agent.name)
-            _configure(stream, path, dict(STATES))
+            path = join_entity_path("states", agent.name)
+            _log_state_colours(stream, path, dict(STATES))
             times = [segment.start for segment in agent.segments] + [agent.segments[-1].end]
             states = [segment.status for segment in agent.segments] + [""]
             _send(stream, path, times, rr.StateChange.columns(state=states))
 
 
-def _configure(stream: rr.RecordingStream, path: str, colours: Mapping[Any, str]) -> None:
+def _log_state_colours(stream: rr.RecordingStream, path: str, colours: Mapping[Any, str]) -> None:
     import rerun as rr
 
     configuration = rr.StateConfiguration(
-        values=list(colours), colors=[(*rgb(colour), 255) for colour in colours.values()]
+        values=list(colours), colors=[(*parse_colour(colour), 255) for colour in colours.values()]
     )
     stream.log(path, configuration, static=True)
 
@@ -342,25 +356,25 @@ def _log_signals(
     """Lights as coloured points at the kerb, and as lanes of states."""
     import rerun as rr
 
-    places = light_places(intersection)
-    for name, rows in _by_light(scene.signals).items():
+    places = find_light_positions(intersection)
+    for name, rows in _group_by_light(scene.signals).items():
         times = [row.start for row in rows]
-        lane = _path("signal_states", name)
-        _configure(stream, lane, dict(LIGHTS))
+        lane = join_entity_path("signal_states", name)
+        _log_state_colours(stream, lane, dict(LIGHTS))
         _send(stream, lane, times, rr.StateChange.columns(state=[row.colour for row in rows]))
         spots = [(x, y, 0.3) for x, y in places.get(name, [])]
         if spots:
             size = 0.55 if len(spots) == 1 else 0.38
             lights = rr.Points3D.columns(
                 positions=np.tile(spots, (len(rows), 1)),
-                colors=[rgb(LIGHTS[row.colour]) for row in rows for _ in spots],
+                colors=[parse_colour(LIGHTS[row.colour]) for row in rows for _ in spots],
                 radii=np.full(len(rows) * len(spots), size),
             )
-            _send(stream, _path("signals", name), times,
+            _send(stream, join_entity_path("signals", name), times,
                   lights.partition(lengths=[len(spots)] * len(rows)))  # fmt: skip
 
 
-def _by_light(rows: Iterable[SignalRecord]) -> dict[str, list[SignalRecord]]:
+def _group_by_light(rows: Iterable[SignalRecord]) -> dict[str, list[SignalRecord]]:
     lights: dict[str, list[SignalRecord]] = {}
     for row in sorted(rows, key=lambda row: row.start):
         lights.setdefault(row.stop_line or row.crosswalk or "light", []).append(row)
@@ -375,91 +389,95 @@ def _log_events(stream: rr.RecordingStream, scene: SceneRecord) -> None:
         if event.time is None or event.location is None:
             continue
         words = f"{event.type.replace('_', ' ')}  {event.time:.1f} s"
-        (x, y), path = event.location, _path("events", str(number))
+        (x, y), path = event.location, join_entity_path("events", str(number))
         _send(stream, path, [event.time], rr.Points3D.columns(
             positions=[(x, y, 4.0)], radii=[0.45], colors=[(255, 210, 63)],
         ))  # fmt: skip
-        # the name of a line stands at its middle: beside the place, not on whoever is there
+        # A line has its label at its middle: beside the place, not on the agents there.
         _send(stream, path + "/label", [event.time], rr.LineStrips3D.columns(
             strips=[[(x, y, 4.0), (x + 9.0, y - 7.0, 4.0)]], radii=[0.05],
             colors=[(255, 210, 63)], labels=[words], show_labels=[True],
         ))  # fmt: skip
         _send(stream, "log/events", [event.time],
-              rr.TextLog.columns(text=[_said(event, names)], level=["INFO"]))  # fmt: skip
+              rr.TextLog.columns(text=[_describe_event(event, names)], level=["INFO"]))  # fmt: skip
 
 
-def _said(event: EventRecord | Event, names: Mapping[int, str]) -> str:
+def _describe_event(event: EventRecord | Event, names: Mapping[int, str]) -> str:
     first = names.get(event.from_ or 0, "nobody")
     second = names.get(event.to or 0, "nobody")
     return f"{event.type.replace('_', ' ')}: {first} → {second}"
 
 
-def _log_words(
+def _log_report(
     stream: rr.RecordingStream,
     scene: SceneRecord,
     proof: Proof | None,
     messages: Sequence[tuple[str, str]],
 ) -> None:
-    """The request and its proof as a page, what the stages said as a log."""
+    """Log the request and its proof as a page, the messages of the stages as a log."""
     import rerun as rr
 
-    page = rr.TextDocument(_page(scene, proof), media_type=rr.MediaType.MARKDOWN)
+    page = rr.TextDocument(_write_report(scene, proof), media_type=rr.MediaType.MARKDOWN)
     stream.log("report", page, static=True)
     if messages:
-        said = [
-            f"{printable(who, limit=60)}: {printable(what, limit=4000)}" for who, what in messages
+        entries = [
+            f"{make_printable(sender, limit=60)}: {make_printable(text, limit=4000)}"
+            for sender, text in messages
         ]
-        _send(stream, "log/run", [0.0] * len(said),
-              rr.TextLog.columns(text=said, level=["INFO"] * len(said)))  # fmt: skip
+        _send(stream, "log/run", [0.0] * len(entries),
+              rr.TextLog.columns(text=entries, level=["INFO"] * len(entries)))  # fmt: skip
 
 
-def _page(scene: SceneRecord, proof: Proof | None) -> str:
+def _write_report(scene: SceneRecord, proof: Proof | None) -> str:
     meta = scene.meta
     facts = [meta.scene_id, meta.intersection, meta.time_of_day, f"seed {meta.seed}"]
-    lines = ["### Instruction", _escaped(printable(meta.user_prompt, limit=2000)), "",
-             " · ".join(_escaped(fact) for fact in facts)]  # fmt: skip
+    lines = ["### Instruction", escape_markdown(make_printable(meta.user_prompt, limit=2000)), "",
+             " · ".join(escape_markdown(fact) for fact in facts)]  # fmt: skip
     if proof is None:
         return "\n".join([*lines, "", "### Proof", "The scene was not checked."])
     verdict = "**Verified**: every relation is observed and no rule is broken."
     lines += ["", "### Proof", verdict if proof.verified else "**Not verified.**", ""]
-    lines += _events_table(proof.events, {agent.id: agent.name for agent in scene.agents})
+    lines += _format_events(proof.events, {agent.id: agent.name for agent in scene.agents})
     for title in ("missing", "interference", "implausible", "signal_violations"):
-        lines += _findings(title.replace("_", " "), getattr(proof, title))
+        lines += _format_findings(title.replace("_", " "), getattr(proof, title))
     return "\n".join(lines)
 
 
-def _escaped(text: str) -> str:
+def escape_markdown(text: str) -> str:
     """Text in which nothing is markdown."""
     return "".join("\\" + c if c in "\\`*_{}[]<>()#+-.!|~$&" else c for c in text)
 
 
-def _events_table(events: tuple[Event, ...], names: Mapping[int, str]) -> list[str]:
+def _format_events(events: tuple[Event, ...], names: Mapping[int, str]) -> list[str]:
     if not events:
         return ["No events.", ""]
     rows = ["| event | time | evidence |", "|---|---|---|"]
     for event in events:
-        evidence = ", ".join(f"{k} {_figure(v)}" for k, v in event.evidence.items())
-        rows.append(f"| {_said(event, names)} | {event.time:.2f} s | {_escaped(evidence)} |")
+        evidence = ", ".join(f"{k} {_format_evidence(v)}" for k, v in event.evidence.items())
+        action = _describe_event(event, names)
+        rows.append(f"| {action} | {event.time:.2f} s | {escape_markdown(evidence)} |")
     return [*rows, ""]
 
 
-def _figure(value: Any) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else printable(str(value), limit=80)
+def _format_evidence(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else make_printable(str(value), limit=80)
 
 
-def _findings(title: str, findings: tuple[Finding, ...]) -> list[str]:
+def _format_findings(title: str, findings: tuple[Finding, ...]) -> list[str]:
     if not findings:
         return [f"- no {title}"]
-    return [f"- **{title}**: {_escaped(printable(f.detail, limit=400))}" for f in findings]
+    return [
+        f"- **{title}**: {escape_markdown(make_printable(f.detail, limit=400))}" for f in findings
+    ]
 
 
-def _blueprint(
+def _build_blueprint(
     scene: SceneRecord, moving: list[Motion], intersection: IntersectionMap
 ) -> rrb.Blueprint:
     """Plan view on the left; proof, segments, speeds and messages on the right."""
     import rerun.blueprint as rrb
 
-    main = [f"+ /{_path('speed', m.agent.name)}" for m in moving if m.foreground]
+    main = [f"+ /{join_entity_path('speed', m.agent.name)}" for m in moving if m.is_foreground]
     aside = rrb.Vertical(
         rrb.TextDocumentView(origin="/report", name="Request and proof"),
         rrb.Tabs(
@@ -478,7 +496,7 @@ def _blueprint(
         row_shares=[3, 2, 2.4, 2],
     )
     return rrb.Blueprint(
-        rrb.Horizontal(_plan_view(scene, moving, intersection), aside, column_shares=[5, 3]),
+        rrb.Horizontal(_build_plan_view(scene, moving, intersection), aside, column_shares=[5, 3]),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing",
                       loop_mode="all"),
         rrb.BlueprintPanel(state="collapsed"),
@@ -486,7 +504,7 @@ def _blueprint(
     )  # fmt: skip
 
 
-def _plan_view(
+def _build_plan_view(
     scene: SceneRecord, moving: list[Motion], intersection: IntersectionMap
 ) -> rrb.Spatial3DView:
     """Seen from above, north up, east right; candidates of the background are left out."""
@@ -497,9 +515,11 @@ def _plan_view(
         start=rrb.TimeRangeBoundary.cursor_relative(seconds=-TRAIL),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
-    west, east, south, north = framed(scene, moving, intersection)
+    west, east, south, north = choose_view(scene, moving, intersection)
     middle = ((west + east) / 2, (south + north) / 2, 0.0)
-    hidden = [f"- /{_path('candidates', m.agent.name)}" for m in moving if not m.foreground]
+    hidden = [
+        f"- /{join_entity_path('candidates', m.agent.name)}" for m in moving if not m.is_foreground
+    ]
     return rrb.Spatial3DView(
         origin="/",
         name="Scene (north up)",
@@ -510,5 +530,5 @@ def _plan_view(
             kind=rrb.Eye3DKind.Orbital, position=(*middle[:2], 1.2 * (east - west)),
             look_target=middle, eye_up=(0.0, 1.0, 0.0),
         ),
-        overrides={_path("trails", motion.agent.name): recent for motion in moving},
+        overrides={join_entity_path("trails", motion.agent.name): recent for motion in moving},
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What is painted on a road and stands beside it, as plain curves and points."""
+"""Road markings and positions of lights, as plain curves and points."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
 
 
-def marked_bounds(intersection: IntersectionMap) -> dict[str, list[FloatArray]]:
-    """Lane bounds by what is painted there: `median`, `divider` of one direction, or `edge`.
+def find_painted_bounds(intersection: IntersectionMap) -> dict[str, list[FloatArray]]:
+    """Painted lane bounds by kind: `median`, `divider` of one direction, or `edge`.
 
     Bounds on the kerb and those inside the junction carry no paint and are left out.
     """
@@ -25,13 +25,13 @@ def marked_bounds(intersection: IntersectionMap) -> dict[str, list[FloatArray]]:
     ]
     found: dict[str, list[FloatArray]] = {"median": [], "divider": [], "edge": []}
     for lane, line in bounds:
-        kind = _paint(middle_of(line), lane, bounds, closed)
+        kind = _classify_bound(find_midpoint(line), lane, bounds, closed)
         if kind is not None:
             found[kind].append(line)
-    return {kind: _without_repeats(lines) for kind, lines in found.items()}
+    return {kind: _drop_repeats(lines) for kind, lines in found.items()}
 
 
-def _paint(
+def _classify_bound(
     middle: FloatArray,
     lane: Lanelet,
     bounds: list[tuple[Lanelet, FloatArray]],
@@ -40,20 +40,24 @@ def _paint(
     others = [
         other.kind
         for other, line in bounds
-        if other.leg == lane.leg and other is not lane and _gap(middle, line) < 0.4
+        if other.leg == lane.leg and other is not lane and _measure_distance(middle, line) < 0.4
     ]
     if others:
         return "divider" if lane.kind in others else "median"
-    return None if min((_gap(middle, ring) for ring in kerbs), default=9.0) < 0.6 else "edge"
+    return (
+        None
+        if min((_measure_distance(middle, ring) for ring in kerbs), default=9.0) < 0.6
+        else "edge"
+    )
 
 
-def middle_of(line: FloatArray) -> FloatArray:
+def find_midpoint(line: FloatArray) -> FloatArray:
     """[2] the point half way along a polyline [m]."""
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     return np.array([np.interp(s[-1] / 2, s, line[:, i]) for i in (0, 1)])
 
 
-def _gap(point: FloatArray, line: FloatArray) -> float:
+def _measure_distance(point: FloatArray, line: FloatArray) -> float:
     """Distance of a point from a polyline [m]."""
     start, along = line[:-1], np.diff(line, axis=0)
     share = np.sum((point - start) * along, axis=1) / np.maximum(np.sum(along**2, axis=1), 1e-12)
@@ -61,15 +65,15 @@ def _gap(point: FloatArray, line: FloatArray) -> float:
     return float(np.min(np.linalg.norm(point - foot, axis=1)))
 
 
-def _without_repeats(lines: list[FloatArray]) -> list[FloatArray]:
+def _drop_repeats(lines: list[FloatArray]) -> list[FloatArray]:
     kept: list[FloatArray] = []
     for line in sorted(lines, key=lambda item: -len(item)):
-        if all(_gap(middle_of(line), other) > 0.4 for other in kept):
+        if all(_measure_distance(find_midpoint(line), other) > 0.4 for other in kept):
             kept.append(line)
     return kept
 
 
-def dashes(line: FloatArray, *, length: float = 2.0) -> list[FloatArray]:
+def split_into_dashes(line: FloatArray, *, length: float = 2.0) -> list[FloatArray]:
     """A polyline as dashes with gaps as long as they are, [2, 2] each [m]."""
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     begins = np.arange(0.0, max(s[-1] - length / 2, 0.0), 2 * length)
@@ -79,7 +83,7 @@ def dashes(line: FloatArray, *, length: float = 2.0) -> list[FloatArray]:
     ]
 
 
-def stripes(crosswalk: Crosswalk, *, bar: float = 0.5, gap: float = 0.7) -> FloatArray:
+def build_crosswalk_bars(crosswalk: Crosswalk, *, bar: float = 0.5, gap: float = 0.7) -> FloatArray:
     """[N, 4, 2] corners of the painted bars, across the walking direction [m]."""
     start, end = np.array(crosswalk.centreline, dtype=float)
     length = float(np.linalg.norm(end - start))
@@ -99,27 +103,27 @@ def stripes(crosswalk: Crosswalk, *, bar: float = 0.5, gap: float = 0.7) -> Floa
     )
 
 
-def light_places(intersection: IntersectionMap) -> dict[str, list[Point]]:
+def find_light_positions(intersection: IntersectionMap) -> dict[str, list[Point]]:
     """Where the light of a stop line or crosswalk is drawn: beside the kerb, at both ends [m]."""
     places: dict[str, list[Point]] = {}
     for line in intersection.stop_lines:
         first, last = np.array(line.line, dtype=float)
-        outer = max((first, last), key=lambda p: _offset(p, intersection, line.leg))
+        outer = max((first, last), key=lambda p: _measure_offset(p, intersection, line.leg))
         inner = first if outer is last else last
         away = (outer - inner) / max(float(np.linalg.norm(outer - inner)), 1e-9)
-        places[line.id] = [_point(outer + 0.9 * away)]
+        places[line.id] = [_to_point(outer + 0.9 * away)]
     for walk in intersection.crosswalks:
         start, end = np.array(walk.centreline, dtype=float)
         along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
-        places[walk.id] = [_point(start - 0.9 * along), _point(end + 0.9 * along)]
+        places[walk.id] = [_to_point(start - 0.9 * along), _to_point(end + 0.9 * along)]
     return places
 
 
-def _offset(point: FloatArray, intersection: IntersectionMap, leg: str) -> float:
+def _measure_offset(point: FloatArray, intersection: IntersectionMap, leg: str) -> float:
     """Distance from the middle line of a leg [m]."""
     bearing = next((item.bearing for item in intersection.legs if item.name == leg), 0.0)
     return float(abs(-np.sin(bearing) * point[0] + np.cos(bearing) * point[1]))
 
 
-def _point(array: FloatArray) -> Point:
+def _to_point(array: FloatArray) -> Point:
     return float(array[0]), float(array[1])

@@ -75,8 +75,8 @@ def obstacle(agent: dict[str, Any], lanes: LaneletNetwork) -> DynamicObstacle:
     first = InitialState(**states[0], acceleration=0.0, yaw_rate=0.0, slip_angle=0.0)
     found = lanes.find_lanelet_by_position(list(xy))
     assigned = {begin + k: set(ids) for k, ids in enumerate(found)}
-    trajectory = Trajectory(begin + 1, [CustomState(**state) for state in states[1:]])
-    prediction = TrajectoryPrediction(trajectory, shape, assigned, assigned)
+    track = Trajectory(begin + 1, [CustomState(**state) for state in states[1:]])
+    prediction = TrajectoryPrediction(track, shape, assigned, assigned)
     kind = ObstacleType.PEDESTRIAN if walker else ObstacleType.CAR
     return DynamicObstacle(agent["id"], kind, shape, first, prediction)
 

@@ -242,6 +242,29 @@ def test_tracks_of_any_csv_are_read_by_naming_its_columns(tmp_path, ways):
         read_track_files([odd], columns=columns | {"x": "nope"})
 
 
+def test_classes_have_the_same_synonyms_as_in_verified_tracks(tmp_path, ways):
+    rows = [(t, n, "Passenger-Car", x, y) for t, n, _, x, y in drives(ways, count=2)]
+    [file] = read_track_files([write_csv(tmp_path / "a.csv", rows)])
+    assert [subtype for subtype, _ in file.tracks] == ["car", "car"]
+
+
+@pytest.mark.parametrize(("site", "settling"), [("K729", 3.0), ("k733", 1.0), ("other", 1.0)])
+def test_how_long_a_tracker_settles_is_read_from_the_data_not_the_path(
+    tmp_path, ways, site, settling
+):
+    folder = tmp_path / "copy of k729"
+    folder.mkdir()
+    rows = [(round(1000 * t), n, "Car", x, y) for t, n, _, x, y in drives(ways, count=1)]
+    file = write_csv(
+        folder / "vehicle_tracks_000.csv", rows, "timestamp_ms,track_id,agent_type,x,y"
+    )
+    write_csv(folder / "meta_data.csv", [("000", site, 49.0, 8.4, "11:17:19")],
+              "id,locationId,originLat,originLon,startTime")  # fmt: skip
+    [read] = read_track_files([file])
+    assert read.tracks[0][1].start == pytest.approx(settling)
+    assert (read.origin, read.begin) == ((49.0, 8.4), pytest.approx(11 + 17 / 60))
+
+
 def test_ind_style_trajnet_and_fcd_say_the_same(tmp_path, ways):
     rows = drives(ways, count=3)
     write_csv(tmp_path / "07_tracks.csv", [(0, n, round(10 * t), x, y) for t, n, _, x, y in rows],

@@ -15,7 +15,7 @@ from scenewright.tools.fitting.custom_bundle import write_own
 from scenewright.tools.fitting.derive_priors import derived_priors
 from scenewright.tools.map_grounding.grounding import can_serve, ground_graph
 from scenewright.tools.map_import import import_map
-from scenewright.tools.relation_checker.entries import entry_of, exit_of
+from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 
 
 @pytest.fixture(scope="module")
@@ -90,8 +90,8 @@ def test_the_lane_that_a_track_is_on_tells_its_leg_on_five_legs(tmp_path):
         if each.type == "vehicle":
             for line in made.lines[each.id]:
                 seen = driven(np.asarray(line), made.place.extent)
-                assert entry_of(seen, made.place) == each.entry
-                assert exit_of(seen, made.place) == each.exit
+                assert find_entry_leg(seen, made.place) == each.entry
+                assert find_exit_leg(seen, made.place) == each.exit
 
 
 def test_where_a_road_bends_the_lane_decides_and_not_the_direction(place):
@@ -101,8 +101,8 @@ def test_where_a_road_bends_the_lane_decides_and_not_the_direction(place):
         }
     )
     line = np.array(next(m for m in place.movements if m.id == "north>south:straight").centreline)
-    assert entry_of(driven(line, place.extent), bent) == "north"
-    assert exit_of(driven(line, place.extent), bent) == "south"
+    assert find_entry_leg(driven(line, place.extent), bent) == "north"
+    assert find_exit_leg(driven(line, place.extent), bent) == "south"
 
 
 @needs_sumo

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scenewright.intersections import load_map
-from scenewright.tools.relation_checker.conditions import lies_in
+from scenewright.tools.relation_checker.conditions import is_in_zone
 
 MAP = load_map("amsterdam_120")
 MARKED = tuple(sum(end) / 2 for end in zip(*MAP.crosswalks[0].centreline, strict=True))
@@ -25,4 +25,4 @@ ON_LEG = tuple(sum(end) / 2 for end in zip(LANE.centreline[0], LANE.centreline[-
 )
 def test_a_place_lies_in_these_zones(place, on_foot, zones):
     asked = ("crosswalk", "conflict", "roadway")
-    assert {zone for zone in asked if lies_in(place, zone, MAP, on_foot=on_foot)} == zones
+    assert {zone for zone in asked if is_in_zone(place, zone, MAP, on_foot=on_foot)} == zones

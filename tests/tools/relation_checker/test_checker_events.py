@@ -67,7 +67,7 @@ def test_near_miss_by_pet(lag: float, expected: float | None) -> None:
 
 
 def test_a_car_yields_to_a_pedestrian() -> None:
-    (event,) = find_events([yielding_car(), crossing_walker()], ground=plus_map())
+    (event,) = find_events([yielding_car(), crossing_walker()], intersection_map=plus_map())
     assert (event.type, event.from_, event.to) == ("yielding", 1, 2)
     # it stands (0.3 m/s) 0.1 s before 5.367 s, at x = -13
     assert event.time == pytest.approx(5.3, abs=0.11)
@@ -135,13 +135,13 @@ class TestNotYielding:
         users = [yielding_car(), crossing_walker()]
         # the stop line of the map is at x = -12; its front waits at x = -10.7, so shift it back
         users = [moved(u, shift=(-2.0, 0.0)) for u in users]
-        assert summary(users, ground=plus_map(), signals=lights) == []
-        assert summary(users, ground=plus_map())[0][0] == "yielding"
+        assert summary(users, intersection_map=plus_map(), signals=lights) == []
+        assert summary(users, intersection_map=plus_map())[0][0] == "yielding"
 
     def test_a_follower_that_queues_behind_the_yielding_car(self) -> None:
         s = distance(10.0, (0.0, 61 / 30), (-3.0, 10 / 3), (0.0, 4.6), (2.0, 4.0), (0.0, 5.0))
         users = [yielding_car(), line(3, (-57.0, -1.75), EAST, s), crossing_walker()]
-        found = summary(users, ground=plus_map())
+        found = summary(users, intersection_map=plus_map())
         assert ("yielding", 1, 2) in found
         assert ("yielding", 3, 2) not in found
 
@@ -267,7 +267,9 @@ def test_who_slows_as_for_a_curve_may_still_brake_late(braking: float, cause: st
 def test_running_red_is_the_cause() -> None:
     car = line(1, (-50.0, -1.75), EAST, distance(10.0, (0.0, 8.0)), shape=CAR)
     walker = walk(2, (-8.0, -1.75 - 1.4 * 4.2), NORTH, distance(1.4, (0.0, 8.0)))
-    events = find_events([car, walker], ground=plus_map(), signals=[light("red", 0.0, 30.0)])
+    events = find_events(
+        [car, walker], intersection_map=plus_map(), signals=[light("red", 0.0, 30.0)]
+    )
     assert (events[0].type, events[0].cause) == ("collision", "red_light_run")
 
 

@@ -25,10 +25,10 @@ from scenewright.scene.events import Event, Proof
 from scenewright.scene.track import Track
 from scenewright.tools.relation_checker import (
     RoadUser,
-    as_movers,
+    build_trajectories,
     check,
+    compute_pet,
     find_events,
-    post_encroachment_time,
 )
 
 MAP = plus_map()
@@ -46,7 +46,7 @@ def rules(proof: Proof) -> set[str]:
 
 
 def events(*users: RoadUser, on_map: bool = False) -> list[Event]:
-    found = find_events(list(users), ground=MAP if on_map else None)
+    found = find_events(list(users), intersection_map=MAP if on_map else None)
     return [e for e in found if e.type != "follow"]
 
 
@@ -75,7 +75,7 @@ class TestYields:
         # from 12 m away at 1.5 m/s: 8.5 s after it starts, and the round walker is a little further
         car = stopping(12.0, (1.5, 1.0), (0.0, 16.0), until=CLEARED + 8.0 + late - 8.5 - ROUND)
         walker = crossing_walker()
-        pet = post_encroachment_time(*as_movers([car, walker]))
+        pet = compute_pet(*build_trajectories([car, walker]))
         assert pet == pytest.approx(8.0 + late, abs=0.03)
         assert types(car, walker) == ["yielding"] * yields
 
@@ -146,7 +146,7 @@ class TestYields:
     def test_half_a_second_of_pet(self, pet: float, kind: str) -> None:
         # half a metre from the zone: 0.71 s after it starts
         car, walker = off(0.5, until=CLEARED + pet - np.sqrt(0.5) - ROUND), crossing_walker()
-        assert post_encroachment_time(*as_movers([car, walker])) == pytest.approx(pet, abs=0.03)
+        assert compute_pet(*build_trajectories([car, walker])) == pytest.approx(pet, abs=0.03)
         assert types(car, walker) == [kind]
 
     @pytest.mark.parametrize(("braking", "kind"), [(4.8, "yielding"), (5.3, "near_miss")])
@@ -324,7 +324,7 @@ class TestTargets:
     def test_pet(self, more: float, sign: float, verified: bool) -> None:
         s = distance(10.0, (0.0, 10.0))
         users = [line(1, (-50.0, 0.0), EAST, s), line(2, (0.0, -66.0), NORTH, s)]
-        pet = post_encroachment_time(*as_movers(users)) or 0.0
+        pet = compute_pet(*build_trajectories(users)) or 0.0
         asked = ("near_miss", 1, 2, {"target_pet": pet + sign * more})
         assert check(scene(users, asked), MAP).verified is verified
 

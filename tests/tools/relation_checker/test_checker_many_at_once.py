@@ -8,9 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checker_tracks import EAST, NORTH, along, bend, distance, light, line, plus_map, walk
-from scenewright.tools.relation_checker import RoadUser, as_mover, as_movers, gather, lane_gaps
-from scenewright.tools.relation_checker.curve import project, project_each, side_by_side
-from scenewright.tools.relation_checker.signals import Lights
+from scenewright.tools.relation_checker import (
+    RoadUser,
+    build_pair_grid,
+    build_trajectories,
+    build_trajectory,
+    measure_lane_gaps,
+)
+from scenewright.tools.relation_checker.signals import SignalPlan
+from scenewright.tools.relation_checker.track_path import build_lane_table, project, project_each
 
 LENGTHS = st.lists(st.integers(1, 30), min_size=1, max_size=6)
 
@@ -32,8 +38,8 @@ def wanderers(lengths: list[int], seed: int) -> list[RoadUser]:
 @given(LENGTHS, st.integers(0, 10_000))
 def test_kinematics_paths_and_lanes(lengths: list[int], seed: int) -> None:
     users = wanderers(lengths, seed)
-    for together, user in zip(as_movers(users), users, strict=True):
-        alone = as_mover(user)
+    for together, user in zip(build_trajectories(users), users, strict=True):
+        alone = build_trajectory(user)
         for name in ("steps", "velocity", "speed", "acceleration", "lateral_acceleration"):
             np.testing.assert_array_equal(getattr(together, name), getattr(alone, name), name)
         for curve, own in ((together.path, alone.path), (together.lane, alone.lane)):
@@ -44,26 +50,26 @@ def test_kinematics_paths_and_lanes(lengths: list[int], seed: int) -> None:
 
 @given(LENGTHS, st.integers(0, 10_000))
 def test_a_path_goes_through_its_track(lengths: list[int], seed: int) -> None:
-    for mover in as_movers(wanderers(lengths, seed)):
-        path = mover.path
-        if mover.s[-1] < 0.05:
+    for track in build_trajectories(wanderers(lengths, seed)):
+        path = track.path
+        if track.s[-1] < 0.05:
             assert len(path.s) == 1
             continue
-        assert path.s[-1] == pytest.approx(mover.s[-1])
+        assert path.s[-1] == pytest.approx(track.s[-1])
         for k in (0, 1):
-            expected = np.interp(path.s, mover.s, mover.xy[:, k])
+            expected = np.interp(path.s, track.s, track.xy[:, k])
             np.testing.assert_allclose(path.xy[:, k], expected, atol=2e-4)
 
 
 def test_the_acceleration_at_the_ends_is_that_of_the_nearest_fifth_of_a_second() -> None:
-    (mover,) = as_movers([line(1, (0.0, 0.0), EAST, distance(2.0, (1.5, 3.0)))])
-    assert mover.acceleration == pytest.approx(np.full(len(mover), 1.5), abs=0.06)
+    (track,) = build_trajectories([line(1, (0.0, 0.0), EAST, distance(2.0, (1.5, 3.0)))])
+    assert track.acceleration == pytest.approx(np.full(len(track), 1.5), abs=0.06)
     for phases, ends in (
         (((0.0, 3.0), (-12.0, 0.3)), slice(-3, None)),
         (((-12.0, 0.3), (0.0, 3.0)), slice(0, 3)),
     ):
-        (mover,) = as_movers([line(1, (0.0, 0.0), EAST, distance(10.0, *phases))])
-        assert mover.acceleration[ends] == pytest.approx(np.full(3, -10.5), abs=0.06)
+        (track,) = build_trajectories([line(1, (0.0, 0.0), EAST, distance(10.0, *phases))])
+        assert track.acceleration[ends] == pytest.approx(np.full(3, -10.5), abs=0.06)
 
 
 @given(st.integers(0, 10_000))
@@ -71,9 +77,9 @@ def test_each_point_on_a_lane_of_its_own(seed: int) -> None:
     rng = np.random.default_rng(seed)
     turning = along(1, bend((-20.0, 0.0), EAST, 20.0, 10.0, 1.5, 30.0), distance(6.0, (0.0, 9.0)))
     straight = line(2, (3.0, -40.0), NORTH, distance(8.0, (0.0, 9.0)))
-    lanes = [m.lane for m in as_movers([turning, straight])]
+    lanes = [m.lane for m in build_trajectories([turning, straight])]
     points, which = rng.uniform(-40.0, 40.0, (60, 2)), rng.integers(0, 2, 60)
-    found = project_each(points, side_by_side(lanes), which, within=np.full(60, 5.0))
+    found = project_each(points, build_lane_table(lanes), which, within=np.full(60, 5.0))
     for k, n in enumerate(which):
         one = project(points[k], lanes[n])
         if one.lateral < 5.0:
@@ -88,8 +94,10 @@ def test_gaps_in_one_lane_do_not_depend_on_who_else_is_there() -> None:
     s = distance(8.0, (0.0, 6.0))
     pair = [line(1, (0.0, 0.0), EAST, s), line(2, (-16.6, 0.0), EAST, s, at=0.3)]
     others = [line(3, (0.0, 30.0), EAST, s), line(4, (-12.0, 30.0), EAST, s), walk(5, (0, 9), 0, s)]
-    (alone,) = lane_gaps(gather(as_movers(pair)))
-    second, _ = lane_gaps(gather(as_movers([*others[:1], *pair, *others[1:]])))
+    (alone,) = measure_lane_gaps(build_pair_grid(build_trajectories(pair)))
+    second, _ = measure_lane_gaps(
+        build_pair_grid(build_trajectories([*others[:1], *pair, *others[1:]]))
+    )
     assert (alone.follower, second.follower) == (1, 2)
     np.testing.assert_allclose(alone.times, second.times)
     np.testing.assert_allclose(alone.gap, second.gap)
@@ -104,11 +112,11 @@ def test_crossings_of_many_are_those_of_each() -> None:
         *(line(n, (-60.0 - 7.0 * n, -1.75), EAST, s) for n in range(4)),
         *(walk(n, (x, -9.0), NORTH, s / 6) for n, x in enumerate((-8.0, -9.0, 40.0), start=4)),
     ]
-    movers, together = as_movers(users), Lights(plan, ground)
-    together.meet(movers)
-    for mover in movers:
-        assert together.crossings(mover) == Lights(plan, ground).crossings(mover)
+    tracks, together = build_trajectories(users), SignalPlan(plan, ground)
+    together.find_all_crossings(tracks)
+    for track in tracks:
+        assert together.find_crossings(track) == SignalPlan(plan, ground).find_crossings(track)
     # the front, 2.3 m ahead of the centre, reaches the line at x = -12 after 45.7 + 7 n metres
-    times = [c.time for mover in movers[:4] for c in together.crossings(mover)]
+    times = [c.time for track in tracks[:4] for c in together.find_crossings(track)]
     assert times == pytest.approx([(45.7 + 7.0 * n) / 9.0 for n in range(4)], abs=2e-3)
-    assert [len(together.crossings(mover)) for mover in movers[4:]] == [1, 1, 0]
+    assert [len(together.find_crossings(track)) for track in tracks[4:]] == [1, 1, 0]

@@ -27,8 +27,8 @@ from scenewright.scene.events import Proof
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram, VehicleMovement
 from scenewright.scene.record import EventRecord, SceneRecord
 from scenewright.scene.track import Track
-from scenewright.tools.relation_checker import RoadUser, as_mover, check
-from scenewright.tools.relation_checker.entries import entry_of
+from scenewright.tools.relation_checker import RoadUser, build_trajectory, check
+from scenewright.tools.relation_checker.legs import find_entry_leg
 
 MAP = plus_map()
 
@@ -375,8 +375,8 @@ class TestTies:
 
     def test_a_track_that_begins_past_the_middle_comes_from_nowhere(self) -> None:
         late = line(2, (-5.0, 1.75), WEST, distance(8.0, (0.0, 4.0)))
-        assert entry_of(as_mover(late), MAP) is None
-        assert entry_of(as_mover(self.USERS[1]), MAP) == "east"
+        assert find_entry_leg(build_trajectory(late), MAP) is None
+        assert find_entry_leg(build_trajectory(self.USERS[1]), MAP) == "east"
 
     def test_a_tie_names_agents_of_the_scene(self) -> None:
         with pytest.raises(InputError, match="ties name agent 7"):

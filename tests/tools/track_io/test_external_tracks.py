@@ -24,10 +24,10 @@ from checker_tracks import (
 from scenewright.errors import InputError
 from scenewright.graph.run import load_tracks, verify_tracks
 from scenewright.scene.track import VEHICLE_SIZES
-from scenewright.tools.relation_checker import RoadUser, find_events, recording
-from scenewright.tools.relation_checker.recording import off_map, recorded_events
+from scenewright.tools.relation_checker import RoadUser, external_events, find_events
+from scenewright.tools.relation_checker.external_events import find_off_map, find_recorded_events
 from scenewright.tools.track_io import external_tracks
-from scenewright.tools.track_io.external_tracks import ExternalTracks, headings, read_tracks
+from scenewright.tools.track_io.external_tracks import ExternalTracks, compute_headings, read_tracks
 
 TRAJNET = os.environ.get("SCENEWRIGHT_TRAJNET_FILE", "")
 """A TrajNet++ training file, such as biwi_hotel.ndjson."""
@@ -71,14 +71,14 @@ def spot(frame: int, who: int | str, x: object, y: object = 0.0, **more: object)
 @pytest.mark.parametrize("step", [0.04, 0.1, 0.25, 0.4])
 def test_two_cars_collide_at_the_time_on_paper(step: float) -> None:
     users = [resampled(user, step) for user in crossing(0.0)]
-    (event,) = recorded_events(read_tracks(as_csv(users), name="a.csv"))
+    (event,) = find_recorded_events(read_tracks(as_csv(users), name="a.csv"))
     assert (event.type, event.kind) == ("collision", "angle")
     assert event.time == pytest.approx(4.6775, abs=0.01)
     assert event.evidence["relative_speed"] == pytest.approx(10 * np.sqrt(2), abs=0.05)
 
 
 def test_two_cars_pass_with_the_pet_on_paper() -> None:
-    (event,) = recorded_events(read_tracks(as_csv(crossing(1.0)), name="a.csv"))
+    (event,) = find_recorded_events(read_tracks(as_csv(crossing(1.0)), name="a.csv"))
     assert event.type == "near_miss"
     assert event.evidence["pet"] == pytest.approx(0.355, abs=0.03)
 
@@ -86,7 +86,7 @@ def test_two_cars_pass_with_the_pet_on_paper() -> None:
 def test_a_car_yields_to_a_pedestrian_with_and_without_a_map() -> None:
     tracks = read_tracks(as_csv([yielding_car(), crossing_walker()]), name="a.csv")
     for ground in (None, plus_map()):
-        (event,) = recorded_events(tracks, ground=ground)
+        (event,) = find_recorded_events(tracks, intersection_map=ground)
         assert (event.type, event.from_, event.to) == ("yielding", 1, 2)
         assert event.time == pytest.approx(5.3, abs=0.11)
 
@@ -95,7 +95,7 @@ def test_headings_from_motion_change_no_event() -> None:
     users = [moved(user, turn=0.7) for user in (yielding_car(), crossing_walker(), *crossing(1.0))]
     users = [RoadUser(n, user.track, user.shape) for n, user in enumerate(users)]
     told = find_events(users)
-    read = recorded_events(read_tracks(as_csv(users), name="a.csv"))
+    read = find_recorded_events(read_tracks(as_csv(users), name="a.csv"))
     assert [(e.type, e.from_, e.to) for e in read] == [(e.type, e.from_, e.to) for e in told]
     assert [e.time for e in read] == pytest.approx([e.time for e in told], abs=0.1)
 
@@ -105,7 +105,7 @@ def test_clock_times_are_counted_from_the_first_row() -> None:
     tracks = csv_of(*(f"{1_700_000_000 + float(t):.3f},{rest}" for t, rest in rows))
     assert tracks.origin == 1_700_000_000
     assert "1700000000" in tracks.notes[0]
-    assert recorded_events(tracks)[0].time == pytest.approx(4.6775, abs=0.01)
+    assert find_recorded_events(tracks)[0].time == pytest.approx(4.6775, abs=0.01)
 
 
 def test_windows_find_what_is_found_at_one_look(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,23 +117,23 @@ def test_windows_find_what_is_found_at_one_look(monkeypatch: pytest.MonkeyPatch)
         for n, u in enumerate(pairs)
     ]
     tracks = read_tracks(as_csv(users), name="a.csv")
-    whole = recorded_events(tracks)
+    whole = find_recorded_events(tracks)
     assert [e.type for e in whole] == ["yielding", "near_miss", "collision"]
-    monkeypatch.setattr(recording, "ROOM", 500)
-    monkeypatch.setattr(recording, "CONTEXT", 15.0)
-    assert recorded_events(tracks) == whole
+    monkeypatch.setattr(external_events, "MOST_PAIR_SAMPLES", 500)
+    monkeypatch.setattr(external_events, "CONTEXT", 15.0)
+    assert find_recorded_events(tracks) == whole
 
 
 def test_too_many_at_once_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording, "ROOM", 2)
-    monkeypatch.setattr(recording, "MOST", 20)
+    monkeypatch.setattr(external_events, "MOST_PAIR_SAMPLES", 2)
+    monkeypatch.setattr(external_events, "MOST_FORCED", 20)
     with pytest.raises(InputError, match="too many at once"):
-        recorded_events(read_tracks(as_csv(crossing(0.0)), name="a.csv"))
+        find_recorded_events(read_tracks(as_csv(crossing(0.0)), name="a.csv"))
 
 
 def test_who_is_off_the_map_is_named() -> None:
     tracks = csv_of("0,1,car,-20,-1.7", "0.1,1,car,-19,-1.7", "0,2,car,50,50", "0.1,2,car,51,50")
-    (finding,) = off_map(tracks, plus_map())
+    (finding,) = find_off_map(tracks, plus_map())
     assert (finding.rule, finding.agents) == ("off_road", (2,))
 
 
@@ -183,7 +183,7 @@ def test_a_gap_makes_two_agents_that_do_not_meet() -> None:
     ]
     assert tracks.names == {7: "7", 8: "7"}
     assert "gaps" in tracks.notes[0]
-    assert recorded_events(tracks) == ()
+    assert find_recorded_events(tracks) == ()
 
 
 def test_times_rounded_to_milliseconds_are_even() -> None:
@@ -197,20 +197,22 @@ def test_the_heading_is_held_at_standstill() -> None:
     x = np.concatenate((np.arange(0.0, 10.0, 0.5), np.full(40, 10.0), np.arange(10.0, 15.0, 0.5)))
     xy = np.stack((np.zeros(len(x)), x), axis=1)
     xy[20:60] += rng.normal(0.0, 0.02, (40, 2))
-    found = headings(xy, step=0.1, least=0.5)
+    found = compute_headings(xy, step=0.1, least=0.5)
     assert found == pytest.approx(np.pi / 2, abs=0.15)
     assert np.ptp(found[26:54]) == 0.0
 
 
 def test_headings_follow_a_bend() -> None:
     angle = np.linspace(0.0, 2 * np.pi, 100)
-    found = headings(10 * np.stack((np.cos(angle), np.sin(angle)), axis=1), step=0.1, least=0.5)
+    found = compute_headings(
+        10 * np.stack((np.cos(angle), np.sin(angle)), axis=1), step=0.1, least=0.5
+    )
     assert found[1:-1] == pytest.approx(angle[1:-1] + np.pi / 2, abs=0.01)
 
 
 def test_who_never_moves_faces_somewhere() -> None:
-    assert headings(np.ones((1, 2)), step=0.1, least=0.5).tolist() == [0.0]
-    assert headings(np.ones((9, 2)), step=0.1, least=0.5).tolist() == [0.0] * 9
+    assert compute_headings(np.ones((1, 2)), step=0.1, least=0.5).tolist() == [0.0]
+    assert compute_headings(np.ones((9, 2)), step=0.1, least=0.5).tolist() == [0.0] * 9
 
 
 def test_trajnet_frames_become_seconds() -> None:
@@ -233,7 +235,7 @@ def test_trajnet_scenes_may_set_the_clock() -> None:
 
 def test_two_pedestrians_run_into_each_other() -> None:
     rows = [spot(k, n, sign * (4.0 - 0.4 * k)) for k in range(15) for n, sign in ((1, 1), (2, -1))]
-    (event,) = recorded_events(ndjson(*rows))
+    (event,) = find_recorded_events(ndjson(*rows))
     # 0.6 m apart after 3.7 m each, at 1 m/s
     assert event.type == "collision"
     assert event.time == pytest.approx(3.7, abs=0.01)

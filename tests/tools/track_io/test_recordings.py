@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scenewright.errors import InputError
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, vehicle_shape
-from scenewright.tools.relation_checker import RoadUser, as_mover
+from scenewright.tools.relation_checker import RoadUser, build_trajectory
 from scenewright.tools.track_io import (
     RecordedAgent,
     Recording,
@@ -21,11 +21,11 @@ from scenewright.tools.track_io import (
     save_recordings,
 )
 from scenewright.tools.track_io.cleaning import (
-    Removed,
-    SeenTrack,
-    cleaned,
-    held_course,
-    jitter,
+    CleaningReport,
+    RawTrack,
+    clean_track,
+    compute_course,
+    measure_jitter,
 )
 from scenewright.tools.track_io.taf_bw import read_taf_bw
 
@@ -111,7 +111,7 @@ def test_a_window_holds_everybody_with_the_right_positions(recording):
 def test_fine_and_coarse_windows_agree(recording):
     fine = next(cut_windows(recording, steps=81, every=1))
     coarse = next(cut_windows(recording, steps=21, every=4))
-    again = fine.every(4)
+    again = fine.subsample(4)
     assert again.members.tolist() == coarse.members.tolist()
     assert again.step == pytest.approx(coarse.step)
     for name in ("xy", "heading", "present"):
@@ -168,7 +168,7 @@ def test_constant_jerk_is_found():
 def test_derivatives_are_those_of_the_checker(seed, count):
     xy = np.cumsum(np.random.default_rng(seed).normal(0.3, 0.2, (count, 2)), axis=0)
     done = compute_kinematics(xy)
-    mover = as_mover(RoadUser(1, Track(xy, np.zeros(count), 0.0), vehicle_shape()))
+    mover = build_trajectory(RoadUser(1, Track(xy, np.zeros(count), 0.0), vehicle_shape()))
     here = slice(done.first, done.first + len(done))
     assert len(done) == max(count - 10, 0)
     assert done.speed == pytest.approx(mover.speed[here])
@@ -190,14 +190,14 @@ def test_smoothing_leaves_straight_motion_and_takes_noise_away():
 def test_jitter_is_the_size_of_the_noise():
     rng = np.random.default_rng(0)
     even = straight(0.0, 500).xy
-    assert jitter(even).max() < 1e-9
-    usual = np.median(jitter(even + rng.normal(0.0, 0.1, even.shape)))
+    assert measure_jitter(even).max() < 1e-9
+    usual = np.median(measure_jitter(even + rng.normal(0.0, 0.1, even.shape)))
     assert 0.06 < usual < 0.14
 
 
 def one_cleaned(kind, time, xy, *, settling=0.0):
-    removed = Removed()
-    tracks = list(cleaned(SeenTrack(kind, time, xy, settling), smoothing=0.0, removed=removed))
+    removed = CleaningReport()
+    tracks = list(clean_track(RawTrack(kind, time, xy, settling), smoothing=0.0, removed=removed))
     return tracks, removed
 
 
@@ -241,14 +241,14 @@ def test_what_cannot_be_is_removed_with_its_reason(kind, speed, count, reason):
     kept, removed = one_cleaned(kind, track.times, track.xy)
     assert not kept
     assert [reason in word for word in removed.pieces] == [True]
-    assert any(reason in line for line in removed.lines())
+    assert any(reason in line for line in removed.format_lines())
 
 
 def test_a_course_is_held_while_nobody_moves():
     track = np.concatenate([straight(0.0, 20).xy, np.tile(straight(0.0, 20).xy[-1], (20, 1))])
     turned = np.column_stack([-track[:, 1], track[:, 0]])
-    assert held_course(turned) == pytest.approx(math.pi / 2)
-    assert held_course(np.zeros((5, 2))) == pytest.approx(0.0)
+    assert compute_course(turned) == pytest.approx(math.pi / 2)
+    assert compute_course(np.zeros((5, 2))) == pytest.approx(0.0)
 
 
 def rows(word, number, *, speed, count, noise=0.0):

@@ -29,7 +29,7 @@ from scenewright.evals.realism.scenes import Played, cut_scenes
 from scenewright.evals.realism.stops import MEASURES, Stop, Yields, all_stops, yield_stops
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.relation_checker import as_movers
+from scenewright.tools.relation_checker import build_trajectories
 from scenewright.tools.track_io import Recording
 from scenewright.tools.track_io.taf_bw import RealTracks
 
@@ -103,7 +103,7 @@ def seen(
     measured = [yield_stops(scene, intersection_map=intersection_map) for scene in scenes]
     halves = side if side is not None else [k % 2 == 0 for k in range(len(scenes))]
     anybody = (
-        tuple(all_stops(as_movers(list(scene.users)), intersection_map=intersection_map))
+        tuple(all_stops(build_trajectories(list(scene.users)), intersection_map=intersection_map))
         for scene in scenes
     )
     return Seen(
@@ -277,7 +277,7 @@ def _facts(
             )
         for site, removed in real.removed.items():
             jitter = real.jitter[site]
-            facts[f"taf-bw {site}"] = f"jitter {jitter:.3f} m; " + "; ".join(removed.lines())
+            facts[f"taf-bw {site}"] = f"jitter {jitter:.3f} m; " + "; ".join(removed.format_lines())
     return facts
 
 

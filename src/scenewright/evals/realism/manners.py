@@ -24,7 +24,7 @@ from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.yielding_behavior import LEVELS, Quantiles, YieldingBehavior, YieldingModel
 from scenewright.tools.gmm_sampler.behavior_files import Pace, Paces, to_json
-from scenewright.tools.relation_checker import Mover, observe
+from scenewright.tools.relation_checker import Trajectory, observe
 from scenewright.tools.track_io import load_recordings
 
 FEWEST = 20
@@ -67,9 +67,13 @@ def cases(scenes: Iterable[Played], *, intersection_map: IntersectionMap) -> Ite
     """
     for scene in scenes:
         found = observe(
-            scene.users, ground=intersection_map, signals=scene.signals, asked=(), detailed=()
+            scene.users,
+            intersection_map=intersection_map,
+            signals=scene.signals,
+            asked=(),
+            detailed=(),
         )
-        movers = {mover.id: mover for mover in found.movers}
+        movers = {mover.id: mover for mover in found.tracks}
         standing: dict[tuple[int, float], Case] = {}
         rolling: dict[int, Case] = {}
         for event in found.events:
@@ -97,7 +101,7 @@ def _distance(case: Case) -> float:
 
 
 def _case(
-    event: Event, movers: dict[int, Mover], scene: Played, intersection_map: IntersectionMap
+    event: Event, movers: dict[int, Trajectory], scene: Played, intersection_map: IntersectionMap
 ) -> Case:
     giver, seen = movers[event.from_], event.evidence
     pair = (giver.type, movers[event.to].type)

@@ -12,7 +12,7 @@ import numpy as np
 from scenewright.evals.realism.prior_goals import Way, WayOf, abreast, driven
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
-from scenewright.tools.track_io import Recording, Window, cut_windows
+from scenewright.tools.track_io import Recording, RecordingWindow, cut_windows
 from scenewright.tools.track_io.recording import IntArray
 from scenewright.tools.track_io.windows import TRAJNET_EVERY, BoolArray
 
@@ -82,7 +82,9 @@ def _in_whole_scenes(recording: Recording) -> Recording:
     return replace(recording, end=recording.begin + max(scenes, 1) * scene)
 
 
-def _task(recording: Recording, window: Window, before_end: int, way_of: WayOf | None) -> Task:
+def _task(
+    recording: Recording, window: RecordingWindow, before_end: int, way_of: WayOf | None
+) -> Task:
     members = [recording.agents[k] for k in window.members]
     kept = [k for k, agent in enumerate(members) if agent.subtype != "bicycle"]
     there = window.present[kept]

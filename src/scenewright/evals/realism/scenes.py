@@ -20,7 +20,7 @@ from scenewright.scene.record import SceneRecord, SignalRecord
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 from scenewright.tools.relation_checker import RoadUser, read_users
-from scenewright.tools.track_io import Recording, Window, cut_windows
+from scenewright.tools.track_io import Recording, RecordingWindow, cut_windows
 
 LENGTH = 30.0
 """Of the scenes cut from a corpus [s]: that of the longest scenes we make."""
@@ -121,7 +121,9 @@ def cut_scenes(
             yield recording.name, _played(window, recording, intersection_map)
 
 
-def _played(window: Window, recording: Recording, intersection_map: IntersectionMap) -> Played:
+def _played(
+    window: RecordingWindow, recording: Recording, intersection_map: IntersectionMap
+) -> Played:
     users = (
         RoadUser(number, track, recording.agents[member].shape)
         for number, (member, track) in enumerate(zip(window.members, _tracks(window), strict=True))
@@ -138,7 +140,7 @@ def _played(window: Window, recording: Recording, intersection_map: Intersection
     return Played(tuple(user for user in users if len(user.track.xy) > 1), tuple(signals))
 
 
-def _tracks(window: Window) -> Iterator[Track]:
+def _tracks(window: RecordingWindow) -> Iterator[Track]:
     """Each agent's track in time of the window; recorded tracks have no gaps."""
     for xy, heading, present in zip(window.xy, window.heading, window.present, strict=True):
         first = int(np.argmax(present))

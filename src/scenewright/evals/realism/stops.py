@@ -17,7 +17,7 @@ from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker import Mover, observe
+from scenewright.tools.relation_checker import Trajectory, observe
 
 STANDING = 0.3
 SHORTEST = 0.5
@@ -85,15 +85,19 @@ def yield_stops(
 ) -> tuple[tuple[Stop, ...], Yields]:
     """The stops of everybody who gives way in a scene, one for each giver."""
     found = observe(
-        scene.users, ground=intersection_map, signals=scene.signals, asked=scene.asked, detailed=()
+        scene.users,
+        intersection_map=intersection_map,
+        signals=scene.signals,
+        asked=scene.asked,
+        detailed=(),
     )
-    movers = {mover.id: mover for mover in found.movers}
+    movers = {mover.id: mover for mover in found.tracks}
     stops: dict[int, Stop] = {}
     givers: dict[int, bool] = {}
     for event in found.events:
         if event.type != "yielding":
             continue
-        stop = given_way(movers[event.from_], event, scene, intersection_map, found.movers)
+        stop = given_way(movers[event.from_], event, scene, intersection_map, found.tracks)
         givers[event.from_] = givers.get(event.from_, False) or stop is not None
         if stop is not None:
             stops[event.from_] = _nearer(stops.get(event.from_), stop)
@@ -111,11 +115,11 @@ def _nearer(known: Stop | None, other: Stop) -> Stop:
 
 
 def given_way(
-    giver: Mover,
+    giver: Trajectory,
     event: Event,
     scene: Played,
     intersection_map: IntersectionMap,
-    everybody: Sequence[Mover],
+    everybody: Sequence[Trajectory],
 ) -> Stop | None:
     """The last standstill between the giver's slowing and its entering the zone, if it stood."""
     begin = float(event.evidence["begins_to_slow"])
@@ -139,7 +143,7 @@ def given_way(
     return replace(stop, asked=asked, gap=gap, to=to, alone=alone)
 
 
-def _others_pass(giver: Mover, stand: slice, to: int, everybody: Iterable[Mover]) -> bool:
+def _others_pass(giver: Trajectory, stand: slice, to: int, everybody: Iterable[Trajectory]) -> bool:
     """Whether anybody but `to` goes over the way ahead of a standing agent."""
     last = stand.stop - 1
     driven = giver.s - giver.s[last]
@@ -158,7 +162,7 @@ def _others_pass(giver: Mover, stand: slice, to: int, everybody: Iterable[Mover]
     return False
 
 
-def _queues(giver: Mover, k: int, gap: float, everybody: Iterable[Mover]) -> bool:
+def _queues(giver: Trajectory, k: int, gap: float, everybody: Iterable[Trajectory]) -> bool:
     """Whether another of its class stands in its way before what it waits for."""
     forward = np.array([np.cos(giver.heading[k]), np.sin(giver.heading[k])])
     for other in everybody:
@@ -179,16 +183,16 @@ def _queues(giver: Mover, k: int, gap: float, everybody: Iterable[Mover]) -> boo
 
 
 def all_stops(
-    movers: Iterable[Mover], *, intersection_map: IntersectionMap | None
+    tracks: Iterable[Trajectory], *, intersection_map: IntersectionMap | None
 ) -> Iterator[Stop]:
     """Every stop of everybody, whatever its reason: what tracks without signals still show."""
-    for mover in movers:
+    for mover in tracks:
         for stand in standstills(mover):
             if stand.start and float(mover.speed[: stand.start].max()) >= MOVED[mover.type]:
                 yield _measured(mover, stand, intersection_map, yields=False)
 
 
-def standstills(mover: Mover) -> list[slice]:
+def standstills(mover: Trajectory) -> list[slice]:
     """Samples of each standstill of 0.5 s or longer."""
     still = mover.speed <= STANDING
     edges = np.flatnonzero(np.diff(still.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
@@ -197,7 +201,7 @@ def standstills(mover: Mover) -> list[slice]:
 
 
 def _measured(
-    mover: Mover,
+    mover: Trajectory,
     stand: slice,
     intersection_map: IntersectionMap | None,
     *,
@@ -222,7 +226,7 @@ def _measured(
     )
 
 
-def _braking(mover: Mover, span: slice) -> tuple[float | None, float | None]:
+def _braking(mover: Trajectory, span: slice) -> tuple[float | None, float | None]:
     """Hardest braking before a standstill, and the mean from the largest speed to its beginning."""
     speed = mover.speed[span]
     top = int(np.flatnonzero(speed >= BEGUN * speed.max())[-1])
@@ -234,7 +238,7 @@ def _braking(mover: Mover, span: slice) -> tuple[float | None, float | None]:
     return float(-mover.acceleration[span].min()), float((speed[top] - speed[-1]) / taken)
 
 
-def _starting(mover: Mover, span: slice) -> tuple[float | None, float | None]:
+def _starting(mover: Trajectory, span: slice) -> tuple[float | None, float | None]:
     """Strongest acceleration after a standstill, and the mean over its first 2 s."""
     speed = mover.speed[span]
     first = round(2.0 / STEP)
@@ -243,7 +247,7 @@ def _starting(mover: Mover, span: slice) -> tuple[float | None, float | None]:
     return float(mover.acceleration[span][:-3].max()), float((speed[first] - speed[0]) / 2.0)
 
 
-def line_gap(mover: Mover, k: int, intersection_map: IntersectionMap) -> float | None:
+def line_gap(mover: Trajectory, k: int, intersection_map: IntersectionMap) -> float | None:
     """Distance from a vehicle's front to the stop line straight ahead of it [m].
 
     None for pedestrians and where no line lies within 12 m ahead (or 1 m behind) of the front.

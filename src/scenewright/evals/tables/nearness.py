@@ -17,7 +17,7 @@ from scenewright.evals.realism.scenes import Played
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.relation_checker import Observation, RoadUser, observe
+from scenewright.tools.relation_checker import RoadUser, SceneObservation, observe
 from scenewright.tools.track_io import Recording
 
 STANDING = 0.3
@@ -35,7 +35,7 @@ class Watched:
     """A scene with all that the checker measures in it."""
 
     scene: Played
-    seen: Observation
+    seen: SceneObservation
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def watch(
     for scene in scenes:
         seen = observe(
             scene.users,
-            ground=intersection_map,
+            intersection_map=intersection_map,
             signals=scene.signals,
             asked=scene.asked,
             detailed=(),
@@ -126,24 +126,24 @@ def _motion(scene: Played, kind: AgentClass, smoothing: float) -> tuple[FloatArr
     )
 
 
-def headways(seen: Observation) -> FloatArray:
+def headways(seen: SceneObservation) -> FloatArray:
     """Time headways of vehicles [s], every 0.2 s."""
     parts = [np.zeros(0)]
     for lane in seen.lanes:
-        if seen.movers[lane.follower].is_vehicle:
+        if seen.tracks[lane.follower].is_vehicle:
             value = lane.headway[(lane.speed > CREEP) & (lane.leader >= 0)]
             parts.append(value[value <= MOST_HEADWAY])
     return np.concatenate(parts)
 
 
-def pets(seen: Observation, pair: str) -> FloatArray:
+def pets(seen: SceneObservation, pair: str) -> FloatArray:
     """PET of every encounter of two classes [s]."""
     walkers = 0 if pair == "vehicle-vehicle" else 1
     return np.array(
         [
             each.pet
-            for each in seen.meetings
-            if sum(not seen.movers[k].is_vehicle for k in (each.first, each.second)) == walkers
+            for each in seen.encounters
+            if sum(not seen.tracks[k].is_vehicle for k in (each.first, each.second)) == walkers
         ]
     )
 

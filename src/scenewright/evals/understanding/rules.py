@@ -20,7 +20,7 @@ from scenewright.scene.events import Event
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP, Shape, Track
 from scenewright.tools.relation_checker import RoadUser, find_events
-from scenewright.tools.track_io.external_tracks import headings
+from scenewright.tools.track_io.external_tracks import compute_headings
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.model import Refiner
@@ -112,7 +112,7 @@ def findings(observation: Observation, predict: Predictor) -> tuple[Event, ...]:
     ]
     signals = [SignalRecord.model_validate(each.model_dump()) for each in observation.lights]
     seen = find_events(
-        users, ground=intersection_map, signals=signals, until=observation.now + AHEAD
+        users, intersection_map=intersection_map, signals=signals, until=observation.now + AHEAD
     )
     return tuple(event for event in seen if event.type in RELATIONS)
 
@@ -127,7 +127,7 @@ def _user(n: int, agent: Seen, ahead: FloatArray, extent: float) -> RoadUser | N
         xy, ahead = agent.xy, ahead[:0]
     if len(xy) < 2:
         return None
-    told = headings(xy, step=STEP, least=TRACE[agent.type])[len(agent.xy) :]
+    told = compute_headings(xy, step=STEP, least=TRACE[agent.type])[len(agent.xy) :]
     turn = np.round((agent.heading[-1] - told[:1]) / (2 * np.pi)) * 2 * np.pi
     moves = len(told) > 0 and float(np.hypot(*(xy[-1] - agent.xy[-1]))) > TRACE[agent.type]
     later = told + turn if moves else np.full(len(told), agent.heading[-1])

@@ -4,69 +4,81 @@
 are public too: contact and clearance, conflict zones and stays, PET, TTC, DRAC, free speed, gaps.
 """
 
-from scenewright.tools.relation_checker.collisions import impact, kind_of
+from scenewright.tools.relation_checker.collisions import classify_collision, measure_impact
+from scenewright.tools.relation_checker.conflict_zones import (
+    PathConflictZone,
+    ZoneOccupancy,
+    find_conflict_zones,
+    find_zone_occupancy,
+    get_swept_path,
+    path_of,
+)
 from scenewright.tools.relation_checker.contact import (
-    Contact,
-    Crowd,
-    clearance,
-    common_times,
-    first_contact,
-    gather,
-    least_clearance,
+    FirstContact,
+    PairGrid,
+    build_pair_grid,
+    compute_clearance,
+    find_common_times,
+    find_first_contact,
+    find_least_clearance,
 )
 from scenewright.tools.relation_checker.encroachment import (
     Encounter,
-    encounters,
-    post_encroachment_time,
+    compute_pet,
+    find_encounters,
 )
-from scenewright.tools.relation_checker.following import followings, lane_gaps
-from scenewright.tools.relation_checker.motion import Mover, RoadUser, as_mover, as_movers
-from scenewright.tools.relation_checker.observation import Observation, find_events, observe
-from scenewright.tools.relation_checker.paths import (
-    Stay,
-    Zone,
-    conflict_zones,
-    path_of,
-    swept_path,
-    zone_stay,
+from scenewright.tools.relation_checker.events import SceneObservation, find_events, observe
+from scenewright.tools.relation_checker.following import find_followings, measure_lane_gaps
+from scenewright.tools.relation_checker.surrogates import (
+    compute_drac,
+    compute_path_ttc,
+    compute_ttc_2d,
 )
-from scenewright.tools.relation_checker.surrogates import drac, path_ttc, ttc_2d
+from scenewright.tools.relation_checker.trajectory import (
+    RoadUser,
+    Trajectory,
+    build_trajectories,
+    build_trajectory,
+)
 from scenewright.tools.relation_checker.verdict import check, read_users
-from scenewright.tools.relation_checker.yielding import approach_speed, free_drive
+from scenewright.tools.relation_checker.yielding import (
+    compute_approach_speed,
+    compute_free_speed_profile,
+)
 
 __all__ = [
-    "Contact",
-    "Crowd",
     "Encounter",
-    "Mover",
-    "Observation",
+    "FirstContact",
+    "PairGrid",
+    "PathConflictZone",
     "RoadUser",
-    "Stay",
-    "Zone",
-    "approach_speed",
-    "as_mover",
-    "as_movers",
+    "SceneObservation",
+    "Trajectory",
+    "ZoneOccupancy",
+    "build_pair_grid",
+    "build_trajectories",
+    "build_trajectory",
     "check",
-    "clearance",
-    "common_times",
-    "conflict_zones",
-    "drac",
-    "encounters",
+    "classify_collision",
+    "compute_approach_speed",
+    "compute_clearance",
+    "compute_drac",
+    "compute_free_speed_profile",
+    "compute_path_ttc",
+    "compute_pet",
+    "compute_ttc_2d",
+    "find_common_times",
+    "find_conflict_zones",
+    "find_encounters",
     "find_events",
-    "first_contact",
-    "followings",
-    "free_drive",
-    "gather",
-    "impact",
-    "kind_of",
-    "lane_gaps",
-    "least_clearance",
+    "find_first_contact",
+    "find_followings",
+    "find_least_clearance",
+    "find_zone_occupancy",
+    "get_swept_path",
+    "measure_impact",
+    "measure_lane_gaps",
     "observe",
     "path_of",
-    "path_ttc",
-    "post_encroachment_time",
     "read_users",
-    "swept_path",
-    "ttc_2d",
-    "zone_stay",
 ]

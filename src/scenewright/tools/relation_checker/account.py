@@ -8,10 +8,10 @@ from scenewright.scene.account import SaidRecord
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
-from scenewright.tools.relation_checker.entries import entry_of, exit_of
-from scenewright.tools.relation_checker.observation import Observation
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 
-_WAYS = ("entry", "exit", "movement", "crosswalk")
+_ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
 """Checked elsewhere, as conditions on relations, ties and lights, or saying nothing of tracks."""
 
@@ -21,8 +21,8 @@ _DAY = 24 * 60
 def check_account(
     scene: SceneRecord,
     events: Sequence[Event],
-    seen: Observation,
-    intersection: IntersectionMap | None,
+    observed: SceneObservation,
+    intersection_map: IntersectionMap | None,
 ) -> tuple[tuple[SaidRecord, ...], tuple[Finding, ...]]:
     """The account with evidence, and a finding for every entry that the scene does not bear out.
 
@@ -36,9 +36,9 @@ def check_account(
             status = "manner" if entry.became == "manner" else "unrealised"
             account.append(entry.model_copy(update={"status": status}))
             continue
-        evidence = _Witness(scene, events, seen, intersection).find(entry)
+        evidence = _EvidenceFinder(scene, events, observed, intersection_map).find(entry)
         if evidence is None:
-            findings.append(_contradicted(entry))
+            findings.append(_report_contradiction(entry))
             account.append(entry.model_copy(update={"status": "claimed", "evidence": None}))
         else:
             update = {"status": "realised", "evidence": evidence}
@@ -46,7 +46,7 @@ def check_account(
     return tuple(account), tuple(findings)
 
 
-def _contradicted(entry: SaidRecord) -> Finding:
+def _report_contradiction(entry: SaidRecord) -> Finding:
     value = f" {entry.value}" if entry.value else ""
     return Finding(
         rule="said_not_realised",
@@ -55,48 +55,48 @@ def _contradicted(entry: SaidRecord) -> Finding:
     )
 
 
-class _Witness:
+class _EvidenceFinder:
     """What a scene shows for the entries of its account."""
 
     def __init__(
         self,
         scene: SceneRecord,
         events: Sequence[Event],
-        seen: Observation,
-        intersection: IntersectionMap | None,
+        observed: SceneObservation,
+        intersection_map: IntersectionMap | None,
     ) -> None:
-        self._scene, self._events, self._seen = scene, events, seen
-        self._map = intersection
+        self._scene, self._events, self._seen = scene, events, observed
+        self._map = intersection_map
         self._agents = {agent.id: agent for agent in scene.agents}
-        self._movers = {mover.id: mover for mover in seen.movers}
+        self._tracks = {track.id: track for track in observed.tracks}
 
     def find(self, entry: SaidRecord) -> str | None:
         """Evidence for an entry; None where there is none."""
         if any(number not in self._agents for number in entry.agents):
             return None
-        if entry.became in _WAYS:
-            return self._way(entry)
+        if entry.became in _ROUTE_WORDS:
+            return self._find_route(entry)
         match entry.became:
             case "agent":
-                return self._present(entry)
+                return self._find_presence(entry)
             case "runs_red":
-                return self._red_run(entry)
+                return self._find_red_run(entry)
             case "relation":
-                return self._event(entry)
+                return self._find_event(entry)
             case "cause":
-                return self._braking(entry)
+                return self._find_braking(entry)
             case "time_of_day":
-                return self._time(entry.value)
+                return self._find_time(entry.value)
             case "density":
-                return self._density(entry.value)
+                return self._find_density(entry.value)
             case "background":
-                return self._background()
+                return self._count_background()
             case "normal" | "denied":
-                return self._absence(entry)
+                return self._find_absence(entry)
             case _:
                 return "no claim on the tracks by itself"
 
-    def _present(self, entry: SaidRecord) -> str | None:
+    def _find_presence(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]
         if entry.value in ("vehicle", "pedestrian") and any(a.type != entry.value for a in agents):
             return None
@@ -105,43 +105,43 @@ class _Witness:
             return None
         return ", ".join(f"agent {a.id} ({a.subtype or a.type})" for a in agents) or "words alone"
 
-    def _way(self, entry: SaidRecord) -> str | None:
+    def _find_route(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]
         if any(getattr(agent, entry.became) != entry.value for agent in agents):
             return None
-        observed = [self._observed(agent, entry.became) for agent in agents]
+        observed = [self._find_observed_leg(agent, entry.became) for agent in agents]
         if any(side not in (None, entry.value) for side in observed):
             return None
         return f"{entry.became} {entry.value} on the track of " + ", ".join(
             f"agent {agent.id}" for agent in agents
         )
 
-    def _observed(self, agent: AgentRecord, field: str) -> str | None:
+    def _find_observed_leg(self, agent: AgentRecord, field: str) -> str | None:
         """The leg that the track itself shows, where it can be told."""
         if self._map is None or agent.type != "vehicle":
             return None
-        mover = self._movers[agent.id]
+        track = self._tracks[agent.id]
         if field == "entry":
-            return entry_of(mover, self._map)
-        return exit_of(mover, self._map) if field == "exit" else None
+            return find_entry_leg(track, self._map)
+        return find_exit_leg(track, self._map) if field == "exit" else None
 
-    def _red_run(self, entry: SaidRecord) -> str | None:
+    def _find_red_run(self, entry: SaidRecord) -> str | None:
         if self._map is None or not self._scene.signals:
             return "lights were not checked"
         for number in entry.agents:
-            runs = list(self._seen.lights.ran_red(self._movers[number]))
+            runs = list(self._seen.lights.find_red_crossings(self._tracks[number]))
             if not runs:
                 return None
         return f"passes red at {runs[0].time:.1f} s" if entry.agents else None
 
-    def _event(self, entry: SaidRecord) -> str | None:
+    def _find_event(self, entry: SaidRecord) -> str | None:
         kind = EVENT_OF_RELATION.get(entry.value or "")
         for event in self._events:
             if event.type == kind and {event.from_, event.to} == set(entry.agents):
                 return f"{event.type} of {event.from_} and {event.to} at {event.time:.1f} s"
         return None
 
-    def _braking(self, entry: SaidRecord) -> str | None:
+    def _find_braking(self, entry: SaidRecord) -> str | None:
         for event in self._events:
             brakes = event.evidence.get("late_brake")
             if event.cause == "late_brake":
@@ -150,25 +150,25 @@ class _Witness:
                 return f"agent {brakes} brakes hard in the {event.type} at {event.time:.1f} s"
         return None
 
-    def _time(self, value: str | None) -> str | None:
+    def _find_time(self, value: str | None) -> str | None:
         own = self._scene.meta.time_of_day
-        if value is None or not _within(own, value):
+        if value is None or not _is_within(own, value):
             return None
         return f"the scene is at {own}"
 
-    def _density(self, value: str | None) -> str | None:
+    def _find_density(self, value: str | None) -> str | None:
         if value not in ("low", "medium", "high"):
             return "ordinary traffic"
         return f"density {value}" if self._scene.meta.density == value else None
 
-    def _background(self) -> str:
+    def _count_background(self) -> str:
         kinds = [agent.type for agent in self._scene.agents if agent.role == "background"]
         return (
             f"{kinds.count('vehicle')} vehicles and {kinds.count('pedestrian')} pedestrians "
             "in the background"
         )
 
-    def _absence(self, entry: SaidRecord) -> str | None:
+    def _find_absence(self, entry: SaidRecord) -> str | None:
         kind = EVENT_OF_RELATION.get(entry.value or "")
         between = set(entry.agents)
         asked = {frozenset((r.from_, r.to)) for r in self._scene.relations}
@@ -184,16 +184,16 @@ class _Witness:
         return "nothing of the kind observed"
 
 
-def _within(time: str, span: str) -> bool:
+def _is_within(time: str, span: str) -> bool:
     """Whether HH:MM lies in HH:MM or HH:MM-HH:MM, which may pass midnight.
 
     >>> _within("23:40", "23:30-00:30"), _within("08:00", "08:00"), _within("09:00", "08:00")
     (True, True, False)
     """
     first, _, last = span.partition("-")
-    start, own = _minute(first), _minute(time)
-    return (own - start) % _DAY <= (_minute(last or first) - start) % _DAY
+    start, own = _parse_minutes(first), _parse_minutes(time)
+    return (own - start) % _DAY <= (_parse_minutes(last or first) - start) % _DAY
 
 
-def _minute(text: str) -> int:
+def _parse_minutes(text: str) -> int:
     return int(text[:2]) * 60 + int(text[3:5])

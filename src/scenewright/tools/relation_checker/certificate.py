@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenewright.scene.events import Event, Finding
-from scenewright.tools.relation_checker.contact import Crowd, gap_at
+from scenewright.tools.relation_checker.contact import PairGrid, compute_gaps_at
+from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.following import LaneGaps
-from scenewright.tools.relation_checker.motion import Mover
-from scenewright.tools.relation_checker.observation import Observation
+from scenewright.tools.relation_checker.trajectory import Trajectory
 
 MIN_CLEARANCE = 0.5
 FOREGROUND_PET = 1.5
@@ -25,19 +25,19 @@ Pair = frozenset[int]
 
 
 @dataclass(frozen=True)
-class Roles:
+class AgentRoles:
     """Who is in the foreground, and which pairs a relation binds, by ids."""
 
     foreground: frozenset[int]
     bound: frozenset[Pair]
 
-    def watched(self, pair: Pair) -> bool:
+    def involves_foreground(self, pair: Pair) -> bool:
         """Whether a foreground agent is one of the two."""
         return bool(pair & self.foreground)
 
 
-def interference(
-    seen: Observation, roles: Roles, *, expected: frozenset[int]
+def check_interference(
+    observed: SceneObservation, roles: AgentRoles, *, expected: frozenset[int]
 ) -> tuple[Finding, ...]:
     """Everything that happens and was not asked for.
 
@@ -45,28 +45,28 @@ def interference(
         expected: positions in `seen.events` of the events that realise a relation.
     """
     return (
-        *(_unasked(e) for k, e in enumerate(seen.events)
+        *(_report_unasked(e) for k, e in enumerate(observed.events)
           if k not in expected and not is_incidental(e, roles)),
-        *_contacts(seen),
-        *_too_close(seen, roles),
-        *_encroachments(seen, roles),
-        *(f for lane in seen.lanes for f in _queueing(lane, seen.movers, roles)),
+        *_check_contacts(observed),
+        *_check_clearances(observed, roles),
+        *_check_encroachments(observed, roles),
+        *(f for lane in observed.lanes for f in _check_queueing(lane, observed.tracks, roles)),
     )  # fmt: skip
 
 
-def is_incidental(event: Event, roles: Roles) -> bool:
+def is_incidental(event: Event, roles: AgentRoles) -> bool:
     """A follow; or, between unbound background agents, a yield or a near miss with PET > 1 s."""
     if event.type == "follow":
         return True
     pair = frozenset((event.from_, event.to))
-    if roles.watched(pair) or pair in roles.bound:
+    if roles.involves_foreground(pair) or pair in roles.bound:
         return False
     if event.type == "yielding":
         return float(event.evidence.get("pet", np.inf)) > BACKGROUND_PET
     return event.type == "near_miss" and float(event.evidence.get("pet", 0.0)) > BACKGROUND_PET
 
 
-def _unasked(event: Event) -> Finding:
+def _report_unasked(event: Event) -> Finding:
     return Finding(
         rule=f"unasked_{event.type}", agents=(event.from_, event.to), time=event.time,
         detail=f"{event.type} of {event.from_} and {event.to} at {event.time:.1f} s, "
@@ -74,11 +74,11 @@ def _unasked(event: Event) -> Finding:
     )  # fmt: skip
 
 
-def _contacts(seen: Observation) -> Iterator[Finding]:
+def _check_contacts(observed: SceneObservation) -> Iterator[Finding]:
     """Contacts that are no collision: at spawn, or slower than 1 m/s."""
-    collided = {frozenset((e.from_, e.to)) for e in seen.events if e.type == "collision"}
-    for row, contact in seen.near.contacts.items():
-        ids = tuple(seen.movers[k].id for k in seen.crowd.pairs[row])
+    collided = {frozenset((e.from_, e.to)) for e in observed.events if e.type == "collision"}
+    for row, contact in observed.near.contacts.items():
+        ids = tuple(observed.tracks[k].id for k in observed.grid.pairs[row])
         if frozenset(ids) not in collided:
             how = "overlap from the start" if contact.initial else "touch"
             yield Finding(
@@ -87,37 +87,39 @@ def _contacts(seen: Observation) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def _too_close(seen: Observation, roles: Roles) -> Iterator[Finding]:
-    least = seen.near.gaps.min(axis=1, initial=np.inf)
+def _check_clearances(observed: SceneObservation, roles: AgentRoles) -> Iterator[Finding]:
+    least = observed.near.gaps.min(axis=1, initial=np.inf)
     for row in np.flatnonzero(least < MIN_CLEARANCE - ROUNDING):
-        first, second = (seen.movers[k] for k in seen.crowd.pairs[row])
+        first, second = (observed.tracks[k] for k in observed.grid.pairs[row])
         walking = not (first.is_vehicle or second.is_vehicle)
         pair = frozenset((first.id, second.id))
-        if walking or pair in roles.bound or int(row) in seen.near.contacts:
+        if walking or pair in roles.bound or int(row) in observed.near.contacts:
             continue
-        k = int(np.argmin(seen.near.gaps[row]))
-        yield _measured(
-            "clearance", (first, second), time=float(seen.crowd.times[k]),
+        k = int(np.argmin(observed.near.gaps[row]))
+        yield _report_measured(
+            "clearance", (first, second), time=float(observed.grid.times[k]),
             value=float(least[row]), limit=MIN_CLEARANCE, unit="m apart",
         )  # fmt: skip
 
 
-def _encroachments(seen: Observation, roles: Roles) -> Iterator[Finding]:
-    for meeting in seen.meetings:
-        first, second = seen.movers[meeting.first], seen.movers[meeting.second]
+def _check_encroachments(observed: SceneObservation, roles: AgentRoles) -> Iterator[Finding]:
+    for encounter in observed.encounters:
+        first, second = observed.tracks[encounter.first], observed.tracks[encounter.second]
         pair = frozenset((first.id, second.id))
-        limit = FOREGROUND_PET if roles.watched(pair) else BACKGROUND_PET
-        if pair in roles.bound or meeting.pet > limit:
+        limit = FOREGROUND_PET if roles.involves_foreground(pair) else BACKGROUND_PET
+        if pair in roles.bound or encounter.pet > limit:
             continue
-        time = max(meeting.first_time, meeting.second_time)
-        yield _measured(
-            "pet", (first, second), time=time, value=meeting.pet, limit=limit, unit="s PET"
+        time = max(encounter.first_time, encounter.second_time)
+        yield _report_measured(
+            "pet", (first, second), time=time, value=encounter.pet, limit=limit, unit="s PET"
         )
 
 
-def _queueing(lane: LaneGaps, movers: tuple[Mover, ...], roles: Roles) -> Iterator[Finding]:
-    follower = movers[lane.follower]
-    bound = np.array([frozenset((follower.id, m.id)) in roles.bound for m in movers])
+def _check_queueing(
+    lane: LaneGaps, tracks: tuple[Trajectory, ...], roles: AgentRoles
+) -> Iterator[Finding]:
+    follower = tracks[lane.follower]
+    bound = np.array([frozenset((follower.id, m.id)) in roles.bound for m in tracks])
     free = (lane.leader >= 0) & ~bound[lane.leader] & follower.is_vehicle
     standing = free & (lane.speed <= 0.3) & (lane.gap < STANDING_GAP - 0.02)
     moving = free & (lane.speed > 0.3) & (lane.headway < HEADWAY - 0.02)
@@ -127,14 +129,20 @@ def _queueing(lane: LaneGaps, movers: tuple[Mover, ...], roles: Roles) -> Iterat
     ):
         if mask.any():
             k = int(np.argmin(np.where(mask, values, np.inf)))
-            yield _measured(
-                rule, (follower, movers[lane.leader[k]]), time=float(lane.times[k]),
+            yield _report_measured(
+                rule, (follower, tracks[lane.leader[k]]), time=float(lane.times[k]),
                 value=float(values[k]), limit=limit, unit=unit,
             )  # fmt: skip
 
 
-def _measured(
-    rule: str, pair: tuple[Mover, Mover], *, time: float, value: float, limit: float, unit: str
+def _report_measured(
+    rule: str,
+    pair: tuple[Trajectory, Trajectory],
+    *,
+    time: float,
+    value: float,
+    limit: float,
+    unit: str,
 ) -> Finding:
     first, second = pair
     return Finding(
@@ -145,46 +153,50 @@ def _measured(
     )  # fmt: skip
 
 
-def wrecks(seen: Observation, *, until: float) -> tuple[Finding, ...]:
+def check_wrecks(observed: SceneObservation, *, until: float) -> tuple[Finding, ...]:
     """After a collision both tracks end within 0.2 s, and everyone else keeps 0.5 m from them.
 
     Args:
         until: end of the scene [s]; the last footprints stay as obstacles up to then.
     """
-    movers = {m.id: m for m in seen.movers}
+    tracks = {m.id: m for m in observed.tracks}
     found: list[Finding] = []
-    for event in (e for e in seen.events if e.type == "collision"):
+    for event in (e for e in observed.events if e.type == "collision"):
         for n in (event.from_, event.to):
-            if movers[n].end > event.time + WRECK_ENDS_WITHIN + 1e-6:
-                found.append(_drives_on(movers[n], event))
-            found += _near_wreck(movers[n], seen.crowd, {event.from_, event.to}, until)
+            if tracks[n].end > event.time + WRECK_ENDS_WITHIN + 1e-6:
+                found.append(_report_driving_on(tracks[n], event))
+            found += _check_wreck_clearance(
+                tracks[n], observed.grid, {event.from_, event.to}, until
+            )
     return tuple(found)
 
 
-def _drives_on(mover: Mover, event: Event) -> Finding:
+def _report_driving_on(track: Trajectory, event: Event) -> Finding:
     return Finding(
-        rule="wreck_drives_on", agents=(mover.id,), time=event.time,
-        measured=round(mover.end - event.time, 3), limit=WRECK_ENDS_WITHIN,
-        detail=f"{mover.type} {mover.id} goes on for {mover.end - event.time:.1f} s after its "
+        rule="wreck_drives_on", agents=(track.id,), time=event.time,
+        measured=round(track.end - event.time, 3), limit=WRECK_ENDS_WITHIN,
+        detail=f"{track.type} {track.id} goes on for {track.end - event.time:.1f} s after its "
         f"collision at {event.time:.1f} s; at most {WRECK_ENDS_WITHIN} s",
     )  # fmt: skip
 
 
-def _near_wreck(wreck: Mover, crowd: Crowd, involved: set[int], until: float) -> Iterator[Finding]:
-    after = (crowd.times > wreck.end + 1e-6) & (crowd.times <= until + 1e-6)
-    away = crowd.xy[:, after] - wreck.xy[-1]
+def _check_wreck_clearance(
+    wreck: Trajectory, grid: PairGrid, involved: set[int], until: float
+) -> Iterator[Finding]:
+    after = (grid.times > wreck.end + 1e-6) & (grid.times <= until + 1e-6)
+    away = grid.xy[:, after] - wreck.xy[-1]
     near = np.hypot(away[..., 0], away[..., 1]) < (
-        crowd.reach[:, None] + wreck.reach + MIN_CLEARANCE
+        grid.reach[:, None] + wreck.reach + MIN_CLEARANCE
     )
-    near &= crowd.present[:, after]
+    near &= grid.present[:, after]
     for n in np.flatnonzero(near.any(axis=1)).tolist():
-        other, times = crowd.movers[n], crowd.times[after][near[n]]
+        other, times = grid.tracks[n], grid.times[after][near[n]]
         if other.id in involved:
             continue
-        gaps = gap_at(wreck, other, times=times)
+        gaps = compute_gaps_at(wreck, other, times=times)
         k = int(gaps.argmin())
         if gaps[k] < MIN_CLEARANCE - ROUNDING:
-            yield _measured(
+            yield _report_measured(
                 "wreck_clearance", (other, wreck), time=float(times[k]),
                 value=max(float(gaps[k]), 0.0), limit=MIN_CLEARANCE, unit="m from the wreck",
             )  # fmt: skip

@@ -8,17 +8,17 @@ from typing import Literal
 import numpy as np
 
 from scenewright.scene.social import CollisionKind, ImpactPoint
-from scenewright.tools.relation_checker.contact import meeting_point, speed_before
-from scenewright.tools.relation_checker.footprints import angle_between
-from scenewright.tools.relation_checker.motion import Mover
-from scenewright.tools.relation_checker.signals import Lights
+from scenewright.tools.relation_checker.contact import estimate_velocity_before, find_contact_point
+from scenewright.tools.relation_checker.footprints import compute_angle_between
+from scenewright.tools.relation_checker.signals import SignalPlan
+from scenewright.tools.relation_checker.trajectory import Trajectory
 
 Side = Literal["front", "rear", "side"]
 
 IMPACT_SPEED = 1.0
 """Least relative speed of a collision [m/s]."""
 STRIKE_SPEED = 2.0
-STANDS = 0.3
+STANDING_SPEED = 0.3
 """Who is slower than this [m/s] strikes nobody that moves."""
 BUMPER = 0.3
 """Depth of front and rear in which a contact belongs to them [m]."""
@@ -50,50 +50,58 @@ class Impact:
     angle: float
 
 
-def impact(first: Mover, second: Mover, *, time: float) -> Impact:
+def measure_impact(first: Trajectory, second: Trajectory, *, time: float) -> Impact:
     """Speeds, sides and angle of a contact at a time [s]."""
-    place = meeting_point(first, second, time=time)
-    one, two = (speed_before(m, time=time) for m in (first, second))
-    angle = angle_between(first.at(np.array([time]))[1], second.at(np.array([time]))[1])
+    place = find_contact_point(first, second, time=time)
+    one, two = (estimate_velocity_before(m, time=time) for m in (first, second))
+    angle = compute_angle_between(first.at(np.array([time]))[1], second.at(np.array([time]))[1])
     return Impact(
         place=place,
         speeds=(float(np.hypot(*one)), float(np.hypot(*two))),
         relative_speed=float(np.hypot(*(one - two))),
-        sides=(contact_side(first, place, time=time), contact_side(second, place, time=time)),
-        points=(impact_point(first, place, time=time), impact_point(second, place, time=time)),
+        sides=(
+            find_contact_side(first, place, time=time),
+            find_contact_side(second, place, time=time),
+        ),
+        points=(
+            find_impact_point(first, place, time=time),
+            find_impact_point(second, place, time=time),
+        ),
         angle=float(angle[0]),
     )
 
 
-def contact_side(mover: Mover, place: tuple[float, float], *, time: float) -> Side | None:
+def find_contact_side(track: Trajectory, place: tuple[float, float], *, time: float) -> Side | None:
     """The side of a vehicle at which a point of contact lies; None for a pedestrian.
 
     Front and rear are the outer 0.3 m of the length, corners included; the rest is side.
     """
-    if not mover.is_vehicle:
+    if not track.is_vehicle:
         return None
-    xy, heading = mover.at(np.array([time]))
+    xy, heading = track.at(np.array([time]))
     delta = np.array(place) - xy[0]
     along = float(delta[0] * np.cos(heading[0]) + delta[1] * np.sin(heading[0]))
-    if along >= mover.half_length - BUMPER:
+    if along >= track.half_length - BUMPER:
         return "front"
-    return "rear" if along <= BUMPER - mover.half_length else "side"
+    return "rear" if along <= BUMPER - track.half_length else "side"
 
 
-def impact_point(mover: Mover, place: tuple[float, float], *, time: float) -> ImpactPoint | None:
+def find_impact_point(
+    track: Trajectory, place: tuple[float, float], *, time: float
+) -> ImpactPoint | None:
     """The corner, end or side of a vehicle that a point of contact is at; None for a pedestrian.
 
     A corner lies within 0.5 m of an end and of a side (a third of a small vehicle); front and rear
     are what is left within that depth of an end, left and right what is left of the outline.
     """
-    if not mover.is_vehicle:
+    if not track.is_vehicle:
         return None
-    xy, heading = mover.at(np.array([time]))
+    xy, heading = track.at(np.array([time]))
     delta, turn = np.array(place) - xy[0], float(heading[0])
     along = float(delta @ (np.cos(turn), np.sin(turn)))
     across = float(delta @ (-np.sin(turn), np.cos(turn)))
-    from_end = mover.half_length - abs(along) - min(CORNER, mover.length / 3)
-    from_side = mover.half_width - abs(across) - min(CORNER, mover.width / 3)
+    from_end = track.half_length - abs(along) - min(CORNER, track.length / 3)
+    from_side = track.half_width - abs(across) - min(CORNER, track.width / 3)
     end: Literal["front", "rear"] = "front" if along > 0 else "rear"
     side: Literal["left", "right"] = "left" if across > 0 else "right"
     if from_end <= 0 and from_side <= 0:
@@ -107,7 +115,7 @@ _CORNERS: dict[tuple[str, str], ImpactPoint] = {
 }  # fmt: skip
 
 
-def is_at(asked: ImpactPoint, seen: ImpactPoint | None) -> bool:
+def is_impact_at(asked: ImpactPoint, seen: ImpactPoint | None) -> bool:
     """Whether a contact is where it was asked for; corners belong to front and rear, not to sides.
 
     >>> is_at("front", "front_left"), is_at("side", "right"), is_at("left", "rear_left")
@@ -120,8 +128,8 @@ def is_at(asked: ImpactPoint, seen: ImpactPoint | None) -> bool:
     return seen in ("left", "right") if asked == "side" else seen == asked
 
 
-def kind_of(
-    first: Mover, second: Mover, hit: Impact, *, time: float, left_hand: bool = False
+def classify_collision(
+    first: Trajectory, second: Trajectory, hit: Impact, *, time: float, left_hand: bool = False
 ) -> CollisionKind | None:
     """Kind of a collision (SEMANTICS section 4); None for pedestrians hit below 2 m/s.
 
@@ -130,38 +138,40 @@ def kind_of(
     it is the turn to the right that leads across the others' way, and that the kind stands for.
     """
     if not (first.is_vehicle and second.is_vehicle):
-        return _strike(first, second, hit)
+        return _classify_pedestrian_strike(first, second, hit)
     if hit.angle <= np.deg2rad(30.0):
         return "rear_end" if set(hit.sides) == {"front", "rear"} else "sideswipe"
-    turned = max(turned_across(m, time=time, left_hand=left_hand) for m in (first, second))
+    turned = max(measure_turn_across(m, time=time, left_hand=left_hand) for m in (first, second))
     fronts = hit.sides == ("front", "front")
     if hit.angle >= np.deg2rad(135.0) and fronts:
         return "left_turn" if turned >= LEFT_TURN_HEAD_ON else "head_on"
     return "left_turn" if turned >= LEFT_TURN else "angle"
 
 
-def _strike(first: Mover, second: Mover, hit: Impact) -> CollisionKind | None:
+def _classify_pedestrian_strike(
+    first: Trajectory, second: Trajectory, hit: Impact
+) -> CollisionKind | None:
     vehicle = [s for m, s in zip((first, second), hit.speeds, strict=True) if m.is_vehicle]
     return "pedestrian_strike" if vehicle and vehicle[0] >= STRIKE_SPEED else None
 
 
-def turned_across(mover: Mover, *, time: float, left_hand: bool = False) -> float:
+def measure_turn_across(track: Trajectory, *, time: float, left_hand: bool = False) -> float:
     """How far a vehicle has turned left in its last 30 m before a time [rad], >= 0.
 
     Args:
         left_hand: to the right instead.
     """
-    k = mover.index(time)
-    recent = mover.s[: k + 1] >= mover.s[k] - 30.0
-    heading = mover.heading[: k + 1][recent] * (-1.0 if left_hand else 1.0)
+    k = track.index(time)
+    recent = track.s[: k + 1] >= track.s[k] - 30.0
+    heading = track.heading[: k + 1][recent] * (-1.0 if left_hand else 1.0)
     return float(max(heading[-1] - heading.min(), 0.0))
 
 
-def striking(first: Mover, second: Mover, hit: Impact) -> int:
+def find_striker(first: Trajectory, second: Trajectory, hit: Impact) -> int:
     """0 or 1: who strikes. The vehicle; who moves; whose front is hit; else the faster."""
     if first.is_vehicle != second.is_vehicle:
         return 0 if first.is_vehicle else 1
-    still = [speed <= STANDS for speed in hit.speeds]
+    still = [speed <= STANDING_SPEED for speed in hit.speeds]
     if still[0] != still[1]:
         return 1 if still[0] else 0
     front = [side == "front" for side in hit.sides]
@@ -170,39 +180,43 @@ def striking(first: Mover, second: Mover, hit: Impact) -> int:
     return 0 if hit.speeds[0] >= hit.speeds[1] - 0.1 else 1
 
 
-def cause_of(first: Mover, second: Mover, *, time: float, lights: Lights) -> tuple[str, int] | None:
+def find_cause(
+    first: Trajectory, second: Trajectory, *, time: float, lights: SignalPlan
+) -> tuple[str, int] | None:
     """What led to a collision or near miss, and the id of the agent who did it.
 
     `red_light_run`: it crossed its stop line, or stepped into the crosswalk, on red before the
     event. `late_brake`: a vehicle brakes harder than 3.4 m/s^2 in the last 3 s, and half a second
     before it began to, it had for a second not braked harder than for a curve.
     """
-    red = red_run(first, second, time=time, lights=lights)
+    red = find_red_run(first, second, time=time, lights=lights)
     if red is not None:
         return red
-    late = late_braker(first, second, time=time)
+    late = find_late_braker(first, second, time=time)
     return None if late is None else ("late_brake", late)
 
 
-def late_braker(first: Mover, second: Mover, *, time: float) -> int | None:
+def find_late_braker(first: Trajectory, second: Trajectory, *, time: float) -> int | None:
     """The id of the first of the two that brakes late before a time [s]; None if neither does."""
     late = (m.id for m in (first, second) if m.is_vehicle and _brakes_late(m, time))
     return next(late, None)
 
 
-def red_run(first: Mover, second: Mover, *, time: float, lights: Lights) -> tuple[str, int] | None:
+def find_red_run(
+    first: Trajectory, second: Trajectory, *, time: float, lights: SignalPlan
+) -> tuple[str, int] | None:
     """`red_light_run` and the id of the first of the two that ran its light before a time [s]."""
-    for mover in (first, second):
-        if any(c.time <= time for c in lights.ran_red(mover)):
-            return "red_light_run", mover.id
+    for track in (first, second):
+        if any(c.time <= time for c in lights.find_red_crossings(track)):
+            return "red_light_run", track.id
     return None
 
 
-def _brakes_late(mover: Mover, time: float) -> bool:
-    hard = mover.acceleration < -3.4
-    hard &= (mover.times >= time - 3.0) & (mover.times <= time + 1e-6)
+def _brakes_late(track: Trajectory, time: float) -> bool:
+    hard = track.acceleration < -3.4
+    hard &= (track.times >= time - 3.0) & (track.times <= time + 1e-6)
     if not hard.any():
         return False
-    onset = float(mover.times[int(np.argmax(hard))])
-    before = (mover.times >= onset - 1.5) & (mover.times <= onset - 0.5)
-    return bool(before.any()) and not bool((mover.acceleration[before] < -CURVE_BRAKING).any())
+    onset = float(track.times[int(np.argmax(hard))])
+    before = (track.times >= onset - 1.5) & (track.times <= onset - 0.5)
+    return bool(before.any()) and not bool((track.acceleration[before] < -CURVE_BRAKING).any())

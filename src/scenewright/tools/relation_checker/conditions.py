@@ -10,12 +10,12 @@ from scenewright.scene.base import Point
 from scenewright.scene.events import Event, EventZone
 from scenewright.scene.map import IntersectionMap, Lanelet
 from scenewright.scene.record import RelationRecord
-from scenewright.tools.relation_checker.footprints import angle_between
-from scenewright.tools.relation_checker.ground import ground_of
-from scenewright.tools.relation_checker.motion import Mover, extended
-from scenewright.tools.relation_checker.observation import Observation
-from scenewright.tools.relation_checker.paths import SHARED, conflict_zones
+from scenewright.tools.relation_checker.conflict_zones import SHARED, find_conflict_zones
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.footprints import compute_angle_between
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.trajectory import Trajectory, extend_straight
 
 ON_CROSSWALK = 0.5
 """How far beside a crosswalk [m] still counts as on it."""
@@ -29,21 +29,21 @@ TOLERANCES = {
 }  # fmt: skip
 
 
-def unmet(
+def find_unmet_condition(
     relation: RelationRecord,
     event: Event,
-    seen: Observation,
+    observed: SceneObservation,
     intersection_map: IntersectionMap | None,
 ) -> str | None:
     """Why an event of the right type and roles is not what the relation's file demands."""
     return (
-        _out_of_bounds(relation, event)
-        or _wrong_order(relation, seen)
-        or (_elsewhere(relation, event, seen, intersection_map))
+        _check_bounds(relation, event)
+        or _check_order(relation, observed)
+        or (_check_zone(relation, event, observed, intersection_map))
     )
 
 
-def _out_of_bounds(relation: RelationRecord, event: Event) -> str | None:
+def _check_bounds(relation: RelationRecord, event: Event) -> str | None:
     for figure, (low, high) in relation.within.items():
         value = event.evidence.get(figure)
         if not isinstance(value, int | float) or not math.isfinite(value):
@@ -54,13 +54,13 @@ def _out_of_bounds(relation: RelationRecord, event: Event) -> str | None:
     return None
 
 
-def _wrong_order(relation: RelationRecord, seen: Observation) -> str | None:
+def _check_order(relation: RelationRecord, observed: SceneObservation) -> str | None:
     """Who comes first through the stretch where the two come closest in time."""
     if relation.first is None:
         return None
     pair = {relation.from_, relation.to}
-    ids = [mover.id for mover in seen.movers]
-    between = [e for e in seen.meetings if {ids[e.first], ids[e.second]} == pair]
+    ids = [track.id for track in observed.tracks]
+    between = [e for e in observed.encounters if {ids[e.first], ids[e.second]} == pair]
     if not between:  # the scene ends while one of the two still waits
         return None if relation.type == "yielding" else "nobody passes before the other"
     closest = min(between, key=lambda each: each.pet)
@@ -70,32 +70,34 @@ def _wrong_order(relation: RelationRecord, seen: Observation) -> str | None:
     return f"{ids[early]} passes first, {relation.first} was to"
 
 
-def _elsewhere(
+def _check_zone(
     relation: RelationRecord,
     event: Event,
-    seen: Observation,
+    observed: SceneObservation,
     intersection_map: IntersectionMap | None,
 ) -> str | None:
     zone = relation.zone
     if zone is None or (zone != "lane" and intersection_map is None):
         return None
-    movers = {mover.id: mover for mover in seen.movers}
-    pair = movers[event.from_], movers[event.to]
-    inside = _one_way(*pair, time=event.time) if zone == "lane" else False
+    tracks = {track.id: track for track in observed.tracks}
+    pair = tracks[event.from_], tracks[event.to]
+    inside = _run_in_one_direction(*pair, time=event.time) if zone == "lane" else False
     if intersection_map is not None and zone != "lane":
-        inside = lies_in(_place(event, *pair), zone, intersection_map, on_foot=_walks(*pair))
+        inside = is_in_zone(
+            _find_meeting_place(event, *pair), zone, intersection_map, on_foot=_walks(*pair)
+        )
     return None if inside else f"not in the zone demanded ({zone})"
 
 
-def _walks(first: Mover, second: Mover) -> bool:
+def _walks(first: Trajectory, second: Trajectory) -> bool:
     return not (first.is_vehicle and second.is_vehicle)
 
 
-def lies_in(
+def is_in_zone(
     place: Point, zone: EventZone, intersection_map: IntersectionMap, *, on_foot: bool
 ) -> bool:
     """Whether a place [m] lies in a zone of the map; `on_foot`: one of the two walks."""
-    ground, point = ground_of(intersection_map), geos.Point(place)
+    ground, point = get_ground_raster(intersection_map), geos.Point(place)
     marked = any(each.area.distance(point) <= ON_CROSSWALK for each in ground.crosswalks)
     on_road = bool(ground.road.contains(np.array([place]))[0])
     match zone:
@@ -116,22 +118,22 @@ def _covers(lane: Lanelet, point: geos.Point) -> bool:
     return bool(geos.Polygon([*lane.left, *reversed(lane.right)]).intersects(point))
 
 
-def _one_way(first: Mover, second: Mover, *, time: float) -> bool:
+def _run_in_one_direction(first: Trajectory, second: Trajectory, *, time: float) -> bool:
     at = np.array([time])
     headings = first.at(at)[1], second.at(at)[1]
-    return bool(angle_between(*headings)[0] <= SHARED)
+    return bool(compute_angle_between(*headings)[0] <= SHARED)
 
 
-def _place(event: Event, first: Mover, second: Mover) -> Point:
+def _find_meeting_place(event: Event, first: Trajectory, second: Trajectory) -> Point:
     """Where the two met, or would have: their conflict zone; the contact itself where they did."""
     if event.type in ("collision", "follow"):
         return event.location
     if event.type == "yielding":  # it may still wait when the scene ends
-        first = extended(
+        first = extend_straight(
             first, distance=_BEYOND[first.type], speed=2.0 if first.is_vehicle else 1.0
         )
     here = geos.Point(event.location)
-    zones = [zone.polygon for zone in conflict_zones(first, second)]
+    zones = [zone.polygon for zone in find_conflict_zones(first, second)]
     if not zones:
         return event.location
     middle = min(zones, key=lambda area: float(area.distance(here))).centroid

@@ -16,18 +16,22 @@ import numpy as np
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker.conflict_zones import MERGE_LENGTH, SHARED
 from scenewright.tools.relation_checker.contact import TOUCH
-from scenewright.tools.relation_checker.curve import project_each
 from scenewright.tools.relation_checker.footprints import (
     BoolArray,
     Box,
-    Place,
-    angle_between,
-    doubled,
-    in_touch,
+    Pose,
+    compute_angle_between,
+    double_room,
+    is_in_touch,
 )
-from scenewright.tools.relation_checker.motion import Mover, lane_table, strung
-from scenewright.tools.relation_checker.paths import MERGE_LENGTH, SHARED
+from scenewright.tools.relation_checker.track_path import project_each
+from scenewright.tools.relation_checker.trajectory import (
+    Trajectory,
+    concatenate_samples,
+    get_lane_table,
+)
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 
@@ -59,7 +63,7 @@ class Encounter:
 
 
 @dataclass(frozen=True, eq=False)
-class _Places:
+class _Occupancies:
     """All movers' places, one after another.
 
     Attributes:
@@ -79,166 +83,183 @@ class _Places:
 
 
 @dataclass(frozen=True, eq=False)
-class _Cells:
+class _OccupancyPairs:
     """Pairs of places that may touch, with a lower bound of their lag [s]."""
 
     p: IntArray
     q: IntArray
     lag: FloatArray
 
-    def __getitem__(self, rows: IntArray | BoolArray) -> _Cells:
-        return _Cells(self.p[rows], self.q[rows], self.lag[rows])
+    def __getitem__(self, rows: IntArray | BoolArray) -> _OccupancyPairs:
+        return _OccupancyPairs(self.p[rows], self.q[rows], self.lag[rows])
 
 
-def post_encroachment_time(first: Mover, second: Mover) -> float | None:
+def compute_pet(first: Trajectory, second: Trajectory) -> float | None:
     """PET of a pair [s], 0 where they are in contact; None where they never would be.
 
     Agents behind one another in one lane have headway, not PET: contacts on a stretch that both
     drive in one direction count only in its first 5 m, and not at all where they begin on it.
     """
-    found = encounters((first, second), horizon=None, pedestrians=True)
+    found = find_encounters((first, second), horizon=None, pedestrians=True)
     return min((e.pet for e in found), default=None)
 
 
-def encounters(
-    movers: tuple[Mover, ...], *, horizon: float | None = 8.5, pedestrians: bool = False
+def find_encounters(
+    tracks: tuple[Trajectory, ...], *, horizon: float | None = 8.5, pedestrians: bool = False
 ) -> tuple[Encounter, ...]:
     """All encounters with a lag of at most `horizon` seconds, pairs of pedestrians if asked for."""
-    if len(movers) < 2:
+    if len(tracks) < 2:
         return ()
-    places = _places(movers)
-    cells = _without_lanes(places, movers, _touching(places, movers, horizon, pedestrians))
-    found = _resolved(places, *_grouped(places, cells))
+    occupancies = _tabulate_occupancies(tracks)
+    pairs = _drop_shared_lanes(
+        occupancies, tracks, _find_touching(occupancies, tracks, horizon, pedestrians)
+    )
+    found = _resolve_encounters(occupancies, *_group_by_encounter(occupancies, pairs))
     return tuple(e for e in found if horizon is None or e.pet <= horizon)
 
 
-def _places(movers: tuple[Mover, ...]) -> _Places:
-    xy, heading, origin = strung(movers)
-    times = np.concatenate([m.times for m in movers])
-    s = np.concatenate([m.s for m in movers])
-    sizes = np.array([(m.half_length, m.half_width, m.radius, m.reach) for m in movers])
-    return _Places(*_all_places(xy, heading, times, s, origin, sizes))
+def _tabulate_occupancies(tracks: tuple[Trajectory, ...]) -> _Occupancies:
+    xy, heading, origin = concatenate_samples(tracks)
+    times = np.concatenate([m.times for m in tracks])
+    s = np.concatenate([m.s for m in tracks])
+    sizes = np.array([(m.half_length, m.half_width, m.radius, m.reach) for m in tracks])
+    return _Occupancies(*_fill_table(xy, heading, times, s, origin, sizes))
 
 
-def _touching(
-    places: _Places, movers: tuple[Mover, ...], horizon: float | None, pedestrians: bool
-) -> _Cells:
+def _find_touching(
+    occupancies: _Occupancies,
+    tracks: tuple[Trajectory, ...],
+    horizon: float | None,
+    pedestrians: bool,
+) -> _OccupancyPairs:
     """Pairs of places that may touch within the horizon, blocks of places looked at first."""
-    first, second = np.nonzero(_box_pairs(movers, pedestrians))
+    first, second = np.nonzero(_find_overlapping_boxes(tracks, pedestrians))
     longest = np.inf if horizon is None else horizon
-    return _Cells(*_met(first, second, places.origin, places.reach, places.table, longest))
+    return _OccupancyPairs(
+        *_find_touching_pairs(
+            first, second, occupancies.origin, occupancies.reach, occupancies.table, longest
+        )
+    )
 
 
-def _box_pairs(movers: tuple[Mover, ...], pedestrians: bool) -> BoolArray:
+def _find_overlapping_boxes(tracks: tuple[Trajectory, ...], pedestrians: bool) -> BoolArray:
     """[N, N] whether the boxes of two tracks overlap, above the diagonal."""
-    west, south, east, north = np.array([m.bounds for m in movers]).T
-    reach = np.array([m.reach for m in movers])
-    result = np.ones((len(movers), len(movers)), dtype=np.bool_)
+    west, south, east, north = np.array([m.bounds for m in tracks]).T
+    reach = np.array([m.reach for m in tracks])
+    result = np.ones((len(tracks), len(tracks)), dtype=np.bool_)
     for low, high in ((west - reach, east + reach), (south - reach, north + reach)):
         result &= (low[:, None] <= high) & (low <= high[:, None])
     if not pedestrians:
-        vehicle = np.array([m.is_vehicle for m in movers])
+        vehicle = np.array([m.is_vehicle for m in tracks])
         result &= vehicle | vehicle[:, None]
     return np.triu(result, 1)
 
 
-def _without_lanes(places: _Places, movers: tuple[Mover, ...], cells: _Cells) -> _Cells:
+def _drop_shared_lanes(
+    occupancies: _Occupancies, tracks: tuple[Trajectory, ...], pairs: _OccupancyPairs
+) -> _OccupancyPairs:
     """Drops contacts of two of one class that are behind one another in one lane."""
-    a, b = places.owner[cells.p], places.owner[cells.q]
-    pair = a * len(movers) + b
-    alike = np.array([m.is_vehicle for m in movers])
-    cos, sin = places.table[_COS], places.table[_SIN]
-    parallel = cos[cells.p] * cos[cells.q] + sin[cells.p] * sin[cells.q] >= np.cos(SHARED)
+    a, b = occupancies.owner[pairs.p], occupancies.owner[pairs.q]
+    pair = a * len(tracks) + b
+    alike = np.array([m.is_vehicle for m in tracks])
+    cos, sin = occupancies.table[_COS], occupancies.table[_SIN]
+    parallel = cos[pairs.p] * cos[pairs.q] + sin[pairs.p] * sin[pairs.q] >= np.cos(SHARED)
     keep = np.ones(len(pair), dtype=np.bool_)
     codes = np.flatnonzero(np.bincount(pair[parallel & (alike[a] == alike[b])]))
-    first, second = np.divmod(codes, len(movers))
-    for code, one, two in zip(codes, *_lane_parts(movers, first, second), strict=True):
+    first, second = np.divmod(codes, len(tracks))
+    for code, one, two in zip(codes, *_find_shared_lanes(tracks, first, second), strict=True):
         rows = np.flatnonzero(pair == code)
         if one is not None and two is not None:
-            in_lane = one.beyond(places.s[cells.p[rows]]) | two.beyond(places.s[cells.q[rows]])
+            in_lane = one.contains(occupancies.s[pairs.p[rows]]) | two.contains(
+                occupancies.s[pairs.q[rows]]
+            )
             keep[rows[in_lane]] = False
-    return cells[keep]
+    return pairs[keep]
 
 
 @dataclass(frozen=True, eq=False)
-class _LanePart:
+class _SharedLane:
     """Stretches of one path that are shared with another, as arc lengths [m] of its centre."""
 
     begin: FloatArray
     end: FloatArray
 
-    def beyond(self, s: FloatArray) -> BoolArray:
+    def contains(self, s: FloatArray) -> BoolArray:
         """Which positions lie in a shared stretch after its conflict zone."""
         inside = (s[:, None] >= self.begin) & (s[:, None] <= self.end)
         return np.asarray(inside.any(axis=1))
 
 
-def _lane_parts(
-    movers: tuple[Mover, ...], first: IntArray, second: IntArray
-) -> tuple[list[_LanePart | None], list[_LanePart | None]]:
+def _find_shared_lanes(
+    tracks: tuple[Trajectory, ...], first: IntArray, second: IntArray
+) -> tuple[list[_SharedLane | None], list[_SharedLane | None]]:
     """For pairs of movers, where the first is in the lane of the second, and the second in its."""
     if len(first) == 0:
         return [], []
-    lanes = lane_table(movers)
+    lanes = get_lane_table(tracks)
     pairs = [*zip(first, second, strict=True), *zip(second, first, strict=True)]
-    paths = [movers[i].path.coarser() for i, _ in pairs]
+    paths = [tracks[i].path.coarsen() for i, _ in pairs]
     size = [len(path.s) for path in paths]
-    beside = np.array([(movers[i].width + movers[j].width) / 2 for i, j in pairs])
+    beside = np.array([(tracks[i].width + tracks[j].width) / 2 for i, j in pairs])
     foot = project_each(
         np.concatenate([path.xy for path in paths]), lanes,
         np.repeat([j for _, j in pairs], size), within=np.repeat(beside, size),
     )  # fmt: skip
     near = foot.lateral < np.repeat(beside, size)
     direction = np.concatenate([path.direction for path in paths])
-    along = near & (angle_between(direction, foot.direction) <= SHARED)
+    along = near & (compute_angle_between(direction, foot.direction) <= SHARED)
     end = np.cumsum(size)
     parts = [
-        _lane_part(movers[i], path.s, foot.s[k - n : k], near[k - n : k], along[k - n : k])
+        _find_shared_lane(tracks[i], path.s, foot.s[k - n : k], near[k - n : k], along[k - n : k])
         for (i, _), path, n, k in zip(pairs, paths, size, end, strict=True)
     ]
     return parts[: len(first)], parts[len(first) :]
 
 
-def _lane_part(
-    mover: Mover, s: FloatArray, foot: FloatArray, near: BoolArray, along: BoolArray
-) -> _LanePart | None:
+def _find_shared_lane(
+    track: Trajectory, s: FloatArray, foot: FloatArray, near: BoolArray, along: BoolArray
+) -> _SharedLane | None:
     """Where the mover is in one lane with another, past the first 5 m of a merge."""
     if not along.any():
         return None
     edges = np.flatnonzero(np.diff(np.concatenate(([False], near, [False])).astype(np.int8)))
     runs = [(i, j - 1) for i, j in edges.reshape(-1, 2) if along[i:j].any()]
-    stretches = [_beyond_merge(mover, s, foot, along, run) for run in runs]
+    stretches = [_skip_merge(track, s, foot, along, run) for run in runs]
     begin, end = np.array(stretches).T
-    return _LanePart(begin, end)
+    return _SharedLane(begin, end)
 
 
-def _beyond_merge(
-    mover: Mover, s: FloatArray, foot: FloatArray, along: BoolArray, run: tuple[int, int]
+def _skip_merge(
+    track: Trajectory, s: FloatArray, foot: FloatArray, along: BoolArray, run: tuple[int, int]
 ) -> tuple[float, float]:
     i, j = run
     from_the_start = along[i] and (s[i] < 1.0 or foot[i] < 1.0)
-    begin = -np.inf if from_the_start else s[i] + MERGE_LENGTH + mover.nose
-    return float(begin), float(s[j] + mover.nose + 1.0)
+    begin = -np.inf if from_the_start else s[i] + MERGE_LENGTH + track.nose
+    return float(begin), float(s[j] + track.nose + 1.0)
 
 
-def _grouped(places: _Places, cells: _Cells) -> tuple[_Cells, IntArray]:
+def _group_by_encounter(
+    occupancies: _Occupancies, pairs: _OccupancyPairs
+) -> tuple[_OccupancyPairs, IntArray]:
     """Cells in the order of encounters, most promising first, and where each encounter begins.
 
     A pair's contacts are split into encounters at gaps along the first one's path.
     """
-    if len(cells.p) == 0:
-        return cells, np.zeros(1, dtype=np.intp)
-    order = np.lexsort((cells.p, places.owner[cells.q], places.owner[cells.p]))
-    p, q = cells.p[order], cells.q[order]
-    new = (np.diff(places.owner[q]) != 0) | (np.diff(places.owner[p]) != 0)
-    new |= np.diff(places.s[p]) > SPLIT
+    if len(pairs.p) == 0:
+        return pairs, np.zeros(1, dtype=np.intp)
+    order = np.lexsort((pairs.p, occupancies.owner[pairs.q], occupancies.owner[pairs.p]))
+    p, q = pairs.p[order], pairs.q[order]
+    new = (np.diff(occupancies.owner[q]) != 0) | (np.diff(occupancies.owner[p]) != 0)
+    new |= np.diff(occupancies.s[p]) > SPLIT
     group = np.concatenate(([0], np.cumsum(new)))
-    by_lag = np.lexsort((cells.lag[order], group))
+    by_lag = np.lexsort((pairs.lag[order], group))
     begin = np.searchsorted(group, np.arange(group[-1] + 2))
-    return cells[order[by_lag]], begin
+    return pairs[order[by_lag]], begin
 
 
-def _resolved(places: _Places, cells: _Cells, begin: IntArray) -> list[Encounter]:
+def _resolve_encounters(
+    occupancies: _Occupancies, pairs: _OccupancyPairs, begin: IntArray
+) -> list[Encounter]:
     """Exact least lag of every encounter: a few cells at a time, until none can be better."""
     count = len(begin) - 1
     best = np.full((count, 3), np.inf)
@@ -249,7 +270,7 @@ def _resolved(places: _Places, cells: _Cells, begin: IntArray) -> list[Encounter
         rows = (begin[open_] + done[open_])[:, None] + np.arange(BATCH)
         inside = rows < begin[open_ + 1][:, None]
         group = np.broadcast_to(open_[:, None], rows.shape)[inside]
-        lag, part = _exact_lags(places, cells[rows[inside]], *_WHOLE)
+        lag, part = _compute_lags(occupancies, pairs[rows[inside]], *_WHOLE)
         order = np.lexsort((lag[:, 0], group))
         first = order[np.searchsorted(group[order], open_)]
         better = lag[first, 0] < best[open_, 0]
@@ -257,17 +278,19 @@ def _resolved(places: _Places, cells: _Cells, begin: IntArray) -> list[Encounter
         place[open_[better]] = np.column_stack((rows[inside], part))[first[better]]
         done[open_] += BATCH
         left = open_[begin[open_] + done[open_] < begin[open_ + 1]]
-        open_ = left[cells.lag[begin[left] + done[left]] < best[left, 0]]
-    best = _refined(places, cells, best, place)
-    owner = places.owner
+        open_ = left[pairs.lag[begin[left] + done[left]] < best[left, 0]]
+    best = _refine_lags(occupancies, pairs, best, place)
+    owner = occupancies.owner
     return [
-        Encounter(int(owner[cells.p[k]]), int(owner[cells.q[k]]), *(float(v) for v in row))
+        Encounter(int(owner[pairs.p[k]]), int(owner[pairs.q[k]]), *(float(v) for v in row))
         for k, row in zip(begin[:-1], best, strict=True)
         if np.isfinite(row[0])
     ]
 
 
-def _refined(places: _Places, cells: _Cells, best: FloatArray, place: IntArray) -> FloatArray:
+def _refine_lags(
+    occupancies: _Occupancies, pairs: _OccupancyPairs, best: FloatArray, place: IntArray
+) -> FloatArray:
     """The least lags to 4 ms, by trying the surroundings of the best pairs of parts."""
     found = np.isfinite(best[:, 0]) & (best[:, 0] > 0)
     if not found.any():
@@ -275,13 +298,13 @@ def _refined(places: _Places, cells: _Cells, best: FloatArray, place: IntArray) 
     step = 1.0 / (SUBSTEPS - 1)
     fine = np.linspace(-step, step, 2 * FINER + 1)
     parts = [np.clip(place[found, k, None] * step + fine, 0.0, 1.0) for k in (1, 2)]
-    lag, _ = _exact_lags(places, cells[place[found, 0]], *parts)
+    lag, _ = _compute_lags(occupancies, pairs[place[found, 0]], *parts)
     best[found] = np.where(lag[:, :1] < best[found, :1], lag, best[found])
     return best
 
 
-def _exact_lags(
-    places: _Places, cells: _Cells, part: FloatArray, other_part: FloatArray
+def _compute_lags(
+    occupancies: _Occupancies, pairs: _OccupancyPairs, part: FloatArray, other_part: FloatArray
 ) -> tuple[FloatArray, IntArray]:
     """Least lag of pairs of places and the two times [n, 3] [s], inf where they do not touch.
 
@@ -291,7 +314,7 @@ def _exact_lags(
     Returns:
         The lags, and [n, 2] which of the parts give them.
     """
-    return _lags(cells.p, cells.q, places.table, part, other_part)
+    return _find_least_lags(pairs.p, pairs.q, occupancies.table, part, other_part)
 
 
 # ---- as machine code, on the table of places ----------------------------------------------------
@@ -303,7 +326,7 @@ def _exact_lags(
 
 
 @compiled
-def _all_places(
+def _fill_table(
     xy: FloatArray,
     heading: FloatArray,
     times: FloatArray,
@@ -311,8 +334,8 @@ def _all_places(
     origin: IntArray,
     sizes: FloatArray,
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
-    """What `_Places` holds, of samples one after another and sizes [N, 4] (reach the last)."""
-    first, owner, begin = _runs_of_rest(s, origin)
+    """What `_Occupancies` holds, of samples one after another and sizes [N, 4] (reach the last)."""
+    first, owner, begin = _find_occupancies(s, origin)
     count = len(owner)
     at, reach, table = np.empty(count), np.empty(count), np.empty((_SLACK + 1, count))
     for k in range(count):
@@ -338,7 +361,7 @@ def _all_places(
 
 
 @compiled
-def _runs_of_rest(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+def _find_occupancies(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """First samples of places [K + 1], their owners [K], and where each owner's begin [N + 1]."""
     first, owner = np.empty(len(s) + 1, np.intp), np.empty(len(s), np.intp)
     begin, count = np.zeros(len(origin), np.intp), 0
@@ -353,7 +376,7 @@ def _runs_of_rest(s: FloatArray, origin: IntArray) -> tuple[IntArray, IntArray, 
 
 
 @compiled
-def _met(
+def _find_touching_pairs(
     first: IntArray,
     second: IntArray,
     origin: IntArray,
@@ -362,7 +385,7 @@ def _met(
     horizon: float,
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of places of pairs of movers that may touch, and a lower bound of their lag [s]."""
-    blocks = _blocks(origin, reach, table)
+    blocks = _bound_blocks(origin, reach, table)
     p: IntArray = np.empty(256, np.intp)
     q: IntArray = np.empty(256, np.intp)
     lags: FloatArray = np.empty(256)
@@ -371,22 +394,22 @@ def _met(
         a, b = first[pair], second[pair]
         for i in range(origin[a], origin[a + 1], BLOCK):
             for j in range(origin[b], origin[b + 1], BLOCK):
-                if not _come_near(blocks[:, i], blocks[:, j], horizon):
+                if not _may_touch(blocks[:, i], blocks[:, j], horizon):
                     continue
                 for m in range(i, min(i + BLOCK, origin[a + 1])):
                     for n in range(j, min(j + BLOCK, origin[b + 1])):
-                        lag = _lag_if_touching(m, n, reach, table, horizon)
+                        lag = _bound_lag(m, n, reach, table, horizon)
                         if lag == np.inf:
                             continue
                         if count == len(p):
-                            p, q, lags = doubled(p), doubled(q), doubled(lags)
+                            p, q, lags = double_room(p), double_room(q), double_room(lags)
                         p[count], q[count], lags[count] = m, n, lag
                         count += 1
     return p[:count], q[:count], lags[:count]
 
 
 @compiled
-def _blocks(origin: IntArray, reach: FloatArray, table: FloatArray) -> FloatArray:
+def _bound_blocks(origin: IntArray, reach: FloatArray, table: FloatArray) -> FloatArray:
     """[5, K] circle round the block that begins at a place, and from when until when it is there.
 
     Of the circle twice the middle's x and y and twice the radius [m].
@@ -409,7 +432,7 @@ def _blocks(origin: IntArray, reach: FloatArray, table: FloatArray) -> FloatArra
 
 
 @compiled
-def _come_near(a: FloatArray, b: FloatArray, horizon: float) -> bool:
+def _may_touch(a: FloatArray, b: FloatArray, horizon: float) -> bool:
     """Whether the circles of two blocks overlap, with a lag within the horizon [s]."""
     dx, dy, room = a[0] - b[0], a[1] - b[1], a[2] + b[2]
     soon = max(a[3] - b[4], b[3] - a[4]) <= horizon
@@ -417,7 +440,7 @@ def _come_near(a: FloatArray, b: FloatArray, horizon: float) -> bool:
 
 
 @compiled
-def _lag_if_touching(i: int, j: int, reach: FloatArray, table: FloatArray, horizon: float) -> float:
+def _bound_lag(i: int, j: int, reach: FloatArray, table: FloatArray, horizon: float) -> float:
     """Lower bound of the lag of two places [s]; infinite where they do not touch in time."""
     dx, dy = table[_SWEPT_X, i] - table[_SWEPT_X, j], table[_SWEPT_Y, i] - table[_SWEPT_Y, j]
     room = reach[i] + reach[j]
@@ -428,12 +451,12 @@ def _lag_if_touching(i: int, j: int, reach: FloatArray, table: FloatArray, horiz
     if lag > horizon:
         return np.inf
     slack = table[_SLACK, i] + table[_SLACK, j]
-    touch = in_touch(*_swept(table, i), *_swept(table, j), slack)
+    touch = is_in_touch(*_get_swept_footprint(table, i), *_get_swept_footprint(table, j), slack)
     return max(lag, 0.0) if touch else np.inf
 
 
 @compiled
-def _swept(table: FloatArray, i: int) -> tuple[Place, Box]:
+def _get_swept_footprint(table: FloatArray, i: int) -> tuple[Pose, Box]:
     """The footprint midway to the next place, lengthened by the way."""
     return (
         (table[_SWEPT_X, i], table[_SWEPT_Y, i], table[_COS, i], table[_SIN, i]),
@@ -442,23 +465,23 @@ def _swept(table: FloatArray, i: int) -> tuple[Place, Box]:
 
 
 @compiled
-def _lags(
+def _find_least_lags(
     p: IntArray, q: IntArray, table: FloatArray, part: FloatArray, other_part: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """See `_exact_lags`."""
+    """See `_compute_lags`."""
     best, where = np.empty((len(p), 3)), np.zeros((len(p), 2), np.intp)
     for k in range(len(p)):
         i, j = p[k], q[k]
         least = np.inf
         mine, others = part[min(k, len(part) - 1)], other_part[min(k, len(other_part) - 1)]
         for m in range(len(mine)):
-            place, begin, end = _under_way(table, i, mine[m])
+            place, begin, end = _compute_footprint_underway(table, i, mine[m])
             for n in range(len(others)):
-                other, other_begin, other_end = _under_way(table, j, others[n])
+                other, other_begin, other_end = _compute_footprint_underway(table, j, others[n])
                 lag = max(begin - other_end, other_begin - end, 0.0)
                 first = m == 0 and n == 0
-                hit = lag < least and in_touch(
-                    place, _size(table, i), other, _size(table, j), TOUCH
+                hit = lag < least and is_in_touch(
+                    place, _get_size(table, i), other, _get_size(table, j), TOUCH
                 )
                 if hit or first:
                     least = lag if hit else np.inf
@@ -470,12 +493,14 @@ def _lags(
 
 
 @compiled
-def _size(table: FloatArray, i: int) -> Box:
+def _get_size(table: FloatArray, i: int) -> Box:
     return table[_LENGTH, i], table[_WIDTH, i], table[_RADIUS, i]
 
 
 @compiled
-def _under_way(table: FloatArray, i: int, part: float) -> tuple[Place, float, float]:
+def _compute_footprint_underway(
+    table: FloatArray, i: int, part: float
+) -> tuple[Pose, float, float]:
     """The footprint a part of the way to the next place, and from when until when it is there."""
     x = table[_X, i] + part * (table[_NEXT_X, i] - table[_X, i])
     y = table[_Y, i] + part * (table[_NEXT_Y, i] - table[_Y, i])

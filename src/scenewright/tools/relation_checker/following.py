@@ -8,10 +8,10 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.contact import Crowd
-from scenewright.tools.relation_checker.curve import project_each
-from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, angle_between
-from scenewright.tools.relation_checker.motion import lane_table
+from scenewright.tools.relation_checker.contact import PairGrid
+from scenewright.tools.relation_checker.footprints import BoolArray, IntArray, compute_angle_between
+from scenewright.tools.relation_checker.track_path import project_each
+from scenewright.tools.relation_checker.trajectory import get_lane_table
 
 LOOK_AHEAD = 60.0
 ROOM = 1_000_000
@@ -64,27 +64,30 @@ class Following:
     least_headway: float | None
 
 
-def lane_gaps(crowd: Crowd) -> tuple[LaneGaps, ...]:
+def measure_lane_gaps(grid: PairGrid) -> tuple[LaneGaps, ...]:
     """Leaders and gaps of all movers that have someone ahead at some time."""
-    followers, others = np.nonzero(_may_lead(crowd))
+    followers, others = np.nonzero(_may_lead(grid))
     if len(followers) == 0:
         return ()
     # Portion by portion, for the memory's sake; a follower's pairs stay together.
     begin = np.searchsorted(followers, followers)
-    cuts = np.flatnonzero(np.diff(begin // max(ROOM // len(crowd.times), 1))) + 1
+    cuts = np.flatnonzero(np.diff(begin // max(ROOM // len(grid.times), 1))) + 1
     found: list[LaneGaps | None] = []
     for part in np.split(np.arange(len(followers)), cuts):
         n, k = followers[part], others[part]
-        gaps = _gaps(crowd, n, k)
-        found += [_nearest(crowd, m, k[n == m], gaps[n == m]) for m in dict.fromkeys(n.tolist())]
+        gaps = _measure_gaps(grid, n, k)
+        found += [
+            _find_nearest_leader(grid, m, k[n == m], gaps[n == m])
+            for m in dict.fromkeys(n.tolist())
+        ]
     return tuple(lane for lane in found if lane is not None)
 
 
-def _may_lead(crowd: Crowd) -> BoolArray:
+def _may_lead(grid: PairGrid) -> BoolArray:
     """[N, N] whether k is somewhere ahead of n and heads roughly the same way; generous."""
-    vehicle = np.array([m.is_vehicle for m in crowd.movers])
-    n, k = crowd.pairs[vehicle[crowd.pairs[:, 0]] == vehicle[crowd.pairs[:, 1]]].T
-    xy, heading, here = (a[:, ::4] for a in (crowd.xy, crowd.heading, crowd.present))
+    vehicle = np.array([m.is_vehicle for m in grid.tracks])
+    n, k = grid.pairs[vehicle[grid.pairs[:, 0]] == vehicle[grid.pairs[:, 1]]].T
+    xy, heading, here = (a[:, ::4] for a in (grid.xy, grid.heading, grid.present))
     x, y, cos, sin = xy[..., 0], xy[..., 1], np.cos(heading), np.sin(heading)
     dx, dy = x[k] - x[n], y[k] - y[n]
     together = here[n] & here[k] & (dx * dx + dy * dy <= LOOK_AHEAD**2)
@@ -95,46 +98,48 @@ def _may_lead(crowd: Crowd) -> BoolArray:
     return result
 
 
-def _gaps(crowd: Crowd, followers: IntArray, others: IntArray) -> FloatArray:
+def _measure_gaps(grid: PairGrid, followers: IntArray, others: IntArray) -> FloatArray:
     """[M, T] gap of each follower to the other on the grid of the crowd, inf where it is not ahead.
 
     Looked at every 0.2 s from each follower's start.
     """
-    gaps = np.full((len(followers), len(crowd.times)), np.inf)
-    sample = np.arange(len(crowd.times)) - crowd.first[followers, None]
-    away = crowd.xy[others] - crowd.xy[followers]
+    gaps = np.full((len(followers), len(grid.times)), np.inf)
+    sample = np.arange(len(grid.times)) - grid.first[followers, None]
+    away = grid.xy[others] - grid.xy[followers]
     near = np.square(away[..., 0]) + np.square(away[..., 1]) <= LOOK_AHEAD**2
-    near &= crowd.present[followers] & crowd.present[others] & (sample % STRIDE == 0)
+    near &= grid.present[followers] & grid.present[others] & (sample % STRIDE == 0)
     row, column = np.nonzero(near)
     if len(row) == 0:
         return gaps
     n, k = followers[row], others[row]
-    nose, width = np.array([(m.nose, m.width) for m in crowd.movers]).T
-    driven = np.concatenate([m.s for m in crowd.movers])[crowd.origin[n] + sample[row, column]]
+    nose, width = np.array([(m.nose, m.width) for m in grid.tracks]).T
+    driven = np.concatenate([m.s for m in grid.tracks])[grid.origin[n] + sample[row, column]]
     beside = (width[n] + width[k]) / 2
-    lanes = lane_table(crowd.movers)
-    foot = project_each(crowd.xy[k, column], lanes, n, within=beside)
+    lanes = get_lane_table(grid.tracks)
+    foot = project_each(grid.xy[k, column], lanes, n, within=beside)
     gap = foot.s - driven - nose[n] - nose[k]
     inside = (foot.lateral < beside) & (gap > -nose[n]) & (foot.s > driven)
-    inside &= angle_between(crowd.heading[k, column], foot.direction) <= np.deg2rad(30.0)
+    inside &= compute_angle_between(grid.heading[k, column], foot.direction) <= np.deg2rad(30.0)
     gaps[row[inside], column[inside]] = gap[inside]
     return gaps
 
 
-def _nearest(crowd: Crowd, n: int, others: IntArray, gaps: FloatArray) -> LaneGaps | None:
+def _find_nearest_leader(
+    grid: PairGrid, n: int, others: IntArray, gaps: FloatArray
+) -> LaneGaps | None:
     """The nearest of the others ahead of mover n; None if none of them ever is."""
-    mover, first = crowd.movers[n], int(crowd.first[n])
-    gaps = gaps[:, first : first + len(mover) : STRIDE]
+    track, first = grid.tracks[n], int(grid.first[n])
+    gaps = gaps[:, first : first + len(track) : STRIDE]
     nearest = gaps.argmin(axis=0)
     gap = gaps[nearest, np.arange(gaps.shape[1])]
     ahead = np.isfinite(gap)
     if not ahead.any():
         return None
     leader = np.where(ahead, others[nearest], -1)
-    return LaneGaps(n, mover.times[::STRIDE], leader, gap, mover.speed[::STRIDE])
+    return LaneGaps(n, track.times[::STRIDE], leader, gap, track.speed[::STRIDE])
 
 
-def followings(lanes: tuple[LaneGaps, ...]) -> tuple[Following, ...]:
+def find_followings(lanes: tuple[LaneGaps, ...]) -> tuple[Following, ...]:
     """All stretches of at least 3 s with headway 0.5-4 s, or a standing gap of 0.5-5 m."""
     found: list[Following] = []
     for lane in lanes:
@@ -147,14 +152,14 @@ def followings(lanes: tuple[LaneGaps, ...]) -> tuple[Following, ...]:
         tag = np.where(fine, lane.leader, -1)
         runs = np.split(np.arange(len(tag)), np.flatnonzero(np.diff(tag)) + 1)
         found += [
-            _following(lane, run)
+            _build_following(lane, run)
             for run in runs
             if tag[run[0]] >= 0 and (len(run) - 1) * STRIDE * STEP >= MIN_DURATION - 1e-6
         ]
     return tuple(found)
 
 
-def _following(lane: LaneGaps, run: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Following:
+def _build_following(lane: LaneGaps, run: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Following:
     moving = run[lane.speed[run] > CREEP]
     return Following(
         lane.follower, int(lane.leader[run[0]]),

@@ -13,7 +13,7 @@ import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
-from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.trajectory import Trajectory
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 ArrayT = TypeVar("ArrayT", bound=np.ndarray[tuple[int, ...], np.dtype[Any]])
@@ -29,12 +29,12 @@ class Extent:
     radius: FloatArray | float
 
 
-def extent(mover: Mover) -> Extent:
+def get_extent(track: Trajectory) -> Extent:
     """The extent of a mover's footprint."""
-    return Extent(mover.half_length, mover.half_width, mover.radius)
+    return Extent(track.half_length, track.half_width, track.radius)
 
 
-def gap(
+def compute_gaps(
     xy: FloatArray,
     heading: FloatArray,
     size: Extent,
@@ -59,15 +59,19 @@ def gap(
         (xy.reshape(-1, 2), np.ravel(heading)),
         (other_xy.reshape(-1, 2), np.ravel(other_heading)),
     )
-    return _gaps(*one, table_of(size), *two, table_of(other_size)).reshape(np.shape(heading))
+    return _compute_gaps(*one, _tabulate_size(size), *two, _tabulate_size(other_size)).reshape(
+        np.shape(heading)
+    )
 
 
-def table_of(size: Extent) -> FloatArray:
+def _tabulate_size(size: Extent) -> FloatArray:
     """[3, n] or [3, 1] half length, half width and radius [m]."""
     return np.array((size.length, size.width, size.radius), dtype=np.float64).reshape(3, -1)
 
 
-def corners(xy: FloatArray, heading: FloatArray, *, length: float, width: float) -> FloatArray:
+def compute_corners(
+    xy: FloatArray, heading: FloatArray, *, length: float, width: float
+) -> FloatArray:
     """[n, 4, 2] corners of rectangles, counter-clockwise from the front left [m]."""
     cos, sin = np.cos(heading), np.sin(heading)
     along = np.stack((cos, sin), axis=-1) * (length / 2)
@@ -76,7 +80,7 @@ def corners(xy: FloatArray, heading: FloatArray, *, length: float, width: float)
     return np.stack((front + across, rear + across, rear - across, front - across), axis=-2)
 
 
-def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
+def compute_angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
     """Unsigned angle between directions [rad], 0 to pi."""
     return np.abs(np.remainder(first - second + np.pi, 2 * np.pi) - np.pi)
 
@@ -85,12 +89,12 @@ def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
 
 Box = tuple[float, float, float]
 """Half length, half width, radius [m]."""
-Place = tuple[float, float, float, float]
+Pose = tuple[float, float, float, float]
 """x, y [m], cosine and sine of the heading."""
 
 
 @compiled
-def _gaps(
+def _compute_gaps(
     xy: FloatArray,
     heading: FloatArray,
     size: FloatArray,
@@ -98,18 +102,18 @@ def _gaps(
     other_heading: FloatArray,
     other_size: FloatArray,
 ) -> FloatArray:
-    """[n] `gap` of positions [n, 2], headings [n] and sizes [3, n] or [3, 1]."""
+    """[n] `compute_gaps` of positions [n, 2], headings [n] and sizes [3, n] or [3, 1]."""
     gaps = np.empty(len(heading))
     for k in range(len(gaps)):
         i, j = min(k, size.shape[1] - 1), min(k, other_size.shape[1] - 1)
-        one = place_at(xy[k, 0], xy[k, 1], heading[k])
-        two = place_at(other_xy[k, 0], other_xy[k, 1], other_heading[k])
-        gaps[k] = gap_of(one, box_at(size, i), two, box_at(other_size, j))
+        one = make_pose(xy[k, 0], xy[k, 1], heading[k])
+        two = make_pose(other_xy[k, 0], other_xy[k, 1], other_heading[k])
+        gaps[k] = compute_gap(one, get_box(size, i), two, get_box(other_size, j))
     return gaps
 
 
 @compiled
-def doubled(values: ArrayT) -> ArrayT:
+def double_room(values: ArrayT) -> ArrayT:
     """What was found, with room for as much again."""
     more = np.empty(2 * len(values), values.dtype)
     for k in range(len(values)):
@@ -118,30 +122,33 @@ def doubled(values: ArrayT) -> ArrayT:
 
 
 @compiled
-def place_at(x: float, y: float, heading: float) -> Place:
+def make_pose(x: float, y: float, heading: float) -> Pose:
     """A place from a position [m] and a heading [rad]."""
     return x, y, np.cos(heading), np.sin(heading)
 
 
 @compiled
-def box_at(sizes: FloatArray, k: int) -> Box:
+def get_box(sizes: FloatArray, k: int) -> Box:
     """One of sizes [3, n] [m]."""
     return sizes[0, k], sizes[1, k], sizes[2, k]
 
 
 @compiled
-def gap_of(a: Place, a_size: Box, b: Place, b_size: Box) -> float:
-    """`gap` of one pair of footprints [m]."""
-    seen, back = _seen_from(a, b), _seen_from(b, a)
-    apart = _separation(seen, back, a_size, b_size)
+def compute_gap(a: Pose, a_size: Box, b: Pose, b_size: Box) -> float:
+    """`compute_gaps` of one pair of footprints [m]."""
+    seen, back = _transform_to_frame(a, b), _transform_to_frame(b, a)
+    apart = _compute_separation(seen, back, a_size, b_size)
     if apart >= 0.0:
-        square = min(_nearest_corner(seen, a_size, b_size), _nearest_corner(back, b_size, a_size))
+        square = min(
+            _compute_nearest_corner(seen, a_size, b_size),
+            _compute_nearest_corner(back, b_size, a_size),
+        )
         apart = np.sqrt(square)
     return apart - a_size[2] - b_size[2]
 
 
 @compiled
-def _seen_from(a: Place, b: Place) -> Place:
+def _transform_to_frame(a: Pose, b: Pose) -> Pose:
     """Place b in the frame of place a."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     return (
@@ -153,7 +160,7 @@ def _seen_from(a: Place, b: Place) -> Place:
 
 
 @compiled
-def _separation(seen: Place, back: Place, one: Box, two: Box) -> float:
+def _compute_separation(seen: Pose, back: Pose, one: Box, two: Box) -> float:
     """Largest gap between the shadows of two rectangles on their side directions [m]."""
     c, s = abs(seen[2]), abs(seen[3])
     return max(
@@ -165,7 +172,7 @@ def _separation(seen: Place, back: Place, one: Box, two: Box) -> float:
 
 
 @compiled
-def _nearest_corner(seen: Place, box: Box, other: Box) -> float:
+def _compute_nearest_corner(seen: Pose, box: Box, other: Box) -> float:
     """Least squared distance to `box` of the corners of the other rectangle, as seen from it."""
     least = np.inf
     for end in (1.0, -1.0):
@@ -178,24 +185,24 @@ def _nearest_corner(seen: Place, box: Box, other: Box) -> float:
 
 
 @compiled
-def in_touch(a: Place, a_size: Box, b: Place, b_size: Box, tolerance: float) -> bool:
-    """Whether two footprints touch or come within a tolerance [m]; cheaper than `gap`.
+def is_in_touch(a: Pose, a_size: Box, b: Pose, b_size: Box, tolerance: float) -> bool:
+    """Whether two footprints touch or come within a tolerance [m]; cheaper than `compute_gaps`.
 
     Exact between two rectangles in contact and between a disc and anything; for rectangles that are
     apart, corner to corner, a tolerance above 0 is met a little too generously.
     """
     near = a_size[2] + b_size[2] + tolerance
-    seen, back = _seen_from(a, b), _seen_from(b, a)
-    if _separation(seen, back, a_size, b_size) > near:
+    seen, back = _transform_to_frame(a, b), _transform_to_frame(b, a)
+    if _compute_separation(seen, back, a_size, b_size) > near:
         return False
     return not (
-        (b_size[2] > 0.0 and _disc_beyond(seen, a_size, near))
-        or (a_size[2] > 0.0 and _disc_beyond(back, b_size, near))
+        (b_size[2] > 0.0 and _is_disc_beyond(seen, a_size, near))
+        or (a_size[2] > 0.0 and _is_disc_beyond(back, b_size, near))
     )
 
 
 @compiled
-def _disc_beyond(seen: Place, box: Box, near: float) -> bool:
+def _is_disc_beyond(seen: Pose, box: Box, near: float) -> bool:
     """Whether the middle of a disc, as seen from a rectangle, is further from it than `near`."""
     dx, dy = max(abs(seen[0]) - box[0], 0.0), max(abs(seen[1]) - box[1], 0.0)
     return dx * dx + dy * dy > near * near

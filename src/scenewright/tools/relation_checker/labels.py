@@ -15,9 +15,9 @@ from scenewright.scene.base import Compass
 from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
-from scenewright.tools.relation_checker.entries import entry_of, exit_of
-from scenewright.tools.relation_checker.ground import ground_of
-from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
+from scenewright.tools.relation_checker.trajectory import Trajectory
 
 LABEL_TIME = 0.3
 LABEL_PLACE = 1.5
@@ -33,7 +33,9 @@ _TOWARDS: dict[Compass, complex] = {
 }  # fmt: skip
 
 
-def false_labels(scene: SceneRecord, events: Sequence[Event], *, lit: bool) -> tuple[Finding, ...]:
+def find_false_labels(
+    scene: SceneRecord, events: Sequence[Event], *, lit: bool
+) -> tuple[Finding, ...]:
     """Rows of `scene.events` without an event, and events without a row; none if there are no rows.
 
     Args:
@@ -48,16 +50,16 @@ def false_labels(scene: SceneRecord, events: Sequence[Event], *, lit: bool) -> t
     for label in scene.events:
         if label.type == "normal" and not events and len(scene.events) == 1:
             continue
-        borne_out = (e for e in left if _bears_out(label, e, asked, lit=lit))
+        borne_out = (e for e in left if _matches_event(label, e, asked, lit=lit))
         event = next(borne_out, None)
         if event is None:
-            found.append(_contradicted(label))
+            found.append(_report_contradicted(label))
         else:
             left.remove(event)
-    return (*found, *(_unlabelled(event) for event in left))
+    return (*found, *(_report_unlabelled(event) for event in left))
 
 
-def _bears_out(
+def _matches_event(
     label: EventRecord, event: Event, asked: set[tuple[str, int, int]], *, lit: bool
 ) -> bool:
     if label.type != event.type or label.kind != event.kind:
@@ -73,7 +75,7 @@ def _bears_out(
     return late <= LABEL_TIME and off <= LABEL_PLACE
 
 
-def _contradicted(label: EventRecord) -> Finding:
+def _report_contradicted(label: EventRecord) -> Finding:
     return Finding(
         rule="label_contradicted",
         agents=tuple(n for n in (label.from_, label.to) if n is not None),
@@ -83,7 +85,7 @@ def _contradicted(label: EventRecord) -> Finding:
     )  # fmt: skip
 
 
-def _unlabelled(event: Event) -> Finding:
+def _report_unlabelled(event: Event) -> Finding:
     return Finding(
         rule="label_missing", agents=(event.from_, event.to), time=event.time,
         detail=f"no label names the {event.type} of {event.from_} and {event.to} at "
@@ -91,8 +93,8 @@ def _unlabelled(event: Event) -> Finding:
     )  # fmt: skip
 
 
-def false_journeys(
-    scene: SceneRecord, movers: Sequence[Mover], intersection_map: IntersectionMap
+def find_false_journeys(
+    scene: SceneRecord, tracks: Sequence[Trajectory], intersection_map: IntersectionMap
 ) -> tuple[Finding, ...]:
     """Agents whose route, entry, exit, movement or goal the map or their track contradicts.
 
@@ -105,46 +107,46 @@ def false_journeys(
             rule="journey_contradicted", agents=(agent.id,),
             detail=f"{agent.type} {agent.id}: {reason}",
         )
-        for agent, mover in zip(scene.agents, movers, strict=True)
-        for reason in _misstatements(agent, mover, intersection_map)
+        for agent, track in zip(scene.agents, tracks, strict=True)
+        for reason in _find_misstatements(agent, track, intersection_map)
     )  # fmt: skip
 
 
-def _misstatements(
-    agent: AgentRecord, mover: Mover, intersection_map: IntersectionMap
+def _find_misstatements(
+    agent: AgentRecord, track: Trajectory, intersection_map: IntersectionMap
 ) -> Iterator[str]:
     said = (agent.type, agent.entry, agent.exit, agent.movement, agent.crosswalk)
-    routes = ground_of(intersection_map).routes
+    routes = get_ground_raster(intersection_map).routes
     if agent.route not in routes:
         yield f"the map has no route {agent.route}"
     elif said != routes[agent.route]:
         yield f"its labels are not those of its route {agent.route}"
-    if not _near_goal(agent, intersection_map):
+    if not _is_goal_near_exit(agent, intersection_map):
         yield f"its goal {agent.goal[0]:.0f}, {agent.goal[1]:.0f} is none of its exit"
     if agent.type == "vehicle":
         for word, label, seen in (
-            ("comes from", agent.entry, entry_of(mover, intersection_map)),
-            ("leaves to", agent.exit, exit_of(mover, intersection_map)),
+            ("comes from", agent.entry, find_entry_leg(track, intersection_map)),
+            ("leaves to", agent.exit, find_exit_leg(track, intersection_map)),
         ):
             if seen is not None and seen != label:
                 yield f"it {word} the {seen}, its label says {label}"
-    elif _walks_back(agent, mover):
+    elif _walks_back(agent, track):
         yield f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
 
 
-def _walks_back(agent: AgentRecord, mover: Mover) -> bool:
+def _walks_back(agent: AgentRecord, track: Trajectory) -> bool:
     way = _TOWARDS[agent.exit] - _TOWARDS[agent.entry]
-    east, north = (mover.xy[-1] - mover.xy[0]).tolist()
+    east, north = (track.xy[-1] - track.xy[0]).tolist()
     return way != 0 and (east * way.real + north * way.imag) / abs(way) < -BACKWARDS
 
 
-def _near_goal(agent: AgentRecord, intersection_map: IntersectionMap) -> bool:
+def _is_goal_near_exit(agent: AgentRecord, intersection_map: IntersectionMap) -> bool:
     """Whether a goal is one of its exit; jaywalkers may be bound for any place beside the road."""
     x, y = agent.goal
     if agent.movement == "jaywalking":
-        return not ground_of(intersection_map).road.contains(np.array([(x, y)]))[0]
+        return not get_ground_raster(intersection_map).road.contains(np.array([(x, y)]))[0]
     return any(
         west - GOAL <= x <= east + GOAL and south - GOAL <= y <= north + GOAL
-        for kind, leg, (west, south, east, north) in ground_of(intersection_map).goals
+        for kind, leg, (west, south, east, north) in get_ground_raster(intersection_map).goals
         if kind == agent.type and (leg == agent.exit or agent.type == "pedestrian")
     )

@@ -13,9 +13,9 @@ from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.scene.track import STEP, VEHICLE_SIZES
-from scenewright.tools.relation_checker.footprints import IntArray, angle_between
-from scenewright.tools.relation_checker.ground import ground_of
-from scenewright.tools.relation_checker.motion import Mover, strung
+from scenewright.tools.relation_checker.footprints import IntArray, compute_angle_between
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.trajectory import Trajectory, concatenate_samples
 
 VEHICLE_SPEED = 20.0
 VEHICLE_ACCELERATION = 4.0
@@ -46,7 +46,7 @@ ROUNDING = 0.02
 
 
 @dataclass(frozen=True)
-class Licence:
+class AllowedExceptions:
     """What one agent may do beyond the rule.
 
     Attributes:
@@ -59,7 +59,7 @@ class Licence:
     jaywalking: bool = False
 
 
-def odd_form(scene: SceneRecord) -> tuple[Finding, ...]:
+def check_form(scene: SceneRecord) -> tuple[Finding, ...]:
     """Time step, duration and sizes that SEMANTICS section 1 and 5 do not know."""
     found = []
     if abs(scene.meta.step - STEP) > 1e-9:
@@ -69,13 +69,13 @@ def odd_form(scene: SceneRecord) -> tuple[Finding, ...]:
         detail = f"the scene lasts {scene.meta.duration:.1f} s; at most {LONGEST:.0f} s"
         found.append(Finding(rule="duration", agents=(), limit=LONGEST, detail=detail))
     for agent in scene.agents:
-        if not _usual_size(agent):
+        if not _has_usual_size(agent):
             detail = f"{agent.type} {agent.id} measures {agent.length:g} x {agent.width:g} m"
             found.append(Finding(rule="size", agents=(agent.id,), detail=detail))
     return tuple(found)
 
 
-def _usual_size(agent: AgentRecord) -> bool:
+def _has_usual_size(agent: AgentRecord) -> bool:
     if agent.type == "pedestrian":
         return max(abs(agent.length - 0.6), abs(agent.width - 0.6)) < 0.01
     named = VEHICLE_SIZES.get(agent.subtype or "")
@@ -86,7 +86,7 @@ def _usual_size(agent: AgentRecord) -> bool:
     )
 
 
-class _Rule(NamedTuple):
+class _MotionLimit(NamedTuple):
     """A limit on all samples of all movers of one class.
 
     Attributes:
@@ -100,22 +100,22 @@ class _Rule(NamedTuple):
     tolerance: float = ROUNDING
 
 
-def implausible(
-    movers: Sequence[Mover], licences: Sequence[Licence]
+def check_motion_limits(
+    tracks: Sequence[Trajectory], exceptions: Sequence[AllowedExceptions]
 ) -> tuple[tuple[Finding, ...], ...]:
     """Every limit of SEMANTICS section 5 that each agent's motion breaks, worst value each."""
-    found: tuple[list[Finding], ...] = tuple([] for _ in movers)
-    for rules, vehicles in ((_vehicle, True), (_pedestrian, False)):
-        rows = [n for n, m in enumerate(movers) if m.is_vehicle == vehicles]
-        chosen = [movers[n] for n in rows]
-        origin = strung(chosen)[2]
-        for rule in rules(chosen, [licences[n] for n in rows], origin) if rows else ():
-            for n, k in _broken(rule, origin):
-                found[rows[n]].append(_finding(chosen[n], rule, origin[n], k))
+    found: tuple[list[Finding], ...] = tuple([] for _ in tracks)
+    for rules, vehicles in ((_limit_vehicles, True), (_limit_pedestrians, False)):
+        rows = [n for n, m in enumerate(tracks) if m.is_vehicle == vehicles]
+        chosen = [tracks[n] for n in rows]
+        origin = concatenate_samples(chosen)[2]
+        for rule in rules(chosen, [exceptions[n] for n in rows], origin) if rows else ():
+            for n, k in _find_violations(rule, origin):
+                found[rows[n]].append(_report_violation(chosen[n], rule, origin[n], k))
     return tuple(map(tuple, found))
 
 
-def _broken(rule: _Rule, origin: IntArray) -> Iterator[tuple[int, int]]:
+def _find_violations(rule: _MotionLimit, origin: IntArray) -> Iterator[tuple[int, int]]:
     """Whose samples break a rule, and at which sample most."""
     excess = rule.values - rule.limit
     worst = np.maximum.reduceat(excess, origin[:-1])
@@ -123,75 +123,85 @@ def _broken(rule: _Rule, origin: IntArray) -> Iterator[tuple[int, int]]:
         yield n, int(excess[origin[n] : origin[n + 1]].argmax())
 
 
-def _finding(mover: Mover, rule: _Rule, begin: int, k: int) -> Finding:
+def _report_violation(track: Trajectory, rule: _MotionLimit, begin: int, k: int) -> Finding:
     measured = float(rule.values[begin + k])
     limit = rule.limit if isinstance(rule.limit, float) else float(rule.limit[begin + k])
     return Finding(
-        rule=rule.name, agents=(mover.id,), time=round(float(mover.times[k]), 3),
+        rule=rule.name, agents=(track.id,), time=round(float(track.times[k]), 3),
         measured=round(measured, 3), limit=round(limit, 3),
-        detail=f"{mover.type} {mover.id}: {rule.name} {measured:.2f} {rule.unit} at "
-        f"{mover.times[k]:.1f} s; at most {limit:.2f}",
+        detail=f"{track.type} {track.id}: {rule.name} {measured:.2f} {rule.unit} at "
+        f"{track.times[k]:.1f} s; at most {limit:.2f}",
     )  # fmt: skip
 
 
-def _vehicle(
-    movers: Sequence[Mover], licences: Sequence[Licence], origin: IntArray
-) -> Iterator[_Rule]:
-    speed, acceleration = _all(movers, "speed"), _all(movers, "acceleration")
-    heading = _all(movers, "heading")
-    braking = np.concatenate([_braking_limit(*each) for each in zip(movers, licences, strict=True)])
-    lateral = _all(movers, "lateral_acceleration")
-    yield _Rule("speed", speed, VEHICLE_SPEED, "m/s")
-    yield _Rule("acceleration", acceleration, VEHICLE_ACCELERATION, "m/s^2")
-    yield _Rule("braking", -acceleration, braking, "m/s^2")
-    yield _Rule("lateral_acceleration", lateral, LATERAL, "m/s^2")
-    yield _Rule(
-        "heading", _slip(_all(movers, "velocity"), speed, heading), SLIP, "rad from the motion"
+def _limit_vehicles(
+    tracks: Sequence[Trajectory], exceptions: Sequence[AllowedExceptions], origin: IntArray
+) -> Iterator[_MotionLimit]:
+    speed, acceleration = _concatenate(tracks, "speed"), _concatenate(tracks, "acceleration")
+    heading = _concatenate(tracks, "heading")
+    braking = np.concatenate(
+        [_compute_braking_limit(*each) for each in zip(tracks, exceptions, strict=True)]
     )
-    yield _Rule("heading_step", _turns(heading, origin), SLIP, "rad in one step")
-    yield _Rule(
-        "heading_held", _standing_turns(speed, heading, origin), HELD, "rad turned at standstill"
+    lateral = _concatenate(tracks, "lateral_acceleration")
+    yield _MotionLimit("speed", speed, VEHICLE_SPEED, "m/s")
+    yield _MotionLimit("acceleration", acceleration, VEHICLE_ACCELERATION, "m/s^2")
+    yield _MotionLimit("braking", -acceleration, braking, "m/s^2")
+    yield _MotionLimit("lateral_acceleration", lateral, LATERAL, "m/s^2")
+    yield _MotionLimit(
+        "heading",
+        _compute_slip(_concatenate(tracks, "velocity"), speed, heading),
+        SLIP,
+        "rad from the motion",
     )
-    yield _steps(movers, origin)
+    yield _MotionLimit("heading_step", _compute_turns(heading, origin), SLIP, "rad in one step")
+    yield _MotionLimit(
+        "heading_held",
+        _compute_standing_turns(speed, heading, origin),
+        HELD,
+        "rad turned at standstill",
+    )
+    yield _limit_steps(tracks, origin)
 
 
-def _pedestrian(
-    movers: Sequence[Mover], licences: Sequence[Licence], origin: IntArray
-) -> Iterator[_Rule]:
-    fastest = [RUNNING_SPEED if each.running else PEDESTRIAN_SPEED for each in licences]
-    change = np.abs(_all(movers, "acceleration"))
-    yield _Rule("speed", _all(movers, "speed"), np.repeat(fastest, np.diff(origin)), "m/s")
-    yield _Rule("acceleration", change, PEDESTRIAN_ACCELERATION, "m/s^2")
-    yield _steps(movers, origin)
+def _limit_pedestrians(
+    tracks: Sequence[Trajectory], exceptions: Sequence[AllowedExceptions], origin: IntArray
+) -> Iterator[_MotionLimit]:
+    fastest = [RUNNING_SPEED if each.running else PEDESTRIAN_SPEED for each in exceptions]
+    change = np.abs(_concatenate(tracks, "acceleration"))
+    yield _MotionLimit(
+        "speed", _concatenate(tracks, "speed"), np.repeat(fastest, np.diff(origin)), "m/s"
+    )
+    yield _MotionLimit("acceleration", change, PEDESTRIAN_ACCELERATION, "m/s^2")
+    yield _limit_steps(tracks, origin)
 
 
-def _all(movers: Sequence[Mover], name: str) -> FloatArray:
-    return np.concatenate([getattr(mover, name) for mover in movers])
+def _concatenate(tracks: Sequence[Trajectory], name: str) -> FloatArray:
+    return np.concatenate([getattr(track, name) for track in tracks])
 
 
-def _braking_limit(mover: Mover, licence: Licence) -> FloatArray:
-    limit = np.full(len(mover), VEHICLE_BRAKING)
-    for time in licence.emergencies:
-        limit[(mover.times >= time - EMERGENCY_SPAN) & (mover.times <= time + AFTERMATH)] = (
+def _compute_braking_limit(track: Trajectory, allowed: AllowedExceptions) -> FloatArray:
+    limit = np.full(len(track), VEHICLE_BRAKING)
+    for time in allowed.emergencies:
+        limit[(track.times >= time - EMERGENCY_SPAN) & (track.times <= time + AFTERMATH)] = (
             EMERGENCY_BRAKING
         )
     return limit
 
 
-def _slip(velocity: FloatArray, speed: FloatArray, heading: FloatArray) -> FloatArray:
+def _compute_slip(velocity: FloatArray, speed: FloatArray, heading: FloatArray) -> FloatArray:
     """[S] angle between heading and motion [rad]; 0 at speeds up to 1 m/s."""
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
-    return np.where(speed > SLIP_ABOVE, angle_between(course, heading), 0.0)
+    return np.where(speed > SLIP_ABOVE, compute_angle_between(course, heading), 0.0)
 
 
-def _turns(heading: FloatArray, origin: IntArray) -> FloatArray:
+def _compute_turns(heading: FloatArray, origin: IntArray) -> FloatArray:
     turns = np.zeros(len(heading))
     turns[:-1] = np.abs(heading[1:] - heading[:-1])
     turns[origin[1:] - 1] = 0.0
     return turns
 
 
-def _standing_turns(speed: FloatArray, heading: FloatArray, origin: IntArray) -> FloatArray:
+def _compute_standing_turns(speed: FloatArray, heading: FloatArray, origin: IntArray) -> FloatArray:
     """[S] how far the heading has turned since this standstill began [rad]; 0 while moving."""
     still = speed < 0.05
     begin = np.where(still, 0, np.arange(1, len(speed) + 1))
@@ -200,37 +210,39 @@ def _standing_turns(speed: FloatArray, heading: FloatArray, origin: IntArray) ->
     return np.where(still, np.abs(heading - heading[begin]), 0.0)
 
 
-def _steps(movers: Sequence[Mover], origin: IntArray) -> _Rule:
+def _limit_steps(tracks: Sequence[Trajectory], origin: IntArray) -> _MotionLimit:
     """Step length <= 1.2 x the larger of the speeds in the steps before and after, + 0.05 m."""
     steps, padding = np.zeros(origin[-1]), np.ones(origin[-1], dtype=np.bool_)
     padding[origin[1:] - 1] = False
-    steps[padding] = _all(movers, "steps")
+    steps[padding] = _concatenate(tracks, "steps")
     before, after = np.concatenate(([0.0], steps[:-1])), np.concatenate((steps[1:], [0.0]))
     limit = STEP_FACTOR * np.maximum(before, after) + STEP_MARGIN
     limit[np.repeat(np.diff(origin) < 3, np.diff(origin))] = np.inf
-    return _Rule("step_length", steps, limit, "m in one step", 2e-3)
+    return _MotionLimit("step_length", steps, limit, "m in one step", 2e-3)
 
 
-def off_ground(
-    movers: tuple[Mover, ...], intersection: IntersectionMap, *, jaywalkers: frozenset[int]
+def check_ground(
+    tracks: tuple[Trajectory, ...], intersection_map: IntersectionMap, *, jaywalkers: frozenset[int]
 ) -> tuple[Finding, ...]:
     """Agents with less than 98 % of their positions where their class belongs."""
     found = []
-    for mover, share in zip(movers, ground_shares(movers, intersection, jaywalkers), strict=True):
+    for track, share in zip(
+        tracks, compute_ground_shares(tracks, intersection_map, jaywalkers), strict=True
+    ):
         if share < ON_ROAD:
-            where = "road" if mover.is_vehicle else "walkable area and crosswalks"
+            where = "road" if track.is_vehicle else "walkable area and crosswalks"
             found.append(Finding(
-                rule="off_road" if mover.is_vehicle else "off_walkable", agents=(mover.id,),
+                rule="off_road" if track.is_vehicle else "off_walkable", agents=(track.id,),
                 measured=round(share, 4), limit=ON_ROAD,
-                detail=f"{mover.type} {mover.id}: {share:.1%} of its positions on the {where}; "
+                detail=f"{track.type} {track.id}: {share:.1%} of its positions on the {where}; "
                 f"at least {ON_ROAD:.0%}",
             ))  # fmt: skip
     return tuple(found)
 
 
-def vanished(
-    movers: Sequence[Mover],
-    intersection: IntersectionMap,
+def check_vanishing(
+    tracks: Sequence[Trajectory],
+    intersection_map: IntersectionMap,
     *,
     until: float,
     collided: frozenset[int],
@@ -242,51 +254,51 @@ def vanished(
     Args:
         until: end of the scene [s]; collided: ids of those that a collision may end.
     """
-    ground = ground_of(intersection)
+    ground = get_ground_raster(intersection_map)
     goals = ground.goals
     return tuple(
         Finding(
-            rule="vanishes", agents=(mover.id,), time=round(mover.end, 3),
-            detail=f"{mover.type} {mover.id} ends at {mover.end:.1f} s in the middle of the map",
+            rule="vanishes", agents=(track.id,), time=round(track.end, 3),
+            detail=f"{track.type} {track.id} ends at {track.end:.1f} s in the middle of the map",
         )
-        for mover in movers
-        if goals and mover.end < until - ENDS_WITHIN and mover.id not in collided
-        and (mover.is_vehicle or ground.road.contains(mover.xy[-1:])[0])
+        for track in tracks
+        if goals and track.end < until - ENDS_WITHIN and track.id not in collided
+        and (track.is_vehicle or ground.road.contains(track.xy[-1:])[0])
         and not any(
             max(west - x, x - east, south - y, y - north) <= OUTSKIRTS
-            for x, y in (mover.xy[-1].tolist(),)
+            for x, y in (track.xy[-1].tolist(),)
             for kind, _, (west, south, east, north) in goals
-            if kind == mover.type
+            if kind == track.type
         )
     )  # fmt: skip
 
 
-def ground_shares(
-    movers: tuple[Mover, ...], intersection: IntersectionMap, jaywalkers: frozenset[int]
+def compute_ground_shares(
+    tracks: tuple[Trajectory, ...], intersection_map: IntersectionMap, jaywalkers: frozenset[int]
 ) -> list[float]:
     """Share of each agent's positions where its class belongs."""
-    ground = ground_of(intersection)
-    shares = [0.0] * len(movers)
+    ground = get_ground_raster(intersection_map)
+    shares = [0.0] * len(tracks)
     for area, chosen in (
-        (ground.road, [n for n, m in enumerate(movers) if m.is_vehicle]),
-        (ground.walkable, [n for n, m in enumerate(movers)
+        (ground.road, [n for n, m in enumerate(tracks) if m.is_vehicle]),
+        (ground.walkable, [n for n, m in enumerate(tracks)
                            if not m.is_vehicle and m.id not in jaywalkers]),
-        (ground.anywhere, [n for n, m in enumerate(movers)
+        (ground.anywhere, [n for n, m in enumerate(tracks)
                            if not m.is_vehicle and m.id in jaywalkers]),
     ):  # fmt: skip
         if chosen:
-            xy, _, origin = strung([movers[n] for n in chosen])
+            xy, _, origin = concatenate_samples([tracks[n] for n in chosen])
             inside = np.add.reduceat(area.contains(xy), origin[:-1], dtype=np.float64)
             for n, share in zip(chosen, (inside / np.diff(origin)).tolist(), strict=True):
                 shares[n] = share
     return shares
 
 
-def extremes(movers: tuple[Mover, ...]) -> dict[str, Any]:
+def find_extremes(tracks: tuple[Trajectory, ...]) -> dict[str, Any]:
     """Largest speeds and accelerations per class, for the report."""
     result: dict[str, Any] = {}
     for name in ("vehicle", "pedestrian"):
-        chosen = [m for m in movers if m.type == name and len(m) > 1]
+        chosen = [m for m in tracks if m.type == name and len(m) > 1]
         if chosen:
             result[name] = {
                 "speed": round(max(float(m.speed.max()) for m in chosen), 3),

@@ -16,9 +16,13 @@ from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap, SignalProgram, StopLine
 from scenewright.scene.record import SignalRecord
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.ground import CrosswalkArea, ground_of
-from scenewright.tools.relation_checker.motion import Mover, extended, strung
+from scenewright.tools.relation_checker.ground_raster import CrosswalkArea, get_ground_raster
 from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.trajectory import (
+    Trajectory,
+    concatenate_samples,
+    extend_straight,
+)
 
 CROSSING = 2.0
 """Who walks less than this across the street in a crosswalk [m] only rounds its corner."""
@@ -31,7 +35,7 @@ SEAM = 2e-3
 
 
 @dataclass(frozen=True)
-class Crossing:
+class LightCrossing:
     """A vehicle's front bumper over a stop line, or a pedestrian's step into a crosswalk.
 
     Attributes:
@@ -43,84 +47,88 @@ class Crossing:
     colour: Colour | None
 
 
-class Lights:
+class SignalPlan:
     """The signal plan of a scene, by stop line and crosswalk."""
 
-    def __init__(self, records: Sequence[SignalRecord], ground: IntersectionMap | None) -> None:
+    def __init__(
+        self, records: Sequence[SignalRecord], intersection_map: IntersectionMap | None
+    ) -> None:
         self._spans: dict[str, list[SignalRecord]] = {}
         for record in records:
             for name in (record.stop_line, record.crosswalk):
                 if name is not None:
                     self._spans.setdefault(name, []).append(record)
-        self._ground = ground
-        self._met: dict[Mover, tuple[Crossing, ...]] = {}
-        self._further: dict[Mover, Mover] = {}
+        self._map = intersection_map
+        self._met: dict[Trajectory, tuple[LightCrossing, ...]] = {}
+        self._further: dict[Trajectory, Trajectory] = {}
 
-    def colour(self, light: str, *, time: float) -> Colour | None:
+    def get_colour(self, light: str, *, time: float) -> Colour | None:
         """What a light shows at a time [s]; None where the plan does not say."""
         for span in self._spans.get(light, ()):
             if span.start <= time < span.end:
                 return span.colour
         return None
 
-    def crossings(self, mover: Mover) -> tuple[Crossing, ...]:
+    def find_crossings(self, track: Trajectory) -> tuple[LightCrossing, ...]:
         """Every signalised line or crosswalk that the mover meets, in order of time."""
-        if mover not in self._met:
-            self.meet((mover,))
-        return self._met[mover]
+        if track not in self._met:
+            self.find_all_crossings((track,))
+        return self._met[track]
 
-    def meet(self, movers: Sequence[Mover]) -> None:
+    def find_all_crossings(self, tracks: Sequence[Trajectory]) -> None:
         """Finds the crossings of many movers in one pass, far cheaper than one by one."""
-        found: dict[Mover, list[tuple[float, str]]] = {mover: [] for mover in movers}
-        if self._ground is not None and self._spans:
-            for mover, time, name in self._lines.passed([m for m in movers if m.is_vehicle]):
-                found[mover].append((time, name))
-            walkers = [m for m in movers if not m.is_vehicle]
-            for walk in ground_of(self._ground).crosswalks if walkers else ():
+        found: dict[Trajectory, list[tuple[float, str]]] = {track: [] for track in tracks}
+        if self._map is not None and self._spans:
+            for track, time, name in self._lines.find_passages([m for m in tracks if m.is_vehicle]):
+                found[track].append((time, name))
+            walkers = [m for m in tracks if not m.is_vehicle]
+            for walk in get_ground_raster(self._map).crosswalks if walkers else ():
                 if walk.crosswalk.id in self._spans:
-                    for mover in walkers:
-                        found[mover] += [
-                            (time, walk.crosswalk.id) for time in _entries(mover, walk)
+                    for track in walkers:
+                        found[track] += [
+                            (time, walk.crosswalk.id)
+                            for time in _find_crosswalk_entries(track, walk)
                         ]
-        for mover, met in found.items():
-            self._met[mover] = tuple(
-                Crossing(time, name, self.colour(name, time=time)) for time, name in sorted(met)
+        for track, met in found.items():
+            self._met[track] = tuple(
+                LightCrossing(time, name, self.get_colour(name, time=time))
+                for time, name in sorted(met)
             )
 
     @cached_property
     def _lines(self) -> _StopLines:
-        lines = self._ground.stop_lines if self._ground else ()
-        legs = self._ground.legs if self._ground else ()
+        lines = self._map.stop_lines if self._map else ()
+        legs = self._map.legs if self._map else ()
         shown = [line for line in lines if line.id in self._spans]
-        left_hand = self._ground is not None and self._ground.left_hand_traffic
+        left_hand = self._map is not None and self._map.left_hand_traffic
         bearing = {leg.name: leg.bearing for leg in legs}
-        return _stop_lines(shown, bearing, left_hand=left_hand)
+        return _build_stop_lines(shown, bearing, left_hand=left_hand)
 
-    def ran_red(self, mover: Mover) -> tuple[Crossing, ...]:
+    def find_red_crossings(self, track: Trajectory) -> tuple[LightCrossing, ...]:
         """Crossings on red."""
         return tuple(
             c
-            for c in self.crossings(mover)
+            for c in self.find_crossings(track)
             if c.colour == "red"
-            and self.colour(c.light, time=c.time - RED_TOLERANCE) in ("red", None)
+            and self.get_colour(c.light, time=c.time - RED_TOLERANCE) in ("red", None)
         )
 
-    def held(self, mover: Mover, *, since: float, until: float) -> bool:
+    def is_held(self, track: Trajectory, *, since: float, until: float) -> bool:
         """Whether, at some time in a span [s], the light ahead of the mover is not green.
 
         The light ahead is the first that it meets after the span; tracks that end before one are
         continued straight on for 25 m.
         """
-        if self._ground is None or not self._spans:
+        if self._map is None or not self._spans:
             return False
-        if mover not in self._further:
-            speed = 5.0 if mover.is_vehicle else 1.0
-            self._further[mover] = extended(mover, distance=25.0, speed=speed)
-        crossings = self.crossings(self._further[mover])
+        if track not in self._further:
+            speed = 5.0 if track.is_vehicle else 1.0
+            self._further[track] = extend_straight(track, distance=25.0, speed=speed)
+        crossings = self.find_crossings(self._further[track])
         ahead = next((c.light for c in crossings if c.time > until), None)
         times = np.arange(since, until + STEP / 2, STEP)
         return ahead is not None and any(
-            self.colour(ahead, time=float(t)) in ("red", "yellow") for t in times
+            self.get_colour(ahead, time=float(t)) in ("red", "yellow") for t in times
         )
 
 
@@ -142,12 +150,14 @@ class _StopLines:
     outward: tuple[float | None, ...]
     left: FloatArray
 
-    def passed(self, movers: Sequence[Mover]) -> Iterator[tuple[Mover, float, str]]:
+    def find_passages(
+        self, tracks: Sequence[Trajectory]
+    ) -> Iterator[tuple[Trajectory, float, str]]:
         """When the middle of whose front bumper passes which line, towards the junction."""
-        if not movers:
+        if not tracks:
             return
-        xy, heading, origin = strung(movers)
-        half = np.repeat([m.half_length for m in movers], np.diff(origin))
+        xy, heading, origin = concatenate_samples(tracks)
+        half = np.repeat([m.half_length for m in tracks], np.diff(origin))
         front = np.stack((xy[:, 0] + half * np.cos(heading), xy[:, 1] + half * np.sin(heading)))
         east, north = (front[k] - self.start[:, k, None] for k in (0, 1))
         side = self.along[:, :1] * north - self.along[:, 1:] * east
@@ -164,13 +174,13 @@ class _StopLines:
         rows = (each[hit].tolist() for each in (n, k, owner, wrong_way))
         for line, i, m, wrong in zip(*rows, strict=True):
             least = WRONG_WAY if wrong else 0.0
-            if _towards(front[:, i + 1] - front[:, i], self.outward[line], least=least):
+            if _leads_to_junction(front[:, i + 1] - front[:, i], self.outward[line], least=least):
                 part = float(side[line, i] / (side[line, i] - side[line, i + 1]))
-                time = float(movers[m].times[i - origin[m]])
-                yield movers[m], time + STEP * part, self.ids[line]
+                time = float(tracks[m].times[i - origin[m]])
+                yield tracks[m], time + STEP * part, self.ids[line]
 
 
-def _stop_lines(
+def _build_stop_lines(
     lines: Sequence[StopLine], bearing: Mapping[Compass, float], *, left_hand: bool
 ) -> _StopLines:
     ends = np.array([line.line for line in lines]).reshape(-1, 2, 2)
@@ -186,7 +196,7 @@ def _stop_lines(
     )  # fmt: skip
 
 
-def _towards(step: FloatArray, outward: float | None, *, least: float) -> bool:
+def _leads_to_junction(step: FloatArray, outward: float | None, *, least: float) -> bool:
     """Whether more than a share of a step leads to the junction; without a bearing, any does."""
     if outward is None:
         return True
@@ -194,32 +204,34 @@ def _towards(step: FloatArray, outward: float | None, *, least: float) -> bool:
     return bool(inwards > least * np.hypot(step[0], step[1]))
 
 
-def plan_contradictions(
-    records: Sequence[SignalRecord], ground: IntersectionMap, *, until: float
+def check_signal_plan(
+    records: Sequence[SignalRecord], intersection_map: IntersectionMap, *, until: float
 ) -> tuple[Finding, ...]:
     """A plan that is missing, incomplete, or that is the map's programme at no offset whatever.
 
     Args:
         until: end of the scene [s]; every light of the programme must be shown from 0 up to it.
     """
-    if ground.signals is None:
+    if intersection_map.signals is None:
         return ()
     if not records:
         detail = "the map has signals, but the scene has no signal plan"
         return (Finding(rule="no_signal_plan", agents=(), detail=detail),)
-    owners = _owners(ground)
-    reason = _malformed(records, owners) or _uncovered(records, owners, until)
+    owners = _group_lights(intersection_map)
+    reason = _find_malformed(records, owners) or _find_uncovered(records, owners, until)
     if reason is None:
-        shown = _shown(records, {k: next(iter(v)) for k, v in owners.items() if len(v) == 1})
-        offsets = _offsets(records, ground.signals)
-        fits = any(_fits(shown, ground.signals, k) for k in offsets)
+        shown = _list_shown_colours(
+            records, {k: next(iter(v)) for k, v in owners.items() if len(v) == 1}
+        )
+        offsets = _list_offsets(records, intersection_map.signals)
+        fits = any(_fits(shown, intersection_map.signals, k) for k in offsets)
         reason = None if fits else "is the programme of the map at no offset"
     if reason is None:
         return ()
     return (Finding(rule="signal_plan", agents=(), detail=f"the signal plan {reason}"),)
 
 
-def _malformed(records: Sequence[SignalRecord], owners: Mapping[str, set[str]]) -> str | None:
+def _find_malformed(records: Sequence[SignalRecord], owners: Mapping[str, set[str]]) -> str | None:
     """What is wrong with a record in itself."""
     for record in records:
         names = [n for n in (record.stop_line, record.crosswalk) if n is not None]
@@ -232,7 +244,7 @@ def _malformed(records: Sequence[SignalRecord], owners: Mapping[str, set[str]]) 
     return None
 
 
-def _uncovered(
+def _find_uncovered(
     records: Sequence[SignalRecord], owners: Mapping[str, set[str]], until: float
 ) -> str | None:
     """A light whose records leave a gap between 0 and the end of the scene, or overlap.
@@ -255,7 +267,7 @@ def _uncovered(
     return None
 
 
-def _offsets(records: Sequence[SignalRecord], program: SignalProgram) -> list[float]:
+def _list_offsets(records: Sequence[SignalRecord], program: SignalProgram) -> list[float]:
     """Offsets at which a change of the plan falls on a change of the programme; else all."""
     change = next((r.start for r in records if r.start > 1e-6), None)
     if change is None:
@@ -264,17 +276,17 @@ def _offsets(records: Sequence[SignalRecord], program: SignalProgram) -> list[fl
     return [float(end - change) for end in ends]
 
 
-def _owners(ground: IntersectionMap) -> dict[str, set[str]]:
+def _group_lights(intersection_map: IntersectionMap) -> dict[str, set[str]]:
     """Signal groups of every stop line and crosswalk of the programme."""
     owners: dict[str, set[str]] = {}
-    for group in ground.signals.groups if ground.signals else ():
-        lines = (m.stop_line for m in ground.movements if m.id in group.movements)
+    for group in intersection_map.signals.groups if intersection_map.signals else ():
+        lines = (m.stop_line for m in intersection_map.movements if m.id in group.movements)
         for light in (*lines, *group.crosswalks):
             owners.setdefault(light, set()).add(group.id)
     return owners
 
 
-def _shown(
+def _list_shown_colours(
     records: Sequence[SignalRecord], groups: Mapping[str, str]
 ) -> set[tuple[str, float, Colour]]:
     """Group, time and colour in the middle, and near both ends, of every stretch of the plan."""
@@ -297,20 +309,20 @@ def _fits(shown: set[tuple[str, float, Colour]], program: SignalProgram, offset:
     return True
 
 
-def _entries(mover: Mover, area: CrosswalkArea) -> list[float]:
+def _find_crosswalk_entries(track: Trajectory, area: CrosswalkArea) -> list[float]:
     """Times at which a pedestrian steps into the crosswalk and walks at least 2 m across.
 
     Who begins inside steps into it then: on red it cannot be known to have come on green.
     """
-    (west, south, east, north), box = mover.bounds, area.bounds
+    (west, south, east, north), box = track.bounds, area.bounds
     if west > box[2] or south > box[3] or east < box[0] or north < box[1]:
         return []
-    inside = geos.contains_xy(area.area, mover.xy[:, 0], mover.xy[:, 1])
+    inside = geos.contains_xy(area.area, track.xy[:, 0], track.xy[:, 1])
     edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(np.int8)))
     across = np.subtract(*np.array(area.crosswalk.centreline)[::-1])
-    along = mover.xy @ (across / max(float(np.hypot(*across)), 1e-9))
+    along = track.xy @ (across / max(float(np.hypot(*across)), 1e-9))
     return [
-        float(mover.times[i])
+        float(track.times[i])
         for i, j in edges.reshape(-1, 2)
         if float(np.ptp(along[i:j])) >= CROSSING
     ]

@@ -9,15 +9,17 @@ import numpy as np
 
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
-from scenewright.tools.relation_checker.curve import at_distance
-from scenewright.tools.relation_checker.footprints import Box, Place, gap_of, place_at
-from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.footprints import Box, Pose, compute_gap, make_pose
+from scenewright.tools.relation_checker.track_path import sample_path
+from scenewright.tools.relation_checker.trajectory import Trajectory
 
 RESOLUTION = 0.1
 PARTS = 20
 
 
-def path_ttc(first: Mover, second: Mover, *, times: FloatArray, horizon: float = 5.0) -> FloatArray:
+def compute_path_ttc(
+    first: Trajectory, second: Trajectory, *, times: FloatArray, horizon: float = 5.0
+) -> FloatArray:
     """Time to contact if both keep their present speed along their own paths.
 
     Paths go on straight beyond the last position.
@@ -30,19 +32,21 @@ def path_ttc(first: Mover, second: Mover, *, times: FloatArray, horizon: float =
         [n] seconds; inf where there is no contact within the horizon; 0 in contact.
     """
     ahead = np.arange(0.0, horizon + RESOLUTION, RESOLUTION)
-    states = (_along_path(mover, times, ahead) for mover in (first, second))
-    return _first_touch(first, second, *states)
+    states = (_extrapolate_along_path(track, times, ahead) for track in (first, second))
+    return _find_first_touch(first, second, *states)
 
 
-def ttc_2d(first: Mover, second: Mover, *, times: FloatArray, horizon: float = 5.0) -> FloatArray:
+def compute_ttc_2d(
+    first: Trajectory, second: Trajectory, *, times: FloatArray, horizon: float = 5.0
+) -> FloatArray:
     """Time to contact if both keep their present velocity vectors and headings [s]; inf if none."""
     ahead = np.arange(0.0, horizon + RESOLUTION, RESOLUTION)
-    states = (_straight_on(mover, times, ahead) for mover in (first, second))
-    return _first_touch(first, second, *states)
+    states = (_extrapolate_straight(track, times, ahead) for track in (first, second))
+    return _find_first_touch(first, second, *states)
 
 
-def drac(
-    first: Mover, second: Mover, *, times: FloatArray, ttc: FloatArray | None = None
+def compute_drac(
+    first: Trajectory, second: Trajectory, *, times: FloatArray, ttc: FloatArray | None = None
 ) -> FloatArray:
     """Deceleration rate to avoid the crash: closing speed / (2 * 2-D TTC) [m/s^2]; 0 if none.
 
@@ -52,7 +56,7 @@ def drac(
     Args:
         ttc: [n] 2-D TTC at the times [s], where it is known already.
     """
-    ttc = ttc_2d(first, second, times=times) if ttc is None else ttc
+    ttc = compute_ttc_2d(first, second, times=times) if ttc is None else ttc
     k, j = (m.indices(times) for m in (first, second))
     relative = first.velocity[k] - second.velocity[j]
     return np.asarray(np.hypot(relative[:, 0], relative[:, 1]) / (2 * np.maximum(ttc, 1e-3)))
@@ -60,33 +64,33 @@ def drac(
 
 State = tuple[FloatArray, FloatArray]
 """Positions [n, m, 2] and headings [n, m] of one agent, at n times and m times ahead of each."""
-Pose = tuple[float, float, float]
+Sample = tuple[float, float, float]
 """x, y [m] and heading [rad]."""
 
 
-def _straight_on(mover: Mover, times: FloatArray, ahead: FloatArray) -> State:
-    xy, heading = mover.at(times)
-    moved = xy[:, None] + ahead[:, None] * mover.velocity[mover.indices(times)][:, None]
+def _extrapolate_straight(track: Trajectory, times: FloatArray, ahead: FloatArray) -> State:
+    xy, heading = track.at(times)
+    moved = xy[:, None] + ahead[:, None] * track.velocity[track.indices(times)][:, None]
     return moved, np.repeat(heading[:, None], len(ahead), axis=1)
 
 
-def _along_path(mover: Mover, times: FloatArray, ahead: FloatArray) -> State:
-    k = mover.indices(times)
-    s = mover.s[k][:, None] + mover.speed[k][:, None] * ahead
-    xy, heading = at_distance(mover.path, s)
-    still = mover.speed[k] < 0.1
-    heading[still] = mover.heading[k[still], None]
+def _extrapolate_along_path(track: Trajectory, times: FloatArray, ahead: FloatArray) -> State:
+    k = track.indices(times)
+    s = track.s[k][:, None] + track.speed[k][:, None] * ahead
+    xy, heading = sample_path(track.path, s)
+    still = track.speed[k] < 0.1
+    heading[still] = track.heading[k[still], None]
     return xy, heading
 
 
-def _first_touch(first: Mover, second: Mover, one: State, two: State) -> FloatArray:
+def _find_first_touch(first: Trajectory, second: Trajectory, one: State, two: State) -> FloatArray:
     """[n] first time ahead at which footprints touch [s]; inf if never for 5 ms."""
     boxes = [(m.half_length, m.half_width, m.radius) for m in (first, second)]
-    return _touched(*one, *two, (first.reach, second.reach), *boxes)
+    return _search_first_touch(*one, *two, (first.reach, second.reach), *boxes)
 
 
 @compiled
-def _touched(
+def _search_first_touch(
     xy: FloatArray,
     heading: FloatArray,
     other_xy: FloatArray,
@@ -114,9 +118,9 @@ def _touched(
             near = apart + then_apart <= most
             x, y, apart = then_x, then_y, then_apart
             if near:
-                ends = _ends(xy, heading, n, k)
-                other_ends = _ends(other_xy, other_heading, n, k)
-                part = _part_at_touch(ends, other_ends, size, other_size, most)
+                ends = _get_step_ends(xy, heading, n, k)
+                other_ends = _get_step_ends(other_xy, other_heading, n, k)
+                part = _find_touch_part(ends, other_ends, size, other_size, most)
                 if part <= 1.0:
                     found[n] = RESOLUTION * (k + part)
                     break
@@ -124,7 +128,7 @@ def _touched(
 
 
 @compiled
-def _ends(xy: FloatArray, heading: FloatArray, n: int, k: int) -> tuple[Pose, Pose]:
+def _get_step_ends(xy: FloatArray, heading: FloatArray, n: int, k: int) -> tuple[Sample, Sample]:
     return (
         (xy[n, k, 0], xy[n, k, 1], heading[n, k]),
         (xy[n, k + 1, 0], xy[n, k + 1, 1], heading[n, k + 1]),
@@ -132,22 +136,25 @@ def _ends(xy: FloatArray, heading: FloatArray, n: int, k: int) -> tuple[Pose, Po
 
 
 @compiled
-def _part_at_touch(
-    a: tuple[Pose, Pose], b: tuple[Pose, Pose], a_size: Box, b_size: Box, most: float
+def _find_touch_part(
+    a: tuple[Sample, Sample], b: tuple[Sample, Sample], a_size: Box, b_size: Box, most: float
 ) -> float:
     """The part of the way at which they touch first; more than 1 where they do not.
 
     Args:
         most: by how much the gap may shrink on the way [m].
     """
-    before = gap_of(_between(0.0, a), a_size, _between(0.0, b), b_size)
-    if before + gap_of(_between(1.0, a), a_size, _between(1.0, b), b_size) > most:
+    before = compute_gap(_interpolate_pose(0.0, a), a_size, _interpolate_pose(0.0, b), b_size)
+    if (
+        before + compute_gap(_interpolate_pose(1.0, a), a_size, _interpolate_pose(1.0, b), b_size)
+        > most
+    ):
         return np.inf
     if before <= 0.0:
         return 0.0
     for k in range(1, PARTS + 1):
         part = k / PARTS
-        after = gap_of(_between(part, a), a_size, _between(part, b), b_size)
+        after = compute_gap(_interpolate_pose(part, a), a_size, _interpolate_pose(part, b), b_size)
         if after <= 0.0:
             return float((k - 1 + before / max(before - after, 1e-9)) / PARTS)
         before = after
@@ -155,8 +162,8 @@ def _part_at_touch(
 
 
 @compiled
-def _between(part: float, ends: tuple[Pose, Pose]) -> Place:
+def _interpolate_pose(part: float, ends: tuple[Sample, Sample]) -> Pose:
     (x, y, heading), (then_x, then_y, turned) = ends
-    return place_at(
+    return make_pose(
         x + part * (then_x - x), y + part * (then_y - y), heading + part * (turned - heading)
     )

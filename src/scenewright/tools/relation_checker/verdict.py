@@ -18,37 +18,37 @@ from scenewright.scene.record import AgentRecord, RelationRecord, SceneRecord
 from scenewright.scene.track import Shape, Track
 from scenewright.tools.relation_checker.account import check_account
 from scenewright.tools.relation_checker.certificate import (
-    Roles,
-    interference,
+    AgentRoles,
+    check_interference,
+    check_wrecks,
     is_incidental,
-    wrecks,
 )
-from scenewright.tools.relation_checker.collisions import is_at
-from scenewright.tools.relation_checker.conditions import unmet
-from scenewright.tools.relation_checker.entries import misplaced
-from scenewright.tools.relation_checker.labels import false_journeys, false_labels
-from scenewright.tools.relation_checker.motion import FARTHEST, Mover, RoadUser
-from scenewright.tools.relation_checker.observation import Observation, observe
+from scenewright.tools.relation_checker.collisions import is_impact_at
+from scenewright.tools.relation_checker.conditions import find_unmet_condition
+from scenewright.tools.relation_checker.events import SceneObservation, observe
+from scenewright.tools.relation_checker.external_events import MOST_PAIR_SAMPLES, count_pair_samples
+from scenewright.tools.relation_checker.labels import find_false_journeys, find_false_labels
+from scenewright.tools.relation_checker.legs import check_ties
 from scenewright.tools.relation_checker.plausibility import (
-    Licence,
-    extremes,
-    implausible,
-    odd_form,
-    off_ground,
-    vanished,
+    AllowedExceptions,
+    check_form,
+    check_ground,
+    check_motion_limits,
+    check_vanishing,
+    find_extremes,
 )
-from scenewright.tools.relation_checker.recording import ROOM, cells
-from scenewright.tools.relation_checker.signals import plan_contradictions
+from scenewright.tools.relation_checker.signals import check_signal_plan
+from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser, Trajectory
 
 PET_TOLERANCE = 0.15
 TTC_TOLERANCE = 0.3
 IMPACT_TOLERANCE = 1.0
-AGES = 3600.0
+LATEST = 3600.0
 """Longer than this [s] no scene is, and nobody waits for one to begin."""
 RUNNERS = ("running", "runner")
 
 
-def check(scene: SceneRecord, intersection: IntersectionMap | None = None) -> Proof:
+def check(scene: SceneRecord, intersection_map: IntersectionMap | None = None) -> Proof:
     """Proves a scene from its final tracks (SEMANTICS sections 1, 4 and 5).
 
     Segments are not looked at; labels (`scene.events`, entries, exits, movements, goals) decide
@@ -66,53 +66,63 @@ def check(scene: SceneRecord, intersection: IntersectionMap | None = None) -> Pr
     users = read_users(scene)
     known = {a.id for a in scene.agents}
     _check_ties(scene, known)
-    asked = tuple(_known_pair(r, known) for r in scene.relations)
-    roles = Roles(
+    asked = tuple(_check_pair(r, known) for r in scene.relations)
+    roles = AgentRoles(
         frozenset(a.id for a in scene.agents if a.role == "foreground").union(*asked),
         frozenset(frozenset(pair) for pair in asked),
     )
-    seen = observe(
-        users, ground=intersection, signals=scene.signals, asked=asked,
+    observed = observe(
+        users, intersection_map=intersection_map, signals=scene.signals, asked=asked,
         detailed=frozenset(n for pair in asked for n in pair), until=scene.meta.duration,
     )  # fmt: skip
-    asked_for = scene.relations if intersection and scene.signals else _unlit(scene.relations)
-    matched, missing = _match(asked_for, seen, intersection)
-    return _proof(scene, intersection, seen=seen, roles=roles, matched=matched, missing=missing)
+    asked_for = (
+        scene.relations
+        if intersection_map and scene.signals
+        else _drop_light_causes(scene.relations)
+    )
+    matched, missing = _match_events(asked_for, observed, intersection_map)
+    return _build_proof(
+        scene, intersection_map, observed=observed, roles=roles, matched=matched, missing=missing
+    )
 
 
-def _proof(
+def _build_proof(
     scene: SceneRecord,
-    intersection: IntersectionMap | None,
+    intersection_map: IntersectionMap | None,
     *,
-    seen: Observation,
-    roles: Roles,
+    observed: SceneObservation,
+    roles: AgentRoles,
     matched: frozenset[int],
     missing: tuple[Finding, ...],
 ) -> Proof:
-    incidental = [k for k, e in enumerate(seen.events)
+    incidental = [k for k, e in enumerate(observed.events)
                   if k not in matched and is_incidental(e, roles)]  # fmt: skip
-    events = tuple(e for k, e in enumerate(seen.events) if k not in incidental)
-    said, unsaid = check_account(scene, seen.events, seen, intersection)
+    events = tuple(e for k, e in enumerate(observed.events) if k not in incidental)
+    said, unsaid = check_account(scene, observed.events, observed, intersection_map)
     missing = (
         *missing,
         *unsaid,
-        *false_labels(scene, events, lit=bool(intersection and scene.signals)),
-        *(false_journeys(scene, seen.movers, intersection) if intersection else ()),
-        *_not_as_tied(scene, seen, intersection),
-        *_obedient(scene, seen, intersection, roles),
+        *find_false_labels(scene, events, lit=bool(intersection_map and scene.signals)),
+        *(
+            find_false_journeys(scene, observed.tracks, intersection_map)
+            if intersection_map
+            else ()
+        ),
+        *_check_tied_entries(scene, observed, intersection_map),
+        *_check_asked_red_runs(scene, observed, intersection_map, roles),
     )
     unasked = (
-        *interference(seen, roles, expected=matched),
-        *wrecks(seen, until=scene.meta.duration),
+        *check_interference(observed, roles, expected=matched),
+        *check_wrecks(observed, until=scene.meta.duration),
     )
-    motion = (*odd_form(scene), *_implausible(scene, seen, intersection, roles))
-    red = _red_crossings(scene, seen, intersection, roles)
+    motion = (*check_form(scene), *_check_motion(scene, observed, intersection_map, roles))
+    red = _check_red_crossings(scene, observed, intersection_map, roles)
     return Proof(
         verified=not (missing or unasked or motion or red),
         events=events,
-        incidental=tuple(seen.events[k] for k in incidental),
+        incidental=tuple(observed.events[k] for k in incidental),
         missing=missing, interference=unasked, implausible=motion, signal_violations=red,
-        said=said, figures=_figures(scene, seen, intersection),
+        said=said, figures=_collect_figures(scene, observed, intersection_map),
     )  # fmt: skip
 
 
@@ -127,7 +137,7 @@ def read_users(scene: SceneRecord) -> tuple[RoadUser, ...]:
     if not math.isfinite(scene.meta.duration):
         raise InputError(f"meta.duration must be a number of seconds, got {scene.meta.duration}")
     users = tuple(_read_user(agent, scene.meta.step) for agent in scene.agents)
-    if cells(users) > ROOM:
+    if count_pair_samples(users) > MOST_PAIR_SAMPLES:
         raise InputError(f"{len(users)} agents are too many for one scene")
     return users
 
@@ -142,12 +152,12 @@ def _read_user(agent: AgentRecord, step: float) -> RoadUser:
         raise InputError(
             f"agent {agent.id} has {len(xy)} positions but {len(heading)} headings; give one each"
         )
-    furthest = _largest(xy.ravel(), heading)
+    furthest = _find_largest(xy.ravel(), heading)
     if not math.isfinite(furthest):
         raise InputError(f"agent {agent.id}: trajectory or heading holds NaN or infinity")
     if not math.isfinite(agent.spawn_time):
         raise InputError(f"agent {agent.id}: spawn_time {agent.spawn_time} is not a number")
-    if max(abs(agent.spawn_time), step * count) > AGES:
+    if max(abs(agent.spawn_time), step * count) > LATEST:
         raise InputError(
             f"agent {agent.id}: {count} positions from {agent.spawn_time:g} s on are no scene; "
             "times are seconds since its start"
@@ -161,7 +171,7 @@ def _read_user(agent: AgentRecord, step: float) -> RoadUser:
 
 
 @compiled
-def _largest(xy: FloatArray, heading: FloatArray) -> float:
+def _find_largest(xy: FloatArray, heading: FloatArray) -> float:
     """The largest magnitude of all; infinite where one is not a number."""
     largest = 0.0
     for values in (xy, heading):
@@ -170,7 +180,7 @@ def _largest(xy: FloatArray, heading: FloatArray) -> float:
     return largest
 
 
-def _known_pair(relation: RelationRecord, known: set[int]) -> tuple[int, int]:
+def _check_pair(relation: RelationRecord, known: set[int]) -> tuple[int, int]:
     pair = relation.from_, relation.to
     for n in pair:
         if n not in known:
@@ -187,7 +197,7 @@ def _check_ties(scene: SceneRecord, known: set[int]) -> None:
                 raise InputError(f"ties name agent {n}, which the scene lacks")
 
 
-def _unlit(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:
+def _drop_light_causes(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:
     """Without lights nobody is seen to run red, so that such a cause is not looked for."""
     nobody = {"cause": None, "cause_agent": None}
     return tuple(
@@ -195,53 +205,59 @@ def _unlit(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:
     )
 
 
-def _match(
-    relations: Sequence[RelationRecord], seen: Observation, intersection: IntersectionMap | None
+def _match_events(
+    relations: Sequence[RelationRecord],
+    observed: SceneObservation,
+    intersection_map: IntersectionMap | None,
 ) -> tuple[frozenset[int], tuple[Finding, ...]]:
     """Positions of the events that realise relations, and the relations without one."""
-    events = seen.events
+    events = observed.events
     used: set[int] = set()
     missing: list[Finding] = []
     for relation in relations:
         failures: list[str] = []
         for k, event in enumerate(events):
-            if k in used or not _same_roles(relation, event):
+            if k in used or not _has_same_roles(relation, event):
                 continue
-            reason = _falls_short(relation, event) or unmet(relation, event, seen, intersection)
+            reason = _find_shortfall(relation, event) or find_unmet_condition(
+                relation, event, observed, intersection_map
+            )
             if reason is None:
                 used.add(k)
                 break
             failures.append(reason)
         else:
-            missing.append(_not_realised(relation, failures, events))
+            missing.append(_report_unrealised(relation, failures, events))
     return frozenset(used), tuple(missing)
 
 
-def _same_roles(relation: RelationRecord, event: Event) -> bool:
-    asked, seen = (relation.from_, relation.to), (event.from_, event.to)
+def _has_same_roles(relation: RelationRecord, event: Event) -> bool:
+    asked, found = (relation.from_, relation.to), (event.from_, event.to)
     symmetric = relation.type in ("collision", "near_miss")
-    return relation.type == event.type and (asked == seen or (symmetric and asked == seen[::-1]))
+    return relation.type == event.type and (asked == found or (symmetric and asked == found[::-1]))
 
 
-def _falls_short(relation: RelationRecord, event: Event) -> str | None:
+def _find_shortfall(relation: RelationRecord, event: Event) -> str | None:
     """Why an event of the right type and roles is not the one asked for."""
     if relation.kind is not None and event.kind != relation.kind:
         return f"kind {event.kind} observed, {relation.kind} asked for"
-    uncaused = _uncaused(relation, event)
+    uncaused = _find_wrong_cause(relation, event)
     if uncaused is not None:
         return uncaused
-    for name, target, seen, tolerance in (
-        ("PET", relation.target_pet, event.evidence.get("pet"), PET_TOLERANCE),
-        ("path TTC", relation.target_ttc, event.evidence.get("path_ttc"), TTC_TOLERANCE),
-        ("impact speed", relation.impact_speed, _impact_speed(relation, event), IMPACT_TOLERANCE),
+    pet, ttc = event.evidence.get("pet"), event.evidence.get("path_ttc")
+    speed = _get_impact_speed(relation, event)
+    for name, target, value, tolerance in (
+        ("PET", relation.target_pet, pet, PET_TOLERANCE),
+        ("path TTC", relation.target_ttc, ttc, TTC_TOLERANCE),
+        ("impact speed", relation.impact_speed, speed, IMPACT_TOLERANCE),
     ):
-        if target is not None and (seen is None or abs(seen - target) > tolerance + 1e-6):
-            found = "none" if seen is None else f"{seen:.2f}"
+        if target is not None and (value is None or abs(value - target) > tolerance + 1e-6):
+            found = "none" if value is None else f"{value:.2f}"
             return f"{name} {found} observed, {target:.2f} +/- {tolerance} asked for"
-    return _struck_elsewhere(relation, event)
+    return _find_wrong_impact_point(relation, event)
 
 
-def _uncaused(relation: RelationRecord, event: Event) -> str | None:
+def _find_wrong_cause(relation: RelationRecord, event: Event) -> str | None:
     """Why the cause asked for is not seen; late braking may come on top of a red light run."""
     culprits = {event.cause: event.evidence.get("cause_agent")}
     if "late_brake" in event.evidence:
@@ -254,20 +270,19 @@ def _uncaused(relation: RelationRecord, event: Event) -> str | None:
     return None
 
 
-def _struck_elsewhere(relation: RelationRecord, event: Event) -> str | None:
+def _find_wrong_impact_point(relation: RelationRecord, event: Event) -> str | None:
     """Where a vehicle was struck, if that is not where it was to be."""
-    seen = [event.evidence.get("point_from"), event.evidence.get("point_to")]
+    points = [event.evidence.get("point_from"), event.evidence.get("point_to")]
     if relation.from_ != event.from_:
-        seen.reverse()
-    for agent, asked, found in (
-        (relation.from_, relation.point_from, seen[0]), (relation.to, relation.point_to, seen[1]),
-    ):  # fmt: skip
-        if asked is not None and not is_at(asked, found):
+        points.reverse()
+    sides = (relation.from_, relation.point_from), (relation.to, relation.point_to)
+    for (agent, asked), found in zip(sides, points, strict=True):
+        if asked is not None and not is_impact_at(asked, found):
             return f"impact at {found or 'no point'} of {agent} observed, {asked} asked for"
     return None
 
 
-def _impact_speed(relation: RelationRecord, event: Event) -> float | None:
+def _get_impact_speed(relation: RelationRecord, event: Event) -> float | None:
     """Speed of the striking vehicle; of the relation's `from` where both are vehicles."""
     striker = event.evidence.get("speed_from")
     if event.kind == "pedestrian_strike" or relation.from_ == event.from_:
@@ -275,7 +290,7 @@ def _impact_speed(relation: RelationRecord, event: Event) -> float | None:
     return event.evidence.get("speed_to")
 
 
-def _not_realised(
+def _report_unrealised(
     relation: RelationRecord, failures: list[str], events: Sequence[Event]
 ) -> Finding:
     pair = {relation.from_, relation.to}
@@ -287,56 +302,64 @@ def _not_realised(
     )  # fmt: skip
 
 
-def _implausible(
-    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None, roles: Roles
+def _check_motion(
+    scene: SceneRecord,
+    observed: SceneObservation,
+    intersection_map: IntersectionMap | None,
+    roles: AgentRoles,
 ) -> tuple[Finding, ...]:
     found: list[Finding] = []
-    licences = [_licence(agent, seen.events) for agent in scene.agents]
-    for mover, broken in zip(seen.movers, implausible(seen.movers, licences), strict=True):
+    exceptions = [_list_exceptions(agent, observed.events) for agent in scene.agents]
+    for track, broken in zip(
+        observed.tracks, check_motion_limits(observed.tracks, exceptions), strict=True
+    ):
         found += broken
-        found += _outside_scene(mover, scene.meta.duration)
-    if intersection is not None:
-        hits = (e for e in seen.events if e.type == "collision")
+        found += _check_time_span(track, scene.meta.duration)
+    if intersection_map is not None:
+        hits = (e for e in observed.events if e.type == "collision")
         collided = frozenset(n for e in hits for n in (e.from_, e.to))
         until = scene.meta.duration
-        found += vanished(seen.movers, intersection, until=until, collided=collided)
+        found += check_vanishing(observed.tracks, intersection_map, until=until, collided=collided)
         jaywalkers = frozenset(a.id for a in scene.agents if _jaywalks(a, roles))
-        found += off_ground(seen.movers, intersection, jaywalkers=jaywalkers)
+        found += check_ground(observed.tracks, intersection_map, jaywalkers=jaywalkers)
     return tuple(found)
 
 
-def _licence(agent: AgentRecord, events: Sequence[Event]) -> Licence:
+def _list_exceptions(agent: AgentRecord, events: Sequence[Event]) -> AllowedExceptions:
     times = tuple(
         e.time
         for e in events
         if e.type in ("collision", "near_miss") and agent.id in (e.from_, e.to)
     )
-    return Licence(emergencies=times, running=agent.subtype in RUNNERS)
+    return AllowedExceptions(emergencies=times, running=agent.subtype in RUNNERS)
 
 
-def _outside_scene(mover: Mover, duration: float) -> list[Finding]:
-    if mover.start >= -1e-6 and mover.end <= duration + 0.1 + 1e-6:
+def _check_time_span(track: Trajectory, duration: float) -> list[Finding]:
+    if track.start >= -1e-6 and track.end <= duration + 0.1 + 1e-6:
         return []
     return [
         Finding(
-            rule="outside_scene", agents=(mover.id,), time=mover.end, limit=duration,
-            detail=f"{mover.type} {mover.id} is present from {mover.start:.1f} to {mover.end:.1f} "
+            rule="outside_scene", agents=(track.id,), time=track.end, limit=duration,
+            detail=f"{track.type} {track.id} is present from {track.start:.1f} to {track.end:.1f} "
             f"s; the scene lasts from 0 to {duration:.1f} s",
         )
     ]  # fmt: skip
 
 
-def _jaywalks(agent: AgentRecord, roles: Roles) -> bool:
+def _jaywalks(agent: AgentRecord, roles: AgentRoles) -> bool:
     """Only what was asked for is allowed, and nobody asks for anything of the background."""
     return agent.movement == "jaywalking" and agent.id in roles.foreground
 
 
-def _red_crossings(
-    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None, roles: Roles
+def _check_red_crossings(
+    scene: SceneRecord,
+    observed: SceneObservation,
+    intersection_map: IntersectionMap | None,
+    roles: AgentRoles,
 ) -> tuple[Finding, ...]:
-    if intersection is None:
+    if intersection_map is None:
         return ()
-    plan = plan_contradictions(scene.signals, intersection, until=scene.meta.duration)
+    plan = check_signal_plan(scene.signals, intersection_map, until=scene.meta.duration)
     if not scene.signals:
         return plan
     return plan + tuple(
@@ -345,55 +368,58 @@ def _red_crossings(
             detail=f"{agent.type} {agent.id} passes {crossing.light} on red at "
             f"{crossing.time:.1f} s",
         )
-        for agent, mover in zip(scene.agents, seen.movers, strict=True)
+        for agent, track in zip(scene.agents, observed.tracks, strict=True)
         if not (agent.violates_signal and agent.id in roles.foreground)
         and not _jaywalks(agent, roles)
-        for crossing in seen.lights.ran_red(mover)
+        for crossing in observed.lights.find_red_crossings(track)
     )  # fmt: skip
 
 
-def _not_as_tied(
-    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None
+def _check_tied_entries(
+    scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
 ) -> tuple[Finding, ...]:
-    if intersection is None:
+    if intersection_map is None:
         return ()
-    return misplaced(scene.ties, {m.id: m for m in seen.movers}, intersection)
+    return check_ties(scene.ties, {m.id: m for m in observed.tracks}, intersection_map)
 
 
-def _obedient(
-    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None, roles: Roles
+def _check_asked_red_runs(
+    scene: SceneRecord,
+    observed: SceneObservation,
+    intersection_map: IntersectionMap | None,
+    roles: AgentRoles,
 ) -> tuple[Finding, ...]:
     """Agents that were to run a red light and never do."""
-    if intersection is None or not scene.signals:
+    if intersection_map is None or not scene.signals:
         return ()
     return tuple(
         Finding(
             rule="red_light_not_run", agents=(agent.id,),
             detail=f"{agent.type} {agent.id} was to run a red light and never does",
         )
-        for agent, mover in zip(scene.agents, seen.movers, strict=True)
+        for agent, track in zip(scene.agents, observed.tracks, strict=True)
         if agent.violates_signal and agent.id in roles.foreground
-        and not seen.lights.ran_red(mover)
+        and not observed.lights.find_red_crossings(track)
     )  # fmt: skip
 
 
-def _red_runs(seen: Observation) -> list[dict[str, Any]]:
+def _list_red_runs(observed: SceneObservation) -> list[dict[str, Any]]:
     return [
-        {"agent": mover.id, "time": round(crossing.time, 3), "light": crossing.light}
-        for mover in seen.movers
-        for crossing in seen.lights.ran_red(mover)
+        {"agent": track.id, "time": round(crossing.time, 3), "light": crossing.light}
+        for track in observed.tracks
+        for crossing in observed.lights.find_red_crossings(track)
     ]
 
 
-def _figures(
-    scene: SceneRecord, seen: Observation, intersection: IntersectionMap | None
+def _collect_figures(
+    scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
 ) -> dict[str, Any]:
     pairs = [(r.from_, r.to) for r in scene.relations]
-    pet = {f"{a}-{b}": seen.pet((a, b)) for a, b in pairs}
+    pet = {f"{a}-{b}": observed.pet((a, b)) for a, b in pairs}
     return {
         "agents": len(scene.agents),
-        "map_checked": intersection is not None,
+        "map_checked": intersection_map is not None,
         "pet": {k: round(v, 3) for k, v in pet.items() if v is not None},
-        "red_light_runs": _red_runs(seen),
-        "extremes": extremes(seen.movers),
+        "red_light_runs": _list_red_runs(observed),
+        "extremes": find_extremes(observed.tracks),
     }

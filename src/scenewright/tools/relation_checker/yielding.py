@@ -9,10 +9,10 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.curve import curvature, project
-from scenewright.tools.relation_checker.footprints import angle_between
-from scenewright.tools.relation_checker.motion import Mover
-from scenewright.tools.relation_checker.paths import Stay
+from scenewright.tools.relation_checker.conflict_zones import ZoneOccupancy
+from scenewright.tools.relation_checker.footprints import compute_angle_between
+from scenewright.tools.relation_checker.track_path import compute_curvature, project
+from scenewright.tools.relation_checker.trajectory import Trajectory
 
 COMFORT = 2.0
 """Acceleration and braking with which free speed is reached [m/s^2]."""
@@ -26,7 +26,7 @@ MARGIN = 2.0
 
 
 @dataclass(frozen=True)
-class _Limits:
+class _ClassLimits:
     """Class-dependent figures: vehicle or pedestrian."""
 
     upstream: float
@@ -37,13 +37,13 @@ class _Limits:
 
 
 LIMITS = {
-    "vehicle": _Limits(20.0, 40.0, 2.0, 1.0, 0.5),
-    "pedestrian": _Limits(5.0, 5.0, 0.5, 0.5, 0.2),
+    "vehicle": _ClassLimits(20.0, 40.0, 2.0, 1.0, 0.5),
+    "pedestrian": _ClassLimits(5.0, 5.0, 0.5, 0.5, 0.2),
 }
 
 
 @dataclass(frozen=True)
-class Giving:
+class YieldEvent:
     """A yield that was found.
 
     Attributes:
@@ -67,7 +67,7 @@ class Giving:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class YieldContext:
     """What else could hold an agent, asked only when it matters.
 
     Attributes:
@@ -83,7 +83,7 @@ class Surroundings:
     on_crosswalk: Callable[[float], bool]
 
 
-def slowing_begins(speed: FloatArray, lowest: int, *, ripple: float) -> int:
+def find_slowing_start(speed: FloatArray, lowest: int, *, ripple: float) -> int:
     """Sample at which the slowing that ends at `lowest` begins.
 
     Backwards from the lowest speed, as long as speed rises (ripples below `ripple` m/s aside); the
@@ -96,15 +96,15 @@ def slowing_begins(speed: FloatArray, lowest: int, *, ripple: float) -> int:
     return lowest - int(np.argmax(back >= top - 0.6 * ripple))
 
 
-def approach_speed(mover: Mover, *, begin: int) -> float:
+def compute_approach_speed(track: Trajectory, *, begin: int) -> float:
     """Largest speed in the 40 m (pedestrian 5 m) up to the sample where slowing begins [m/s]."""
-    distance = LIMITS[mover.type].approach
-    before = mover.s[: begin + 1] >= mover.s[begin] - distance
-    return float(mover.speed[: begin + 1][before].max())
+    distance = LIMITS[track.type].approach
+    before = track.s[: begin + 1] >= track.s[begin] - distance
+    return float(track.speed[: begin + 1][before].max())
 
 
 @dataclass(frozen=True, eq=False)
-class FreeDrive:
+class FreeSpeedProfile:
     """What an agent would have driven for the road alone.
 
     Attributes:
@@ -116,27 +116,29 @@ class FreeDrive:
     time: FloatArray
 
 
-def free_drive(mover: Mover, *, begin: int) -> FreeDrive:
+def compute_free_speed_profile(track: Trajectory, *, begin: int) -> FreeSpeedProfile:
     """Free speed from the sample where slowing begins to the end of the path.
 
     min(approach speed, sqrt(3 / |curvature|)), reached with at most 2 m/s^2 either way, starting
     at the speed driven there.
     """
-    path = mover.path
-    start = float(mover.s[begin])
+    path = track.path
+    start = float(track.s[begin])
     keep = path.s > start + 1e-6
     s = np.concatenate(([start], path.s[keep]))
-    bend = np.abs(np.concatenate((curvature(path)[~keep][-1:], curvature(path)[keep])))
-    cap = np.minimum(
-        approach_speed(mover, begin=begin) ** 2, CURVE_COMFORT / np.maximum(bend, 1e-6)
+    bend = np.abs(
+        np.concatenate((compute_curvature(path)[~keep][-1:], compute_curvature(path)[keep]))
     )
-    square = _reachable(cap, np.diff(s), float(mover.speed[begin]) ** 2)
+    cap = np.minimum(
+        compute_approach_speed(track, begin=begin) ** 2, CURVE_COMFORT / np.maximum(bend, 1e-6)
+    )
+    square = _limit_acceleration(cap, np.diff(s), float(track.speed[begin]) ** 2)
     speed = np.sqrt(np.maximum(square, 0.01))
     time = np.concatenate(([0.0], np.cumsum(2 * np.diff(s) / (speed[1:] + speed[:-1]))))
-    return FreeDrive(s, speed, mover.times[begin] + time)
+    return FreeSpeedProfile(s, speed, track.times[begin] + time)
 
 
-def _reachable(cap: FloatArray, steps: FloatArray, start: float) -> FloatArray:
+def _limit_acceleration(cap: FloatArray, steps: FloatArray, start: float) -> FloatArray:
     """Squares of speed under `cap` that change by at most 2 * 2 m/s^2 per metre.
 
     Both passes are running minima in the variables w -/+ 4 s, so no loop is needed.
@@ -148,7 +150,7 @@ def _reachable(cap: FloatArray, steps: FloatArray, start: float) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Passage:
+class ZonePassage:
     """The giver and the zone that it may have left to the other first.
 
     Attributes:
@@ -158,10 +160,10 @@ class Passage:
         real_end: end of the giver's own track [s], if what follows is a guess.
     """
 
-    giver: Mover
-    stay: Stay
-    other: Stay
-    around: Surroundings
+    giver: Trajectory
+    stay: ZoneOccupancy
+    other: ZoneOccupancy
+    around: YieldContext
     real_end: float | None = None
 
     @property
@@ -175,7 +177,7 @@ class Passage:
         return float(np.interp(self.stay.enter, self.giver.times, self.giver.s))
 
 
-def find_yield(passage: Passage) -> Giving | None:
+def find_yield(passage: ZonePassage) -> YieldEvent | None:
     """Whether the giver let the other pass the zone, and why.
 
     Returns:
@@ -189,25 +191,27 @@ def find_yield(passage: Passage) -> Giving | None:
         return None
     if passage.real_end is not None and other.enter > passage.real_end + MARGIN:
         return None
-    spells = (_spell(passage, k) for k in _lowest_points(passage.giver, passage.until))
+    spells = (_check_slowing(passage, k) for k in _find_lowest_points(passage.giver, passage.until))
     return next((s for s in spells if s is not None), None)
 
 
-def held_throughout(giver: Mover, until: float, red: Callable[[float, float], bool]) -> bool:
+def is_held_throughout(
+    giver: Trajectory, until: float, red: Callable[[float, float], bool]
+) -> bool:
     """Whether a light explains all of a giver's slowing up to a time, so that it yields to nobody.
 
-    Needs no zone, and therefore little time; see `find_yield` and `_held_otherwise`.
+    Needs no zone, and therefore little time; see `find_yield` and `_is_held_otherwise`.
     """
     times, last = giver.times, giver.index(until)
-    for lowest in _lowest_points(giver, until):
-        begin = slowing_begins(giver.speed, lowest, ripple=LIMITS[giver.type].ripple)
-        moments = {lowest, _standstill(giver, begin, lowest, last)[0]}
+    for lowest in _find_lowest_points(giver, until):
+        begin = find_slowing_start(giver.speed, lowest, ripple=LIMITS[giver.type].ripple)
+        moments = {lowest, _find_standstill(giver, begin, lowest, last)[0]}
         if not all(red(float(times[begin]), float(times[k])) for k in moments):
             return False
     return True
 
 
-def _lowest_points(giver: Mover, until: float) -> list[int]:
+def _find_lowest_points(giver: Trajectory, until: float) -> list[int]:
     """Samples of lowest speed, one for each spell of slowing, deepest first."""
     limits, last = LIMITS[giver.type], giver.index(until)
     speed = giver.speed[: last + 1]
@@ -215,13 +219,13 @@ def _lowest_points(giver: Mover, until: float) -> list[int]:
     peak = np.maximum.accumulate(speed)
     deep = [
         k
-        for k in valleys(speed, ripple=limits.ripple)
+        for k in find_valleys(speed, ripple=limits.ripple)
         if giver.s[k] >= upstream and speed[k] <= 0.6 * peak[k]
     ]
     return sorted(deep, key=lambda k: float(speed[k]))
 
 
-def valleys(speed: FloatArray, *, ripple: float) -> list[int]:
+def find_valleys(speed: FloatArray, *, ripple: float) -> list[int]:
     """Samples of least speed between rises of at least `ripple` m/s; the first of equal ones."""
     found: list[int] = []
     low, high, falling = 0, float(speed[0]), True
@@ -238,38 +242,43 @@ def valleys(speed: FloatArray, *, ripple: float) -> list[int]:
     return [*found, low] if falling else found
 
 
-def _spell(passage: Passage, lowest: int) -> Giving | None:
+def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
     giver, other, limits = passage.giver, passage.other, LIMITS[passage.giver.type]
-    begin = slowing_begins(giver.speed, lowest, ripple=limits.ripple)
-    if approach_speed(giver, begin=begin) < limits.moving or giver.times[begin] >= other.leave:
+    begin = find_slowing_start(giver.speed, lowest, ripple=limits.ripple)
+    if (
+        compute_approach_speed(giver, begin=begin) < limits.moving
+        or giver.times[begin] >= other.leave
+    ):
         return None
-    drive = free_drive(giver, begin=begin)
-    low = _slow_moment(passage, begin, lowest, drive)
+    drive = compute_free_speed_profile(giver, begin=begin)
+    low = _find_slow_moment(passage, begin, lowest, drive)
     if low is None:
         return None
-    arrival, leaving = _free_times(passage, drive)
+    arrival, leaving = _compute_free_times(passage, drive)
     caused = arrival <= other.leave + MARGIN and leaving >= other.enter - MARGIN
     if not (caused or passage.around.on_crosswalk(float(giver.times[begin]))):
         return None
-    giving = _giving(passage, begin, low, arrival)
-    if not _resumes(passage, low) or _held_otherwise(giving, passage.around):
+    yield_event = _build_yield(passage, begin, low, arrival)
+    if not _resumes(passage, low) or _is_held_otherwise(yield_event, passage.around):
         return None
-    return giving
+    return yield_event
 
 
-def _slow_moment(passage: Passage, begin: int, lowest: int, drive: FreeDrive) -> int | None:
+def _find_slow_moment(
+    passage: ZonePassage, begin: int, lowest: int, drive: FreeSpeedProfile
+) -> int | None:
     """Start of standstill, or the lowest speed, if either is low enough upstream of the zone."""
     giver, limits = passage.giver, LIMITS[passage.giver.type]
     if giver.s[lowest] < passage.s_enter - limits.upstream:
         return None
-    first, after = _standstill(giver, begin, lowest, giver.index(passage.until))
+    first, after = _find_standstill(giver, begin, lowest, giver.index(passage.until))
     if giver.speed[lowest] <= STANDING and (after - first) * STEP >= STANDING_TIME - 1e-9:
         return first
     free = float(np.interp(giver.s[lowest], drive.s, drive.speed))
     return lowest if giver.speed[lowest] <= free / 2 else None
 
 
-def _standstill(giver: Mover, begin: int, lowest: int, last: int) -> tuple[int, int]:
+def _find_standstill(giver: Trajectory, begin: int, lowest: int, last: int) -> tuple[int, int]:
     """First and last sample of the standstill around the lowest speed, if it stands there."""
     moving = np.flatnonzero(giver.speed[begin : last + 1] > STANDING) + begin
     before, after = moving[moving < lowest], moving[moving > lowest]
@@ -277,7 +286,7 @@ def _standstill(giver: Mover, begin: int, lowest: int, last: int) -> tuple[int, 
     return first, int(after[0]) - 1 if len(after) else last
 
 
-def _free_times(passage: Passage, drive: FreeDrive) -> tuple[float, float]:
+def _compute_free_times(passage: ZonePassage, drive: FreeSpeedProfile) -> tuple[float, float]:
     """When the giver would have entered and left the zone at its free speed [s]."""
     giver, stay = passage.giver, passage.stay
     s = np.interp((stay.enter, stay.leave), giver.times, giver.s)
@@ -285,21 +294,21 @@ def _free_times(passage: Passage, drive: FreeDrive) -> tuple[float, float]:
     return float(enter), float("inf") if stay.ends_inside else float(leave)
 
 
-def _giving(passage: Passage, begin: int, low: int, arrival: float) -> Giving:
+def _build_yield(passage: ZonePassage, begin: int, low: int, arrival: float) -> YieldEvent:
     giver = passage.giver
     until = max(giver.index(passage.until), low) + 1
     x, y = giver.xy[low]
-    return Giving(
+    return YieldEvent(
         time=float(giver.times[low]), place=(float(x), float(y)),
         begin=float(giver.times[begin]), lowest=float(giver.speed[low:until].min()),
-        approach=approach_speed(giver, begin=begin),
+        approach=compute_approach_speed(giver, begin=begin),
         braking=float(-giver.acceleration[begin:until].min()),
         enter=passage.stay.enter if passage.real_end is None else None,
         cleared=passage.other.leave, arrival=arrival,
     )  # fmt: skip
 
 
-def _resumes(passage: Passage, low: int) -> bool:
+def _resumes(passage: ZonePassage, low: int) -> bool:
     """Moves again within 4 s after the other cleared, or has an excuse not to."""
     giver, cleared, around = passage.giver, passage.other.leave, passage.around
     limit = cleared + RESUME_WITHIN
@@ -311,15 +320,17 @@ def _resumes(passage: Passage, low: int) -> bool:
     return end <= limit + 1e-6 or around.red(cleared, limit) or around.excused(limit)
 
 
-def _held_otherwise(giving: Giving, around: Surroundings) -> bool:
+def _is_held_otherwise(yield_event: YieldEvent, around: YieldContext) -> bool:
     """Whether a red light, or a queue in its own lane, explains the slowing."""
-    if around.red(giving.begin, giving.time):
+    if around.red(yield_event.begin, yield_event.time):
         return True
-    until = max(giving.time, min(giving.cleared, giving.enter or giving.cleared))
-    return around.leader(giving.time) and around.leader(until)
+    until = max(
+        yield_event.time, min(yield_event.cleared, yield_event.enter or yield_event.cleared)
+    )
+    return around.leader(yield_event.time) and around.leader(until)
 
 
-def leads(giver: Mover, other: Mover, *, time: float, before: float) -> bool:
+def is_leading(giver: Trajectory, other: Trajectory, *, time: float, before: float) -> bool:
     """Whether `other` is ahead of `giver` in its lane, near enough to hold it, and no faster.
 
     Near enough: 5 m, or 3 s at the giver's speed; and not already past arc length `before` [m] of
@@ -331,13 +342,13 @@ def leads(giver: Mover, other: Mover, *, time: float, before: float) -> bool:
     away = other.xy[j] - giver.xy[i]
     if float(np.hypot(*away)) > 3.0 * float(giver.speed[i]) + 5.0 + giver.nose + other.nose:
         return False
-    foot = project(other.xy[j], giver.path.extended(before=0.0, after=15.0))
+    foot = project(other.xy[j], giver.path.extend(before=0.0, after=15.0))
     gap = float(foot.s) - float(giver.s[i]) - giver.nose - other.nose
     speed = float(giver.speed[i])
     return bool(
         -0.5 <= gap <= max(5.0, 3.0 * speed)
         and float(foot.s) - other.nose <= before + 0.5
         and foot.lateral < (giver.width + other.width) / 2
-        and angle_between(other.heading[j], foot.direction) <= np.deg2rad(30.0)
+        and compute_angle_between(other.heading[j], foot.direction) <= np.deg2rad(30.0)
         and other.speed[j] <= speed + 1.0
     )

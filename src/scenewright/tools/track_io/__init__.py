@@ -6,13 +6,13 @@ tracks, `cleaning` frees real tracks of what no road user does.
 
 from scenewright.tools.track_io.archive import load_recordings, save_recordings
 from scenewright.tools.track_io.recording import RecordedAgent, Recording, Split
-from scenewright.tools.track_io.windows import Window, cut_windows
+from scenewright.tools.track_io.windows import RecordingWindow, cut_windows
 
 __all__ = [
     "RecordedAgent",
     "Recording",
+    "RecordingWindow",
     "Split",
-    "Window",
     "cut_windows",
     "load_recordings",
     "save_recordings",

@@ -35,58 +35,58 @@ def save_recordings(file: Path, recordings: Sequence[Recording]) -> None:
     save: Any = np.savez_compressed
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        save(partial, format=np.array(FORMAT), **_header(recordings), **_labels(agents),
-             **_motion(agents))  # fmt: skip
+        save(partial, format=np.array(FORMAT), **_pack_header(recordings), **_pack_labels(agents),
+             **_pack_motion(agents))  # fmt: skip
         partial.replace(file)
     except OSError as fault:
         raise InputError(f"cannot write {file}: {fault.strerror or fault}") from None
 
 
-def _header(recordings: Sequence[Recording]) -> dict[str, NDArray[Any]]:
+def _pack_header(recordings: Sequence[Recording]) -> dict[str, NDArray[Any]]:
     return {
-        "name": _text([each.name for each in recordings]),
-        "split": _text([each.split for each in recordings]),
+        "name": _pack_text([each.name for each in recordings]),
+        "split": _pack_text([each.split for each in recordings]),
         "span": np.array([(each.begin, each.end) for each in recordings]).reshape(-1, 2),
         "unseen": np.array([each.unseen for each in recordings], dtype=np.int64),
-        "signal_time": _text(
+        "signal_time": _pack_text(
             [None if r.signal_time is None else repr(r.signal_time) for r in recordings]
         ),
         "agents": np.array([len(each.agents) for each in recordings], dtype=np.int64),
     }
 
 
-def _labels(agents: Sequence[RecordedAgent]) -> dict[str, NDArray[Any]]:
+def _pack_labels(agents: Sequence[RecordedAgent]) -> dict[str, NDArray[Any]]:
     return {
-        "type": _text([a.shape.type for a in agents]),
+        "type": _pack_text([a.shape.type for a in agents]),
         "size": np.array([(a.shape.length, a.shape.width) for a in agents]).reshape(-1, 2),
         "complete": np.array([a.complete for a in agents], dtype=np.bool_),
-        **{key: _text([getattr(a, key) for a in agents]) for key in _OPTIONAL},
+        **{key: _pack_text([getattr(a, key) for a in agents]) for key in _OPTIONAL},
     }
 
 
 _OPTIONAL = ("subtype", "entry", "exit", "crosswalk", "route")
 
 
-def _text(words: Sequence[str | None]) -> NDArray[np.str_]:
+def _pack_text(words: Sequence[str | None]) -> NDArray[np.str_]:
     """Words as an array; the empty word stands for None in the file alone."""
     return np.array([word or "" for word in words], dtype=np.str_)
 
 
-def _motion(agents: Sequence[RecordedAgent]) -> dict[str, NDArray[Any]]:
+def _pack_motion(agents: Sequence[RecordedAgent]) -> dict[str, NDArray[Any]]:
     tracks = [agent.track for agent in agents]
     return {
         "first": np.array([round(t.start / STEP) for t in tracks], dtype=np.int64),
         "length": np.array([len(t.xy) for t in tracks], dtype=np.int64),
         "xy": np.concatenate(
-            [np.zeros((0, 2), dtype=np.int32), *(_steps(t.xy, XY_UNIT) for t in tracks)]
+            [np.zeros((0, 2), dtype=np.int32), *(_encode_steps(t.xy, XY_UNIT) for t in tracks)]
         ),
         "heading": np.concatenate(
-            [np.zeros(0, dtype=np.int32), *(_steps(t.heading, HEADING_UNIT) for t in tracks)]
+            [np.zeros(0, dtype=np.int32), *(_encode_steps(t.heading, HEADING_UNIT) for t in tracks)]
         ),
     }
 
 
-def _steps(values: NDArray[np.float64], unit: float) -> NDArray[np.int32]:
+def _encode_steps(values: NDArray[np.float64], unit: float) -> NDArray[np.int32]:
     """The first value and the differences after it, in whole units."""
     whole = np.rint(values / unit).astype(np.int32)
     return np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
@@ -108,24 +108,26 @@ def load_recordings(file: Path, *, split: Split | None = None) -> tuple[Recordin
     ends = np.cumsum(held["agents"])
     wanted = [k for k in range(len(ends)) if split is None or str(held["split"][k]) == split]
     origin = np.cumsum(held["length"]) - held["length"]
-    return tuple(_recording(held, k, int(ends[k]), origin) for k in wanted)
+    return tuple(_unpack_recording(held, k, int(ends[k]), origin) for k in wanted)
 
 
-def _recording(held: dict[str, NDArray[Any]], k: int, end: int, origin: IntArray) -> Recording:
+def _unpack_recording(
+    held: dict[str, NDArray[Any]], k: int, end: int, origin: IntArray
+) -> Recording:
     begin = end - int(held["agents"][k])
     signal_time = str(held["signal_time"][k])
     return Recording(
         name=str(held["name"][k]),
         begin=float(held["span"][k, 0]),
         end=float(held["span"][k, 1]),
-        agents=tuple(_agent(held, n, int(origin[n])) for n in range(begin, end)),
+        agents=tuple(_unpack_agent(held, n, int(origin[n])) for n in range(begin, end)),
         split=cast(Split, str(held["split"][k])) if str(held["split"][k]) else None,
         unseen=int(held["unseen"][k]),
         signal_time=float(signal_time) if signal_time else None,
     )
 
 
-def _agent(held: dict[str, NDArray[Any]], n: int, origin: int) -> RecordedAgent:
+def _unpack_agent(held: dict[str, NDArray[Any]], n: int, origin: int) -> RecordedAgent:
     part = slice(origin, origin + int(held["length"][n]))
     labels = {key: str(held[key][n]) or None for key in _OPTIONAL}
     length, width = (float(value) for value in held["size"][n])

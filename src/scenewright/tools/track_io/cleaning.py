@@ -37,7 +37,7 @@ NOISE_SPAN = 11
 
 
 @dataclass(eq=False)
-class Removed:
+class CleaningReport:
     """What cleaning took away.
 
     Attributes:
@@ -53,12 +53,12 @@ class Removed:
     pieces: Counter[str] = field(default_factory=Counter)
     cut: dict[str, float] = field(default_factory=dict)
 
-    def cut_off(self, reason: str, seconds: float) -> None:
+    def add_cut(self, reason: str, seconds: float) -> None:
         """Counts seconds cut off."""
         self.cut[reason] = self.cut.get(reason, 0.0) + seconds
 
-    def __add__(self, other: Removed) -> Removed:
-        return Removed(
+    def __add__(self, other: CleaningReport) -> CleaningReport:
+        return CleaningReport(
             self.tracks + other.tracks,
             self.kept + other.kept,
             self.seconds + other.seconds,
@@ -67,7 +67,7 @@ class Removed:
             {r: self.cut.get(r, 0.0) + other.cut.get(r, 0.0) for r in {**self.cut, **other.cut}},
         )
 
-    def lines(self) -> list[str]:
+    def format_lines(self) -> list[str]:
         """The report, one fact a line."""
         return [
             f"{self.tracks} tracks, {self.seconds:.0f} s; kept {self.kept} pieces, "
@@ -78,7 +78,7 @@ class Removed:
 
 
 @dataclass(frozen=True, eq=False)
-class SeenTrack:
+class RawTrack:
     """One track as a tracker wrote it.
 
     Attributes:
@@ -92,7 +92,7 @@ class SeenTrack:
     settling: float = 0.0
 
 
-def cleaned(seen: SeenTrack, *, smoothing: float, removed: Removed) -> Iterator[Track]:
+def clean_track(seen: RawTrack, *, smoothing: float, removed: CleaningReport) -> Iterator[Track]:
     """The believable pieces of a track, smoothed, and what was removed added to `removed`.
 
     Args:
@@ -100,31 +100,31 @@ def cleaned(seen: SeenTrack, *, smoothing: float, removed: Removed) -> Iterator[
     """
     removed.tracks += 1
     removed.seconds += len(seen.time) * STEP
-    for number, part in enumerate(_pieces(seen, removed)):
+    for number, part in enumerate(_split_pieces(seen, removed)):
         skipped = round(seen.settling / STEP) if number == 0 else 0
         start, xy = float(seen.time[part][0]) + skipped * STEP, seen.xy[part][skipped:]
-        reason = unbelievable(seen.type, xy)
+        reason = find_fault(seen.type, xy)
         if reason is not None:
             removed.pieces[reason] += 1
             continue
-        removed.cut_off("the tracker's filter settles", skipped * STEP)
+        removed.add_cut("the tracker's filter settles", skipped * STEP)
         removed.kept += 1
         removed.seconds_kept += len(xy) * STEP
         even = smooth(xy, smoothing)
-        yield Track(even, held_course(even), round(round(start / STEP) * STEP, 1))
+        yield Track(even, compute_course(even), round(round(start / STEP) * STEP, 1))
 
 
-def _pieces(seen: SeenTrack, removed: Removed) -> Iterator[slice]:
+def _split_pieces(seen: RawTrack, removed: CleaningReport) -> Iterator[slice]:
     """The stretches of a track without gaps and jumps; of samples at one time the first counts."""
     gap = np.abs(np.diff(seen.time) - STEP) > STEP / 4
     way = np.linalg.norm(np.diff(seen.xy, axis=0), axis=1)
     jump = ~gap & (way > FASTEST["vehicle"] * STEP + JUMP)
-    removed.cut_off("jumps", float(jump.sum()) * STEP)
+    removed.add_cut("jumps", float(jump.sum()) * STEP)
     cuts = [0, *(np.flatnonzero(gap | jump) + 1).tolist(), len(seen.time)]
     return (slice(a, b) for a, b in pairwise(cuts))
 
 
-def unbelievable(kind: AgentClass, xy: FloatArray) -> str | None:
+def find_fault(kind: AgentClass, xy: FloatArray) -> str | None:
     """Why a piece of a track cannot be used; None if it can."""
     if len(xy) * STEP < SHORTEST:
         return f"shorter than {SHORTEST:g} s"
@@ -139,7 +139,7 @@ def unbelievable(kind: AgentClass, xy: FloatArray) -> str | None:
     return None
 
 
-def held_course(xy: FloatArray) -> FloatArray:
+def compute_course(xy: FloatArray) -> FloatArray:
     """[T] direction of motion [rad]; held where there is none, east for who never moves."""
     step = np.gradient(xy, STEP, axis=0) if len(xy) > 1 else np.zeros_like(xy)
     known = np.hypot(step[:, 0], step[:, 1]) >= COURSE_FROM
@@ -150,7 +150,7 @@ def held_course(xy: FloatArray) -> FloatArray:
     return np.asarray(np.unwrap(course[np.where(last < 0, int(np.argmax(known)), last)]))
 
 
-def jitter(xy: FloatArray) -> FloatArray:
+def measure_jitter(xy: FloatArray) -> FloatArray:
     """[T'] distance of moving positions from a cubic through their neighbours within 0.5 s [m]."""
     from scipy import signal
 

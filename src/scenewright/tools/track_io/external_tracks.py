@@ -24,9 +24,10 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
-from scenewright.tools.relation_checker.motion import FARTHEST, RoadUser
-from scenewright.tools.relation_checker.recording import ExternalTracks
-from scenewright.tools.track_io.unit_checks import doubts
+from scenewright.tools.relation_checker.external_events import ExternalTracks
+from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
+from scenewright.tools.track_io.subtypes import find_subtype
+from scenewright.tools.track_io.unit_checks import find_unit_doubts
 
 MOST_BYTES = 200_000_000
 """Larger files are refused; a part of them can be checked."""
@@ -39,7 +40,7 @@ FASTEST = 150.0
 LATEST = 1e10
 FAR_FROM_ZERO = 1e5
 """Times further from 0 than a day or so [s] are clock times and counted from the first row."""
-TURNED = 20.0
+MOST_HEADING = 20.0
 """Headings beyond this are degrees [rad]."""
 COURSE = {"vehicle": 0.5, "pedestrian": 0.2}
 """Way over which the course is measured, and within 1 s the least that counts as motion [m]."""
@@ -55,17 +56,6 @@ _SHAPES = {
     "pedestrian": PEDESTRIAN,
 }
 """Footprints by subtype (SEMANTICS section 1); bicycles are small vehicles."""
-_SYNONYMS = {
-    "car": "vehicle automobile passenger_car passenger_vehicle van minivan suv taxi pickup cab",
-    "truck": "lorry heavy_vehicle truck_bus trailer semi hgv",
-    "bus": "coach minibus",
-    "motorcycle": "motorbike motorcyclist moped scooter motor",
-    "bicycle": "bike cyclist bicyclist biker",
-    "pedestrian": "ped person people walker human",
-}
-_SUBTYPES = {
-    word: subtype for subtype, words in _SYNONYMS.items() for word in (subtype, *words.split())
-}
 _REQUIRED = ("t", "id", "class", "x", "y")
 _OPTIONAL = ("heading", "length", "width")
 
@@ -110,7 +100,7 @@ class _Table:
         """
         rows = self.agents.setdefault(who, _Rows(subtype))
         if rows.subtype != subtype:
-            self.refuse(line, f"id {_shown(who)} is a {subtype} here and a {rows.subtype} in line "
+            self.refuse(line, f"id {_crop(who)} is a {subtype} here and a {rows.subtype} in line "
                         f"{rows.lines[0]}; give each agent an id of its own")  # fmt: skip
         if rows.t and values["t"] <= rows.t[-1]:
             self._not_later(line, who, values["t"], rows)
@@ -123,9 +113,9 @@ class _Table:
     def _not_later(self, line: int, who: str, time: float, rows: _Rows) -> NoReturn:
         at = f"{self.clock} = {time:.13g}"
         if time == rows.t[-1]:
-            self.refuse(line, f"a second row of id {_shown(who)} at {at}, the first is line "
+            self.refuse(line, f"a second row of id {_crop(who)} at {at}, the first is line "
                         f"{rows.lines[-1]}; keep one")  # fmt: skip
-        self.refuse(line, f"{at} of id {_shown(who)} comes after {self.clock} = {rows.t[-1]:.13g}; "
+        self.refuse(line, f"{at} of id {_crop(who)} comes after {self.clock} = {rows.t[-1]:.13g}; "
                     "sort the rows by time, and give each agent an id of its own")  # fmt: skip
 
 
@@ -145,17 +135,17 @@ def read_tracks(data: bytes, *, name: str) -> ExternalTracks:
     reader = readers.get(PurePath(name).suffix.lower())
     if reader is None:
         raise InputError(f"{name}: tracks are read from .csv and .ndjson files")
-    return reader(decoded(data, name=name), name=name)
+    return reader(decode_text(data, name=name), name=name)
 
 
-def decoded(data: bytes, *, name: str) -> str:
+def decode_text(data: bytes, *, name: str) -> str:
     """The text of a file: UTF-8, with or without a byte order mark.
 
     Raises:
         InputError: too large, empty or in another encoding.
     """
     if len(data) > MOST_BYTES:
-        raise InputError(too_large(name, len(data)))
+        raise InputError(describe_too_large(name, len(data)))
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -169,7 +159,7 @@ def decoded(data: bytes, *, name: str) -> str:
     return text
 
 
-def too_large(name: str, size: int) -> str:
+def describe_too_large(name: str, size: int) -> str:
     """What to say about a file of too many bytes."""
     return f"{name} has {size / 1e6:.0f} MB; at most {MOST_BYTES / 1e6:.0f}: check it in parts"
 
@@ -183,20 +173,23 @@ def read_csv(text: str, *, name: str) -> ExternalTracks:
     Raises:
         InputError: names the line and what to mend.
     """
-    rows = _csv_rows(text, name)
+    rows = _iterate_csv_rows(text, name)
     first, header = next(rows, (1, [""]))
     table = _Table(name)
-    columns = _columns(header, first, table)
+    columns = _find_columns(header, first, table)
     for line, cells in rows:
         if len(cells) != len(header):
             table.refuse(line, f"{len(cells)} cells under {len(header)} columns")
         row = {column: cells[k].strip() for column, k in columns.items()}
-        table.add(line, _csv_id(row["id"], line, table), _subtype(row["class"], line, table),
-                  _csv_values(row, line, table))  # fmt: skip
-    return _tracks(table, unit=1.0)
+        agent, subtype = (
+            _check_id(row["id"], line, table),
+            _check_subtype(row["class"], line, table),
+        )
+        table.add(line, agent, subtype, _parse_values(row, line, table))
+    return _build_tracks(table, unit=1.0)
 
 
-def _csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
+def _iterate_csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
     """Line numbers and cells; blank lines are skipped."""
     header = next(line for line in io.StringIO(text) if line.strip())
     delimiter = max(",;\t", key=header.count)
@@ -209,12 +202,12 @@ def _csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
         raise InputError(f"{name}, line {reader.line_num}: {error}; mend the quotes") from error
 
 
-def _columns(header: list[str], line: int, table: _Table) -> dict[str, int]:
+def _find_columns(header: list[str], line: int, table: _Table) -> dict[str, int]:
     """Where the columns stand that are read."""
     names = [cell.strip().lower() for cell in header]
     missing = [column for column in _REQUIRED if column not in names]
     if missing:
-        given = _shown(", ".join(name for name in names if name), limit=120)
+        given = _crop(", ".join(name for name in names if name), limit=120)
         table.refuse(line, f"no column {', '.join(missing)}; the header must name "
                      f"{', '.join(_REQUIRED)} and may name {', '.join(_OPTIONAL)}, "
                      f"it names {given or 'none'}")  # fmt: skip
@@ -224,37 +217,37 @@ def _columns(header: list[str], line: int, table: _Table) -> dict[str, int]:
     return {column: names.index(column) for column in (*_REQUIRED, *_OPTIONAL) if column in names}
 
 
-def _csv_id(cell: str, line: int, table: _Table) -> str:
+def _check_id(cell: str, line: int, table: _Table) -> str:
     if not cell:
         table.refuse(line, "no id; give each agent one")
     return cell
 
 
-def _subtype(cell: str, line: int, table: _Table) -> str:
-    word = "_".join(cell.lower().replace("-", " ").replace("_", " ").split())
-    if word not in _SUBTYPES:
-        table.refuse(line, f"class {_shown(cell)!r} is unknown; use vehicle or pedestrian, or one "
+def _check_subtype(cell: str, line: int, table: _Table) -> str:
+    subtype = find_subtype(cell)
+    if subtype is None:
+        table.refuse(line, f"class {_crop(cell)!r} is unknown; use vehicle or pedestrian, or one "
                      "of car, truck, bus, motorcycle, bicycle")  # fmt: skip
-    return _SUBTYPES[word]
+    return subtype
 
 
-def _csv_values(row: Mapping[str, str], line: int, table: _Table) -> dict[str, float]:
+def _parse_values(row: Mapping[str, str], line: int, table: _Table) -> dict[str, float]:
     """The numbers of a row; empty optional cells are left out."""
     wanted = [c for c in ("t", "x", "y", *_OPTIONAL) if c in row and (row[c] or c in _REQUIRED)]
-    return {c: _checked(c, _csv_number(row[c], c, line, table), line, table) for c in wanted}
+    return {c: _check_value(c, _parse_number(row[c], c, line, table), line, table) for c in wanted}
 
 
-def _csv_number(cell: str, column: str, line: int, table: _Table) -> float:
+def _parse_number(cell: str, column: str, line: int, table: _Table) -> float:
     try:
         if "_" in cell:
             raise ValueError(cell)
         return float(cell)
     except ValueError:
-        what = f"{_shown(cell)!r}, not a number" if cell else "empty; it needs a number"
+        what = f"{_crop(cell)!r}, not a number" if cell else "empty; it needs a number"
         table.refuse(line, f"{column} is {what}")
 
 
-def _checked(column: str, value: float, line: int, table: _Table) -> float:
+def _check_value(column: str, value: float, line: int, table: _Table) -> float:
     """A number that can be what its column says it is."""
     if not math.isfinite(value):
         mend = "leave out the row" if column not in _OPTIONAL else "leave the cell empty"
@@ -263,7 +256,7 @@ def _checked(column: str, value: float, line: int, table: _Table) -> float:
         table.refuse(line, f"{column} = {value:g} is too far off; positions are metres")
     if column in ("t", "f") and abs(value) > LATEST:
         table.refuse(line, f"{column} = {value:g} is too large; times are seconds")
-    if column == "heading" and abs(value) > TURNED:
+    if column == "heading" and abs(value) > MOST_HEADING:
         table.refuse(line, f"heading = {value:g} looks like degrees; headings are radians")
     if column in ("length", "width") and not 0 < value < 100:
         table.refuse(line, f"{column} = {value:g} m is no size; leave the cell empty if unknown")
@@ -281,9 +274,9 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
         InputError: names the line and what to mend.
     """
     table, fps = _Table(name, clock="f"), {}
-    for line, row in _json_rows(text, table):
+    for line, row in _iterate_json_rows(text, table):
         if isinstance(row.get("scene"), dict):
-            fps[_fps(row["scene"], line, table)] = line
+            fps[_read_fps(row["scene"], line, table)] = line
         elif isinstance(row.get("track"), dict):
             _add_track(row["track"], line, table)
         else:
@@ -291,10 +284,10 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
     if len(fps) > 1:
         (one, _), (other, line) = list(fps.items())[:2]
         table.refuse(line, f"fps {other:g} here and {one:g} elsewhere; split the file by fps")
-    return _tracks(table, unit=1 / (next(iter(fps), TRAJNET_FPS) * _stride(table)))
+    return _build_tracks(table, unit=1 / (next(iter(fps), TRAJNET_FPS) * _find_stride(table)))
 
 
-def _json_rows(text: str, table: _Table) -> Iterator[tuple[int, dict[str, Any]]]:
+def _iterate_json_rows(text: str, table: _Table) -> Iterator[tuple[int, dict[str, Any]]]:
     for line, content in enumerate(text.split("\n"), start=1):
         if not content.strip():
             continue
@@ -308,8 +301,8 @@ def _json_rows(text: str, table: _Table) -> Iterator[tuple[int, dict[str, Any]]]
         yield line, row
 
 
-def _fps(scene: Mapping[str, Any], line: int, table: _Table) -> float:
-    fps = _json_number(scene.get("fps", TRAJNET_FPS), "fps", line, table)
+def _read_fps(scene: Mapping[str, Any], line: int, table: _Table) -> float:
+    fps = _check_json_number(scene.get("fps", TRAJNET_FPS), "fps", line, table)
     if not 1 / LONGEST_STEP <= fps <= 1 / SHORTEST_STEP:
         table.refuse(line, f"fps = {fps:g} must be frames per second of the samples")
     return fps
@@ -324,23 +317,23 @@ def _add_track(track: Mapping[str, Any], line: int, table: _Table) -> None:
     who = track["p"]
     if isinstance(who, bool) or not isinstance(who, int | str) or who == "":
         table.refuse(line, "p must be the number of an agent")
-    numbers = {key: _json_number(track[key], key, line, table) for key in ("f", "x", "y")}
+    numbers = {key: _check_json_number(track[key], key, line, table) for key in ("f", "x", "y")}
     if numbers["f"] != int(numbers["f"]):
         table.refuse(line, f"f = {numbers['f']:g} must be the whole number of a frame")
     table.add(line, str(who), "pedestrian",
               {"t": numbers["f"], "x": numbers["x"], "y": numbers["y"]})  # fmt: skip
 
 
-def _json_number(value: Any, key: str, line: int, table: _Table) -> float:
+def _check_json_number(value: Any, key: str, line: int, table: _Table) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        table.refuse(line, f"{key} is {_shown(json.dumps(value))}, not a number")
+        table.refuse(line, f"{key} is {_crop(json.dumps(value))}, not a number")
     try:
-        return _checked(key, float(value), line, table)
+        return _check_value(key, float(value), line, table)
     except OverflowError:
         table.refuse(line, f"{key} is too large")
 
 
-def _stride(table: _Table) -> float:
+def _find_stride(table: _Table) -> float:
     """The commonest step from one row of an agent to the next [frames]; 1 if there is none."""
     steps = [np.diff(rows.column("t")) for rows in table.agents.values()]
     values, counts = np.unique(np.concatenate([*steps, np.zeros(0)]), return_counts=True)
@@ -356,7 +349,7 @@ class _Clock:
     origin: float = 0.0
 
 
-def _tracks(table: _Table, *, unit: float) -> ExternalTracks:
+def _build_tracks(table: _Table, *, unit: float) -> ExternalTracks:
     """The road users of all rows.
 
     Args:
@@ -364,30 +357,30 @@ def _tracks(table: _Table, *, unit: float) -> ExternalTracks:
     """
     if not table.agents:
         raise InputError(f"{table.name} holds no tracks")
-    clock = _Clock(unit, _step(table, unit), _origin(table, unit))
+    clock = _Clock(unit, _find_step(table, unit), _find_origin(table, unit))
     stretches = [
         (who, part)
         for who, rows in table.agents.items()
-        for part in _stretches(who, rows, table, clock)
+        for part in _split_at_gaps(who, rows, table, clock)
     ]
-    ids = _numbered([who for who, _ in stretches])
+    ids = _assign_ids([who for who, _ in stretches])
     users = tuple(
-        _user(n, table.agents[who], part, clock)
+        _build_user(n, table.agents[who], part, clock)
         for n, (who, part) in zip(ids, stretches, strict=True)
     )
     names = dict(zip(ids, (who for who, _ in stretches), strict=True))
     subtypes = {n: table.agents[who].subtype for n, who in names.items()}
-    notes = _notes(table, names, users, clock.origin)
+    notes = _collect_notes(table, names, users, clock.origin)
     return ExternalTracks(users, names, subtypes, clock.step, clock.origin, notes)
 
 
-def _origin(table: _Table, unit: float) -> float:
+def _find_origin(table: _Table, unit: float) -> float:
     """Where the times of the users begin: far from 0, too little of a number is left for them."""
     first = min(rows.t[0] for rows in table.agents.values()) * unit
     return math.floor(first) if abs(first) > FAR_FROM_ZERO else 0.0
 
 
-def _step(table: _Table, unit: float) -> float:
+def _find_step(table: _Table, unit: float) -> float:
     """The time between samples [s]: of the means over whole tracks the middle one.
 
     Raises:
@@ -409,7 +402,7 @@ def _step(table: _Table, unit: float) -> float:
     return even if abs(step - even) < 1e-6 else step
 
 
-def _stretches(who: str, rows: _Rows, table: _Table, clock: _Clock) -> list[slice]:
+def _split_at_gaps(who: str, rows: _Rows, table: _Table, clock: _Clock) -> list[slice]:
     """The parts of a track between its gaps.
 
     Raises:
@@ -433,7 +426,7 @@ def _refuse_step(
 ) -> NoReturn:
     table.refuse(
         rows.lines[k + 1],
-        f"{table.clock} = {rows.t[k + 1]:.13g} of id {_shown(who)} is {seconds:.4g} s after its "
+        f"{table.clock} = {rows.t[k + 1]:.13g} of id {_crop(who)} is {seconds:.4g} s after its "
         f"last row, but the file has a step of {clock.step:.4g} s; resample it evenly",
     )
 
@@ -445,7 +438,7 @@ def _check_drift(who: str, rows: _Rows, part: slice, table: _Table, clock: _Cloc
     if len(late):
         table.refuse(
             rows.lines[part.start + int(late[0])],
-            f"the rows of id {_shown(who)} do not keep the file's step of {clock.step:.4g} s; "
+            f"the rows of id {_crop(who)} do not keep the file's step of {clock.step:.4g} s; "
             "resample it evenly",
         )
 
@@ -456,12 +449,12 @@ def _check_jumps(who: str, rows: _Rows, part: slice, table: _Table, clock: _Cloc
     if len(fast):
         table.refuse(
             rows.lines[part.start + int(fast[0]) + 1],
-            f"id {_shown(who)} jumps {way[fast[0]]:.4g} m in {clock.step:.4g} s; positions must be "
+            f"id {_crop(who)} jumps {way[fast[0]]:.4g} m in {clock.step:.4g} s; positions must be "
             "metres, times seconds, and each agent needs an id of its own",
         )
 
 
-def _numbered(names: list[str]) -> list[int]:
+def _assign_ids(names: list[str]) -> list[int]:
     """Ids for stretches of tracks: the file's own where all are numbers, else 1, 2, 3, …
 
     Later stretches of a track get numbers above all others.
@@ -482,17 +475,17 @@ def _is_number(name: str) -> bool:
     return len(name) < 19 and name.isascii() and name.isdigit() and str(int(name)) == name
 
 
-def _user(number: int, rows: _Rows, part: slice, clock: _Clock) -> RoadUser:
-    shape = _shape(rows)
+def _build_user(number: int, rows: _Rows, part: slice, clock: _Clock) -> RoadUser:
+    shape = _find_shape(rows)
     xy = np.stack((rows.column("x")[part], rows.column("y")[part]), axis=1)
-    course = headings(xy, step=clock.step, least=COURSE[shape.type])
+    course = compute_headings(xy, step=clock.step, least=COURSE[shape.type])
     given = rows.column("heading")[part]
     heading = np.where(np.isnan(given), course, given)
     start = rows.t[part.start] * clock.unit - clock.origin
     return RoadUser(number, Track(xy, heading, start, clock.step), shape)
 
 
-def _shape(rows: _Rows) -> Shape:
+def _find_shape(rows: _Rows) -> Shape:
     """Size by the rows (their median), else by class; a pedestrian is a disc of its longer side."""
     usual = _SHAPES[rows.subtype]
     known = {name: rows.column(name) for name in ("length", "width")}
@@ -507,7 +500,7 @@ def _shape(rows: _Rows) -> Shape:
     return Shape("vehicle", given.get("length", usual.length), given.get("width", usual.width))
 
 
-def headings(xy: FloatArray, *, step: float, least: float) -> FloatArray:
+def compute_headings(xy: FloatArray, *, step: float, least: float) -> FloatArray:
     """[T] where somebody faces who moves forwards along positions [T, 2] [rad].
 
     At each sample the direction between the nearest samples before and after it that lie `least`
@@ -529,20 +522,20 @@ def headings(xy: FloatArray, *, step: float, least: float) -> FloatArray:
     return np.asarray(np.unwrap(result[np.where(last < 0, int(np.argmax(known)), last)]))
 
 
-def _notes(
+def _collect_notes(
     table: _Table, names: Mapping[int, str], users: tuple[RoadUser, ...], origin: float
 ) -> tuple[str, ...]:
     """What was assumed about the tracks."""
     notes = [f"times are counted from t = {origin:.0f} s"] if origin else []
     if len(names) > len(table.agents):
         cut = [name for name, n in Counter(names.values()).items() if n > 1]
-        notes.append(f"{_listed(cut)} with gaps: each stretch is an agent of its own")
+        notes.append(f"{_list_ids(cut)} with gaps: each stretch is an agent of its own")
     blind = [names[user.id] for user in users if _is_blind(user, table.agents[names[user.id]])]
     if blind:
-        notes.append(f"{_listed(blind)} without heading or motion: taken to face east")
+        notes.append(f"{_list_ids(blind)} without heading or motion: taken to face east")
     own = {who for who, rows in table.agents.items() if not np.isnan(rows.column("heading")).all()}
     headed = {number for number, who in names.items() if who in own}
-    return (*notes, *doubts(users, headed=headed))
+    return (*notes, *find_unit_doubts(users, headed=headed))
 
 
 def _is_blind(user: RoadUser, rows: _Rows) -> bool:
@@ -553,12 +546,12 @@ def _is_blind(user: RoadUser, rows: _Rows) -> bool:
     return extent < COURSE["vehicle"] and bool(np.isnan(rows.column("heading")).all())
 
 
-def _listed(names: list[str], *, most: int = 5) -> str:
+def _list_ids(names: list[str], *, most: int = 5) -> str:
     """Ids for a sentence."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"id {', '.join(_shown(name) for name in names[:most])}{more}"
+    return f"id {', '.join(_crop(name) for name in names[:most])}{more}"
 
 
-def _shown(text: str, *, limit: int = 40) -> str:
+def _crop(text: str, *, limit: int = 40) -> str:
     """A piece of the file short enough for a message."""
     return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -18,7 +18,12 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, vehicle_shape
-from scenewright.tools.track_io.cleaning import Removed, SeenTrack, cleaned, jitter
+from scenewright.tools.track_io.cleaning import (
+    CleaningReport,
+    RawTrack,
+    clean_track,
+    measure_jitter,
+)
 from scenewright.tools.track_io.recording import RecordedAgent, Recording
 
 SMOOTHING = 0.3
@@ -36,7 +41,7 @@ _CLASSES: dict[str, tuple[AgentClass, str | None, Shape]] = {
     "Pedestrian": ("pedestrian", None, PEDESTRIAN),
 }
 """Sizes are ours: the files hold defaults, too."""
-_SETTLING = {
+SETTLING: dict[str, dict[AgentClass, float]] = {
     "k729": {"vehicle": 3.0, "pedestrian": 1.5},
     "k733": {"vehicle": 1.0, "pedestrian": 1.0},
 }
@@ -56,13 +61,13 @@ class RealTracks:
     """
 
     recordings: tuple[Recording, ...]
-    removed: dict[str, Removed]
+    removed: dict[str, CleaningReport]
     jitter: dict[str, float]
 
     @property
     def fine(self) -> tuple[Recording, ...]:
         """The recordings whose positions are good enough for accelerations."""
-        good = {site for site, jitter in self.jitter.items() if jitter <= FINE}
+        good = {site for site, level in self.jitter.items() if level <= FINE}
         return tuple(r for r in self.recordings if r.name.split("/")[0] in good)
 
 
@@ -76,28 +81,28 @@ def read_taf_bw(folder: Path, *, smoothing: float = SMOOTHING) -> RealTracks:
     if not files:
         raise InputError(f"there are no vehicle_tracks_NNN.csv below {folder}")
     recordings: list[Recording] = []
-    removed: dict[str, Removed] = {}
+    removed: dict[str, CleaningReport] = {}
     noise: dict[str, list[np.ndarray]] = {}
     for file in files:
         site = file.parent.name
-        seen = list(_seen(file, site))
-        noise.setdefault(site, []).extend(jitter(each.xy) for _, each in seen)
-        made, taken = _recording(f"{site}/{file.stem[-3:]}", seen, smoothing)
+        seen = list(_read_raw_tracks(file, site))
+        noise.setdefault(site, []).extend(measure_jitter(each.xy) for _, each in seen)
+        made, taken = _build_recording(f"{site}/{file.stem[-3:]}", seen, smoothing)
         recordings.append(made)
-        removed[site] = removed.get(site, Removed()) + taken
+        removed[site] = removed.get(site, CleaningReport()) + taken
     moving = {site: np.concatenate([np.zeros(0), *parts]) for site, parts in noise.items()}
     levels = {site: float(np.quantile(n, 0.75)) for site, n in moving.items() if len(n)}
     return RealTracks(tuple(recordings), removed, levels)
 
 
-def _recording(
-    name: str, seen: list[tuple[str, SeenTrack]], smoothing: float
-) -> tuple[Recording, Removed]:
-    removed = Removed()
+def _build_recording(
+    name: str, seen: list[tuple[str, RawTrack]], smoothing: float
+) -> tuple[Recording, CleaningReport]:
+    removed = CleaningReport()
     agents = [
         RecordedAgent(track, _CLASSES[word][2], _CLASSES[word][1], complete=False)
         for word, each in seen
-        for track in cleaned(each, smoothing=smoothing, removed=removed)
+        for track in clean_track(each, smoothing=smoothing, removed=removed)
     ]
     begin = min((float(each.time[0]) for _, each in seen), default=0.0)
     end = max((float(each.time[-1]) for _, each in seen), default=0.0)
@@ -105,7 +110,7 @@ def _recording(
     return Recording(name, begin, end, ordered), removed
 
 
-def _seen(file: Path, site: str) -> Iterator[tuple[str, SeenTrack]]:
+def _read_raw_tracks(file: Path, site: str) -> Iterator[tuple[str, RawTrack]]:
     """Each track's class in the file and its samples, as they stand there."""
     rows: dict[str, list[dict[str, str]]] = {}
     try:
@@ -114,14 +119,14 @@ def _seen(file: Path, site: str) -> Iterator[tuple[str, SeenTrack]]:
                 rows.setdefault(row["track_id"], []).append(row)
         for track in rows.values():
             word = track[0]["agent_type"]
-            yield word, _samples(track, _CLASSES[word][0], site)
+            yield word, _build_raw_track(track, _CLASSES[word][0], site)
     except (OSError, KeyError, TypeError, ValueError) as fault:
         raise InputError(f"{file} is no file of TAF-BW tracks: {fault!r}") from fault
 
 
-def _samples(rows: list[dict[str, str]], kind: AgentClass, site: str) -> SeenTrack:
+def _build_raw_track(rows: list[dict[str, str]], kind: AgentClass, site: str) -> RawTrack:
     time = np.array([int(row["timestamp_ms"]) / 1000 for row in rows])
     xy = np.array([(float(row["x"]), float(row["y"])) for row in rows])
     _, first = np.unique(np.rint(time / STEP), return_index=True)
-    settling = _SETTLING.get(site.split("_", maxsplit=1)[0], _SETTLING["k733"])[kind]
-    return SeenTrack(kind, time[first], xy[first], settling)
+    settling = SETTLING.get(site.split("_", maxsplit=1)[0], SETTLING["k733"])[kind]
+    return RawTrack(kind, time[first], xy[first], settling)

@@ -20,23 +20,13 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, VEHICLE_SIZES, Track
-from scenewright.tools.track_io.cleaning import Removed, SeenTrack, cleaned
+from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_track
+from scenewright.tools.track_io.subtypes import SUBTYPE_OF_WORD, SUBTYPES, find_subtype
+from scenewright.tools.track_io.taf_bw import SETTLING
 
 MOST_BYTES = 400_000_000
 SMOOTHING = 0.3
 """Of positions [s], as for every real track."""
-_SUBTYPE: Mapping[str, str] = {
-    word: subtype
-    for subtype, words in {
-        "car": "car vehicle automobile passenger van taxi suv pickup passenger_car",
-        "truck": "truck truck_bus lorry trailer semi hgv delivery",
-        "bus": "bus coach minibus",
-        "motorcycle": "motorcycle motorbike moped scooter",
-        "bicycle": "bicycle bike cyclist",
-        "pedestrian": "pedestrian ped person walker people human",
-    }.items()
-    for word in words.split()
-}
 _FCD_BEFORE_CENTRE = {name: size[0] / 2 for name, size in VEHICLE_SIZES.items()}
 _LONGEST_GAP = 0.6
 """Samples farther apart are a gap [s]; 2.5 Hz, the coarsest of the formats, is 0.4."""
@@ -66,7 +56,7 @@ class FileTracks:
 
     name: str
     tracks: tuple[tuple[str, Track], ...]
-    removed: Removed
+    removed: CleaningReport
     begin: float | None
     origin: tuple[float, float] | None
     span: float
@@ -111,7 +101,7 @@ def _files(path: Path) -> list[Path]:
 def _read(file: Path, columns: Mapping[str, str] | None, scale: float | None) -> FileTracks:
     if file.stat().st_size > MOST_BYTES:
         raise InputError(f"{file} is larger than {MOST_BYTES / 1e6:.0f} MB; cut it into parts")
-    settling: dict[AgentClass, float] = {"vehicle": 0.0, "pedestrian": 0.0}
+    settling: Mapping[AgentClass, float] = {"vehicle": 0.0, "pedestrian": 0.0}
     begin: float | None = None
     origin: tuple[float, float] | None = None
     try:
@@ -119,8 +109,8 @@ def _read(file: Path, columns: Mapping[str, str] | None, scale: float | None) ->
             agents = _mapped_csv(file, columns)
         elif file.name.startswith("vehicle_tracks_"):
             agents = _mapped_csv(file, _TAF)
-            begin, origin = _taf_meta(file)
-            settling = {"vehicle": 3.0 if "k729" in str(file) else 1.0, "pedestrian": 1.5}
+            site, begin, origin = _taf_meta(file)
+            settling = SETTLING.get(site, SETTLING["k733"])
         elif file.name.endswith("_tracks.csv"):
             agents, begin, origin = _ind(file)
         elif file.suffix in _READERS:
@@ -188,14 +178,14 @@ def _cleaned(
     begin: float | None,
     origin: tuple[float, float] | None,
 ) -> FileTracks:
-    removed = Removed()
+    removed = CleaningReport()
     found: list[tuple[str, Track]] = []
     for agent in agents.values():
         kind: AgentClass = "pedestrian" if agent.subtype == "pedestrian" else "vehicle"
         for time, xy in _at_ten_hertz(agent):
-            seen = SeenTrack(kind, time, xy, settling[kind])
+            seen = RawTrack(kind, time, xy, settling[kind])
             found += [
-                (agent.subtype, t) for t in cleaned(seen, smoothing=SMOOTHING, removed=removed)
+                (agent.subtype, t) for t in clean_track(seen, smoothing=SMOOTHING, removed=removed)
             ]
     times = [t for agent in agents.values() for t in (min(agent.t), max(agent.t))]
     span = max(times) - min(times) if times else 0.0
@@ -242,7 +232,7 @@ def _mapped_csv(file: Path, columns: Mapping[str, str]) -> dict[str, _Agent]:
         )
         if lacking:
             raise InputError(f"{file} has no column {', '.join(lacking)[:120]}; there are: "
-                             f"{', '.join(map(str, have))[:200]}")  # fmt: skip
+                             f"{', '.join(map(str, rows.fieldnames or ()))[:200]}")  # fmt: skip
         try:
             for row in rows:
                 _add(agents, row, wanted, f"{file}, line {rows.line_num}")
@@ -290,28 +280,27 @@ def _add(
 def _append(
     agents: dict[str, _Agent], name: str, word: str, t: float, x: float, y: float, where: str
 ) -> None:
-    subtype = _SUBTYPE.get(word.strip().lower())
+    subtype = find_subtype(word)
     if subtype is None:
-        raise InputError(
-            f"{where}: class {word[:30]!r} is none of {', '.join(sorted(set(_SUBTYPE.values())))}"
-        )
+        raise InputError(f"{where}: class {word[:30]!r} is none of {', '.join(sorted(SUBTYPES))}")
     agent = agents.setdefault(name, _Agent(subtype))
     agent.t.append(t)
     agent.x.append(x)
     agent.y.append(y)
 
 
-def _taf_meta(file: Path) -> tuple[float | None, tuple[float, float] | None]:
-    """Time of day [h] and origin of one TAF-BW file, from the meta data beside it."""
+def _taf_meta(file: Path) -> tuple[str, float | None, tuple[float, float] | None]:
+    """Site, time of day [h] and origin of one TAF-BW file, from the meta data beside it."""
     meta = file.parent / "meta_data.csv"
     if not meta.is_file():
-        return None, None
+        return "", None, None
     with meta.open(encoding="utf-8-sig", newline="") as stream:
         for row in csv.DictReader(stream):
             if row.get("id") == file.stem.rsplit("_", 1)[-1]:
                 origin = (float(row["originLat"]), float(row["originLon"]))
-                return _clock(row.get("startTime", "")), origin
-    return None, None
+                site = (row.get("locationId") or "").lower()
+                return site, _clock(row.get("startTime", "")), origin
+    return "", None, None
 
 
 def _clock(text: str) -> float | None:
@@ -423,8 +412,8 @@ def _fcd(file: Path) -> dict[str, _Agent]:
 
 def _fcd_class(word: str) -> str:
     """The class that a vehicle type's name speaks of; a car where it speaks of none."""
-    lowered = word.lower()
-    return next((s for w, s in _SUBTYPE.items() if w in lowered and s != "pedestrian"), "car")
+    words = (w for w, s in SUBTYPE_OF_WORD.items() if w in word.lower() and s != "pedestrian")
+    return SUBTYPE_OF_WORD[next(words, "car")]
 
 
 _READERS: Mapping[str, Callable[[Path], dict[str, _Agent]]] = {

@@ -7,8 +7,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from scenewright.scene.base import FloatArray
-from scenewright.tools.relation_checker.footprints import angle_between
-from scenewright.tools.relation_checker.motion import RoadUser
+from scenewright.tools.relation_checker.footprints import compute_angle_between
+from scenewright.tools.relation_checker.trajectory import RoadUser
 
 MOVES = 1.0
 """Slower than this [m/s] motion has no course to speak of."""
@@ -23,7 +23,7 @@ JERKY = 10.0
 """Positions that need this acceleration [m/s^2] most of the time are noise."""
 
 
-def doubts(users: Sequence[RoadUser], *, headed: Collection[int]) -> tuple[str, ...]:
+def find_unit_doubts(users: Sequence[RoadUser], *, headed: Collection[int]) -> tuple[str, ...]:
     """One sentence for each thing that is odd about most of the tracks.
 
     Args:
@@ -38,24 +38,24 @@ def doubts(users: Sequence[RoadUser], *, headed: Collection[int]) -> tuple[str, 
             "by more than 20 degrees most of the time; headings are radians from east, "
             "counter-clockwise"
         )
-    return (*notes, *_scale(moving), *_noise(moving))
+    return (*notes, *_check_scale(moving), *_check_noise(moving))
 
 
-def _velocity(user: RoadUser) -> FloatArray:
+def _compute_velocity(user: RoadUser) -> FloatArray:
     """[T-2, 2] by central differences [m/s]."""
     xy, step = user.track.xy, user.track.step
     return np.asarray((xy[2:] - xy[:-2]) / (2 * step))
 
 
 def _slips(user: RoadUser) -> bool:
-    velocity = _velocity(user)
+    velocity = _compute_velocity(user)
     moves = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVES
     course = np.arctan2(velocity[moves, 1], velocity[moves, 0])
-    off = angle_between(course, user.track.heading[1:-1][moves]) > SLIP
+    off = compute_angle_between(course, user.track.heading[1:-1][moves]) > SLIP
     return bool(len(off) > 0 and off.mean() > 0.5)
 
 
-def _scale(users: Sequence[RoadUser]) -> list[str]:
+def _check_scale(users: Sequence[RoadUser]) -> list[str]:
     """Whether lengths or times have another unit."""
     notes = []
     extent = (
@@ -65,29 +65,29 @@ def _scale(users: Sequence[RoadUser]) -> list[str]:
         notes.append(f"all tracks lie within {extent:.2g} m; positions are metres, not degrees")
         return notes
     for kind, limit in FAST.items():
-        tops = [_top_speed(u) for u in users if u.shape.type == kind]
+        tops = [_compute_top_speed(u) for u in users if u.shape.type == kind]
         if tops and float(np.median(tops)) > limit:
             notes.append(
                 f"half of the {kind}s reach {np.median(tops):.0f} m/s; positions are metres, "
                 "times seconds"
             )
-    cars = [u for u in users if u.shape.type == "vehicle" and _driven(u) > DRIVEN]
-    if cars and cars[0].track.step >= LONG_STEP and max(map(_top_speed, cars)) < SLOW:
+    cars = [u for u in users if u.shape.type == "vehicle" and _measure_displacement(u) > DRIVEN]
+    if cars and cars[0].track.step >= LONG_STEP and max(map(_compute_top_speed, cars)) < SLOW:
         notes.append(f"no vehicle is faster than {SLOW:.0f} m/s; times are seconds, not frames")
     return notes
 
 
-def _top_speed(user: RoadUser) -> float:
-    velocity = _velocity(user)
+def _compute_top_speed(user: RoadUser) -> float:
+    velocity = _compute_velocity(user)
     return float(np.percentile(np.hypot(velocity[:, 0], velocity[:, 1]), 95))
 
 
-def _driven(user: RoadUser) -> float:
+def _measure_displacement(user: RoadUser) -> float:
     return float(np.hypot(*(user.track.xy[-1] - user.track.xy[0])))
 
 
-def _noise(users: Sequence[RoadUser]) -> list[str]:
-    shaken = [u for u in users if u.track.step <= 0.25 and _shakes(u)]
+def _check_noise(users: Sequence[RoadUser]) -> list[str]:
+    shaken = [u for u in users if u.track.step <= 0.25 and _is_noisy(u)]
     if not shaken or 2 * len(shaken) < len(users):
         return []
     return [
@@ -96,6 +96,6 @@ def _noise(users: Sequence[RoadUser]) -> list[str]:
     ]
 
 
-def _shakes(user: RoadUser) -> bool:
+def _is_noisy(user: RoadUser) -> bool:
     second = np.diff(user.track.xy, n=2, axis=0) / user.track.step**2
     return bool(np.median(np.hypot(second[:, 0], second[:, 1])) > JERKY)

@@ -18,7 +18,7 @@ TRAJNET_EVERY = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class RecordingWindow:
     """A scene cut from a recording.
 
     Attributes:
@@ -40,11 +40,11 @@ class Window:
         """[A] who is there at every step."""
         return np.asarray(self.present.all(axis=1))
 
-    def every(self, count: int, *, first: int = 0) -> Window:
+    def subsample(self, count: int, *, first: int = 0) -> RecordingWindow:
         """The same scene at every `count`-th step; agents seen at none of them are left out."""
         part = slice(first, None, count)
         seen = self.present[:, part].any(axis=1)
-        return Window(
+        return RecordingWindow(
             round(self.start + first * self.step, 6),
             self.step * count,
             self.members[seen],
@@ -62,7 +62,7 @@ def cut_windows(
     stride: int | None = None,
     offset: int = 0,
     least_whole: int = 1,
-) -> Iterator[Window]:
+) -> Iterator[RecordingWindow]:
     """Scenes of `steps` steps, in order of time; the same arguments give the same scenes.
 
     Args:
@@ -77,12 +77,12 @@ def cut_windows(
     begin = int(np.ceil(recording.begin / STEP - 1e-6)) + offset
     end = int(np.floor(recording.end / STEP + 1e-6)) - (steps - 1) * every
     for start in range(begin, end + 1, stride or steps * every):
-        window = _window(recording, start + every * np.arange(steps), every)
+        window = _cut_window(recording, start + every * np.arange(steps), every)
         if len(window.members) and int(window.whole.sum()) >= least_whole:
             yield window
 
 
-def _window(recording: Recording, grid: IntArray, every: int) -> Window:
+def _cut_window(recording: Recording, grid: IntArray, every: int) -> RecordingWindow:
     """Everybody seen at one sample of `grid` [T] or more."""
     samples = recording.samples
     near = np.flatnonzero((samples.first <= grid[-1]) & (samples.last >= grid[0]))
@@ -90,7 +90,7 @@ def _window(recording: Recording, grid: IntArray, every: int) -> Window:
     members, present = near[present.any(axis=1)], present[present.any(axis=1)]
     index = samples.origin[members, None] + grid - samples.first[members, None]
     index = np.where(present, index, 0)
-    return Window(
+    return RecordingWindow(
         round(int(grid[0]) * STEP, 1),
         every * STEP,
         members,

@@ -21,7 +21,7 @@ BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class RasterizedArea:
     """An area that answers for many points at once.
 
     Attributes:
@@ -65,59 +65,71 @@ class GroundRaster:
         goals: class, leg and bounds (west, south, east, north [m]) of every goal region.
     """
 
-    road: Region
-    walkable: Region
-    anywhere: Region
+    road: RasterizedArea
+    walkable: RasterizedArea
+    anywhere: RasterizedArea
     crosswalks: tuple[CrosswalkArea, ...]
     routes: Mapping[str, tuple[str | None, ...]]
     goals: tuple[tuple[AgentClass, Compass, Bounds], ...]
 
 
-def region(area: Area) -> Region:
+def rasterize_area(area: Area) -> RasterizedArea:
     """Prepares an area for many questions."""
     geos.prepare(area)
     if area.is_empty:
-        return Region(area, np.zeros(2), np.zeros((0, 0), dtype=np.int8))
+        return RasterizedArea(area, np.zeros(2), np.zeros((0, 0), dtype=np.int8))
     west, south, east, north = (float(v) for v in area.bounds)
     x = np.arange(np.floor(west), np.ceil(east), CELL)
     y = np.arange(np.floor(south), np.ceil(north), CELL)
     boxes = geos.box(x, y[:, None], x + CELL, y[:, None] + CELL)
     cells = np.where(geos.intersects(area, boxes), 2, 0).astype(np.int8)
     cells[geos.contains_properly(area, boxes)] = 1
-    return Region(area, np.array((x[0], y[0])), cells)
+    return RasterizedArea(area, np.array((x[0], y[0])), cells)
 
 
 _prepared: list[tuple[IntersectionMap, GroundRaster]] = []
 
 
-def ground_of(intersection: IntersectionMap) -> GroundRaster:
+def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
     """The prepared areas of a map; the last four maps are remembered by identity."""
     for known, ground in _prepared:
-        if known is intersection:
+        if known is intersection_map:
             return ground
-    road = geos.union_all([_polygon(p) for p in intersection.road])
-    walks = tuple(_crosswalk(each) for each in intersection.crosswalks)
-    walkable = [*(_polygon(p) for p in intersection.walkable), *(each.area for each in walks)]
+    road = geos.union_all([_build_polygon(p) for p in intersection_map.road])
+    walks = tuple(_prepare_crosswalk(each) for each in intersection_map.crosswalks)
+    walkable = [
+        *(_build_polygon(p) for p in intersection_map.walkable),
+        *(each.area for each in walks),
+    ]
     walkable = geos.union_all(walkable).buffer(KERB, quad_segs=2)
-    routes = {r.id: (r.type, r.entry, r.exit, r.movement, r.crosswalk) for r in intersection.routes}
-    goals = tuple((g.type, g.leg, _bounds(g.polygon)) for g in intersection.goal_regions)
-    ground = GroundRaster(
-        region(road), region(walkable), region(road.union(walkable)), walks, routes, goals
+    routes = {
+        r.id: (r.type, r.entry, r.exit, r.movement, r.crosswalk) for r in intersection_map.routes
+    }
+    goals = tuple(
+        (g.type, g.leg, _compute_bounds(g.polygon)) for g in intersection_map.goal_regions
     )
-    _prepared[:] = [(intersection, ground), *_prepared[:3]]
+    ground = GroundRaster(
+        rasterize_area(road),
+        rasterize_area(walkable),
+        rasterize_area(road.union(walkable)),
+        walks,
+        routes,
+        goals,
+    )
+    _prepared[:] = [(intersection_map, ground), *_prepared[:3]]
     return ground
 
 
-def _crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
+def _prepare_crosswalk(crosswalk: Crosswalk) -> CrosswalkArea:
     area = geos.Polygon(crosswalk.polygon)
     geos.prepare(area)
     return CrosswalkArea(crosswalk, area, area.bounds)
 
 
-def _bounds(polygon: Sequence[Point]) -> Bounds:
+def _compute_bounds(polygon: Sequence[Point]) -> Bounds:
     x, y = zip(*polygon, strict=True)
     return min(x), min(y), max(x), max(y)
 
 
-def _polygon(area: PolygonWithHoles) -> Any:
+def _build_polygon(area: PolygonWithHoles) -> Any:
     return geos.Polygon(area.exterior, area.holes)

@@ -21,13 +21,13 @@ from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Shape, Track
-from scenewright.tools.relation_checker.curve import (
-    Lanes,
-    Path,
-    curves,
-    lanes,
-    side_by_side,
-    unwrapped,
+from scenewright.tools.relation_checker.track_path import (
+    LaneTable,
+    TrackPath,
+    build_lane_table,
+    build_lanes,
+    build_paths,
+    unwrap_angles,
 )
 
 IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
@@ -57,8 +57,8 @@ class RoadUser:
 
 
 @dataclass(frozen=True, eq=False)
-class Kinematics:
-    """What follows from a track's positions alone; see `Mover` for shapes and units."""
+class MotionDerivatives:
+    """What follows from a track's positions alone; see `Trajectory` for shapes and units."""
 
     steps: FloatArray
     velocity: FloatArray
@@ -68,7 +68,7 @@ class Kinematics:
 
 
 @dataclass(frozen=True, eq=False)
-class Mover:
+class Trajectory:
     """A road user on the 0.1 s grid, with its kinematics.
 
     Attributes:
@@ -80,7 +80,7 @@ class Mover:
         start: time of the first sample [s], a multiple of 0.1 but for the offset of the grid.
         xy: [T, 2] positions [m]; heading: [T], unwrapped [rad].
         s: [T] arc length driven since the first sample [m].
-        kinematics, path, lane: see `derive`, which fills them in for many movers in one pass.
+        kinematics, path, lane: see `derive_all`, which fills them in for many movers in one pass.
     """
 
     id: int
@@ -127,9 +127,9 @@ class Mover:
         return [*self.xy.min(axis=0).tolist(), *self.xy.max(axis=0).tolist()]
 
     @cached_property
-    def kinematics(self) -> Kinematics:
+    def kinematics(self) -> MotionDerivatives:
         """Steps, velocity, speed and acceleration."""
-        return _kinematics(self.xy, np.array((0, len(self.xy))))[0]
+        return _compute_derivatives(self.xy, np.array((0, len(self.xy))))[0]
 
     @property
     def steps(self) -> FloatArray:
@@ -164,14 +164,14 @@ class Mover:
         return self.kinematics.lateral_acceleration
 
     @cached_property
-    def path(self) -> Path:
+    def path(self) -> TrackPath:
         """The curve of the whole track."""
-        return curves(self.xy, self.s, self.heading, np.array((0, len(self.xy))))[0]
+        return build_paths(self.xy, self.s, self.heading, np.array((0, len(self.xy))))[0]
 
     @cached_property
-    def lane(self) -> Path:
+    def lane(self) -> TrackPath:
         """The path every metre, with 15 m straight before and 25 m after it."""
-        return lanes((self.path,))[0]
+        return build_lanes((self.path,))[0]
 
     def index(self, time: float) -> int:
         """The sample nearest to a time, within the track."""
@@ -184,12 +184,12 @@ class Mover:
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions [..., 2] and headings [...] at times [s], linear in between, held outside."""
-        xy, heading = _at(times.ravel(), self.start, self.xy, self.heading)
+        xy, heading = _interpolate_samples(times.ravel(), self.start, self.xy, self.heading)
         return xy.reshape(*times.shape, 2), heading.reshape(times.shape)
 
 
 @compiled
-def _at(
+def _interpolate_samples(
     times: FloatArray, start: float, xy: FloatArray, heading: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     there, turned, last = np.empty((len(times), 2)), np.empty(len(times)), len(xy) - 1
@@ -203,49 +203,49 @@ def _at(
     return there, turned
 
 
-def strung(movers: Sequence[Mover]) -> tuple[FloatArray, FloatArray, IntArray]:
+def concatenate_samples(tracks: Sequence[Trajectory]) -> tuple[FloatArray, FloatArray, IntArray]:
     """All movers' samples one after another, and where each mover's begin; not to be written to.
 
     Returns:
         xy [S, 2] [m]; heading [S] [rad]; origin [N+1], the last entry being S.
     """
-    return _strung(tuple(movers))
+    return _concatenate_samples(tuple(tracks))
 
 
 @lru_cache(maxsize=4)
-def _strung(movers: tuple[Mover, ...]) -> tuple[FloatArray, FloatArray, IntArray]:
+def _concatenate_samples(tracks: tuple[Trajectory, ...]) -> tuple[FloatArray, FloatArray, IntArray]:
     """Every measure asks for the same few; movers are known by identity."""
-    xy = np.concatenate([np.zeros((0, 2)), *(m.xy for m in movers)])
-    heading = np.concatenate([np.zeros(0), *(m.heading for m in movers)])
-    return xy, heading, np.cumsum([0, *(len(m.xy) for m in movers)])
+    xy = np.concatenate([np.zeros((0, 2)), *(m.xy for m in tracks)])
+    heading = np.concatenate([np.zeros(0), *(m.heading for m in tracks)])
+    return xy, heading, np.cumsum([0, *(len(m.xy) for m in tracks)])
 
 
 @lru_cache(maxsize=1)
-def lane_table(movers: tuple[Mover, ...]) -> Lanes:
+def get_lane_table(tracks: tuple[Trajectory, ...]) -> LaneTable:
     """The lanes of all movers, for many projections at once; movers are known by identity."""
-    return side_by_side([m.lane for m in movers])
+    return build_lane_table([m.lane for m in tracks])
 
 
-def derive(movers: Sequence[Mover]) -> None:
+def derive_all(tracks: Sequence[Trajectory]) -> None:
     """Gives all movers kinematics, path and lane in one pass, far cheaper than one by one."""
-    if not movers:
+    if not tracks:
         return
-    xy, heading, origin = strung(movers)
-    s, bounds = _driven(xy, origin)
-    paths = curves(xy, s, heading, origin)
+    xy, heading, origin = concatenate_samples(tracks)
+    s, bounds = _compute_arc_lengths(xy, origin)
+    paths = build_paths(xy, s, heading, origin)
     ends = pairwise(origin.tolist())
-    kinematics, boxes, ways = _kinematics(xy, origin), bounds.tolist(), lanes(paths)
-    for mover, (a, b), *derived in zip(movers, ends, kinematics, boxes, paths, ways, strict=True):
+    kinematics, boxes, ways = _compute_derivatives(xy, origin), bounds.tolist(), build_lanes(paths)
+    for track, (a, b), *derived in zip(tracks, ends, kinematics, boxes, paths, ways, strict=True):
         for name, value in zip(_DERIVED, (s[a:b], *derived), strict=True):
-            object.__setattr__(mover, name, value)
+            object.__setattr__(track, name, value)
 
 
 _DERIVED = ("s", "kinematics", "bounds", "path", "lane")
 
 
 @compiled
-def _driven(xy: FloatArray, origin: IntArray) -> tuple[FloatArray, FloatArray]:
-    """[S] arc length since each track's first sample [m], and [N, 4] `Mover.bounds`."""
+def _compute_arc_lengths(xy: FloatArray, origin: IntArray) -> tuple[FloatArray, FloatArray]:
+    """[S] arc length since each track's first sample [m], and [N, 4] `Trajectory.bounds`."""
     s, bounds = np.zeros(len(xy)), np.empty((len(origin) - 1, 4))
     for track in range(len(origin) - 1):
         a, b = origin[track], origin[track + 1]
@@ -259,16 +259,18 @@ def _driven(xy: FloatArray, origin: IntArray) -> tuple[FloatArray, FloatArray]:
     return s, bounds
 
 
-def _kinematics(xy: FloatArray, origin: IntArray) -> list[Kinematics]:
-    steps, velocity, speed, acceleration, lateral = _moving(xy, origin)
+def _compute_derivatives(xy: FloatArray, origin: IntArray) -> list[MotionDerivatives]:
+    steps, velocity, speed, acceleration, lateral = _differentiate_tracks(xy, origin)
     return [
-        Kinematics(steps[a : b - 1], velocity[a:b], speed[a:b], acceleration[a:b], lateral[a:b])
+        MotionDerivatives(
+            steps[a : b - 1], velocity[a:b], speed[a:b], acceleration[a:b], lateral[a:b]
+        )
         for a, b in pairwise(origin.tolist())
     ]
 
 
 @compiled
-def _moving(
+def _differentiate_tracks(
     xy: FloatArray, origin: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Steps, velocity, speed, acceleration and lateral acceleration of tracks in one string."""
@@ -277,22 +279,22 @@ def _moving(
     for track in range(len(origin) - 1):
         a, b = origin[track], origin[track + 1]
         for k in range(a, b):
-            velocity[k, 0] = _central(xy[a:b, 0], k - a)
-            velocity[k, 1] = _central(xy[a:b, 1], k - a)
+            velocity[k, 0] = _differentiate(xy[a:b, 0], k - a)
+            velocity[k, 1] = _differentiate(xy[a:b, 1], k - a)
             speed[k] = np.hypot(velocity[k, 0], velocity[k, 1])
             if k < b - 1:
                 steps[k] = np.hypot(xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1])
         for k in range(a, b):
-            acceleration[k] = _windowed(speed[a:b], k - a)
-            push_x = _windowed(velocity[a:b, 0], k - a)
-            push_y = _windowed(velocity[a:b, 1], k - a)
+            acceleration[k] = _differentiate_smoothly(speed[a:b], k - a)
+            push_x = _differentiate_smoothly(velocity[a:b, 0], k - a)
+            push_y = _differentiate_smoothly(velocity[a:b, 1], k - a)
             across = velocity[k, 0] * push_y - velocity[k, 1] * push_x
             lateral[k] = abs(across) / max(speed[k], 0.1)
     return steps, velocity, speed, acceleration, lateral
 
 
 @compiled
-def _central(values: FloatArray, k: int) -> float:
+def _differentiate(values: FloatArray, k: int) -> float:
     """Derivative of samples 0.1 s apart: (x[k+1] - x[k-1]) / 0.2 s; one-sided at the ends."""
     last = len(values) - 1
     if 0 < k < last:
@@ -301,7 +303,7 @@ def _central(values: FloatArray, k: int) -> float:
 
 
 @compiled
-def _windowed(values: FloatArray, k: int) -> float:
+def _differentiate_smoothly(values: FloatArray, k: int) -> float:
     """Central difference averaged over 0.3 s.
 
     The three samples at either end, which have no full window, hold the central difference of the
@@ -310,52 +312,58 @@ def _windowed(values: FloatArray, k: int) -> float:
     """
     count = len(values)
     if count <= 2 * FULL_WINDOW:
-        return _central(values, k) if count >= 3 else 0.0
+        return _differentiate(values, k) if count >= 3 else 0.0
     if k < FULL_WINDOW:
-        return _central(values, FULL_WINDOW - 1)
+        return _differentiate(values, FULL_WINDOW - 1)
     if k >= count - FULL_WINDOW:
-        return _central(values, count - FULL_WINDOW)
-    return (_central(values, k - 1) + _central(values, k) + _central(values, k + 1)) / 3
+        return _differentiate(values, count - FULL_WINDOW)
+    return (
+        _differentiate(values, k - 1) + _differentiate(values, k) + _differentiate(values, k + 1)
+    ) / 3
 
 
-def extended(mover: Mover, *, distance: float, speed: float) -> Mover:
+def extend_straight(track: Trajectory, *, distance: float, speed: float) -> Trajectory:
     """The same mover, driving on straight ahead after its last sample."""
     count = int(np.ceil(distance / (speed * STEP)))
-    ahead = np.array((np.cos(mover.heading[-1]), np.sin(mover.heading[-1])))
-    more = mover.xy[-1] + speed * STEP * np.arange(1, count + 1)[:, None] * ahead
-    return Mover(
-        mover.id, mover.type, mover.length, mover.width, mover.start,
-        np.concatenate((mover.xy, more)),
-        np.concatenate((mover.heading, np.full(count, mover.heading[-1]))),
+    ahead = np.array((np.cos(track.heading[-1]), np.sin(track.heading[-1])))
+    more = track.xy[-1] + speed * STEP * np.arange(1, count + 1)[:, None] * ahead
+    return Trajectory(
+        track.id, track.type, track.length, track.width, track.start,
+        np.concatenate((track.xy, more)),
+        np.concatenate((track.heading, np.full(count, track.heading[-1]))),
     )  # fmt: skip
 
 
-def as_mover(user: RoadUser, *, offset: float = 0.0) -> Mover:
+def build_trajectory(user: RoadUser, *, offset: float = 0.0) -> Trajectory:
     """The road user on the common 0.1 s grid, which begins `offset` seconds after 0.
 
     Tracks already on the grid are taken as they are; finer ones are interpolated linearly, coarser
     ones by cubic Hermite splines through the samples. Ends that lie between two times of the grid
     are continued straight on to the next of them, so that nothing of a track is lost.
     """
-    track, heading = user.track, unwrapped(user.track.heading)
+    track, heading = user.track, unwrap_angles(user.track.heading)
     first = round((track.start - offset) / STEP)
     if abs(track.step - STEP) < 1e-9 and abs(track.start - offset - first * STEP) < ON_GRID:
-        return _mover(user, offset + first * STEP, track.xy, heading)
+        return _assemble_trajectory(user, offset + first * STEP, track.xy, heading)
     first = math.floor((track.start - offset + ON_GRID) / STEP)
     last = math.ceil((track.end - offset - ON_GRID) / STEP)
     times = offset + STEP * np.arange(first, max(last, first) + 1)
     wanted = (times - track.start) / track.step
     position = np.minimum(np.maximum(wanted, 0.0), len(heading) - 1.0)
-    xy = _hermite(track.xy, position) if track.step > STEP else _linear(track.xy, position)
+    xy = (
+        _interpolate_hermite(track.xy, position)
+        if track.step > STEP
+        else _interpolate_linearly(track.xy, position)
+    )
     if len(heading) > 1:
         for k, edge in ((0, slice(0, 2)), (-1, slice(-2, None))):
             beyond = (wanted[k] - position[k]) * np.diff(track.xy[edge], axis=0)[0]
             xy[k] += beyond
     turned = np.interp(position, np.arange(len(heading)), heading)
-    return _mover(user, offset + first * STEP, xy, turned)
+    return _assemble_trajectory(user, offset + first * STEP, xy, turned)
 
 
-def grid_offset(users: Sequence[RoadUser]) -> float:
+def find_grid_offset(users: Sequence[RoadUser]) -> float:
     """Where between two multiples of 0.1 s most tracks of that step have their samples [s].
 
     So tracks that all begin at, say, 0.037 s are taken as they are, not interpolated.
@@ -366,19 +374,21 @@ def grid_offset(users: Sequence[RoadUser]) -> float:
     return max(found, key=lambda each: (found[each], -each), default=0.0)
 
 
-def _mover(user: RoadUser, start: float, xy: FloatArray, heading: FloatArray) -> Mover:
+def _assemble_trajectory(
+    user: RoadUser, start: float, xy: FloatArray, heading: FloatArray
+) -> Trajectory:
     shape = user.shape
-    return Mover(user.id, shape.type, shape.length, shape.width, start, xy, heading)
+    return Trajectory(user.id, shape.type, shape.length, shape.width, start, xy, heading)
 
 
-def _linear(xy: FloatArray, position: FloatArray) -> FloatArray:
+def _interpolate_linearly(xy: FloatArray, position: FloatArray) -> FloatArray:
     grid = np.arange(len(xy))
     return np.stack([np.interp(position, grid, xy[:, k]) for k in (0, 1)], axis=1)
 
 
-def _hermite(xy: FloatArray, position: FloatArray) -> FloatArray:
+def _interpolate_hermite(xy: FloatArray, position: FloatArray) -> FloatArray:
     if len(xy) < 3:
-        return _linear(xy, position)
+        return _interpolate_linearly(xy, position)
     slope = np.gradient(xy, axis=0)
     low = np.minimum(position.astype(np.intp), len(xy) - 2)
     u = (position - low)[:, None]
@@ -388,7 +398,7 @@ def _hermite(xy: FloatArray, position: FloatArray) -> FloatArray:
     )  # fmt: skip
 
 
-def as_movers(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Mover, ...]:
+def build_trajectories(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Trajectory, ...]:
     """All road users on the common grid.
 
     Raises:
@@ -407,7 +417,7 @@ def as_movers(users: tuple[RoadUser, ...] | list[RoadUser]) -> tuple[Mover, ...]
             raise InputError(
                 f"agent {user.id}: size {user.shape.length} x {user.shape.width} m is not usable"
             )
-    offset = grid_offset(users)
-    movers = tuple(as_mover(user, offset=offset) for user in users)
-    derive(movers)
-    return movers
+    offset = find_grid_offset(users)
+    tracks = tuple(build_trajectory(user, offset=offset) for user in users)
+    derive_all(tracks)
+    return tracks

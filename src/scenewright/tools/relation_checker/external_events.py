@@ -16,16 +16,16 @@ from scenewright.errors import InputError
 from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.relation_checker.motion import RoadUser, as_movers
-from scenewright.tools.relation_checker.observation import find_events
-from scenewright.tools.relation_checker.plausibility import off_ground
+from scenewright.tools.relation_checker.events import find_events
+from scenewright.tools.relation_checker.plausibility import check_ground
+from scenewright.tools.relation_checker.trajectory import RoadUser, build_trajectories
 
 CONTEXT = 30.0
 SHORTEST = 5.0
 """Windows are not cut below this [s]."""
-ROOM = 15_000_000
+MOST_PAIR_SAMPLES = 15_000_000
 """Pairs times samples that are looked at in one go, some 70 bytes each."""
-MOST = 10 * ROOM
+MOST_FORCED = 10 * MOST_PAIR_SAMPLES
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +54,8 @@ class ExternalTracks:
         return frozenset(n for n, name in self.names.items() if str(n) != name)
 
 
-def recorded_events(
-    tracks: ExternalTracks, *, ground: IntersectionMap | None = None
+def find_recorded_events(
+    tracks: ExternalTracks, *, intersection_map: IntersectionMap | None = None
 ) -> tuple[Event, ...]:
     """Every event in a recording, in order of time; none between two stretches of one track.
 
@@ -68,18 +68,18 @@ def recorded_events(
     begin = min((u.track.start for u in users), default=0.0)
     end = max((u.track.end for u in users), default=0.0) + 1.0
     if _fits(users):
-        found: Sequence[Event] = find_events(users, ground=ground)
+        found: Sequence[Event] = find_events(users, intersection_map=intersection_map)
     else:
-        found = _split(users, begin, end, ground, until=end - 1.0)
+        found = _search_windows(users, begin, end, intersection_map, until=end - 1.0)
     return tuple(e for e in found if names[e.from_] != names[e.to])
 
 
-def off_map(tracks: ExternalTracks, intersection: IntersectionMap) -> tuple[Finding, ...]:
+def find_off_map(tracks: ExternalTracks, intersection_map: IntersectionMap) -> tuple[Finding, ...]:
     """Agents that spend more than 2 % of their time where their class does not belong."""
-    return off_ground(as_movers(tracks.users), intersection, jaywalkers=frozenset())
+    return check_ground(build_trajectories(tracks.users), intersection_map, jaywalkers=frozenset())
 
 
-def cells(users: Sequence[RoadUser]) -> float:
+def count_pair_samples(users: Sequence[RoadUser]) -> float:
     """Pairs times samples from the first start to the last end."""
     if len(users) < 2:
         return 0.0
@@ -88,63 +88,63 @@ def cells(users: Sequence[RoadUser]) -> float:
 
 
 def _fits(users: Sequence[RoadUser]) -> bool:
-    return cells(users) <= ROOM
+    return count_pair_samples(users) <= MOST_PAIR_SAMPLES
 
 
-def _split(
+def _search_windows(
     users: Sequence[RoadUser],
     begin: float,
     end: float,
-    ground: IntersectionMap | None,
+    intersection_map: IntersectionMap | None,
     *,
     until: float,
 ) -> list[Event]:
     """Events from begin to end [s], by halves until they fit; the recording ends at `until`."""
-    present = _clipped(users, begin - CONTEXT, end + CONTEXT)
+    present = _clip_tracks(users, begin - CONTEXT, end + CONTEXT)
     if len(present) < 2:
         return []
     if _fits(present):
-        seen = find_events(present, ground=ground, until=until)
+        seen = find_events(present, intersection_map=intersection_map, until=until)
         return [e for e in seen if begin <= e.time < end]
     if end - begin <= 2 * SHORTEST:
-        return _forced(present, begin, end, ground, until=until)
+        return _search_shortest_window(present, begin, end, intersection_map, until=until)
     middle = STEP * round((begin + end) / 2 / STEP)
     return [
         event
         for a, b in ((begin, middle), (middle, end))
-        for event in _split(users, a, b, ground, until=until)
+        for event in _search_windows(users, a, b, intersection_map, until=until)
     ]
 
 
-def _forced(
+def _search_shortest_window(
     users: Sequence[RoadUser],
     begin: float,
     end: float,
-    ground: IntersectionMap | None,
+    intersection_map: IntersectionMap | None,
     *,
     until: float,
 ) -> list[Event]:
-    if cells(users) > MOST:
+    if count_pair_samples(users) > MOST_FORCED:
         raise InputError(
             f"{len(users)} agents around {begin:.0f} s are too many at once; "
             "check the tracks of a smaller area"
         )
-    seen = find_events(users, ground=ground, until=until)
+    seen = find_events(users, intersection_map=intersection_map, until=until)
     return [e for e in seen if begin <= e.time < end]
 
 
-def _clipped(users: Sequence[RoadUser], begin: float, end: float) -> list[RoadUser]:
+def _clip_tracks(users: Sequence[RoadUser], begin: float, end: float) -> list[RoadUser]:
     """What of each track lies between two times [s]."""
-    parts = (_part(user, begin, end) for user in users)
+    parts = (_clip_track(user, begin, end) for user in users)
     return [part for part in parts if part is not None]
 
 
-def _part(user: RoadUser, begin: float, end: float) -> RoadUser | None:
+def _clip_track(user: RoadUser, begin: float, end: float) -> RoadUser | None:
     track = user.track
     if track.end < begin or track.start > end:
         return None
     first = max(math.ceil((begin - track.start) / track.step), 0)
-    first -= first % _period(track.step)
+    first -= first % _find_period(track.step)
     last = min(math.floor((end - track.start) / track.step), len(track.xy) - 1)
     if last < first:
         return None
@@ -155,7 +155,7 @@ def _part(user: RoadUser, begin: float, end: float) -> RoadUser | None:
     return RoadUser(user.id, part, user.shape)
 
 
-def _period(step: float) -> int:
+def _find_period(step: float) -> int:
     """Samples in a multiple of 0.2 s: cut there, following is sampled at the same times."""
     for count in (1, 2, 3, 4, 5, 6, 8, 10, 12, 20, 30):
         if abs(count * step / 0.2 - round(count * step / 0.2)) < 1e-6:

@@ -24,7 +24,7 @@ IntArray = np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class TrackPath:
     """The curve of an agent's whole track, evenly sampled in arc length.
 
     Attributes:
@@ -36,11 +36,11 @@ class Path:
     xy: FloatArray
     direction: FloatArray
 
-    def coarser(self) -> Path:
+    def coarsen(self) -> TrackPath:
         """Every second point."""
-        return Path(self.s[::2], self.xy[::2], self.direction[::2])
+        return TrackPath(self.s[::2], self.xy[::2], self.direction[::2])
 
-    def extended(self, *, before: float, after: float) -> Path:
+    def extend(self, *, before: float, after: float) -> TrackPath:
         """The path with straight pieces at both ends [m]."""
         back, intersection_map = (
             SPACING * np.arange(1, int(d / SPACING) + 1) for d in (before, after)
@@ -48,7 +48,7 @@ class Path:
         ends = self.direction[[0, -1]]
         (tail, front), way = self.xy[[0, -1]], np.stack((np.cos(ends), np.sin(ends)), axis=1)
         tail, front = tail - back[::-1, None] * way[0], front + intersection_map[:, None] * way[1]
-        return Path(
+        return TrackPath(
             np.concatenate((self.s[0] - back[::-1], self.s, self.s[-1] + intersection_map)),
             np.concatenate((tail, self.xy, front)),
             np.concatenate(
@@ -57,21 +57,24 @@ class Path:
         )
 
 
-def curves(xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray) -> list[Path]:
+def build_paths(
+    xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray
+) -> list[TrackPath]:
     """The paths of many tracks in one pass; one point where a track is shorter than 0.05 m.
 
     Args:
         xy: [S, 2] positions [m], track after track; s: [S] arc length since the first position of
             the track; heading: [S]; origin: [N+1] where each track begins, the last entry being S.
     """
-    even, points, direction, begin = _evened(xy, s, heading, origin)
+    even, points, direction, begin = _resample_evenly(xy, s, heading, origin)
     return [
-        Path(even[i:j], points[i:j], unwrapped(direction[i:j])) for i, j in pairwise(begin.tolist())
+        TrackPath(even[i:j], points[i:j], unwrap_angles(direction[i:j]))
+        for i, j in pairwise(begin.tolist())
     ]
 
 
 @compiled
-def _evened(
+def _resample_evenly(
     xy: FloatArray, s: FloatArray, heading: FloatArray, origin: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
     """Arc lengths [m], points [m] and directions [rad] of all paths, and where each begins."""
@@ -106,7 +109,7 @@ def _interpolate(even: FloatArray, xy: FloatArray, s: FloatArray, points: FloatA
     for n in range(len(even)):
         while there < len(s) and s[there] <= even[n]:
             here = there
-            there = _next_that_differs(s, there)
+            there = _find_next_distinct(s, there)
         after = there if there < len(s) else here
         apart = max(s[after] - s[here], 1e-9)
         for axis in range(2):
@@ -115,7 +118,7 @@ def _interpolate(even: FloatArray, xy: FloatArray, s: FloatArray, points: FloatA
 
 
 @compiled
-def _next_that_differs(s: FloatArray, k: int) -> int:
+def _find_next_distinct(s: FloatArray, k: int) -> int:
     """The next sample more than 0.1 mm after the one before it; as many as there are if none."""
     k += 1
     while k < len(s) and not s[k] - s[k - 1] > 1e-4:
@@ -123,20 +126,20 @@ def _next_that_differs(s: FloatArray, k: int) -> int:
     return k
 
 
-def lanes(paths: Sequence[Path]) -> list[Path]:
+def build_lanes(paths: Sequence[TrackPath]) -> list[TrackPath]:
     """Every path at every second point, with straight pieces before and after it, in one pass."""
     begin = np.cumsum([0, *(len(path.s) for path in paths)])
-    s, xy, direction, ends = _prolonged(
+    s, xy, direction, ends = _prolong(
         np.concatenate([path.s for path in paths]),
         np.concatenate([path.xy for path in paths]),
         np.concatenate([path.direction for path in paths]),
         begin,
     )
-    return [Path(s[i:j], xy[i:j], direction[i:j]) for i, j in pairwise(ends.tolist())]
+    return [TrackPath(s[i:j], xy[i:j], direction[i:j]) for i, j in pairwise(ends.tolist())]
 
 
 @compiled
-def _prolonged(
+def _prolong(
     s: FloatArray, xy: FloatArray, direction: FloatArray, begin: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
     ends = np.zeros(len(begin), np.intp)
@@ -155,14 +158,14 @@ def _prolonged(
     return along, points, facing, ends
 
 
-def unwrapped(angles: FloatArray) -> FloatArray:
+def unwrap_angles(angles: FloatArray) -> FloatArray:
     """Angles [rad] without jumps of full turns; most have none, which is far quicker to see."""
     if (np.abs(angles[1:] - angles[:-1]) < np.pi).all():
         return angles
     return np.unwrap(angles)
 
 
-def curvature(path: Path) -> FloatArray:
+def compute_curvature(path: TrackPath) -> FloatArray:
     """[P] change of direction per metre [1/m], over 2 m of path."""
     if len(path.s) < 3:
         return np.zeros(len(path.s))
@@ -185,7 +188,7 @@ class Projection:
     direction: FloatArray
 
 
-def project(points: FloatArray, path: Path) -> Projection:
+def project(points: FloatArray, path: TrackPath) -> Projection:
     """Projects points [..., 2] on the nearest place of a path."""
     x, y = points[..., 0], points[..., 1]
     square, more = np.subtract.outer(x, path.xy[:, 0]), np.subtract.outer(y, path.xy[:, 1])
@@ -194,16 +197,16 @@ def project(points: FloatArray, path: Path) -> Projection:
     square += more
     k = square.argmin(axis=-1)
     direction, foot = path.direction[k], path.xy[k]
-    along, lateral = _foot(x - foot[..., 0], y - foot[..., 1], direction)
+    along, lateral = _find_foot(x - foot[..., 0], y - foot[..., 1], direction)
     return Projection(path.s[k] + along, lateral, direction)
 
 
 @dataclass(frozen=True, eq=False)
-class Lanes:
+class LaneTable:
     """Lanes of N movers side by side, padded to one length.
 
     Attributes:
-        x, y: [N, P] points [m], inf where a lane has no more; s, direction: [N, P], see `Path`.
+        x, y: [N, P] points [m], inf past the end of a lane; s, direction: [N, P], see `TrackPath`.
         low, high: [2, N] corners of the boxes round the lanes [m].
     """
 
@@ -215,7 +218,7 @@ class Lanes:
     high: FloatArray
 
 
-def side_by_side(lanes: Sequence[Path]) -> Lanes:
+def build_lane_table(lanes: Sequence[TrackPath]) -> LaneTable:
     """Lanes in one table, for many projections at once."""
     size = max(len(lane.s) for lane in lanes)
     xy = np.full((2, len(lanes), size), np.inf)
@@ -224,11 +227,11 @@ def side_by_side(lanes: Sequence[Path]) -> Lanes:
         xy[:, n, : len(lane.s)] = lane.xy.T
         s[n, : len(lane.s)], direction[n, : len(lane.s)] = lane.s, lane.direction
     high = np.where(np.isinf(xy), -np.inf, xy).max(axis=2)
-    return Lanes(xy[0], xy[1], s, direction, xy.min(axis=2), high)
+    return LaneTable(xy[0], xy[1], s, direction, xy.min(axis=2), high)
 
 
 def project_each(
-    points: FloatArray, lanes: Lanes, which: IntArray, *, within: FloatArray
+    points: FloatArray, lanes: LaneTable, which: IntArray, *, within: FloatArray
 ) -> Projection:
     """Projects points [n, 2], each on a lane of its own, `which` [n].
 
@@ -236,13 +239,13 @@ def project_each(
         within: [n] distance from the lane [m] beyond which a point does not matter; points that the
             box of the lane already excludes are not projected: lateral inf, the rest 0.
     """
-    return Projection(*_projected(
+    return Projection(*_project_each(
         points, which, within, lanes.x, lanes.y, lanes.s, lanes.direction, lanes.low, lanes.high,
     ))  # fmt: skip
 
 
 @compiled
-def _projected(
+def _project_each(
     points: FloatArray,
     which: IntArray,
     within: FloatArray,
@@ -282,14 +285,16 @@ def _projected(
     return found
 
 
-def _foot(px: FloatArray, py: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _find_foot(
+    px: FloatArray, py: FloatArray, direction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """How far along a direction a place is, at most 1 m, and how far beside it [m]."""
     along = np.cos(direction) * px + np.sin(direction) * py
     along = np.minimum(np.maximum(along, -FOOT), FOOT)
     return along, np.sqrt(np.maximum(px * px + py * py - along**2, 0.0))
 
 
-def at_distance(path: Path, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def sample_path(path: TrackPath, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points [..., 2] and directions [...] at arc lengths, straight beyond the end of the path."""
     beyond = np.maximum(s - path.s[-1], 0.0)
     xy = np.stack([np.interp(s, path.s, path.xy[:, k]) for k in (0, 1)], axis=-1)

@@ -16,7 +16,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import TieRecord
-from scenewright.tools.relation_checker.motion import Mover
+from scenewright.tools.relation_checker.trajectory import Trajectory
 
 ALONG = np.deg2rad(40.0)
 """How far a track may begin off the direction of the leg that it comes in by [rad]."""
@@ -43,7 +43,7 @@ class LanePoints:
     heading: FloatArray
     legs: tuple[str, ...]
 
-    def leg_at(self, xy: FloatArray, heading: float) -> str | None:
+    def find_leg(self, xy: FloatArray, heading: float) -> str | None:
         """The leg of the nearest lane that leads the way a vehicle [2] is headed, if on it."""
         alike = np.flatnonzero(np.abs(_turn(self.heading - heading)) <= ALONG)
         if not len(alike):
@@ -53,41 +53,45 @@ class LanePoints:
         return self.legs[alike[nearest]] if away[nearest] <= BESIDE else None
 
 
-def entry_of(mover: Mover, ground: IntersectionMap) -> str | None:
+def find_entry_leg(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
     """The leg along which a track comes in; None if it begins where that cannot be told."""
-    lane = _lanes_of(ground, "approach").leg_at(mover.xy[0], float(mover.heading[0]))
-    return lane or _entry_by_direction(mover, ground)
+    lane = _get_lane_points(intersection_map, "approach").find_leg(
+        track.xy[0], float(track.heading[0])
+    )
+    return lane or _find_entry_by_direction(track, intersection_map)
 
 
-def _entry_by_direction(mover: Mover, ground: IntersectionMap) -> str | None:
-    inwards = {leg.name: leg.bearing + np.pi for leg in ground.legs}
-    begin = float(mover.heading[0])
+def _find_entry_by_direction(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
+    inwards = {leg.name: leg.bearing + np.pi for leg in intersection_map.legs}
+    begin = float(track.heading[0])
     off = {name: float(np.abs(_turn(begin - way))) for name, way in inwards.items()}
     name = min(off, key=off.__getitem__, default=None)
     if name is None or off[name] > ALONG:
         return None
-    outward = float(mover.xy[0] @ (-np.cos(inwards[name]), -np.sin(inwards[name])))
+    outward = float(track.xy[0] @ (-np.cos(inwards[name]), -np.sin(inwards[name])))
     return name if outward > 0.0 else None
 
 
-def exit_of(mover: Mover, ground: IntersectionMap) -> str | None:
+def find_exit_leg(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
     """The leg along which a track goes out; None if it ends before that can be told."""
-    lane = _lanes_of(ground, "exit").leg_at(mover.xy[-1], float(mover.heading[-1]))
-    return lane or _exit_by_direction(mover, ground)
+    lane = _get_lane_points(intersection_map, "exit").find_leg(
+        track.xy[-1], float(track.heading[-1])
+    )
+    return lane or _find_exit_by_direction(track, intersection_map)
 
 
-def _exit_by_direction(mover: Mover, ground: IntersectionMap) -> str | None:
-    end = float(mover.heading[-1])
-    off = {leg.name: float(np.abs(_turn(end - leg.bearing))) for leg in ground.legs}
+def _find_exit_by_direction(track: Trajectory, intersection_map: IntersectionMap) -> str | None:
+    end = float(track.heading[-1])
+    off = {leg.name: float(np.abs(_turn(end - leg.bearing))) for leg in intersection_map.legs}
     name = min(off, key=off.__getitem__, default=None)
     if name is None or off[name] > ALONG:
         return None
-    way = next(leg.bearing for leg in ground.legs if leg.name == name)
-    outward = float(mover.xy[-1] @ (np.cos(way), np.sin(way)))
+    way = next(leg.bearing for leg in intersection_map.legs if leg.name == name)
+    outward = float(track.xy[-1] @ (np.cos(way), np.sin(way)))
     return name if outward > WELL_OUT else None
 
 
-def side_of(entry: str, *, seen_from: str) -> str:
+def find_relative_side(entry: str, *, seen_from: str) -> str:
     """How an entry lies to another one: same, opposite, left or right.
 
     >>> side_of("east", seen_from="north"), side_of("south", seen_from="north")
@@ -99,14 +103,14 @@ def side_of(entry: str, *, seen_from: str) -> str:
     return "left" if turn < 4 else "right"
 
 
-def misplaced(
-    ties: Sequence[TieRecord], movers: Mapping[int, Mover], ground: IntersectionMap
+def check_ties(
+    ties: Sequence[TieRecord], tracks: Mapping[int, Trajectory], intersection_map: IntersectionMap
 ) -> tuple[Finding, ...]:
     """Agents that do not come from where, seen by another one, they were to come from."""
     found: list[Finding] = []
     for tie in ties:
-        entry, other = (entry_of(movers[n], ground) for n in (tie.agent, tie.of))
-        seen = side_of(entry, seen_from=other) if entry and other else "none"
+        entry, other = (find_entry_leg(tracks[n], intersection_map) for n in (tie.agent, tie.of))
+        seen = find_relative_side(entry, seen_from=other) if entry and other else "none"
         if seen in _SEEN_AS.get(tie.side, (tie.side,)):
             continue
         found.append(
@@ -123,13 +127,15 @@ _Kind = Literal["approach", "exit"]
 _known: list[tuple[IntersectionMap, dict[_Kind, LanePoints]]] = []
 
 
-def _lanes_of(ground: IntersectionMap, kind: _Kind) -> LanePoints:
+def _get_lane_points(intersection_map: IntersectionMap, kind: _Kind) -> LanePoints:
     """The lanes of a map; the last four maps are remembered by identity."""
     for known, lanes in _known:
-        if known is ground:
+        if known is intersection_map:
             return lanes[kind]
-    found: dict[_Kind, LanePoints] = {each: _lane_points(ground, each) for each in _KINDS}
-    _known[:] = [(ground, found), *_known[:3]]
+    found: dict[_Kind, LanePoints] = {
+        each: _build_lane_points(intersection_map, each) for each in _KINDS
+    }
+    _known[:] = [(intersection_map, found), *_known[:3]]
     return found[kind]
 
 
@@ -137,18 +143,18 @@ _KINDS: tuple[_Kind, ...] = ("approach", "exit")
 _SPACING = 1.0
 
 
-def _lane_points(ground: IntersectionMap, kind: _Kind) -> LanePoints:
+def _build_lane_points(intersection_map: IntersectionMap, kind: _Kind) -> LanePoints:
     parts: list[FloatArray] = [np.zeros((0, 3))]
     legs: list[str] = []
-    for lane in ground.lanelets:
+    for lane in intersection_map.lanelets:
         if lane.kind == kind and lane.leg is not None:
-            parts.append(_spaced(np.array(lane.centreline)))
+            parts.append(_sample_line(np.array(lane.centreline)))
             legs += [lane.leg] * len(parts[-1])
     points = np.concatenate(parts)
     return LanePoints(points[:, :2], points[:, 2], tuple(legs))
 
 
-def _spaced(line: FloatArray) -> FloatArray:
+def _sample_line(line: FloatArray) -> FloatArray:
     """[P, 3] x, y and heading every metre along a line."""
     step = np.diff(line, axis=0)
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])

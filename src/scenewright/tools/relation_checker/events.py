@@ -1,0 +1,551 @@
+"""Every event in a set of tracks, with precedence and evidence (SEMANTICS section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.events import Event
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import SignalRecord
+from scenewright.tools.relation_checker.collisions import (
+    IMPACT_SPEED,
+    classify_collision,
+    find_cause,
+    find_late_braker,
+    find_red_run,
+    find_striker,
+    measure_impact,
+)
+from scenewright.tools.relation_checker.conflict_zones import (
+    SHARED,
+    PathConflictZone,
+    ZoneOccupancy,
+    find_conflict_zones,
+    find_zone_occupancy,
+)
+from scenewright.tools.relation_checker.contact import (
+    PairGaps,
+    PairGrid,
+    build_pair_grid,
+    find_common_times,
+    find_contact_point,
+    find_least_clearance,
+    measure_pair_gaps,
+)
+from scenewright.tools.relation_checker.encroachment import Encounter, find_encounters
+from scenewright.tools.relation_checker.following import (
+    LaneGaps,
+    find_followings,
+    measure_lane_gaps,
+)
+from scenewright.tools.relation_checker.footprints import BoolArray
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.signals import SignalPlan
+from scenewright.tools.relation_checker.surrogates import (
+    compute_drac,
+    compute_path_ttc,
+    compute_ttc_2d,
+)
+from scenewright.tools.relation_checker.trajectory import (
+    RoadUser,
+    Trajectory,
+    build_trajectories,
+    extend_straight,
+)
+from scenewright.tools.relation_checker.yielding import (
+    LIMITS,
+    MAX_PET,
+    RESUME_WITHIN,
+    YieldContext,
+    YieldEvent,
+    ZonePassage,
+    find_yield,
+    is_held_throughout,
+    is_leading,
+)
+
+NEAR_MISS_PET = 1.5
+NEAR_MISS_TTC = 1.5
+NEAR_MISS_BRAKING = 3.4
+YIELD_CLEARANCE = 0.3
+YIELD_PET = 0.5
+YIELD_BRAKING = 5.0
+CUT = 0.2 + 1e-6
+"""A track that ends this shortly before the scene, or after a contact [s], was ended by it."""
+ONWARDS = {"vehicle": 15.0, "pedestrian": 5.0}
+"""How far who still waits at the end is taken to go straight on, if nothing was asked for [m]."""
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneObservation:
+    """Everything measured in one set of tracks.
+
+    Attributes:
+        crowd: all movers on one grid; near: their gaps and contacts; meetings: encounters with
+            their PET; lanes: who is behind whom; lights: who meets which light.
+        events: in order of time.
+    """
+
+    grid: PairGrid
+    near: PairGaps
+    encounters: tuple[Encounter, ...]
+    lanes: tuple[LaneGaps, ...]
+    lights: SignalPlan
+    events: tuple[Event, ...]
+
+    @property
+    def tracks(self) -> tuple[Trajectory, ...]:
+        """All movers, in the order given."""
+        return self.grid.tracks
+
+    def pet(self, pair: Pair) -> float | None:
+        """Least PET of a pair of ids [s]; None above 8.5 s or without conflict."""
+        ids = [m.id for m in self.tracks]
+        found = [e.pet for e in self.encounters if {ids[e.first], ids[e.second]} == set(pair)]
+        return min(found, default=None)
+
+
+def find_events(
+    users: Sequence[RoadUser],
+    *,
+    intersection_map: IntersectionMap | None = None,
+    signals: Sequence[SignalRecord] = (),
+    until: float | None = None,
+) -> tuple[Event, ...]:
+    """All collisions, yields, near misses and follows in any tracks, in order of time.
+
+    Needs neither roles nor relations nor a map; a map and its signals add the red light as a reason
+    to stop and as a cause, and crosswalks as places where pedestrians have priority.
+
+    Args:
+        until: end of the recording [s]; None means the last sample.
+
+    Raises:
+        InputError: an id twice, an empty track, an unusable step or size.
+    """
+    return observe(users, intersection_map=intersection_map, signals=signals, until=until).events
+
+
+def observe(
+    users: Sequence[RoadUser],
+    *,
+    intersection_map: IntersectionMap | None = None,
+    signals: Sequence[SignalRecord] = (),
+    asked: Collection[Pair] = (),
+    detailed: Collection[int] | None = None,
+    until: float | None = None,
+) -> SceneObservation:
+    """Measures all pairs and finds all events.
+
+    Args:
+        asked: pairs of ids bound by a relation, `from` first; the path of a giver that still waits
+            when the scene ends is followed on further for them.
+        detailed: ids whose events carry TTC and DRAC as evidence; None means all.
+        until: end of the scene [s], which may cut a wait short; None means the last sample.
+    """
+    grid = build_pair_grid(build_trajectories(list(users)))
+    near = measure_pair_gaps(grid)
+    encounters = find_encounters(grid.tracks)
+    lanes = measure_lane_gaps(grid)
+    lights = SignalPlan(signals, intersection_map)
+    lights.find_all_crossings(grid.tracks)
+    until = float(grid.times[-1]) if until is None and len(grid.times) else until or 0.0
+    search = _EventSearch(grid, near, encounters, intersection_map, lights, frozenset(asked), until)
+    wanted = {m.id for m in grid.tracks} if detailed is None else set(detailed)
+    events = [*search.events(wanted), *_build_follow_events(grid.tracks, lanes)]
+    events.sort(key=lambda e: (e.time, e.from_, e.to))
+    return SceneObservation(grid, near, encounters, lanes, lights, tuple(events))
+
+
+def _build_follow_events(
+    tracks: tuple[Trajectory, ...], lanes: tuple[LaneGaps, ...]
+) -> list[Event]:
+    return [
+        _build_event(
+            "follow", (tracks[f.follower], tracks[f.leader]), time=f.start,
+            place=tuple(tracks[f.follower].xy[tracks[f.follower].index(f.start)]),
+            evidence={"until": f.end, "least_gap": f.least_gap, "least_headway": f.least_headway},
+        )
+        for f in find_followings(lanes)
+    ]  # fmt: skip
+
+
+def _build_event(
+    name: str,
+    pair: tuple[Trajectory, Trajectory],
+    *,
+    time: float,
+    place: tuple[float, ...],
+    evidence: dict[str, Any],
+    **more: Any,
+) -> Event:
+    rounded = {k: round(v, 3) if isinstance(v, float) else v for k, v in evidence.items()}
+    return Event.model_validate({
+        "type": name, "from": pair[0].id, "to": pair[1].id, "time": round(time, 3),
+        "location": (round(float(place[0]), 3), round(float(place[1]), 3)),
+        "evidence": {k: v for k, v in rounded.items() if v is not None}, **more,
+    })  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _EventSearch:
+    """Looks for events pair by pair, with precedence."""
+
+    grid: PairGrid
+    near: PairGaps
+    encounters: tuple[Encounter, ...]
+    intersection_map: IntersectionMap | None
+    lights: SignalPlan
+    asked: frozenset[Pair]
+    until: float
+
+    @cached_property
+    def by_pair(self) -> dict[Pair, list[Encounter]]:
+        """Encounters by the indices of their movers."""
+        table: dict[Pair, list[Encounter]] = {}
+        for encounter in self.encounters:
+            table.setdefault((encounter.first, encounter.second), []).append(encounter)
+        return table
+
+    def events(self, detailed: set[int]) -> list[Event]:
+        """Collisions, yields and near misses."""
+        found: list[Event] = []
+        braked = self._find_braked_pairs()
+        for row, (i, j) in enumerate(self.grid.pairs.tolist()):
+            pair = self.grid.tracks[i], self.grid.tracks[j]
+            if row in self.near.contacts:
+                found += self._find_collision(row, *pair)
+            elif pair[0].is_vehicle or pair[1].is_vehicle:
+                full = pair[0].id in detailed or pair[1].id in detailed
+                found += self._find_encounter_events(row, (i, j), braked.get(row, ()), full)
+        return found
+
+    def _find_collision(self, row: int, first: Trajectory, second: Trajectory) -> list[Event]:
+        contact = self.near.contacts[row]
+        if contact.initial:
+            return []
+        hit = measure_impact(first, second, time=contact.time)
+        left_hand = self.intersection_map is not None and self.intersection_map.left_hand_traffic
+        if hit.relative_speed < IMPACT_SPEED:
+            return []
+        k = find_striker(first, second, hit)
+        order = (first, second) if k == 0 else (second, first)
+        cause = find_cause(first, second, time=contact.time, lights=self.lights)
+        evidence = {
+            "relative_speed": hit.relative_speed, "speed_from": hit.speeds[k],
+            "speed_to": hit.speeds[1 - k], "angle": hit.angle,
+            "side_from": hit.sides[k], "side_to": hit.sides[1 - k],
+            "point_from": hit.points[k], "point_to": hit.points[1 - k],
+            "cause_agent": cause[1] if cause else None,
+            "late_brake": find_late_braker(first, second, time=contact.time),
+        }  # fmt: skip
+        return [
+            _build_event(
+                "collision", order, time=contact.time, place=hit.place, evidence=evidence,
+                kind=classify_collision(first, second, hit, time=contact.time, left_hand=left_hand),
+                cause=cause[0] if cause else None,
+            )
+        ]  # fmt: skip
+
+    def _find_encounter_events(
+        self, row: int, pair: Pair, braked: Sequence[float], full: bool
+    ) -> list[Event]:
+        """Yields and near misses of a pair that never touches, one per encounter."""
+        found: list[Event] = []
+        covered: list[tuple[float, float]] = []
+        for encounter in self.by_pair.get(pair, ()):
+            yielded = self._find_yield(row, encounter)
+            if yielded is not None:
+                covered.append((yielded.begin, yielded.cleared))
+            event = self._classify_encounter(pair, encounter, yielded, full)
+            found += [event] if event is not None else []
+        if not found:
+            found += self._find_unfinished_yield(row, pair, full)
+        close_calls = [t for t in braked if not any(a <= t <= b for a, b in covered)]
+        if close_calls and not any(e.type == "near_miss" for e in found):
+            found += self._find_near_miss(pair, None, full, around=close_calls)
+        return found
+
+    def _classify_encounter(
+        self, pair: Pair, encounter: Encounter, yielded: YieldEvent | None, full: bool
+    ) -> Event | None:
+        harsh = yielded is not None and (
+            encounter.pet < YIELD_PET or yielded.braking > YIELD_BRAKING
+        )
+        if yielded is not None and not harsh:
+            return self._build_yield_event(encounter, yielded, full)
+        if harsh or encounter.pet <= NEAR_MISS_PET:
+            moments = [encounter.first_time, encounter.second_time]
+            return next(iter(self._find_near_miss(pair, encounter.pet, full, around=moments)), None)
+        return None
+
+    def _find_yield(self, row: int, encounter: Encounter) -> YieldEvent | None:
+        if encounter.pet > MAX_PET or float(self.near.gaps[row].min()) < YIELD_CLEARANCE:
+            return None
+        later = encounter.second_time > encounter.first_time
+        i, j = (encounter.second, encounter.first) if later else (encounter.first, encounter.second)
+        giver, other = self.grid.tracks[i], self.grid.tracks[j]
+        if not _slows(giver, until=max(encounter.first_time, encounter.second_time)):
+            return None
+        zone = _find_nearest_zone(giver, other, encounter, later)
+        return None if zone is None else self._find_yield_at(zone, giver, other)
+
+    def _find_yield_at(
+        self,
+        zone: PathConflictZone,
+        giver: Trajectory,
+        other: Trajectory,
+        real_end: float | None = None,
+    ) -> YieldEvent | None:
+        stay, passing = (
+            find_zone_occupancy(giver, zone.polygon),
+            find_zone_occupancy(other, zone.polygon),
+        )
+        if stay is None or passing is None:
+            return None
+        around = self._build_context(zone, giver, other, stay)
+        return find_yield(ZonePassage(giver, stay, passing, around, real_end))
+
+    def _build_context(
+        self, zone: PathConflictZone, giver: Trajectory, other: Trajectory, stay: ZoneOccupancy
+    ) -> YieldContext:
+        brink = float(np.interp(stay.enter, giver.times, giver.s)) + giver.nose
+        others = [m for m in self.grid.tracks if m.id not in (giver.id, other.id)]
+        real = next(m for m in self.grid.tracks if m.id == giver.id)
+
+        def has_leader(time: float) -> bool:
+            return any(is_leading(real, m, time=time, before=brink) for m in others)
+
+        def is_on_crosswalk(time: float) -> bool:
+            if self.intersection_map is None or other.is_vehicle:
+                return False
+            xy, _ = other.at(np.array([time]))
+            walks = (each.area for each in get_ground_raster(self.intersection_map).crosswalks)
+            return other.start <= time <= other.end and any(
+                w.intersects(zone.polygon) and w.intersects(geos.Point(xy[0])) for w in walks
+            )
+
+        return YieldContext(
+            red=partial(self._red, real),
+            leader=has_leader,
+            excused=lambda t: self._waits_for_another(real, other, t),
+            on_crosswalk=is_on_crosswalk,
+        )
+
+    def _red(self, giver: Trajectory, since: float, until: float) -> bool:
+        """Whether a light that is not green holds the giver at some time of a span [s]."""
+        return self.lights.is_held(giver, since=since, until=until)
+
+    def _waits_for_another(self, giver: Trajectory, other: Trajectory, time: float) -> bool:
+        """Whether the giver waits for yet another agent that a relation binds it to."""
+        partners = {a if b == giver.id else b for a, b in self.asked if giver.id in (a, b)}
+        for encounter in self.encounters:
+            ends = [
+                (self.grid.tracks[encounter.first].id, encounter.first_time),
+                (self.grid.tracks[encounter.second].id, encounter.second_time),
+            ]
+            mine = [t for n, t in ends if n == giver.id]
+            theirs = [t for n, t in ends if n in partners - {other.id}]
+            if mine and theirs and theirs[0] < mine[0] and theirs[0] >= time - 4.0:
+                return True
+        return False
+
+    @cached_property
+    def _cut_off(self) -> list[bool]:
+        """Of every mover, whether it slowed and the scene's end or a collision ends its track."""
+        ended = [m.end >= self.until - CUT for m in self.tracks]
+        for row, contact in self.near.contacts.items():
+            for k in self.grid.pairs[row].tolist():
+                ended[k] |= contact.time >= self.tracks[k].end - CUT
+        return [end and _slows(m, until=m.end) for end, m in zip(ended, self.tracks, strict=True)]
+
+    @cached_property
+    def _crossed(self) -> BoolArray:
+        """[N, N] whether the second crosses the way ahead of the first, which was cut off."""
+        return _find_crossers_ahead(self.grid, [k for k, cut in enumerate(self._cut_off) if cut])
+
+    def _find_unfinished_yield(self, row: int, pair: Pair, full: bool) -> list[Event]:
+        """A yield whose giver still waits when the scene, or a collision, ends its track."""
+        found: list[Event] = []
+        for i, j in (pair, pair[::-1]):
+            giver, other = self.grid.tracks[i], self.grid.tracks[j]
+            asked = (giver.id, other.id) in self.asked
+            onwards = 25.0 if asked else ONWARDS[giver.type]
+            if not self._cut_off[i] or not (asked or self._crossed[i, j]):
+                continue
+            if float(self.near.gaps[row].min()) < YIELD_CLEARANCE:
+                continue
+            further = extend_straight(
+                giver, distance=onwards, speed=2.0 if giver.is_vehicle else 1.0
+            )
+            if is_held_throughout(further, giver.end, partial(self._red, giver)):
+                continue
+            for zone in find_conflict_zones(further, other):
+                yielded = self._find_yield_at(zone, further, other, real_end=giver.end)
+                if yielded is not None and yielded.braking <= YIELD_BRAKING:
+                    found.append(
+                        self._build_yield_event(None, yielded, full, tracks=(giver, other))
+                    )
+                    break
+        return found[:1]
+
+    def _build_yield_event(
+        self,
+        encounter: Encounter | None,
+        yielded: YieldEvent,
+        full: bool,
+        tracks: tuple[Trajectory, Trajectory] | None = None,
+    ) -> Event:
+        if tracks is None and encounter is not None:
+            both = self.grid.tracks[encounter.first], self.grid.tracks[encounter.second]
+            tracks = both if encounter.first_time > encounter.second_time else (both[1], both[0])
+        if tracks is None:
+            raise ValueError("a yield needs an encounter or its movers")
+        evidence = {
+            "pet": encounter.pet if encounter else None, "approach_speed": yielded.approach,
+            "lowest_speed": yielded.lowest, "begins_to_slow": yielded.begin,
+            "braking": yielded.braking, "other_cleared": yielded.cleared, "entered": yielded.enter,
+            "would_have_entered": yielded.arrival,
+        } | (_measure_surrogates(*tracks, until=yielded.cleared) if full else {})  # fmt: skip
+        cause = find_red_run(tracks[1], tracks[0], time=yielded.cleared, lights=self.lights)
+        if cause is not None:
+            evidence["cause_agent"] = cause[1]
+        return _build_event(
+            "yielding", tracks, time=yielded.time, place=yielded.place, evidence=evidence,
+            cause=cause[0] if cause else None,
+        )  # fmt: skip
+
+    def _find_near_miss(
+        self, pair: Pair, pet: float | None, full: bool, *, around: Sequence[float]
+    ) -> list[Event]:
+        first, second = (self.grid.tracks[k] for k in pair)
+        closest = _find_closest_approach(first, second, min(around), max(around))
+        if closest is None:
+            return []
+        time, clearance = closest
+        cause = find_cause(first, second, time=time, lights=self.lights)
+        evidence = {
+            "pet": pet,
+            "clearance": clearance,
+            "cause_agent": cause[1] if cause else None,
+            "late_brake": find_late_braker(first, second, time=time),
+        } | (_measure_surrogates(first, second, until=max(*around, time)) if full else {})
+        place = find_contact_point(first, second, time=time)
+        return [
+            _build_event(
+                "near_miss", (first, second), time=time, place=place, evidence=evidence,
+                cause=cause[0] if cause else None,
+            )
+        ]  # fmt: skip
+
+    def _find_braked_pairs(self) -> dict[int, list[float]]:
+        """By row of pairs: times of path TTC <= 1.5 s while one of the two brakes hard."""
+        found: dict[int, list[float]] = {}
+        hard = [m.is_vehicle and (m.acceleration < -NEAR_MISS_BRAKING).any() for m in self.tracks]
+        for row, (i, j) in enumerate(self.grid.pairs.tolist()):
+            if not (hard[i] or hard[j]) or row in self.near.contacts:
+                continue
+            times = self._find_hard_braking_times(row, self.tracks[i], self.tracks[j])
+            if len(times):
+                ttc = compute_path_ttc(
+                    self.tracks[i], self.tracks[j], times=times, horizon=NEAR_MISS_TTC
+                )
+                close = times[ttc <= NEAR_MISS_TTC]
+                if len(close):
+                    found[row] = close.tolist()
+        return found
+
+    @property
+    def tracks(self) -> tuple[Trajectory, ...]:
+        return self.grid.tracks
+
+    def _find_hard_braking_times(
+        self, row: int, first: Trajectory, second: Trajectory
+    ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        times = find_common_times(first, second)
+        i, j = first.indices(times), second.indices(times)
+        hard = np.minimum(first.acceleration[i], second.acceleration[j]) < -NEAR_MISS_BRAKING
+        k = np.round((times - self.grid.times[0]) / 0.1).astype(np.intp)
+        reach = (first.speed[i] + second.speed[j]) * NEAR_MISS_TTC + 1.0
+        return np.asarray(times[hard & (self.near.gaps[row, k] <= reach)])
+
+
+def _slows(giver: Trajectory, *, until: float) -> bool:
+    """Cheap: whether it was moving and then fell to 0.6 of an earlier speed or less."""
+    speed = giver.speed[: giver.index(until) + 1]
+    peak = np.maximum.accumulate(speed)
+    return bool(((peak >= LIMITS[giver.type].moving) & (speed <= 0.6 * peak)).any())
+
+
+def _find_crossers_ahead(grid: PairGrid, givers: Sequence[int]) -> BoolArray:
+    """[N, N] whether the second crosses the way straight ahead of a giver's last place.
+
+    Cheap and necessary for a yield. And late enough: who stands at its end has not done so for more
+    than 4 s since.
+    """
+    ahead = np.zeros((len(grid.tracks),) * 2, dtype=np.bool_)
+    if not givers:
+        return ahead
+    tracks = [grid.tracks[k] for k in givers]
+    still = [RESUME_WITHIN + 1.0 if m.speed[-1] <= LIMITS[m.type].resumed else MAX_PET
+             for m in tracks]  # fmt: skip
+    since = np.array([m.end for m in tracks]) - still
+    late = slice(int(np.searchsorted(grid.times, since.min() - 1e-6)), None)
+    x, y, facing, way = np.array(
+        [(*m.xy[-1].tolist(), float(m.heading[-1]), ONWARDS[m.type]) for m in tracks]
+    ).T[..., None, None]
+    east, north = grid.xy[:, late, 0] - x, grid.xy[:, late, 1] - y
+    cos, sin, turn = np.cos(facing), np.sin(facing), grid.heading[:, late] - facing
+    alike = np.array([m.is_vehicle for m in grid.tracks])
+    half = np.array([(m.half_width + m.radius, m.half_length) for m in grid.tracks])
+    room = half[:, :1] + half[givers, :1, None] + half[:, 1:] * np.abs(np.sin(turn))
+    along = cos * east + sin * north
+    inside = (along >= 0) & (along <= way) & (np.abs(cos * north - sin * east) <= room)
+    inside &= (np.cos(turn) < np.cos(SHARED)) | (alike[givers, None] != alike)[..., None]
+    inside &= grid.present[:, late] & (grid.times[late] >= since[:, None, None])
+    ahead[givers] = inside.any(axis=2)
+    return ahead
+
+
+def _find_nearest_zone(
+    giver: Trajectory, other: Trajectory, encounter: Encounter, later: bool
+) -> PathConflictZone | None:
+    time = encounter.second_time if later else encounter.first_time
+    xy, _ = giver.at(np.array([time]))
+    point = geos.Point(xy[0])
+    zones = find_conflict_zones(giver, other)
+    return min(zones, key=lambda z: float(z.polygon.distance(point)), default=None)
+
+
+def _find_closest_approach(
+    first: Trajectory, second: Trajectory, begin: float, end: float
+) -> tuple[float, float] | None:
+    """Time and clearance of the closest approach around an encounter, else of all."""
+    around = find_least_clearance(first, second, within=(begin - 3.0, end + 3.0))
+    return around or find_least_clearance(first, second)
+
+
+def _measure_surrogates(
+    first: Trajectory, second: Trajectory, *, until: float
+) -> dict[str, float | None]:
+    """Least path TTC and 2-D TTC, largest DRAC, in the 6 s before a time."""
+    times = find_common_times(first, second)
+    times = times[(times >= until - 6.0) & (times <= until + 1e-6)]
+    if len(times) == 0:
+        return {}
+    along = float(compute_path_ttc(first, second, times=times).min())
+    ttc = compute_ttc_2d(first, second, times=times)
+    straight = float(ttc.min())
+    return {
+        "path_ttc": along if np.isfinite(along) else None,
+        "ttc_2d": straight if np.isfinite(straight) else None,
+        "drac": float(compute_drac(first, second, times=times, ttc=ttc).max()),
+    }

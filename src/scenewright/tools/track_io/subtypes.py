@@ -1,0 +1,23 @@
+"""Words that files use for the classes of road users, and the subtypes that they mean."""
+
+from __future__ import annotations
+
+_SYNONYMS = {
+    "car": "vehicle automobile passenger passenger_car passenger_vehicle van minivan suv taxi "
+    "pickup cab",
+    "truck": "lorry heavy_vehicle truck_bus trailer semi hgv delivery",
+    "bus": "coach minibus",
+    "motorcycle": "motorbike motorcyclist moped scooter motor",
+    "bicycle": "bike cyclist bicyclist biker",
+    "pedestrian": "ped person people walker human",
+}
+SUBTYPE_OF_WORD = {
+    word: subtype for subtype, words in _SYNONYMS.items() for word in (subtype, *words.split())
+}
+SUBTYPES = tuple(_SYNONYMS)
+
+
+def find_subtype(text: str) -> str | None:
+    """The subtype that a word such as `Passenger car` means; None where it is unknown."""
+    word = "_".join(text.lower().replace("-", " ").replace("_", " ").split())
+    return SUBTYPE_OF_WORD.get(word)
