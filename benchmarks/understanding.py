@@ -31,11 +31,11 @@ from statistics import mean
 
 from scenewright.errors import ScenewrightError
 from scenewright.evals.understanding import calibration, tuning
-from scenewright.evals.understanding.dataset import Case, Split, split_of
-from scenewright.evals.understanding.evaluate import Evaluated, evaluate, load
-from scenewright.evals.understanding.methods import method_named
-from scenewright.evals.understanding.observing import observe
-from scenewright.evals.understanding.report import markdown
+from scenewright.evals.understanding.cases import SceneCase, Split, assign_split
+from scenewright.evals.understanding.evaluate import MethodScores, evaluate, load_cases
+from scenewright.evals.understanding.methods import find_method
+from scenewright.evals.understanding.observation import observe
+from scenewright.evals.understanding.report import format_report
 from scenewright.files import write_atomically
 from scenewright.graph.run import synthesize
 from scenewright.intersections import ships_refiner
@@ -106,7 +106,7 @@ def rows(number: int, seed: int, mix: tuple[int, int, int], half: Split) -> list
         if len(found) == number:
             break
         name = f"s{seed}{n:05d}"
-        if split_of(name) == half:
+        if assign_split(name) == half:
             at = len(found) % sum(mix)
             texts = NORMAL if at < mix[0] else COLLISIONS if at < mix[0] + mix[1] else YIELDS
             text = f"{rng.choice(texts)} in medium traffic {rng.choice(HOURS)}".strip()
@@ -131,9 +131,9 @@ def _made(folder: Path, row: Row) -> int:
     return 0
 
 
-def cpu_seconds(cases: list[Case], name: str, *, window: float = 4.0) -> float:
+def cpu_seconds(cases: list[SceneCase], name: str, *, window: float = 4.0) -> float:
     """CPU seconds a scene."""
-    method = method_named(name, intersection=cases[0].record.meta.intersection)
+    method = find_method(name, intersection=cases[0].record.meta.intersection)
     taken = []
     for case in cases[:200]:
         seen = observe(case.record, scene=case.id, window=window)
@@ -143,9 +143,9 @@ def cpu_seconds(cases: list[Case], name: str, *, window: float = 4.0) -> float:
     return mean(taken[1:])
 
 
-def evaluated(folder: Path, name: str) -> Evaluated:
+def evaluated(folder: Path, name: str) -> MethodScores:
     """A method's figures on the test half of a folder."""
-    cases = sorted(load(folder, split="test"), key=lambda each: each.code)
+    cases = sorted(load_cases(folder, split="test"), key=lambda each: each.code)
     if name == "trajnet":
         return evaluate(cases[:FEW], name, windows=(4.0,))
     return evaluate(
@@ -155,12 +155,12 @@ def evaluated(folder: Path, name: str) -> Evaluated:
 
 def score(folder: Path, *, workers: int) -> None:
     """Scores every method, each in a process of its own, and writes the report."""
-    cases = load(folder / "test", split="test")
+    cases = load_cases(folder / "test", split="test")
     place = cases[0].record.meta.intersection
     names = [*METHODS, *(["trajnet"] if ships_refiner(place) else [])]
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         found = list(pool.map(partial(evaluated, folder / "test"), names))
-    text = markdown(found, scenes=len(cases), split="test", where=place)
+    text = format_report(found, scenes=len(cases), split="test", where=place)
     if "trajnet" in names:
         text += f"\ntrajnet: the first {min(FEW, len(cases))} of the scenes.\n"
     slow = [name for name in names if name != "trajnet"]

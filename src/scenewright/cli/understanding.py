@@ -12,8 +12,8 @@ from scenewright.cli.console import progress, put, put_json, say
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
-    from scenewright.evals.understanding.dataset import Case, Split
-    from scenewright.evals.understanding.evaluate import Evaluated, Tell
+    from scenewright.evals.understanding.cases import SceneCase, Split
+    from scenewright.evals.understanding.evaluate import MethodScores, ProgressLog
 
 Folder = Annotated[str, typer.Argument(metavar="DIR", help="A folder with a folder per scene.")]
 
@@ -57,7 +57,7 @@ def understanding(
     A method sees motion, sizes and lights up to the window's end and nothing else. Anybody's
     predictions can be scored; docs/understanding.md describes the files.
     """
-    from scenewright.evals.understanding.evaluate import evaluate, load
+    from scenewright.evals.understanding.evaluate import evaluate, load_cases
 
     if not method and write_observations is None:
         raise InputError("nothing to do: name a --method, or a file to --write-observations to")
@@ -67,21 +67,20 @@ def understanding(
     ) else None  # fmt: skip
     _check_places(out, write_observations)
     with progress(quiet=quiet) as told:
-        tell: Tell = lambda line: told("understanding", line)  # noqa: E731
-        cases = load(Path(folder), split=_split(half), tell=tell)
+        tell: ProgressLog = lambda line: told("understanding", line)  # noqa: E731
+        cases = load_cases(Path(folder), split=_split(half), log=tell)
         if write_observations is not None:
             _write_observations(Path(write_observations), cases, lengths)
         found = [
-            evaluate(cases, each, windows=lengths, backend=named, tell=tell)
-            for each in method or ()
+            evaluate(cases, each, windows=lengths, backend=named, log=tell) for each in method or ()
         ]
     _hand_out(found, cases, split=split, folder=folder, out=out, as_json=as_json,
               observations=write_observations)  # fmt: skip
 
 
 def _hand_out(
-    found: list[Evaluated],
-    cases: list[Case],
+    found: list[MethodScores],
+    cases: list[SceneCase],
     *,
     split: str,
     folder: str,
@@ -89,11 +88,11 @@ def _hand_out(
     as_json: bool,
     observations: str | None,
 ) -> None:
-    from scenewright.evals.understanding.report import markdown
+    from scenewright.evals.understanding.report import format_report
     from scenewright.evals.understanding.scoring import DEFINITION
 
     name = cases[0].record.meta.intersection
-    text = markdown(found, scenes=len(cases), split=split, where=name) if found else ""
+    text = format_report(found, scenes=len(cases), split=split, where=name) if found else ""
     result = {
         "ok": True,
         "folder": folder,
@@ -119,7 +118,7 @@ def read_windows(text: str | None) -> tuple[float, ...]:
     Raises:
         InputError: not numbers from 0.1 to 20.
     """
-    from scenewright.evals.understanding.observing import WINDOWS
+    from scenewright.evals.understanding.observation import WINDOWS
 
     if text is None:
         return WINDOWS
@@ -146,21 +145,21 @@ def _check_places(out: str | None, observations: str | None) -> None:
         raise InputError(f"{out} is a file; --out must name a folder")
 
 
-def _write_observations(file: Path, cases: list[Case], windows: tuple[float, ...]) -> None:
-    from scenewright.evals.understanding.evaluate import observations
-    from scenewright.evals.understanding.predictions import jsonl
+def _write_observations(file: Path, cases: list[SceneCase], windows: tuple[float, ...]) -> None:
+    from scenewright.evals.understanding.evaluate import observe_cases
+    from scenewright.evals.understanding.predictions import format_jsonl
     from scenewright.files import write_atomically
 
-    write_atomically(file, jsonl(observations(cases, windows)))
+    write_atomically(file, format_jsonl(observe_cases(cases, windows)))
     say(f"{len(cases) * len(windows)} observations written to {file}")
 
 
 def _write_report(
-    folder: Path, text: str, result: dict[str, object], found: list[Evaluated]
+    folder: Path, text: str, result: dict[str, object], found: list[MethodScores]
 ) -> None:
     import json
 
-    from scenewright.evals.understanding.predictions import jsonl
+    from scenewright.evals.understanding.predictions import format_jsonl
     from scenewright.files import write_atomically
     from scenewright.graph.run import make_folder
 
@@ -168,7 +167,7 @@ def _write_report(
     for each in found:
         if each.predictions:
             name = "".join(c if c.isalnum() else "_" for c in each.method)
-            write_atomically(target / f"predictions_{name}.jsonl", jsonl(each.predictions))
+            write_atomically(target / f"predictions_{name}.jsonl", format_jsonl(each.predictions))
     page = json.dumps(result, allow_nan=False, indent=1).encode("utf-8", "backslashreplace")
     write_atomically(target / "report.json", page + b"\n")
     write_atomically(target / "report.md", text.encode("utf-8", "backslashreplace"))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scenewright.evals.understanding.dataset import Case, read_case
+from scenewright.evals.understanding.cases import SceneCase, read_case
 from scenewright.graph.run import synthesize
 
 TEXTS = {
@@ -27,6 +27,6 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def cases(scenes: Path) -> dict[str, Case]:
+def cases(scenes: Path) -> dict[str, SceneCase]:
     """The scenes by name."""
     return {name: read_case(scenes / name) for name in TEXTS}

@@ -7,54 +7,59 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenewright.evals.understanding.agent import Settings, understand
 from scenewright.evals.understanding.calibration import load_calibration
-from scenewright.evals.understanding.conflicts import meeting
-from scenewright.evals.understanding.dataset import Case
-from scenewright.evals.understanding.features import NAMES, mirrored
-from scenewright.evals.understanding.futures import DT, TICKS, Future, outlook
-from scenewright.evals.understanding.intent import fits_of, nearest_mean
-from scenewright.evals.understanding.labels import Relation
-from scenewright.evals.understanding.observing import (
-    Observation,
+from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, forecast_scene
+from scenewright.evals.understanding.intent import find_nearest_mean, infer_routes
+from scenewright.evals.understanding.labels import PairRelation
+from scenewright.evals.understanding.observation import (
+    LightRow,
     ObservationRow,
-    Seen,
-    SeenLight,
-    as_arrays,
+    ObservedAgent,
+    SceneObservation,
     observe,
+    to_arrays,
 )
-from scenewright.evals.understanding.oracle import oracle_seen
-from scenewright.evals.understanding.rules import (
-    as_relations,
-    constant_velocity,
-    findings,
-    rolled_out,
+from scenewright.evals.understanding.oracle import predict_with_events
+from scenewright.evals.understanding.pair_features import NAMES, mirror_features
+from scenewright.evals.understanding.pipeline import MethodSettings, understand
+from scenewright.evals.understanding.route_components import list_sides, load_components
+from scenewright.evals.understanding.rule_baseline import (
+    check_predicted_tracks,
+    predict_constant_velocity,
+    predict_with_refiner,
+    to_relations,
 )
-from scenewright.evals.understanding.ways import sides_of, ways_of
-from scenewright.evals.understanding.zones import IN_ZONE, NONE, OF_ZONE, zone_values
+from scenewright.evals.understanding.time_gaps import compute_time_gaps
+from scenewright.evals.understanding.zone_features import (
+    IN_ZONE,
+    NONE,
+    OF_ZONE,
+    compute_zone_features,
+)
 from scenewright.intersections import load_map
 
 PLACE = "amsterdam_120"
-REASONER = Settings("posterior", "futures")
-CHECKED = Settings("none", "rules", constant_velocity, "constant velocity")
+REASONER = MethodSettings("posterior", "futures")
+CHECKED = MethodSettings("none", "rules", predict_constant_velocity, "constant velocity")
 
 
 def driven(
     route: str, *, way: float, speed: float = 9.0, id_: str = "0a", back: float = 0.0
-) -> Seen:
+) -> ObservedAgent:
     """A vehicle that has driven some way [m] of a route's first mean curve, from `back` [m] on."""
-    ways = ways_of(PLACE, "vehicle")
+    ways = load_components(PLACE, "vehicle")
     c = [each.id for each in ways.routes].index(route)
     s = back + np.arange(0.0, way, 0.1 * speed)
     xy = np.stack([np.interp(s, ways.s[c], ways.curve[c, :, d]) for d in (0, 1)], axis=-1)
-    return Seen(
+    return ObservedAgent(
         id_, "vehicle", 0.0, xy, np.interp(s, ways.s[c], ways.heading[c]),
         np.full(len(s), speed), s - back, 4.6, 1.85, False,
     )  # fmt: skip
 
 
-def seen(*agents: Seen, now: float = 4.0) -> Observation:
-    return Observation("00ff00ff00ff00ff", PLACE, now, 12, agents, ())
+def seen(*agents: ObservedAgent, now: float = 4.0) -> SceneObservation:
+    return SceneObservation("00ff00ff00ff00ff", PLACE, now, 12, agents, ())
 
 
 @pytest.mark.parametrize(
@@ -62,26 +67,26 @@ def seen(*agents: Seen, now: float = 4.0) -> Observation:
     [("vehicle:north>east:left", "east"), ("vehicle:south>east:right", "east"),
      ("vehicle:west>east:straight", "east"), ("vehicle:east>south:left", "south")],
 )  # fmt: skip
-def test_who_is_well_into_a_turn_is_told_with_certainty(route: str, exit_: str) -> None:
-    sides = sides_of(load_map(PLACE))
+def test_the_exit_is_certain_well_into_a_turn(route: str, exit_: str) -> None:
+    sides = list_sides(load_map(PLACE))
     agent = driven(route, way=60.0)
-    chances = fits_of(seen(agent))[agent.id].exits(sides)
+    chances = infer_routes(seen(agent))[agent.id].sum_exits(sides)
     assert chances.sum() == pytest.approx(1.0)
     assert chances[sides.index(exit_)] > 0.95
-    assert nearest_mean(agent, intersection=PLACE) == exit_
+    assert find_nearest_mean(agent, intersection=PLACE) == exit_
 
 
-def test_before_the_turn_its_lane_and_custom_decide() -> None:
-    sides = sides_of(load_map(PLACE))
+def test_before_a_turn_the_lane_and_frequencies_decide() -> None:
+    sides = list_sides(load_map(PLACE))
     agent = driven("vehicle:north>south:straight", way=12.0)
-    chances = fits_of(seen(agent))[agent.id].exits(sides)
+    chances = infer_routes(seen(agent))[agent.id].sum_exits(sides)
     assert chances[sides.index("north")] == pytest.approx(0.0)
     assert 0.3 < chances[sides.index("south")] < 0.99
 
 
-def test_who_slows_down_for_no_light_is_likelier_to_turn() -> None:
-    sides = sides_of(load_map(PLACE))
-    ways = ways_of(PLACE, "vehicle")
+def test_slowing_without_a_red_light_makes_a_turn_likelier() -> None:
+    sides = list_sides(load_map(PLACE))
+    ways = load_components(PLACE, "vehicle")
     c = [each.id for each in ways.routes].index("vehicle:south>east:right")
     free = driven("vehicle:south>east:right", way=37.0)
     usual = ways.bend[c, ways.bend.shape[1] // 2]
@@ -89,20 +94,20 @@ def test_who_slows_down_for_no_light_is_likelier_to_turn() -> None:
     assert v[-1] < 8.0
     slowed = replace(free, speed=v)
     here = sides.index("north")
-    straight = [fits_of(seen(a))[a.id].exits(sides)[here] for a in (free, slowed)]
+    straight = [infer_routes(seen(a))[a.id].sum_exits(sides)[here] for a in (free, slowed)]
     assert straight[1] < straight[0]
 
 
-def test_who_comes_up_to_red_too_fast_to_stop_is_taken_to_go_on() -> None:
+def test_an_agent_too_fast_to_stop_at_red_is_expected_to_go_on() -> None:
     """Slowing for a curve is no sign of stopping where it takes more than people brake."""
-    ways = ways_of(PLACE, "vehicle")
+    ways = load_components(PLACE, "vehicle")
     c = [each.id for each in ways.routes].index("vehicle:north>south:straight")
-    light = SeenLight(stop_line="north:stop", start=0.0, end=4.0, colour="red")
+    light = LightRow(stop_line="north:stop", start=0.0, end=4.0, colour="red")
     shares = []
     for left in (25.0, 4.0):
         agent = driven("vehicle:north>south:straight", way=float(ways.line[c]) - 2.3 - left)
         slowed = replace(agent, speed=np.append(agent.speed[:-5], np.linspace(9.0, 8.2, 5)))
-        (future,) = outlook(replace(seen(slowed), lights=(light,))).futures
+        (future,) = forecast_scene(replace(seen(slowed), lights=(light,))).futures
         held = np.isfinite(future.stop)
         assert held.any()
         shares.append(future.weight[future.runs].sum() / future.weight[held].sum())
@@ -110,9 +115,9 @@ def test_who_comes_up_to_red_too_fast_to_stop_is_taken_to_go_on() -> None:
     assert shares[1] > 0.5
 
 
-def future(xy: np.ndarray, heading: float) -> Future:
+def future(xy: np.ndarray, heading: float) -> AgentForecast:
     size = 3
-    return Future(
+    return AgentForecast(
         np.repeat(xy[None], size, axis=0), np.full((size, TICKS), heading),
         np.ones((size, TICKS), dtype=np.bool_), np.full(size, 5.0),
         np.zeros(size, dtype=np.bool_), np.zeros(size, dtype=np.bool_),
@@ -133,7 +138,7 @@ def test_the_gap_of_crossing_cars_is_what_either_would_have_to_wait(
     a, b = (driven("vehicle:west>east:straight", way=5.0, id_=name) for name in "ab")
     east = future(np.stack([-20.0 + 5.0 * t, 0 * t], axis=-1), 0.0)
     north = future(np.stack([0 * t, -20.0 + 5.0 * (t - late)], axis=-1), np.pi / 2)
-    found = meeting((a, east), (b, north))
+    found = compute_time_gaps((a, east), (b, north))
     assert found is not None
     least = max(abs(late) - (4.6 + 1.85) / 2 / 5.0, 0.0)
     assert np.abs(found.gap).max() == pytest.approx(least, abs=2 * DT)
@@ -141,12 +146,12 @@ def test_the_gap_of_crossing_cars_is_what_either_would_have_to_wait(
     assert found.angle[found.gap < 90] == pytest.approx(np.pi / 2)
 
 
-def test_ways_that_stay_apart_do_not_meet() -> None:
+def test_paths_that_stay_apart_have_no_time_gap() -> None:
     t = DT * np.arange(TICKS)
     a, b = (driven("vehicle:west>east:straight", way=5.0, id_=name) for name in "ab")
     one = future(np.stack([5.0 * t, 0 * t], axis=-1), 0.0)
     two = future(np.stack([5.0 * t, 0 * t + 20.0], axis=-1), 0.0)
-    assert meeting((a, one), (b, two)) is None
+    assert compute_time_gaps((a, one), (b, two)) is None
 
 
 @pytest.mark.parametrize("late", [0.0, 0.6, 4.0])
@@ -156,7 +161,7 @@ def test_the_zone_of_crossing_cars_is_where_and_when_they_cross(late: float) -> 
     a, b = (driven("vehicle:west>east:straight", way=5.0, id_=name, speed=5.0) for name in "ab")
     east = future(np.stack([-20.0 + 5.0 * t, 0 * t], axis=-1), 0.0)
     north = future(np.stack([0 * t, -20.0 + 5.0 * (t - late)], axis=-1), np.pi / 2)
-    both, one, two = zone_values((a, east), (b, north), np.ones(3, dtype=np.bool_))
+    both, one, two = compute_zone_features((a, east), (b, north), np.ones(3, dtype=np.bool_))
     of_both, of_a, of_b = (
         dict(zip(names, values, strict=True))
         for names, values in ((OF_ZONE, both), (IN_ZONE, one), (IN_ZONE, two))
@@ -172,48 +177,50 @@ def test_the_zone_of_crossing_cars_is_where_and_when_they_cross(late: float) -> 
     assert of_a["zone_needs"] == pytest.approx(25.0 / (2 * (reach - 0.8)), abs=0.1)
 
 
-def test_ways_that_stay_apart_share_no_zone() -> None:
+def test_paths_that_stay_apart_share_no_zone() -> None:
     t = DT * np.arange(TICKS)
     a, b = (driven("vehicle:west>east:straight", way=5.0, id_=name) for name in "ab")
     one = future(np.stack([5.0 * t, 0 * t], axis=-1), 0.0)
     two = future(np.stack([5.0 * t, 0 * t + 20.0], axis=-1), 0.0)
     for mine in (np.ones(3, dtype=np.bool_), np.zeros(3, dtype=np.bool_)):
-        both, own, _ = zone_values((a, one), (b, two), mine)
+        both, own, _ = compute_zone_features((a, one), (b, two), mine)
         assert (tuple(both), tuple(own)) == NONE
 
 
-def test_calibrated_odds_sum_to_one_and_know_no_order() -> None:
+def test_probabilities_sum_to_one_and_ignore_the_order_of_a_pair() -> None:
     values = np.random.default_rng(0).uniform(0, 1, (50, len(NAMES)))
     trees = load_calibration()
-    there, back = trees.likely(values), trees.likely(mirrored(values))
+    there, back = trees.predict_pairs(values), trees.predict_pairs(mirror_features(values))
     assert there.sum(axis=1) == pytest.approx(1.0)
     assert back[:, [0, 1, 2, 4, 3]] == pytest.approx(there)
-    assert trees.likely(values[:0]).shape == (0, 5)
+    assert trees.predict_pairs(values[:0]).shape == (0, 5)
 
 
-def test_all_pairs_of_a_scene_together_know_no_order_either() -> None:
+def test_scene_probabilities_ignore_the_order_of_pairs() -> None:
     rng, trees = np.random.default_rng(0), load_calibration()
     values, pairs = rng.uniform(0, 1, (6, len(NAMES))), ["ab", "ac", "bc", "cd", "de", "ae"]
     named = [(pair[0], pair[1]) for pair in pairs]
-    found = trees.in_scene(values, named)
+    found = trees.predict_scene(values, named)
     assert found.sum(axis=1) == pytest.approx(1.0)
     order = rng.permutation(6)
-    again = trees.in_scene(values[order], [named[n] for n in order.tolist()])
+    again = trees.predict_scene(values[order], [named[n] for n in order.tolist()])
     assert again == pytest.approx(found[order])
-    back = trees.in_scene(mirrored(values), [(b, a) for a, b in named])
+    back = trees.predict_scene(mirror_features(values), [(b, a) for a, b in named])
     assert back[:, [0, 1, 2, 4, 3]] == pytest.approx(found)
-    assert trees.in_scene(values[:0], []).shape == (0, 5)
+    assert trees.predict_scene(values[:0], []).shape == (0, 5)
 
 
 def test_constant_velocity_and_the_checker_see_a_crash_coming() -> None:
     one = driven("vehicle:west>east:straight", way=36.0, id_="a", speed=9.0)
     two = driven("vehicle:south>north:straight", way=36.0, id_="b", speed=9.0)
     observation = seen(one, two)
-    found = as_relations(findings(observation, constant_velocity), observation)
+    found = to_relations(
+        check_predicted_tracks(observation, predict_constant_velocity), observation
+    )
     assert {each.key[0] for each in found} <= {"collision", "near_miss"}
     assert len(found) == 1
     apart = seen(one, driven("vehicle:east>west:straight", way=36.0, id_="b"))
-    assert findings(apart, constant_velocity) == ()
+    assert check_predicted_tracks(apart, predict_constant_velocity) == ()
 
 
 def renamed(row: ObservationRow, names: dict[str, str]) -> ObservationRow:
@@ -222,7 +229,7 @@ def renamed(row: ObservationRow, names: dict[str, str]) -> ObservationRow:
 
 
 @pytest.mark.parametrize("settings", [REASONER, CHECKED], ids=["reasoner", "rules"])
-def test_nothing_but_motion_decides(cases: dict[str, Case], settings: Settings) -> None:
+def test_nothing_but_motion_decides(cases: dict[str, SceneCase], settings: MethodSettings) -> None:
     """Other ids, and so another order, give the same exits and relations."""
     for name, case in cases.items():
         for window in (4.0, 6.0):
@@ -231,13 +238,17 @@ def test_nothing_but_motion_decides(cases: dict[str, Case], settings: Settings) 
             before, after = understand(row, settings), understand(renamed(row, names), settings)
             assert before.relations is not None
             assert after.relations is not None
-            moved = {Relation(r.type, names[r.from_], names[r.to]).key for r in before.relations}
+            moved = {
+                PairRelation(r.type, names[r.from_], names[r.to]).key for r in before.relations
+            }
             assert moved == {r.key for r in after.relations}
             if before.exits is not None:
                 assert after.exits == {names[a]: side for a, side in before.exits.items()}
 
 
-def test_the_reasoner_says_the_same_twice_and_speaks_of_those_seen(cases: dict[str, Case]) -> None:
+def test_the_reasoner_repeats_itself_and_predicts_observed_agents_only(
+    cases: dict[str, SceneCase],
+) -> None:
     for name, case in cases.items():
         row = observe(case.record, scene=name, window=4.0)
         first, second = understand(row, REASONER), understand(row, REASONER)
@@ -249,16 +260,16 @@ def test_the_reasoner_says_the_same_twice_and_speaks_of_those_seen(cases: dict[s
         } <= ids
 
 
-def test_who_knows_everything_is_right_about_those_seen(cases: dict[str, Case]) -> None:
+def test_oracle_seen_is_right_about_observed_agents(cases: dict[str, SceneCase]) -> None:
     case = cases["struck"]
     row = observe(case.record, scene="struck", window=20.0)
-    said = oracle_seen(row, case)
+    said = predict_with_events(row, case)
     assert said.relations is not None
     assert {r.key for r in said.relations} == {r.key for r in case.labels.relations}
     assert [r.type for r in said.relations].count("collision") == 1
 
 
-def test_an_empty_street_is_understood(cases: dict[str, Case]) -> None:
+def test_an_empty_street_is_understood(cases: dict[str, SceneCase]) -> None:
     row = observe(cases["plain"].record, scene="plain", window=1.0).model_copy(
         update={"agents": (), "lights": ()}
     )
@@ -266,15 +277,17 @@ def test_an_empty_street_is_understood(cases: dict[str, Case]) -> None:
     assert (said.exits, said.relations) == ({}, ())
 
 
-def test_the_refiner_predicts_everybody_seen_for_a_step_or_more(cases: dict[str, Case]) -> None:
+def test_the_refiner_predicts_all_agents_observed_for_a_step_or_more(
+    cases: dict[str, SceneCase],
+) -> None:
     """An untrained network changes no velocity much; who has just come goes on as it came."""
     pytest.importorskip("torch")
     from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 
     net = Refiner(RefinerConfig(hidden=8, embedding=4, pooled=4)).eval()
     for window in (0.5, 4.0):
-        observation = as_arrays(observe(cases["plain"].record, scene="plain", window=window))
-        drawn = rolled_out(net, observation)
+        observation = to_arrays(observe(cases["plain"].record, scene="plain", window=window))
+        drawn = predict_with_refiner(net, observation)
         assert len(drawn) == len(observation.agents)
         for agent, xy in zip(observation.agents, drawn, strict=True):
             assert xy.shape == (80, 2)
@@ -282,10 +295,10 @@ def test_the_refiner_predicts_everybody_seen_for_a_step_or_more(cases: dict[str,
             assert np.hypot(*(xy[0] - agent.xy[-1])) < 3.0
 
 
-def test_the_refiner_predicts_nobody_where_nobody_was_seen(cases: dict[str, Case]) -> None:
+def test_the_refiner_predicts_nothing_for_an_empty_observation(cases: dict[str, SceneCase]) -> None:
     pytest.importorskip("torch")
     from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 
     net = Refiner(RefinerConfig(hidden=8, embedding=4, pooled=4)).eval()
-    observation = as_arrays(observe(cases["plain"].record, scene="plain", window=0.5))
-    assert rolled_out(net, replace(observation, agents=())) == []
+    observation = to_arrays(observe(cases["plain"].record, scene="plain", window=0.5))
+    assert predict_with_refiner(net, replace(observation, agents=())) == []

@@ -21,7 +21,7 @@ def lines(file: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in file.read_text("utf-8").splitlines()]
 
 
-def test_somebody_from_outside_enters(
+def test_predictions_from_a_file_are_scored(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     seen, said = tmp_path / "seen.jsonl", tmp_path / "said.jsonl"
@@ -80,10 +80,10 @@ def test_faults_of_a_file_are_one_line(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], change: dict[str, Any],
     word: str,
 ) -> None:  # fmt: skip
-    from scenewright.evals.understanding.observing import code_of
+    from scenewright.evals.understanding.observation import hash_scene
 
     file = tmp_path / "said.jsonl"
-    file.write_text(json.dumps(GOOD | {"scene": code_of("plain")} | change))
+    file.write_text(json.dumps(GOOD | {"scene": hash_scene("plain")} | change))
     assert run(scenes, "--split", "all", "--windows", "2", "--method", file) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert word in line
@@ -93,9 +93,9 @@ def test_faults_of_a_file_are_one_line(
 def test_a_file_must_be_whole(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from scenewright.evals.understanding.observing import code_of
+    from scenewright.evals.understanding.observation import hash_scene
 
-    one = GOOD | {"scene": code_of("plain")}
+    one = GOOD | {"scene": hash_scene("plain")}
     file = tmp_path / "said.jsonl"
     words = (scenes, "--split", "all", "--windows", "2", "--method", file)
     for text, word in (
@@ -122,7 +122,7 @@ def test_a_file_must_be_whole(
         (("--write-observations", "no/such/folder.jsonl"), "there is no folder"),
     ],
 )
-def test_what_cannot_be_done_is_said(
+def test_impossible_requests_are_one_line(
     scenes: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], word: str
 ) -> None:
     assert run(scenes, "--split", "all", *words) == 2
@@ -130,7 +130,7 @@ def test_what_cannot_be_done_is_said(
     assert word in line
 
 
-def test_a_folder_without_scenes_is_said(
+def test_a_folder_without_scenes_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(tmp_path, "--method", "gmm") == 2

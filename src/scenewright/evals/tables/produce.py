@@ -97,17 +97,17 @@ def table_3(
     folder: Path, *, tell: Callable[[str], None] = lambda _: None
 ) -> dict[str, tuple[str, ...]]:
     """Table 3 on the test half: a row for each method that runs without a language model."""
-    from scenewright.evals.understanding.evaluate import evaluate, load
+    from scenewright.evals.understanding.evaluate import evaluate, load_cases
 
     try:
-        cases = load(folder, split="test", tell=tell)
+        cases = load_cases(folder, split="test", log=tell)
     except InputError as error:
         tell(f"no Table 3: {error}")
         return {}
     found = {}
     for method in METHODS:
         try:
-            rows = evaluate(cases, method, windows=(INTENT_AT, RELATION_AT), tell=tell).rows
+            rows = evaluate(cases, method, windows=(INTENT_AT, RELATION_AT), log=tell).rows
         except InputError as error:
             tell(f"no {method} in Table 3: {error}")
             continue

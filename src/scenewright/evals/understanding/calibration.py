@@ -1,7 +1,7 @@
-"""From what futures say about a pair to how likely each relation is: boosted trees, as arrays.
+"""The calibration: from the features of a pair to relation probabilities, by boosted trees.
 
-They are fitted by `tuning` on development halves alone and shipped as plain numbers, so that a
-method is a function of its observation and nothing else.
+It is fitted by `tuning` on development halves alone and shipped as plain arrays, which load under
+any version of scikit-learn and run no code of a pickle.
 """
 
 from __future__ import annotations
@@ -14,10 +14,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from scenewright.errors import InputError
-from scenewright.evals.understanding.features import NAMES, mirrored
-from scenewright.evals.understanding.together import CLASSES, SWAPPED, weighed
+from scenewright.evals.understanding.pair_features import NAMES, mirror_features
+from scenewright.evals.understanding.scene_model import (
+    PAIR_CLASSES,
+    apply_scene_model,
+    average_mirrored,
+)
 from scenewright.scene.base import FloatArray
 
 _SHIPPED = Path(__file__).with_name("calibration.npz")
@@ -25,16 +30,15 @@ _SHIPPED = Path(__file__).with_name("calibration.npz")
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Trees, all of them end to end.
+    """All trees, end to end, the scene model and the thresholds; names are those of the file.
 
     Attributes:
-        start: [C] log odds before any tree; owner: [T] class that a tree speaks for; root: [T]
+        start: [C] log odds before any tree; owner: [T] class that a tree contributes to; root: [T]
             index of its first node.
-        feature: [N] feature looked at, -1 in leaves; limit: [N] at or below it goes left;
-            left, right: [N] index of the next node; value: [N] of leaves.
-        together: [M + 1, C] weights of the model that looks at all pairs of a scene.
-        windows: [W] ascending; threshold: [W, C] how likely a relation must be to be reported
-            after each of them [s].
+        feature: [N] feature tested, -1 in leaves; limit: [N] at or below it goes left; left, right:
+            [N] index of the next node; value: [N] of leaves.
+        together: [M + 1, C] weights of the scene model.
+        windows: [W] ascending [s]; threshold: [W, C] probability from which a relation is reported.
     """
 
     start: FloatArray
@@ -49,44 +53,36 @@ class Calibration:
     windows: FloatArray
     threshold: FloatArray
 
-    def limits(self, window: float) -> FloatArray:
-        """[C] thresholds after a window [s]: between those known, in proportion."""
-        columns = self.threshold.T
-        return np.array([np.interp(window, self.windows, column) for column in columns])
+    def interpolate_thresholds(self, window: float) -> FloatArray:
+        """[C] thresholds after a window [s], linear between those known."""
+        return np.array([np.interp(window, self.windows, each) for each in self.threshold.T])
 
-    def likely(self, values: FloatArray) -> FloatArray:
-        """[N, C] how likely each class is for pairs [N, F], each by itself, whoever is called a."""
+    def predict_pairs(self, values: FloatArray) -> FloatArray:
+        """[N, C] class probabilities of pairs [N, F], each by itself."""
         if not len(values):
-            return np.zeros((0, len(CLASSES)))
-        there, back = self._softmax(values), self._softmax(mirrored(values))
-        return np.asarray((there + back[:, SWAPPED]) / 2)
+            return np.zeros((0, len(PAIR_CLASSES)))
+        return average_mirrored(self._run_trees, values, mirror_features)
 
-    def in_scene(self, values: FloatArray, pairs: Sequence[tuple[str, str]]) -> FloatArray:
-        """[N, C] the same for all pairs of one scene, each in the light of the others."""
-        return weighed(self.likely(values), pairs, self.together)
+    def predict_scene(self, values: FloatArray, pairs: Sequence[tuple[str, str]]) -> FloatArray:
+        """[N, C] class probabilities of all pairs of one scene, given the others."""
+        return apply_scene_model(self.predict_pairs(values), pairs, self.together)
 
-    def _softmax(self, values: FloatArray) -> FloatArray:
-        node = np.broadcast_to(self.root, (len(values), len(self.root))).copy()
+    def _run_trees(self, values: FloatArray) -> FloatArray:
+        node = np.tile(self.root, (len(values), 1))
         rows = np.arange(len(values))[:, None]
-        while True:
-            feature = self.feature[node]
-            inner = feature >= 0
-            if not inner.any():
-                break
-            down = values[rows, np.maximum(feature, 0)] <= self.limit[node]
-            node = np.where(inner, np.where(down, self.left[node], self.right[node]), node)
-        raw = np.tile(self.start, (len(values), 1))
-        leaves = self.value[node]
-        for c in range(len(CLASSES)):
+        while (inner := self.feature[node] >= 0).any():
+            feature = np.maximum(self.feature[node], 0)
+            below = values[rows, feature] <= self.limit[node]
+            node = np.where(inner, np.where(below, self.left[node], self.right[node]), node)
+        raw, leaves = np.tile(self.start, (len(values), 1)), self.value[node]
+        for c in range(len(PAIR_CLASSES)):
             raw[:, c] += leaves[:, self.owner == c].sum(axis=1)
-        raw -= raw.max(axis=1, keepdims=True)
-        odds = np.exp(raw)
-        return np.asarray(odds / odds.sum(axis=1, keepdims=True))
+        return np.asarray(softmax(raw, axis=1))
 
 
 @lru_cache(maxsize=4)
 def load_calibration(file: Path = _SHIPPED) -> Calibration:
-    """The calibration in a file; the shipped one if none is named.
+    """Load the calibration in a file; the shipped one if none is named.
 
     Raises:
         InputError: missing, damaged, or for other features.
@@ -94,48 +90,44 @@ def load_calibration(file: Path = _SHIPPED) -> Calibration:
     try:
         with np.load(file, allow_pickle=False) as stored:
             names = tuple(str(name) for name in stored["names"])
-            kept = {key: stored[key] for key in Calibration.__dataclass_fields__}
+            arrays = {key: stored[key] for key in Calibration.__dataclass_fields__}
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"cannot read the calibration {file}: {error}") from None
     if names != NAMES:
         raise InputError(f"the calibration {file} is for other features; tune it anew")
     return Calibration(**{
         key: array.astype(np.float64 if array.dtype.kind == "f" else np.intp)
-        for key, array in kept.items()
+        for key, array in arrays.items()
     })  # fmt: skip
 
 
-def save_calibration(file: Path, found: Calibration) -> None:
-    """Writes plain arrays, in half their width, which is exact enough for all of them."""
-    whole = {key: getattr(found, key) for key in Calibration.__dataclass_fields__}
+def save_calibration(file: Path, calibration: Calibration) -> None:
+    """Write the arrays at half their width, which is exact enough for all of them."""
     arrays: dict[str, Any] = {
         key: array.astype(np.float32 if array.dtype.kind == "f" else np.int32)
-        for key, array in whole.items()
+        for key, array in vars(calibration).items()
     }
-    save: Any = np.savez_compressed
-    save(file, names=np.array(NAMES), **arrays)
+    np.savez_compressed(file, names=np.array(NAMES), **arrays)
 
 
-def chosen(
+def select_relations(
     likely: FloatArray, limits: FloatArray, pairs: Sequence[tuple[str, str]]
 ) -> list[tuple[int, int]]:
-    """(pair, class) of every pair that has a relation likely enough; the likeliest pair first.
-
-    Whoever is in one relation already is in no other.
+    """Select (pair, class) above the limits, likeliest first, one relation for each agent.
 
     Args:
-        likely: [N, C] of every pair; limits: [C] what is enough.
+        likely: [N, C] of every pair; limits: [C] thresholds.
         pairs: [N] the two agents.
     """
     ratio = likely / limits
     ratio[:, 0] = 0.0
     best, most = ratio.argmax(axis=1), ratio.max(axis=1)
-    told: list[tuple[int, int]] = []
+    selected: list[tuple[int, int]] = []
     busy: set[str] = set()
     for n in np.argsort(-most, kind="stable").tolist():
         if most[n] < 1.0:
             break
         if not busy.intersection(pairs[n]):
-            told.append((n, int(best[n])))
+            selected.append((n, int(best[n])))
             busy.update(pairs[n])
-    return told
+    return selected

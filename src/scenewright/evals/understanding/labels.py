@@ -1,23 +1,22 @@
-"""What was to be found out: exits of all agents, and the events that the checker observed."""
+"""The truth about a scene: exits of all agents, and the events that the checker observed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from scenewright.evals.understanding.observing import agent_codes
+from scenewright.evals.understanding.observation import hash_agents
 from scenewright.scene.base import AgentClass, Compass
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 
 RELATIONS = ("collision", "yielding", "near_miss")
-"""Events that relate two agents here; following is none (SEMANTICS section 4, normal)."""
-SYMMETRIC = ("collision", "near_miss")
+"""Events that relate two agents, gravest first; following is none (SEMANTICS section 4)."""
 
 
 @dataclass(frozen=True)
-class Relation:
-    """An event between two agents, by code; `from_` and `to` in order where it is symmetric.
+class PairRelation:
+    """An event between two agents, by hashed id; of a yielding, `from_` gives way.
 
     Attributes:
         time: of the event [s]; None in predictions.
@@ -30,9 +29,11 @@ class Relation:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What must be right: the relation, both agents and, of a yielding, who gives way."""
-        pair = sorted((self.from_, self.to)) if self.type in SYMMETRIC else (self.from_, self.to)
-        return (self.type, pair[0], pair[1])
+        """What a prediction must get right; the order of agents matters for yielding only."""
+        one, two = self.from_, self.to
+        if self.type != "yielding":
+            one, two = sorted((one, two))
+        return (self.type, one, two)
 
 
 @dataclass(frozen=True)
@@ -41,20 +42,20 @@ class Labels:
 
     Attributes:
         exits: side by agent; types, starts: class and first moment [s] by agent.
-        relations: every collision, yielding and near miss, whoever has them.
+        relations: every collision, yielding and near miss.
     """
 
     exits: Mapping[str, Compass]
     types: Mapping[str, AgentClass]
     starts: Mapping[str, float]
-    relations: tuple[Relation, ...]
+    relations: tuple[PairRelation, ...]
 
 
-def labels_of(record: SceneRecord, proof: Proof, *, scene: str) -> Labels:
-    """The labels of a scene; events between background agents count like any others."""
-    codes = agent_codes(scene, tuple(agent.id for agent in record.agents))
+def extract_labels(record: SceneRecord, proof: Proof, *, scene: str) -> Labels:
+    """Extract the labels of a scene; events between background agents count like any others."""
+    codes = hash_agents(scene, (agent.id for agent in record.agents))
     found = [
-        Relation(event.type, codes[event.from_], codes[event.to], event.time)
+        PairRelation(event.type, codes[event.from_], codes[event.to], event.time)
         for event in (*proof.events, *proof.incidental)
         if event.type in RELATIONS
     ]

@@ -3,41 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 from scenewright.backends import Backend
 from scenewright.errors import InputError
-from scenewright.evals.understanding.agent import Settings, understand
-from scenewright.evals.understanding.asking import speaks
-from scenewright.evals.understanding.dataset import Case
-from scenewright.evals.understanding.observing import ObservationRow
-from scenewright.evals.understanding.oracle import oracle, oracle_seen
-from scenewright.evals.understanding.predictions import Prediction
-from scenewright.evals.understanding.rules import constant_velocity, trajnet
+from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.language_model import require_language_model
+from scenewright.evals.understanding.observation import ObservationRow
+from scenewright.evals.understanding.oracle import predict_with_events, predict_with_routes
+from scenewright.evals.understanding.pipeline import MethodSettings, understand
+from scenewright.evals.understanding.predictions import ScenePrediction
+from scenewright.evals.understanding.rule_baseline import load_trajnet, predict_constant_velocity
 from scenewright.intersections import ships_refiner
 
-METHODS = {
-    "gmm": "exits: the nearest mean trajectory of p_wp (the paper's baseline)",
-    "gmm_waypoints": "exits: the same, ten waypoints against ten",
-    "trajnet": "relations: TrajNet++ and the rule checker (the paper's baseline)",
-    "constant_velocity": "relations: constant velocity and the rule checker",
-    "reasoner": "both: posteriors, sampled futures and a calibration; no language model",
-    "agent": "both: a language model on facts in words; needs --backend",
-    "oracle": "both, knowing all routes: how much can be decided",
-    "oracle_seen": "both, knowing every event of those seen: the most that can be right",
-}
+METHODS = (
+    "gmm", "gmm_waypoints", "trajnet", "constant_velocity", "reasoner", "agent", "oracle",
+    "oracle_seen",
+)  # fmt: skip
 
-Predict = Callable[[ObservationRow, Case], Prediction]
+Predict = Callable[[ObservationRow, SceneCase], ScenePrediction]
 """Only oracles look at the case."""
 
 
 @dataclass(frozen=True, eq=False)
 class Method:
-    """Somebody who predicts.
+    """A prediction method.
 
     Attributes:
-        name: for tables; predictor: whose tracks it has checked, if anybody's.
+        name: for tables; predictor: whose tracks the rule checker sees, if it does.
     """
 
     name: str
@@ -45,8 +39,8 @@ class Method:
     predictor: str | None = None
 
 
-def method_named(name: str, *, intersection: str, backend: Backend | None = None) -> Method:
-    """A method by name.
+def find_method(name: str, *, intersection: str, backend: Backend | None = None) -> Method:
+    """Find a method by name.
 
     Raises:
         InputError: no such method, or it lacks its refiner or its backend.
@@ -57,41 +51,38 @@ def method_named(name: str, *, intersection: str, backend: Backend | None = None
             f"{', '.join(METHODS)}"
         )
     if name == "oracle":
-        return Method(name, _timed(oracle))
+        return Method(name, _measure_time(predict_with_routes))
     if name == "oracle_seen":
-        return Method(name, _timed(oracle_seen))
-    settings = _settings(name, intersection, backend)
+        return Method(name, _measure_time(predict_with_events))
+    settings = _choose_settings(name, intersection, backend)
     shown = f"agent ({settings.backend.name})" if settings.backend is not None else name
-    return Method(shown, lambda row, _: understand(row, settings), settings.predictor or None)
+    predict = _measure_time(lambda row, _: understand(row, settings))
+    return Method(shown, predict, settings.predictor or None)
 
 
-def _settings(name: str, intersection: str, backend: Backend | None) -> Settings:
+def _choose_settings(name: str, intersection: str, backend: Backend | None) -> MethodSettings:
     if name == "gmm":
-        return Settings("nearest", "none")
+        return MethodSettings("nearest", "none")
     if name == "gmm_waypoints":
-        return Settings("waypoints", "none")
+        return MethodSettings("waypoints", "none")
     if name == "reasoner":
-        return Settings("posterior", "futures")
-    if name == "trajnet":
-        return Settings("none", "rules", trajnet(intersection), "TrajNet++")
-    if name == "constant_velocity":
-        return Settings("none", "rules", constant_velocity, "constant velocity")
-    if backend is None:
+        return MethodSettings("posterior", "futures")
+    if name == "agent" and backend is None:
         raise InputError("the method agent needs --backend: the language model to ask")
-    has = ships_refiner(intersection)
-    return Settings(
-        "posterior",
-        "asked",
-        trajnet(intersection) if has else constant_velocity,
-        "TrajNet++" if has else "constant velocity",
-        backend=speaks(backend),
-    )
+    if name == "trajnet" or (name == "agent" and ships_refiner(intersection)):
+        predictor = (load_trajnet(intersection), "TrajNet++")
+    else:
+        predictor = (predict_constant_velocity, "constant velocity")
+    if name != "agent" or backend is None:
+        return MethodSettings("none", "rules", *predictor)
+    return MethodSettings(
+        "posterior", "language_model", *predictor, require_language_model(backend)
+    )  # fmt: skip
 
 
-def _timed(predict: Predict) -> Predict:
-    def run(row: ObservationRow, case: Case) -> Prediction:
+def _measure_time(predict: Predict) -> Predict:
+    def measured(row: ObservationRow, case: SceneCase) -> ScenePrediction:
         before = perf_counter()
-        found = predict(row, case)
-        return Prediction(found.exits, found.relations, perf_counter() - before)
+        return replace(predict(row, case), seconds=perf_counter() - before)
 
-    return run
+    return measured

@@ -1,76 +1,68 @@
-"""How much can be known at all: predictions of somebody who has seen the plan.
+"""Oracles: how much can be known at all, by methods that look at the scene's plan.
 
-`oracle` knows what the generator drew, the route of everybody seen, but not what it decided: it
-reads motion like the reasoner. What it cannot tell, nobody can tell from motion, ways and lights
-alone, or only by better measuring. `oracle_seen` knows every event among those seen; what it lacks
-is due to agents who are still to come.
+`oracle` knows what the generator drew, the route of every observed agent, but not what it decided,
+and reads motion like the reasoner. `oracle_seen` knows every event among the observed agents; it
+misses only those of agents still to come.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from scenewright.evals.understanding.calibration import Calibration, load_calibration
-from scenewright.evals.understanding.dataset import Case
-from scenewright.evals.understanding.futures import Outlook, outlook
-from scenewright.evals.understanding.intent import Fit, fits_of
-from scenewright.evals.understanding.observing import (
-    Observation,
+from scenewright.evals.understanding.calibration import load_calibration
+from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.forecast import SceneForecast, forecast_scene
+from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
+from scenewright.evals.understanding.observation import (
     ObservationRow,
-    agent_codes,
-    as_arrays,
+    SceneObservation,
+    hash_agents,
+    to_arrays,
 )
-from scenewright.evals.understanding.predictions import Prediction
-from scenewright.evals.understanding.reasoner import relations_of, suspicions
+from scenewright.evals.understanding.predictions import ScenePrediction
+from scenewright.evals.understanding.reasoner import predict_relations
 
 _SHIPPED = Path(__file__).with_name("calibration_oracle.npz")
 _ELSEWHERE = -60.0
 
 
-@lru_cache(maxsize=1)
-def oracle_calibration() -> Calibration:
-    """The shipped calibration of the oracle, fitted as the reasoner's is."""
-    return load_calibration(_SHIPPED)
+def predict_with_routes(row: ObservationRow, case: SceneCase) -> ScenePrediction:
+    """Predict as `oracle`: exits and relations with all routes known."""
+    observation = to_arrays(row)
+    relations = predict_relations(
+        forecast_with_routes(observation, case), window=observation.now,
+        calibration=load_calibration(_SHIPPED),
+    )  # fmt: skip
+    return ScenePrediction(
+        {agent: case.labels.exits[agent] for agent in observation.ids}, relations
+    )
 
 
-def routes_of(case: Case) -> dict[str, str]:
-    """The route of every agent, by code."""
-    codes = agent_codes(case.id, tuple(agent.id for agent in case.record.agents))
-    return {codes[agent.id]: agent.route for agent in case.record.agents}
+def forecast_with_routes(observation: SceneObservation, case: SceneCase) -> SceneForecast:
+    """Sample futures along the true routes."""
+    codes = hash_agents(case.id, (agent.id for agent in case.record.agents))
+    routes = {codes[agent.id]: agent.route for agent in case.record.agents}
+    posteriors = infer_routes(observation)
+    return forecast_scene(
+        observation, {a: _condition(each, routes[a]) for a, each in posteriors.items()}
+    )
 
 
-def informed(fit: Fit, route: str) -> Fit:
-    """The fit of somebody who knows the route."""
-    mine = np.array([each.id == route for each in fit.routes])
-    log = np.where(mine, fit.log, fit.log + _ELSEWHERE)
-    return replace(fit, log=log - np.logaddexp.reduce(log))
+def _condition(posterior: RoutePosterior, route: str) -> RoutePosterior:
+    """The posterior given the route."""
+    routes = posterior.components.routes
+    mine = np.array([routes[c].id == route for c in posterior.kept])
+    log = np.where(mine, posterior.log, posterior.log + _ELSEWHERE)
+    return replace(posterior, log=log - np.logaddexp.reduce(log))
 
 
-def oracle(row: ObservationRow, case: Case, calibration: Calibration | None = None) -> Prediction:
-    """Exits and relations with all routes known."""
-    observation, trees = as_arrays(row), calibration or oracle_calibration()
-    seen = futures_with_routes(observation, case)
-    found = suspicions(seen, window=observation.now, calibration=trees)
-    exits = {agent.id: case.labels.exits[agent.id] for agent in observation.agents}
-    relations = relations_of(found, window=observation.now, calibration=trees)
-    return Prediction(exits, relations)
-
-
-def futures_with_routes(observation: Observation, case: Case) -> Outlook:
-    """Sampled futures along the true routes."""
-    routes = routes_of(case)
-    fits = {agent: informed(fit, routes[agent]) for agent, fit in fits_of(observation).items()}
-    return outlook(observation, known=fits)
-
-
-def oracle_seen(row: ObservationRow, case: Case) -> Prediction:
-    """Everything that happens among those seen."""
+def predict_with_events(row: ObservationRow, case: SceneCase) -> ScenePrediction:
+    """Predict as `oracle_seen`: every event among the observed agents."""
     ids = {agent.id for agent in row.agents}
-    relations = tuple({
-        r.key: r for r in case.labels.relations if {r.from_, r.to} <= ids
-    }.values())  # fmt: skip
-    return Prediction({agent: case.labels.exits[agent] for agent in ids}, relations)
+    relations = {r.key: r for r in case.labels.relations if {r.from_, r.to} <= ids}
+    return ScenePrediction(
+        {agent.id: case.labels.exits[agent.id] for agent in row.agents}, tuple(relations.values())
+    )

@@ -1,4 +1,4 @@
-"""What somebody believes about scenes: one row per scene and window, anybody's, checked."""
+"""Predictions of any method: one row per scene and window, checked against what was observed."""
 
 from __future__ import annotations
 
@@ -6,21 +6,23 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import Field, ValidationError
 
 from scenewright.errors import InputError
-from scenewright.evals.understanding.labels import Relation
-from scenewright.evals.understanding.observing import ObservationRow
+from scenewright.evals.understanding.labels import PairRelation
+from scenewright.evals.understanding.observation import ObservationRow
 from scenewright.scene.base import Model
 
 MOST_BYTES = 512_000_000
 _LONGEST = 200
+SceneWindow = tuple[str, float]
+"""Hash of the scene, window [s]."""
 
 
 class RelationRow(Model):
-    """A relation somebody expects; of a yielding, `from` gives way."""
+    """A predicted relation; of a yielding, `from` gives way."""
 
     type: Literal["collision", "yielding", "near_miss"]
     from_: str = Field(alias="from", max_length=64)
@@ -28,11 +30,11 @@ class RelationRow(Model):
 
 
 class PredictionRow(Model):
-    """What is expected of one scene after one window.
+    """The prediction for one scene after one window.
 
     Attributes:
-        exits: side by agent; None where the method does not say where anybody leaves.
-        relations: everything expected; None where the method does not speak of relations.
+        exits: side by agent; None where the method does not predict exits.
+        relations: all that are expected; None where the method does not predict relations.
     """
 
     scene: str = Field(max_length=64)
@@ -42,40 +44,57 @@ class PredictionRow(Model):
 
 
 @dataclass(frozen=True)
-class Prediction:
+class ScenePrediction:
     """A checked prediction.
 
     Attributes:
-        exits, relations: as in `PredictionRow`; seconds: what it took, None if nobody measured.
+        exits, relations: as in `PredictionRow`; seconds: run time, None if not measured.
     """
 
     exits: Mapping[str, str] | None
-    relations: tuple[Relation, ...] | None
+    relations: tuple[PairRelation, ...] | None
     seconds: float | None = None
 
 
-def row_of(observation: ObservationRow, prediction: Prediction) -> PredictionRow:
-    """The prediction as a row."""
+def to_row(observation: ObservationRow, prediction: ScenePrediction) -> PredictionRow:
+    """Convert a prediction to a row."""
     relations = prediction.relations
-    return PredictionRow(
-        scene=observation.scene,
-        window=observation.window,
-        exits=None if prediction.exits is None else dict(prediction.exits),
-        relations=None
-        if relations is None
-        else tuple(
-            RelationRow.model_validate({"type": r.type, "from": r.from_, "to": r.to})
-            for r in relations
-        ),
-    )
+    return PredictionRow.model_validate({
+        "scene": observation.scene,
+        "window": observation.window,
+        "exits": prediction.exits,
+        "relations": relations
+        and [{"type": r.type, "from": r.from_, "to": r.to} for r in relations],
+    })  # fmt: skip
 
 
-def read_rows(file: Path) -> Iterator[tuple[int, PredictionRow]]:
-    """(line, row) of a file of predictions.
+def read_predictions(
+    file: Path, observations: Mapping[SceneWindow, ObservationRow], *, sides: tuple[str, ...]
+) -> dict[SceneWindow, ScenePrediction]:
+    """Read predictions by scene and window, complete for every window in the file.
 
     Raises:
-        InputError: unreadable; names the line and what to mend.
+        InputError: unreadable, unknown or missing scenes, agents or sides, or a row twice; names
+            the line and what to mend.
     """
+    found: dict[SceneWindow, ScenePrediction] = {}
+    for where, row in _read_rows(file):
+        key = (row.scene, row.window)
+        if key not in observations:
+            known = any(scene == row.scene for scene, _ in observations)
+            what = f"window {row.window:g}" if known else f"scene {_shorten(row.scene)}"
+            raise InputError(f"{where}: there is no {what} in what is scored")
+        if key in found:
+            raise InputError(f"{where}: a second row for scene {row.scene} at {row.window:g} s")
+        found[key] = _check_row(row, observations[key], sides, where)
+    if not found:
+        raise InputError(f"{file} holds no predictions")
+    _check_complete(file, found, observations)
+    return found
+
+
+def _read_rows(file: Path) -> Iterator[tuple[str, PredictionRow]]:
+    """File and line, and row."""
     try:
         if file.stat().st_size > MOST_BYTES:
             raise InputError(f"{file} is larger than {MOST_BYTES // 10**6} MB")
@@ -84,10 +103,11 @@ def read_rows(file: Path) -> Iterator[tuple[int, PredictionRow]]:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
     for number, line in enumerate(lines, start=1):
         if line.strip():
-            yield number, _row(line, f"{file}, line {number}")
+            where = f"{file}, line {number}"
+            yield where, _parse_row(line, where)
 
 
-def _row(line: bytes, where: str) -> PredictionRow:
+def _parse_row(line: bytes, where: str) -> PredictionRow:
     try:
         return PredictionRow.model_validate(json.loads(line.decode("utf-8")))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
@@ -98,73 +118,40 @@ def _row(line: bytes, where: str) -> PredictionRow:
         raise InputError(f"{where}: {place[:_LONGEST]}: {first['msg']}") from error
 
 
-def checked(
-    row: PredictionRow, seen: ObservationRow, *, sides: tuple[str, ...], where: str
-) -> Prediction:
-    """The row's prediction, if it speaks of agents and sides that there are.
-
-    Raises:
-        InputError: says what to mend.
-    """
-    ids = {agent.id for agent in seen.agents}
-    for agent, side in (row.exits or {}).items():
-        _known(agent, ids, where)
+def _check_row(
+    row: PredictionRow, observation: ObservationRow, sides: tuple[str, ...], where: str
+) -> ScenePrediction:
+    """The row's prediction, if it speaks of agents and sides that exist."""
+    ids, relations = {agent.id for agent in observation.agents}, row.relations
+    for agent in (*(row.exits or ()), *(a for r in relations or () for a in (r.from_, r.to))):
+        if agent not in ids:
+            raise InputError(
+                f"{where}: no agent {_shorten(agent)} was seen in that scene by then"
+            )  # fmt: skip
+    for side in (row.exits or {}).values():
         if side not in sides:
-            raise InputError(f"{where}: exit {_shown(side)} is none of {', '.join(sides)}")
-    for each in row.relations or ():
-        _known(each.from_, ids, where)
-        _known(each.to, ids, where)
+            raise InputError(f"{where}: exit {_shorten(side)} is none of {', '.join(sides)}")
+    for each in relations or ():
         if each.from_ == each.to:
             raise InputError(f"{where}: {each.type} of {each.from_} with itself")
-    relations = (
-        None
-        if row.relations is None
-        else tuple(Relation(r.type, r.from_, r.to) for r in row.relations)
-    )
-    if relations is not None and len({r.key for r in relations}) < len(relations):
+    if relations is None:
+        return ScenePrediction(row.exits, None)
+    pairs = tuple(PairRelation(r.type, r.from_, r.to) for r in relations)
+    if len({r.key for r in pairs}) < len(pairs):
         raise InputError(f"{where}: one relation twice")
-    return Prediction(row.exits, relations)
+    return ScenePrediction(row.exits, pairs)
 
 
-def _known(agent: str, ids: set[str], where: str) -> None:
-    if agent not in ids:
-        raise InputError(f"{where}: no agent {_shown(agent)} was seen in that scene by then")
-
-
-def _shown(text: str) -> str:
+def _shorten(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
-def read_predictions(
-    file: Path, observations: Mapping[tuple[str, float], ObservationRow], *, sides: tuple[str, ...]
-) -> dict[tuple[str, float], Prediction]:
-    """Predictions by scene and window, complete for every window that the file speaks of.
-
-    Raises:
-        InputError: unknown or missing scenes, a row twice, or as `checked`.
-    """
-    found: dict[tuple[str, float], Prediction] = {}
-    for number, row in read_rows(file):
-        where, key = f"{file}, line {number}", (row.scene, row.window)
-        if key not in observations:
-            known = any(scene == row.scene for scene, _ in observations)
-            what = f"window {row.window:g}" if known else f"scene {_shown(row.scene)}"
-            raise InputError(f"{where}: there is no {what} in what is scored")
-        if key in found:
-            raise InputError(f"{where}: a second row for scene {row.scene} at {row.window:g} s")
-        found[key] = checked(row, observations[key], sides=sides, where=where)
-    if not found:
-        raise InputError(f"{file} holds no predictions")
-    _complete(file, found, observations)
-    return found
-
-
-def _complete(
+def _check_complete(
     file: Path,
-    found: Mapping[tuple[str, float], Prediction],
-    observations: Mapping[tuple[str, float], ObservationRow],
+    found: Mapping[SceneWindow, ScenePrediction],
+    observations: Mapping[SceneWindow, ObservationRow],
 ) -> None:
-    windows = {window for _, window in found}
+    windows = sorted({window for _, window in found})
     missing = [key for key in observations if key[1] in windows and key not in found]
     if missing:
         scene, window = missing[0]
@@ -173,21 +160,23 @@ def _complete(
             "missing); every scene needs one at each window that is predicted"
         )
     for part in ("exits", "relations"):
-        for window in sorted(windows):
-            said = {getattr(p, part) is None for (_, w), p in found.items() if w == window}
-            if len(said) > 1:
+        for window in windows:
+            if len({getattr(p, part) is None for (_, w), p in found.items() if w == window}) > 1:
                 raise InputError(
                     f"{file} gives {part} for some scenes at {window:g} s and not for others; "
                     "give them for all, or leave them out"
                 )
 
 
-def jsonl(rows: Iterable[Model]) -> bytes:
-    """Rows as lines of JSON."""
-    return "".join(
-        json.dumps(_plain(row), ensure_ascii=False, separators=(",", ":")) + "\n" for row in rows
-    ).encode("utf-8", "backslashreplace")
-
-
-def _plain(row: Model) -> dict[str, Any]:
-    return row.model_dump(mode="json", by_alias=True, exclude_none=isinstance(row, PredictionRow))
+def format_jsonl(rows: Iterable[ObservationRow | PredictionRow]) -> bytes:
+    """Format rows as lines of JSON; the parts that a prediction leaves out are not in its line."""
+    lines = (
+        json.dumps(
+            row.model_dump(
+                mode="json", by_alias=True, exclude_none=isinstance(row, PredictionRow)
+            ),
+            ensure_ascii=False, separators=(",", ":"),
+        )
+        for row in rows
+    )  # fmt: skip
+    return "".join(line + "\n" for line in lines).encode("utf-8", "backslashreplace")

@@ -1,55 +1,39 @@
-"""The strong reasoner without a language model: posteriors, sampled futures, a calibration."""
+"""The reasoner without a language model: posteriors, sampled futures, a calibration."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from scenewright.evals.understanding.calibration import Calibration, chosen, load_calibration
-from scenewright.evals.understanding.features import NAMES, Pair, pairs_of
-from scenewright.evals.understanding.futures import Outlook
-from scenewright.evals.understanding.labels import Relation
-from scenewright.evals.understanding.together import CLASSES
-from scenewright.scene.base import FloatArray
+from scenewright.evals.understanding.calibration import (
+    Calibration,
+    load_calibration,
+    select_relations,
+)
+from scenewright.evals.understanding.forecast import SceneForecast
+from scenewright.evals.understanding.labels import PairRelation
+from scenewright.evals.understanding.pair_features import compute_pair_features
+from scenewright.evals.understanding.scene_model import PAIR_CLASSES
 
 
-@dataclass(frozen=True, eq=False)
-class Suspicion:
-    """A pair, how likely each relation is [C], and when they would touch [s from now]."""
+def predict_relations(
+    forecast: SceneForecast, *, window: float, calibration: Calibration | None = None
+) -> tuple[PairRelation, ...]:
+    """Predict the relations that are likely enough, the likeliest first, one for each agent.
 
-    pair: Pair
-    likely: FloatArray
-
-
-def suspicions(
-    seen: Outlook, *, window: float, calibration: Calibration | None = None
-) -> list[Suspicion]:
-    """How likely every pair is to have each relation."""
-    trees = calibration or load_calibration()
-    pairs = pairs_of(seen, window=window)
-    values = np.array([pair.values for pair in pairs]).reshape(len(pairs), len(NAMES))
-    likely = trees.in_scene(values, [(pair.a, pair.b) for pair in pairs])
-    return [Suspicion(pair, likely[n]) for n, pair in enumerate(pairs)]
-
-
-def relations_of(
-    found: list[Suspicion], *, window: float, calibration: Calibration | None = None
-) -> tuple[Relation, ...]:
-    """What is likely enough to be reported, the likeliest first and one for each agent."""
-    trees = calibration or load_calibration()
-    if not found:
+    Args:
+        window: length of the observation [s]; calibration: the shipped one if None.
+    """
+    trees, features = calibration or load_calibration(), compute_pair_features(forecast, window)
+    if not features:
         return ()
-    likely = np.stack([each.likely for each in found])
-    pairs = [(each.pair.a, each.pair.b) for each in found]
-    told = chosen(likely, trees.limits(window), pairs)
-    return tuple(relation(*pairs[n], CLASSES[c]) for n, c in told)
+    pairs = [(each.a, each.b) for each in features]
+    likely = trees.predict_scene(np.array([each.values for each in features]), pairs)
+    selected = select_relations(likely, trees.interpolate_thresholds(window), pairs)
+    return tuple(to_relation(*pairs[n], PAIR_CLASSES[c]) for n, c in selected)
 
 
-def relation(a: str, b: str, kind: str) -> Relation:
-    """A relation by the class of its pair."""
-    if kind == "gives_a":
-        return Relation("yielding", a, b)
+def to_relation(a: str, b: str, kind: str) -> PairRelation:
+    """Convert the class of a pair to a relation."""
     if kind == "gives_b":
-        return Relation("yielding", b, a)
-    return Relation(kind, a, b)
+        return PairRelation("yielding", b, a)
+    return PairRelation("yielding" if kind == "gives_a" else kind, a, b)

@@ -1,86 +1,84 @@
-"""Figures as Markdown: one table per task, one row per method and window."""
+"""Scores as Markdown: one table per task, one row per method and window."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from scenewright.evals.markdown import format_table
-from scenewright.evals.understanding.evaluate import Evaluated
-from scenewright.evals.understanding.scoring import CLASSES, DEFINITION, KINDS, LEADS, Figure, Row
+from scenewright.evals.understanding.evaluate import MethodScores
+from scenewright.evals.understanding.scoring import (
+    AGENT_CLASSES,
+    DEFINITION,
+    KINDS,
+    LEADS,
+    Figure,
+    WindowScores,
+)
 
 _PAPER = """The paper's Table 3 (its window is not stated, its scenes are others): exits, GMM 0.39
 pedestrian, 30.72 vehicle, 12.76 overall; Qwen2.5-7B 6.64, 33.73, 21.94. Relations, TrajNet++ 98.49
 normal, 9.84 collision, 6.49 yielding, 31.65 overall; Qwen2.5-7B 84.57, 20.00, 9.43, 48.20 in 3.54 s
 a scene."""
-_INTENT = (*CLASSES, "overall")
+_INTENT = (*AGENT_CLASSES, "overall")
 _RELATIONS = (*KINDS, "macro", "macro 4", "micro")
 
+_Scored = Sequence[tuple[MethodScores, WindowScores]]
 
-def markdown(found: Sequence[Evaluated], *, scenes: int, split: str, where: str) -> str:
-    """The whole report."""
+
+def format_report(found: Sequence[MethodScores], *, scenes: int, split: str, where: str) -> str:
+    """Format the whole report."""
     parts = [
         f"# Understanding, {where}",
         f"{scenes} scenes of the {split} half. Intervals are 95 %, from a bootstrap over scenes.",
     ]
-    intent = [(each, row) for each in found for row in each.rows if row.intent]
-    if intent:
-        parts += ["## Exits: accuracy [%]", format_table(
-            ("method", "window [s]", "agents", *_INTENT, "s a scene"),
-            [[_name(e), f"{r.window:g}", str(r.agents), *(_cell(r.intent[c]) for c in _INTENT),
-              _seconds(r)] for e, r in intent],
+    exits = [(each, row) for each in found for row in each.rows if row.intent]
+    if exits:
+        parts += ["## Exits: accuracy [%]", _format_scores(
+            exits, ("agents", *_INTENT, "s a scene"),
+            lambda r: [r.agents, *_format_figures(r.intent, _INTENT), _format_time(r)],
         )]  # fmt: skip
     related = [(each, row) for each in found for row in each.rows if row.relations]
     if related:
-        parts += ["## Relations: agent-level F1 [%]", DEFINITION, _relations(related)]
-        parts += ["### Strict: events count before everybody has been seen", _strict(related)]
-        parts += ["### Found by how long before the event", _leads(related)]
+        parts += ["## Relations: agent-level F1 [%]", DEFINITION, _format_scores(
+            related, (*_RELATIONS, "later", "s a scene"),
+            lambda r: [*_format_figures(r.relations, _RELATIONS), r.later, _format_time(r)],
+        )]  # fmt: skip
+        parts += ["### Strict: events count before both agents have been seen", _format_scores(
+            related, _RELATIONS, lambda r: _format_figures(r.strict, _RELATIONS)
+        )]  # fmt: skip
+        parts += ["### Found by how long before the event", _format_leads(related)]
     return "\n\n".join([*parts, _PAPER]) + "\n"
 
 
-def _relations(related: Sequence[tuple[Evaluated, Row]]) -> str:
-    return format_table(
-        ("method", "window [s]", *_RELATIONS, "later", "s a scene"),
-        [
-            [
-                _name(e), f"{r.window:g}", *(_cell(r.relations[c]) for c in _RELATIONS),
-                str(r.later), _seconds(r),
-            ]
-            for e, r in related
-        ],
-    )  # fmt: skip
+def _format_scores(
+    scored: _Scored, columns: Sequence[str], cells: Callable[[WindowScores], Sequence[object]]
+) -> str:
+    rows = [(_format_name(method), f"{row.window:g}", *cells(row)) for method, row in scored]
+    return format_table(("method", "window [s]", *columns), rows)
 
 
-def _strict(related: Sequence[tuple[Evaluated, Row]]) -> str:
-    return format_table(
-        ("method", "window [s]", *_RELATIONS),
-        [[_name(e), f"{r.window:g}", *(_cell(r.strict[c]) for c in _RELATIONS)]
-         for e, r in related],
-    )  # fmt: skip
-
-
-def _leads(related: Sequence[tuple[Evaluated, Row]]) -> str:
+def _format_leads(related: _Scored) -> str:
     heads = [
         f"{low:g} s and more" if high > 1e6 else f"{low:g} to {high:g} s" for low, high in LEADS
     ]
-    return format_table(
-        ("method", "window [s]", "relation", *heads),
-        [
-            [_name(e), f"{r.window:g}", kind, *(f"{k} of {n}" for k, n in found)]
-            for e, r in related
-            for kind, found in r.leads.items()
-        ],
-    )
+    rows = [
+        (_format_name(method), f"{row.window:g}", kind, *(f"{k} of {n}" for k, n in found))
+        for method, row in related
+        for kind, found in row.leads.items()
+    ]
+    return format_table(("method", "window [s]", "relation", *heads), rows)
 
 
-def _name(found: Evaluated) -> str:
-    return found.method if found.predictor is None else f"{found.method} ({found.predictor})"
+def _format_name(scores: MethodScores) -> str:
+    return f"{scores.method} ({scores.predictor})" if scores.predictor else scores.method
 
 
-def _cell(figure: Figure) -> str:
-    if figure.value is None:
-        return "none"
-    return f"{figure.value:.1f} [{figure.low:.1f}, {figure.high:.1f}]"
+def _format_figures(figures: Mapping[str, Figure], names: Sequence[str]) -> list[str]:
+    return [
+        "none" if f.value is None else f"{f.value:.1f} [{f.low:.1f}, {f.high:.1f}]"
+        for f in map(figures.__getitem__, names)
+    ]
 
 
-def _seconds(row: Row) -> str:
+def _format_time(row: WindowScores) -> str:
     return "" if row.seconds is None else f"{row.seconds:.3f}"

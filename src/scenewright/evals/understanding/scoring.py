@@ -1,9 +1,9 @@
-"""How right predictions are: accuracy of exits, agent-level F1 of relations, with intervals.
+"""Scores of predictions: accuracy of exits, agent-level F1 of relations, with intervals.
 
 A relation counts for each of its two agents as one item (agent, relation, partner); it is right
-if the relation and both agents are, and of a yielding who gives way. `normal` has one item per
-agent that is in no event. Who has only events with agents not seen yet is left out of `normal`,
-and those events are listed as `later`; `strict` counts them as missed instead.
+if the relation and both agents are, and of a yielding which one gives way. `normal` has one item
+per agent without any event. Agents that only have events with agents not observed yet are left out
+of `normal`, and those events are listed as `later`; `strict` counts them as missed instead.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.evals.bootstrap import compute_interval, draw_resamples
 from scenewright.evals.understanding.labels import RELATIONS, Labels
-from scenewright.evals.understanding.predictions import Prediction
+from scenewright.evals.understanding.predictions import ScenePrediction
 from scenewright.scene.base import FloatArray
 
 KINDS = ("normal", *RELATIONS)
 PAPER = ("normal", "collision", "yielding")
-"""What the paper tells apart, and what `macro` is the mean of."""
-CLASSES = ("vehicle", "pedestrian")
+"""The kinds of the paper, of which `macro` is the mean."""
+AGENT_CLASSES = ("vehicle", "pedestrian")
 LEADS = ((0.0, 2.0), (2.0, 4.0), (4.0, 6.0), (6.0, 10.0), (10.0, np.inf))
 """How long before an event the window ends [s]."""
 DRAWS = 1000
@@ -34,9 +35,11 @@ DEFINITION = (
     "over scenes."
 )
 
+Key = tuple[str, str, str]
+
 
 @dataclass(frozen=True, eq=False)
-class Tally:
+class SceneCounts:
     """Counts of one scene after one window.
 
     Attributes:
@@ -44,7 +47,7 @@ class Tally:
         items: [4, 3] per kind: true and false positives, false negatives; strict: the same with
             events that cannot be seen yet; None without relations.
         leads: [3, L, 2] per relation and lead: found, all.
-        later: events with somebody not seen yet; agents: seen; unseen: agents still to come.
+        later: events with an agent not observed yet; agents: observed; unseen: still to come.
     """
 
     exits: FloatArray | None
@@ -58,20 +61,16 @@ class Tally:
 
 @dataclass(frozen=True)
 class Figure:
-    """A share in percent, its 95 % interval, and of how many."""
+    """A share in percent, its 95 % interval, and of how many; None of none."""
 
     value: float | None
     low: float | None
     high: float | None
     n: int
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON."""
-        return {"value": self.value, "low": self.low, "high": self.high, "n": self.n}
-
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class WindowScores:
     """All figures of one method at one window [s].
 
     Attributes:
@@ -93,19 +92,15 @@ class Row:
     leads: Mapping[str, Sequence[tuple[int, int]]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain JSON."""
-        parts = {
-            name: {key: figure.to_json() for key, figure in getattr(self, name).items()}
-            for name in ("intent", "relations", "strict")
-        }
+        """Convert to plain JSON."""
+        counts = ("window", "scenes", "agents", "unseen", "later")
         return {
-            "window": self.window,
-            "scenes": self.scenes,
-            "agents": self.agents,
-            "unseen": self.unseen,
-            "later": self.later,
+            **{name: getattr(self, name) for name in counts},
             "seconds_per_scene": self.seconds,
-            **parts,
+            **{
+                name: {key: vars(figure) for key, figure in getattr(self, name).items()}
+                for name in ("intent", "relations", "strict")
+            },
             "found_by_lead": {
                 name: [
                     {"from": low, "to": None if np.isinf(high) else high, "found": k, "of": n}
@@ -116,65 +111,62 @@ class Row:
         }
 
 
-def tally(labels: Labels, prediction: Prediction, *, window: float) -> Tally:
-    """Counts of one scene."""
+def count_scene(labels: Labels, prediction: ScenePrediction, *, window: float) -> SceneCounts:
+    """Count what is right in one scene after a window [s]."""
     seen = {agent for agent, start in labels.starts.items() if start <= window + 1e-6}
     truth = {r.key for r in labels.relations if {r.from_, r.to} <= seen}
-    later = [r for r in labels.relations if not {r.from_, r.to} <= seen]
-    found = None if prediction.relations is None else {r.key for r in prediction.relations}
-    return Tally(
-        exits=_exits(labels, prediction, seen),
-        items=None if found is None else _items(labels, truth, found, seen, strict=False),
-        strict=None if found is None else _items(labels, truth, found, seen, strict=True),
-        leads=_leads(labels, found or set(), seen, window),
-        later=len(later),
+    relations = prediction.relations
+    found = {r.key for r in relations or ()}
+    return SceneCounts(
+        exits=_count_exits(labels, prediction.exits, seen),
+        items=None if relations is None else count_items(labels, truth, found, seen, strict=False),
+        strict=None if relations is None else count_items(labels, truth, found, seen, strict=True),
+        leads=_count_leads(labels, found, seen, window),
+        later=sum(not {r.from_, r.to} <= seen for r in labels.relations),
         agents=len(seen),
         unseen=len(labels.starts) - len(seen),
     )
 
 
-def _exits(labels: Labels, prediction: Prediction, seen: set[str]) -> FloatArray | None:
-    if prediction.exits is None:
+def _count_exits(
+    labels: Labels, exits: Mapping[str, str] | None, seen: set[str]
+) -> FloatArray | None:
+    if exits is None:
         return None
-    counts = np.zeros((len(CLASSES), 2))
+    counts = np.zeros((len(AGENT_CLASSES), 2))
     for agent in seen:
-        right = prediction.exits.get(agent) == labels.exits[agent]
-        counts[CLASSES.index(labels.types[agent])] += (right, 1)
+        right = exits.get(agent) == labels.exits[agent]
+        counts[AGENT_CLASSES.index(labels.types[agent])] += (right, 1)
     return counts
 
 
-def _items(
-    labels: Labels,
-    truth: set[tuple[str, str, str]],
-    found: set[tuple[str, str, str]],
-    seen: set[str],
-    *,
-    strict: bool,
+def count_items(
+    labels: Labels, truth: set[Key], found: set[Key], seen: set[str], *, strict: bool
 ) -> FloatArray:
+    """Count [4, 3] true and false positives and false negatives per kind.
+
+    Args:
+        truth: keys of events among observed agents; found: of those predicted.
+        seen: the observed agents; strict: count events that cannot be seen yet.
+    """
     counts = np.zeros((len(KINDS), 3))
     wanted = {r.key for r in labels.relations} if strict else truth
     for k, kind in enumerate(RELATIONS, start=1):
-        asked = {key for key in wanted if key[0] == kind}
-        told = {key for key in found if key[0] == kind}
-        counts[k] = (2 * len(asked & told), 2 * len(told - asked), 2 * len(asked - told))
+        true, said = ({key for key in keys if key[0] == kind} for keys in (wanted, found))
+        counts[k] = (2 * len(true & said), 2 * len(said - true), 2 * len(true - said))
     busy = {agent for r in labels.relations for agent in (r.from_, r.to)}
-    visible = {agent for key in truth for agent in key[1:]}
-    told_busy = {agent for key in found for agent in key[1:]}
-    for agent in seen:
-        if not strict and agent in busy - visible:
-            continue
-        is_normal, told_normal = agent not in busy, agent not in told_busy
+    visible, said_busy = ({agent for key in keys for agent in key[1:]} for keys in (truth, found))
+    for agent in seen if strict else seen - (busy - visible):
+        normal, said_normal = agent not in busy, agent not in said_busy
         counts[0] += (
-            is_normal and told_normal,
-            told_normal and not is_normal,
-            is_normal and not told_normal,
+            normal and said_normal,
+            said_normal and not normal,
+            normal and not said_normal,
         )
     return counts
 
 
-def _leads(
-    labels: Labels, found: set[tuple[str, str, str]], seen: set[str], window: float
-) -> FloatArray:
+def _count_leads(labels: Labels, found: set[Key], seen: set[str], window: float) -> FloatArray:
     counts = np.zeros((len(RELATIONS), len(LEADS), 2))
     for each in labels.relations:
         if {each.from_, each.to} <= seen and each.time is not None:
@@ -185,84 +177,74 @@ def _leads(
 
 
 def summarise(
-    tallies: Sequence[Tally], *, window: float, seconds: float | None, seed: int = 0
-) -> Row:
-    """All figures of one window."""
-    draws = np.random.default_rng(seed).multinomial(
-        len(tallies), np.full(len(tallies), 1 / len(tallies)), size=DRAWS
-    )
-    weights = draws.astype(np.float64)
-    leads = np.sum([each.leads for each in tallies], axis=0)
-    speaks = tallies[0].items is not None
-    return Row(
+    counts: Sequence[SceneCounts], *, window: float, seconds: float | None
+) -> WindowScores:
+    """Summarise the counts of all scenes after one window [s]."""
+    draws = draw_resamples(len(counts), draws=DRAWS).astype(np.float64)
+    leads = np.sum([each.leads for each in counts], axis=0).astype(int).tolist()
+    by_relation = {
+        name: [(k, n) for k, n in found] for name, found in zip(RELATIONS, leads, strict=True)
+    }
+    return WindowScores(
         window=window,
-        scenes=len(tallies),
-        agents=sum(each.agents for each in tallies),
-        unseen=sum(each.unseen for each in tallies),
-        later=sum(each.later for each in tallies),
+        scenes=len(counts),
+        agents=sum(each.agents for each in counts),
+        unseen=sum(each.unseen for each in counts),
+        later=sum(each.later for each in counts),
         seconds=seconds,
-        intent=_intent([each.exits for each in tallies], weights),
-        relations=_f1s([each.items for each in tallies], weights),
-        strict=_f1s([each.strict for each in tallies], weights),
-        leads={
-            name: [(int(k), int(n)) for k, n in leads[r].tolist()]
-            for r, name in enumerate(RELATIONS)
-        }
-        if speaks
-        else {},
+        intent=_summarise_exits([each.exits for each in counts], draws),
+        relations=_summarise_items([each.items for each in counts], draws),
+        strict=_summarise_items([each.strict for each in counts], draws),
+        leads=by_relation if counts[0].items is not None else {},
     )
 
 
-def _intent(counts: Sequence[FloatArray | None], draws: FloatArray) -> dict[str, Figure]:
+def _summarise_exits(
+    counts: Sequence[FloatArray | None], draws: FloatArray
+) -> dict[str, Figure]:  # fmt: skip
     if any(each is None for each in counts):
         return {}
     table = np.array(counts)
     pooled = np.concatenate([table, table.sum(axis=1, keepdims=True)], axis=1)
     total, drawn = pooled.sum(axis=0), np.einsum("bs,scx->bcx", draws, pooled)
+    share, drawn_share = (_divide(each[..., 0], each[..., 1]) for each in (total, drawn))
     return {
-        name: _figure(_ratio(total[c, 0], total[c, 1]), _ratio(drawn[:, c, 0], drawn[:, c, 1]),
-                      int(total[c, 1]))
-        for c, name in enumerate((*CLASSES, "overall"))
-    }  # fmt: skip
+        name: _to_figure(share[c], drawn_share[:, c], total[c, 1])
+        for c, name in enumerate((*AGENT_CLASSES, "overall"))
+    }
 
 
-def _f1s(counts: Sequence[FloatArray | None], draws: FloatArray) -> dict[str, Figure]:
+def _summarise_items(
+    counts: Sequence[FloatArray | None], draws: FloatArray
+) -> dict[str, Figure]:  # fmt: skip
     if any(each is None for each in counts):
         return {}
     table = np.array(counts)
     total, drawn = table.sum(axis=0), np.einsum("bs,skx->bkx", draws, table)
-    found = {
-        name: _figure(_f1(total[k]), _f1(drawn[:, k]), int(total[k, 0] + total[k, 2]))
-        for k, name in enumerate(KINDS)
-    }
-    means = {"macro": PAPER, "macro 4": KINDS}
-    for name, kinds in means.items():
+    f1, drawn_f1, n = compute_f1(total), compute_f1(drawn), total[:, 0] + total[:, 2]
+    found = {name: _to_figure(f1[k], drawn_f1[:, k], n[k]) for k, name in enumerate(KINDS)}
+    for name, kinds in (("macro", PAPER), ("macro 4", KINDS)):
         which = [KINDS.index(kind) for kind in kinds]
-        found[name] = _figure(
-            _f1(total[which]).mean(), _f1(drawn[:, which]).mean(axis=1),
-            int(total[which][:, [0, 2]].sum()),
-        )  # fmt: skip
-    found["micro"] = _figure(
-        _f1(total.sum(axis=0)), _f1(drawn.sum(axis=1)), int(total[:, [0, 2]].sum())
-    )
-    return found
+        means = f1[which].mean(), drawn_f1[:, which].mean(axis=1)
+        found[name] = _to_figure(*means, n[which].sum())
+    pooled = compute_f1(total.sum(axis=0)), compute_f1(drawn.sum(axis=1))
+    return {**found, "micro": _to_figure(*pooled, n.sum())}
 
 
-def _f1(counts: FloatArray) -> FloatArray:
-    """F1 of [..., 3]; NaN where there is nothing to find and nothing was told."""
+def compute_f1(counts: FloatArray) -> FloatArray:
+    """Compute F1 of counts [..., 3]; NaN where there is nothing to find and nothing was found."""
     hits = 2 * counts[..., 0]
-    return _ratio(hits, hits + counts[..., 1] + counts[..., 2])
+    return _divide(hits, hits + counts[..., 1] + counts[..., 2])
 
 
-def _ratio(part: FloatArray, whole: FloatArray) -> FloatArray:
+def _divide(part: FloatArray, whole: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.asarray(part, dtype=np.float64) / np.asarray(whole))
+        return np.asarray(part / whole)
 
 
-def _figure(value: FloatArray, drawn: FloatArray, n: int) -> Figure:
+def _to_figure(value: FloatArray, drawn: FloatArray, n: float) -> Figure:
     if np.isnan(value):
-        return Figure(None, None, None, n)
-    kept = drawn[~np.isnan(drawn)]
-    low, high = np.percentile(kept, (2.5, 97.5))
-    shown = [round(100 * float(x), 2) for x in (value, low, high)]
-    return Figure(shown[0], shown[1], shown[2], n)
+        return Figure(None, None, None, int(n))
+    low, high = compute_interval(drawn[~np.isnan(drawn)])
+    share, low, high = (round(100 * x, 2) for x in (float(value), low, high))
+    return Figure(share, low, high, int(n))

@@ -10,73 +10,77 @@ import pytest
 
 from scenewright.errors import InputError
 from scenewright.evals.understanding import tuning
-from scenewright.evals.understanding.calibration import chosen, load_calibration, save_calibration
-from scenewright.evals.understanding.features import NAMES
-from scenewright.evals.understanding.labels import Labels, Relation
-from scenewright.evals.understanding.together import CLASSES, SIZE, weighed
+from scenewright.evals.understanding.calibration import (
+    load_calibration,
+    save_calibration,
+    select_relations,
+)
+from scenewright.evals.understanding.labels import Labels, PairRelation
+from scenewright.evals.understanding.pair_features import NAMES
+from scenewright.evals.understanding.scene_model import PAIR_CLASSES, SIZE, apply_scene_model
 
 LIMITS = np.array([9.0, 0.3, 0.3, 0.3, 0.3])
 
 
-def test_nobody_has_two_relations_at_once() -> None:
+def test_no_agent_has_two_relations_at_once() -> None:
     likely = np.array([[0.2, 0.8, 0, 0, 0], [0.1, 0.0, 0.9, 0, 0], [0.3, 0, 0, 0.7, 0]])
     pairs = [("a", "b"), ("b", "c"), ("a", "d")]
-    assert chosen(likely, LIMITS, pairs) == [(1, 2), (2, 3)]
+    assert select_relations(likely, LIMITS, pairs) == [(1, 2), (2, 3)]
 
 
-def test_what_is_not_likely_enough_is_not_told() -> None:
-    assert chosen(np.array([[0.75, 0.25, 0, 0, 0]]), LIMITS, [("a", "b")]) == []
-    assert chosen(np.zeros((0, 5)), LIMITS, []) == []
+def test_relations_below_the_threshold_are_not_reported() -> None:
+    assert select_relations(np.array([[0.75, 0.25, 0, 0, 0]]), LIMITS, [("a", "b")]) == []
+    assert select_relations(np.zeros((0, 5)), LIMITS, []) == []
 
 
-def test_thresholds_lie_between_those_of_the_windows_known() -> None:
+def test_thresholds_are_interpolated_between_windows() -> None:
     trees = load_calibration()
     known = replace(trees, windows=np.array([2.0, 4.0]), threshold=np.array([LIMITS, LIMITS + 0.2]))
-    assert known.limits(3.0) == pytest.approx(LIMITS + 0.1)
-    assert known.limits(0.5) == pytest.approx(LIMITS)
-    assert known.limits(9.0) == pytest.approx(LIMITS + 0.2)
+    assert known.interpolate_thresholds(3.0) == pytest.approx(LIMITS + 0.1)
+    assert known.interpolate_thresholds(0.5) == pytest.approx(LIMITS)
+    assert known.interpolate_thresholds(9.0) == pytest.approx(LIMITS + 0.2)
 
 
-def test_a_calibration_can_be_kept(tmp_path: Path) -> None:
+def test_a_calibration_is_saved_and_loaded(tmp_path: Path) -> None:
     trees, values = load_calibration(), np.random.default_rng(1).uniform(0, 1, (20, len(NAMES)))
     save_calibration(tmp_path / "mine.npz", trees)
     again = load_calibration(tmp_path / "mine.npz")
-    assert again.likely(values) == pytest.approx(trees.likely(values), abs=1e-5)
+    assert again.predict_pairs(values) == pytest.approx(trees.predict_pairs(values), abs=1e-5)
 
 
-def view(n: int, *, hit: bool, window: float = 4.0) -> tuning.View:
+def view(n: int, *, hit: bool, window: float = 4.0) -> tuning.TrainingView:
     """A scene of two, who touch if the first feature says so."""
-    found = (Relation("collision", "a", "b", 7.0),) if hit else ()
+    found = (PairRelation("collision", "a", "b", 7.0),) if hit else ()
     labels = Labels(
         {"a": "north", "b": "east"}, {"a": "vehicle", "b": "vehicle"}, {"a": 0.0, "b": 0.0}, found
     )
     values = np.random.default_rng(n).uniform(0, 1, (1, len(NAMES)))
     values[0, 0] = hit
     name = "collision" if hit else None
-    return tuning.View(f"{n * 2654435761 % 16**8:08x}", name, labels, window, 1.0,
+    return tuning.TrainingView(f"{n * 2654435761 % 16**8:08x}", name, labels, window, 1.0,
                        (("a", "b"),), values)  # fmt: skip
 
 
-def test_what_tells_a_collision_is_learnt(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_feature_of_a_collision_is_learnt(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sklearn")
     threads = pytest.importorskip("threadpoolctl")
     monkeypatch.setitem(tuning._TREES, "max_iter", 8)
     monkeypatch.setitem(tuning._TREES, "learning_rate", 0.3)
     monkeypatch.setitem(tuning._TREES, "max_features", 1.0)
     monkeypatch.setattr(tuning, "FOLDS", 2)
-    table = tuning.table_of(view(n, hit=n % 3 == 0) for n in range(180))
+    table = tuning.build_table(view(n, hit=n % 3 == 0) for n in range(180))
     with threads.threadpool_limits(
         1
     ):  # threads that wait for one another are slow on a busy machine
-        unseen = tuning.unseen_by_trees(table)
-        found = tuning.tuned(table, unseen)
-        figures = tuning.checked(table, unseen, 4.0)
+        unseen = tuning.predict_unseen(table)
+        found = tuning.fit_calibration(table, unseen)
+        figures = tuning.score_unseen(table, unseen, 4.0)
     assert figures["collision"][0] > 95.0
     assert figures["collision"][1] <= figures["collision"][0] <= figures["collision"][2]
     for n in (900, 901):
-        likely = found.in_scene(view(n, hit=n % 3 == 0).values, [("a", "b")])
-        told = chosen(likely, found.limits(4.0), [("a", "b")])
-        assert [CLASSES[c] for _, c in told] == (["collision"] if n % 3 == 0 else [])
+        likely = found.predict_scene(view(n, hit=n % 3 == 0).values, [("a", "b")])
+        selected = select_relations(likely, found.interpolate_thresholds(4.0), [("a", "b")])
+        assert [PAIR_CLASSES[c] for _, c in selected] == (["collision"] if n % 3 == 0 else [])
 
 
 def test_a_pair_counts_for_less_beside_a_likelier_one() -> None:
@@ -84,26 +88,26 @@ def test_a_pair_counts_for_less_beside_a_likelier_one() -> None:
     weights[0, 1], weights[4, 1] = 1.0, -0.5  # its own log odds of a collision, and the others'
     pairs = [("a", "b"), ("c", "d")]
     quiet, busy = (np.array([[0.6, 0.4, 0, 0, 0], [1 - p, p, 0, 0, 0]]) for p in (0.01, 0.9))
-    told = [weighed(likely, pairs, weights)[0, 1] for likely in (quiet, busy)]
-    assert told[1] < told[0] / 2
+    selected = [apply_scene_model(likely, pairs, weights)[0, 1] for likely in (quiet, busy)]
+    assert selected[1] < selected[0] / 2
 
 
 def test_scenes_stand_for_the_composition_of_the_paper() -> None:
-    table = tuning.table_of(view(n, hit=n % 2 == 0) for n in range(40))
+    table = tuning.build_table(view(n, hit=n % 2 == 0) for n in range(40))
     weight = {name: sum(v.weight for v in table.views if v.named == name)
               for name in ("collision", None)}  # fmt: skip
     assert weight["collision"] / weight[None] == pytest.approx(40 / 100)
     assert sum(weight.values()) == pytest.approx(40.0)
 
 
-def test_every_scene_in_which_something_is_to_be_seen_is_looked_at(scenes: Path) -> None:
-    found = tuning.views_of(scenes / "struck")
+def test_every_scene_with_a_visible_event_is_used(scenes: Path) -> None:
+    found = tuning.view_scene(scenes / "struck")
     late = [v for v in found if v.window == 5.0]
-    eventful = tuning._eventful(late[0].labels, 5.0) if late else True
+    eventful = tuning._has_event(late[0].labels, 5.0) if late else True
     assert eventful or late[0].weight == pytest.approx(1.0 / tuning.QUIET)
     assert all(v.named == "collision" and len(v.pairs) == len(v.values) for v in found)
 
 
-def test_nothing_to_tune_on_is_said() -> None:
+def test_tuning_without_pairs_is_refused() -> None:
     with pytest.raises(InputError, match="no pair"):
-        tuning.table_of([])
+        tuning.build_table([])

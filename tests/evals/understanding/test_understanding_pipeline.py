@@ -11,19 +11,23 @@ import pytest
 from scenewright.backends import Question, load_backend
 from scenewright.backends.scripted import scripted
 from scenewright.errors import BackendFault, InputError
-from scenewright.evals.understanding.agent import ATTEMPTS, Settings, understand
-from scenewright.evals.understanding.asking import TASK, speaks
-from scenewright.evals.understanding.dataset import Case
-from scenewright.evals.understanding.methods import METHODS, method_named
-from scenewright.evals.understanding.observing import ObservationRow, observe
-from scenewright.evals.understanding.rules import constant_velocity
-from scenewright.evals.understanding.words import names_of
+from scenewright.evals.understanding.cases import SceneCase
+from scenewright.evals.understanding.language_model import TASK, require_language_model
+from scenewright.evals.understanding.methods import METHODS, find_method
+from scenewright.evals.understanding.observation import ObservationRow, observe
+from scenewright.evals.understanding.pipeline import ATTEMPTS, MethodSettings, understand
+from scenewright.evals.understanding.rule_baseline import predict_constant_velocity
+from scenewright.evals.understanding.scene_description import name_agents
 
 
-def asking(*replies: Any) -> tuple[Settings, Any]:
+def asking(*replies: Any) -> tuple[MethodSettings, Any]:
     backend = scripted({TASK: list(replies)})
-    settings = Settings(
-        "posterior", "asked", constant_velocity, "constant velocity", backend=backend
+    settings = MethodSettings(
+        "posterior",
+        "language_model",
+        predict_constant_velocity,
+        "constant velocity",
+        backend=backend,
     )
     return settings, backend
 
@@ -36,11 +40,11 @@ def all_north(question: Question, *relations: tuple[str, str, str]) -> dict[str,
 
 
 @pytest.fixture
-def row(cases: dict[str, Case]) -> ObservationRow:
+def row(cases: dict[str, SceneCase]) -> ObservationRow:
     return observe(cases["struck"].record, scene="struck", window=5.0)
 
 
-def test_the_answer_is_taken_in_codes(row: ObservationRow) -> None:
+def test_the_answer_is_converted_to_ids(row: ObservationRow) -> None:
     def reply(question: Question) -> dict[str, Any]:
         one, two = question.facts["agents"][:2]
         return all_north(question, ("yielding", two, one))
@@ -87,25 +91,29 @@ def test_names_that_do_not_exist_go_back_with_the_reason(row: ObservationRow) ->
     assert "with itself" in users[2]
 
 
-def test_when_all_attempts_are_spent_the_model_and_the_checker_speak(row: ObservationRow) -> None:
+def test_after_all_attempts_model_and_checker_answer(
+    row: ObservationRow,
+) -> None:
     settings, backend = asking(*["I do not know"] * ATTEMPTS)
     said = understand(row, settings)
     assert len(backend.speaker.asked) == ATTEMPTS
-    alone = understand(row, Settings("posterior", "rules", constant_velocity, "constant velocity"))
+    alone = understand(
+        row, MethodSettings("posterior", "rules", predict_constant_velocity, "constant velocity")
+    )
     assert (said.exits, said.relations) == (alone.exits, alone.relations)
 
 
-def test_a_backend_that_fails_for_good_is_heard_of(row: ObservationRow) -> None:
+def test_a_backend_that_fails_for_good_raises(row: ObservationRow) -> None:
     settings, _ = asking()
     with pytest.raises(BackendFault):
         understand(row, settings)
 
 
-def test_names_are_numbered_by_code(cases: dict[str, Case]) -> None:
-    from scenewright.evals.understanding.observing import as_arrays
+def test_names_are_numbered_by_code(cases: dict[str, SceneCase]) -> None:
+    from scenewright.evals.understanding.observation import to_arrays
 
-    seen = as_arrays(observe(cases["plain"].record, scene="plain", window=5.0))
-    names = names_of(seen)
+    seen = to_arrays(observe(cases["plain"].record, scene="plain", window=5.0))
+    names = name_agents(seen)
     assert list(names) == sorted(names)
     assert len(set(names.values())) == len(names)
 
@@ -113,10 +121,10 @@ def test_names_are_numbered_by_code(cases: dict[str, Case]) -> None:
 def test_methods_that_lack_something_say_what() -> None:
     place = "amsterdam_120"
     with pytest.raises(InputError, match="needs --backend"):
-        method_named("agent", intersection=place)
+        find_method("agent", intersection=place)
     with pytest.raises(InputError, match="which builtin is not"):
-        speaks(load_backend("builtin"))
+        require_language_model(load_backend("builtin"))
     with pytest.raises(InputError, match="one of: gmm"):
-        method_named("gpt", intersection=place)
+        find_method("gpt", intersection=place)
     for name in set(METHODS) - {"agent", "trajnet"}:
-        assert method_named(name, intersection=place).name == name
+        assert find_method(name, intersection=place).name == name

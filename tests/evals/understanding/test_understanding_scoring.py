@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from scenewright.evals.understanding.labels import Labels, Relation
-from scenewright.evals.understanding.predictions import Prediction
-from scenewright.evals.understanding.scoring import Row, summarise, tally
+from scenewright.evals.understanding.labels import Labels, PairRelation
+from scenewright.evals.understanding.predictions import ScenePrediction
+from scenewright.evals.understanding.scoring import WindowScores, count_scene, summarise
 
 FOUR = ("a", "b", "c", "d")
 
 
-def labels(*relations: Relation, late: tuple[str, ...] = ()) -> Labels:
+def labels(*relations: PairRelation, late: tuple[str, ...] = ()) -> Labels:
     return Labels(
         exits=dict.fromkeys(FOUR, "north"),
         types={"a": "vehicle", "b": "pedestrian", "c": "vehicle", "d": "vehicle"},
@@ -20,13 +20,13 @@ def labels(*relations: Relation, late: tuple[str, ...] = ()) -> Labels:
     )
 
 
-def row(truth: Labels, *told: Relation, window: float = 2.0) -> Row:
+def row(truth: Labels, *told: PairRelation, window: float = 2.0) -> WindowScores:
     exits = {"a": "north", "b": "south", "c": "north", "d": "west"}
-    said = Prediction({k: v for k, v in exits.items() if truth.starts[k] <= window}, told)
-    return summarise([tally(truth, said, window=window)], window=window, seconds=None)
+    said = ScenePrediction({k: v for k, v in exits.items() if truth.starts[k] <= window}, told)
+    return summarise([count_scene(truth, said, window=window)], window=window, seconds=None)
 
 
-def f1(found: Row, kind: str) -> float | None:
+def f1(found: WindowScores, kind: str) -> float | None:
     return found.relations[kind].value
 
 
@@ -38,32 +38,36 @@ def test_exits_are_counted_by_class_and_pooled() -> None:
 
 
 def test_the_relation_and_both_agents_must_be_right() -> None:
-    truth = labels(Relation("collision", "a", "b", 6.0))
-    assert f1(row(truth, Relation("collision", "b", "a")), "collision") == 100.0
-    wrong_partner = row(truth, Relation("collision", "a", "c"))
+    truth = labels(PairRelation("collision", "a", "b", 6.0))
+    assert f1(row(truth, PairRelation("collision", "b", "a")), "collision") == 100.0
+    wrong_partner = row(truth, PairRelation("collision", "a", "c"))
     assert f1(wrong_partner, "collision") == 0.0
-    assert f1(row(truth, Relation("near_miss", "a", "b")), "collision") == 0.0
+    assert f1(row(truth, PairRelation("near_miss", "a", "b")), "collision") == 0.0
     # Of c and d, who are in nothing, c was told to be in something; so were a, rightly, and not b.
     assert f1(wrong_partner, "normal") == 50.0
 
 
-def test_of_a_yielding_who_gives_way_must_be_right() -> None:
-    truth = labels(Relation("yielding", "a", "b", 6.0))
-    assert f1(row(truth, Relation("yielding", "a", "b")), "yielding") == 100.0
-    turned = row(truth, Relation("yielding", "b", "a"))
+def test_the_yielding_agent_must_be_right() -> None:
+    truth = labels(PairRelation("yielding", "a", "b", 6.0))
+    assert f1(row(truth, PairRelation("yielding", "a", "b")), "yielding") == 100.0
+    turned = row(truth, PairRelation("yielding", "b", "a"))
     assert (f1(turned, "yielding"), f1(turned, "normal")) == (0.0, 100.0)
 
 
 def test_macro_is_the_mean_of_the_papers_three_and_micro_pools_items() -> None:
-    truth = labels(Relation("collision", "a", "b", 6.0), Relation("yielding", "c", "d", 6.0))
-    found = row(truth, Relation("collision", "a", "b"), Relation("near_miss", "c", "d"))
+    truth = labels(
+        PairRelation("collision", "a", "b", 6.0), PairRelation("yielding", "c", "d", 6.0)
+    )
+    found = row(truth, PairRelation("collision", "a", "b"), PairRelation("near_miss", "c", "d"))
     # normal: nobody is, nobody was told to be; so it has no F1, and neither has the mean.
     assert (f1(found, "normal"), f1(found, "macro")) == (None, None)
     assert f1(found, "micro") == pytest.approx(100 * 4 / (4 + 2 + 2), abs=0.01)
     both = summarise(
         [
-            tally(truth, Prediction(None, (Relation("collision", "a", "b"),)), window=2.0),
-            tally(labels(), Prediction(None, ()), window=2.0),
+            count_scene(
+                truth, ScenePrediction(None, (PairRelation("collision", "a", "b"),)), window=2.0
+            ),
+            count_scene(labels(), ScenePrediction(None, ()), window=2.0),
         ],
         window=2.0,
         seconds=None,
@@ -73,8 +77,8 @@ def test_macro_is_the_mean_of_the_papers_three_and_micro_pools_items() -> None:
     assert both.intent == {}
 
 
-def test_events_with_somebody_still_to_come_are_listed_and_count_when_strict() -> None:
-    truth = labels(Relation("collision", "a", "b", 12.0), late=("b",))
+def test_events_with_agents_still_to_come_are_listed_and_count_when_strict() -> None:
+    truth = labels(PairRelation("collision", "a", "b", 12.0), late=("b",))
     found = row(truth)
     assert (found.later, found.unseen, found.agents) == (1, 1, 3)
     assert found.relations["collision"].n == 0
@@ -85,9 +89,11 @@ def test_events_with_somebody_still_to_come_are_listed_and_count_when_strict() -
 
 
 def test_intervals_come_from_scenes_and_hold_the_value() -> None:
-    truth = labels(Relation("collision", "a", "b", 6.0))
-    right = tally(truth, Prediction(None, (Relation("collision", "a", "b"),)), window=2.0)
-    wrong = tally(truth, Prediction(None, ()), window=2.0)
+    truth = labels(PairRelation("collision", "a", "b", 6.0))
+    right = count_scene(
+        truth, ScenePrediction(None, (PairRelation("collision", "a", "b"),)), window=2.0
+    )
+    wrong = count_scene(truth, ScenePrediction(None, ()), window=2.0)
     found = summarise([right, wrong] * 40, window=2.0, seconds=None)
     figure = found.relations["collision"]
     assert figure.value == pytest.approx(66.67, abs=0.01)
@@ -99,7 +105,9 @@ def test_intervals_come_from_scenes_and_hold_the_value() -> None:
 
 
 def test_found_by_lead_time() -> None:
-    truth = labels(Relation("collision", "a", "b", 3.0), Relation("yielding", "c", "d", 9.0))
-    found = row(truth, Relation("collision", "a", "b"))
+    truth = labels(
+        PairRelation("collision", "a", "b", 3.0), PairRelation("yielding", "c", "d", 9.0)
+    )
+    found = row(truth, PairRelation("collision", "a", "b"))
     assert found.leads["collision"][0] == (1, 1)
     assert found.leads["yielding"][3] == (0, 1)

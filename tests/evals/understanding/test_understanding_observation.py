@@ -9,20 +9,19 @@ import numpy as np
 import pytest
 
 from scenewright.errors import InputError
-from scenewright.evals.understanding.dataset import Case, split_of
-from scenewright.evals.understanding.observing import (
+from scenewright.evals.understanding.cases import SceneCase, assign_split
+from scenewright.evals.understanding.observation import (
     WINDOWS,
-    agent_codes,
-    as_arrays,
-    code_of,
+    hash_agents,
+    hash_scene,
     observe,
-    to_json,
+    to_arrays,
 )
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
 
 
 def _bytes(record: SceneRecord, name: str, window: float) -> bytes:
-    return json.dumps(to_json(observe(record, scene=name, window=window))).encode()
+    return observe(record, scene=name, window=window).model_dump_json().encode()
 
 
 def _elsewhere(agent: AgentRecord, window: float) -> AgentRecord:
@@ -41,7 +40,9 @@ def _elsewhere(agent: AgentRecord, window: float) -> AgentRecord:
 
 
 @pytest.mark.parametrize("window", WINDOWS)
-def test_another_future_leaves_every_byte_as_it_was(cases: dict[str, Case], window: float) -> None:
+def test_another_future_leaves_every_byte_as_it_was(
+    cases: dict[str, SceneCase], window: float
+) -> None:
     for name, case in cases.items():
         record = case.record
         later = tuple(_elsewhere(agent, window) for agent in record.agents)
@@ -56,7 +57,7 @@ def test_another_future_leaves_every_byte_as_it_was(cases: dict[str, Case], wind
         assert _bytes(changed, name, window) == _bytes(record, name, window)
 
 
-def test_labels_roles_and_plans_leave_every_byte_as_it_was(cases: dict[str, Case]) -> None:
+def test_labels_roles_and_plans_leave_every_byte_as_it_was(cases: dict[str, SceneCase]) -> None:
     for name, case in cases.items():
         record = case.record
         agents = tuple(
@@ -90,8 +91,8 @@ def test_labels_roles_and_plans_leave_every_byte_as_it_was(cases: dict[str, Case
         assert _bytes(bare, name, 4.0) == _bytes(record, name, 4.0)
 
 
-def test_the_order_in_the_file_and_whoever_is_still_to_come_are_not_seen(
-    cases: dict[str, Case],
+def test_file_order_and_agents_still_to_come_leave_every_byte_as_it_was(
+    cases: dict[str, SceneCase],
 ) -> None:
     for name, case in cases.items():
         backwards = case.record.model_copy(update={"agents": case.record.agents[::-1]})
@@ -101,17 +102,17 @@ def test_the_order_in_the_file_and_whoever_is_still_to_come_are_not_seen(
         assert _bytes(alone, name, 2.0) == _bytes(case.record, name, 2.0)
 
 
-def test_ids_neither_count_nor_rank(cases: dict[str, Case]) -> None:
+def test_ids_neither_count_nor_rank(cases: dict[str, SceneCase]) -> None:
     ranks = []
     for n in range(400):
-        codes = agent_codes(f"scene-{n}", (1, 2, 3, 4))
+        codes = hash_agents(f"scene-{n}", (1, 2, 3, 4))
         ranks.append(sorted(codes.values()).index(codes[1]))
     assert np.bincount(ranks, minlength=4).min() > 70
-    one, two = (set(agent_codes(name, (1, 2, 3)).values()) for name in ("x", "y"))
+    one, two = (set(hash_agents(name, (1, 2, 3)).values()) for name in ("x", "y"))
     assert not one & two
     keys: set[str] = set()
     for name, case in cases.items():
-        row: dict[str, Any] = to_json(observe(case.record, scene=name, window=4.0))
+        row: dict[str, Any] = observe(case.record, scene=name, window=4.0).model_dump(mode="json")
         keys |= set(row) | {key for agent in row["agents"] for key in agent}
         assert name not in json.dumps(row)
     assert keys == {
@@ -120,7 +121,7 @@ def test_ids_neither_count_nor_rank(cases: dict[str, Case]) -> None:
     }  # fmt: skip
 
 
-def test_what_was_seen_stays_seen(cases: dict[str, Case]) -> None:
+def test_a_longer_window_keeps_what_was_observed(cases: dict[str, SceneCase]) -> None:
     case = cases["struck"]
     short = {a.id: a for a in observe(case.record, scene="struck", window=2.0).agents}
     long = {a.id: a for a in observe(case.record, scene="struck", window=5.0).agents}
@@ -130,30 +131,30 @@ def test_what_was_seen_stays_seen(cases: dict[str, Case]) -> None:
         assert agent.start + 0.1 * (len(agent.trajectory) - 1) <= 2.0 + 1e-6
 
 
-def test_lights_end_at_the_moment_of_observation(cases: dict[str, Case]) -> None:
+def test_lights_end_at_the_moment_of_observation(cases: dict[str, SceneCase]) -> None:
     for name, case in cases.items():
         lights = observe(case.record, scene=name, window=3.0).lights
         assert lights
         assert max(each.end for each in lights) <= 3.0
 
 
-def test_speeds_look_back_only(cases: dict[str, Case]) -> None:
+def test_speeds_look_back_only(cases: dict[str, SceneCase]) -> None:
     row = observe(cases["plain"].record, scene="plain", window=2.0)
-    for agent in as_arrays(row).agents:
+    for agent in to_arrays(row).agents:
         assert len(agent.speed) == len(agent.xy) == len(agent.moved)
         if len(agent.xy) > 1:
             assert agent.speed[-1] == pytest.approx(np.hypot(*(agent.xy[-1] - agent.xy[-2])) / 0.1)
 
 
-def test_a_window_must_fit_the_scene(cases: dict[str, Case]) -> None:
+def test_a_window_must_fit_the_scene(cases: dict[str, SceneCase]) -> None:
     for window in (0.0, 99.0):
         with pytest.raises(InputError, match="window"):
             observe(cases["plain"].record, scene="plain", window=window)
 
 
 def test_halves_are_fixed_by_the_name_alone() -> None:
-    halves = [split_of(f"scene-{n}") for n in range(1000)]
-    assert halves == [split_of(f"scene-{n}") for n in range(1000)]
+    halves = [assign_split(f"scene-{n}") for n in range(1000)]
+    assert halves == [assign_split(f"scene-{n}") for n in range(1000)]
     assert 440 < halves.count("test") < 560
-    assert (split_of("scene-0"), split_of("scene-1")) == (halves[0], halves[1])
-    assert len({code_of(f"scene-{n}") for n in range(1000)}) == 1000
+    assert (assign_split("scene-0"), assign_split("scene-1")) == (halves[0], halves[1])
+    assert len({hash_scene(f"scene-{n}") for n in range(1000)}) == 1000

@@ -8,13 +8,13 @@ from pydantic import BaseModel, Field, create_model, model_validator
 
 from scenewright.backends import Backend, Question, Task, Wording
 from scenewright.errors import InputError
-from scenewright.evals.understanding.labels import Relation
-from scenewright.evals.understanding.words import Description
+from scenewright.evals.understanding.labels import PairRelation
+from scenewright.evals.understanding.scene_description import SceneDescription
 from scenewright.nodes.ask import ask
 from scenewright.scene.base import Model
 
 TASK: Task = "plan"
-"""The questions of a run are the planner's to answer where stages have speakers of their own."""
+"""Where stages have backends of their own, the planner's answers."""
 SYSTEM = """You watch a traffic intersection and say early what will happen.
 You are told the map, the lights, who has been seen so far with where they came from and how they
 move, what a statistical model thinks about where they leave, and what a rule checker finds in
@@ -29,7 +29,7 @@ Answer with one JSON object:
 Most agents have none. A red light is no yielding. Use only the names given."""
 
 
-class _Named(Model):
+class _NamedRelation(Model):
     """A relation in names; the subclass made for a scene knows which."""
 
     type: Literal["collision", "yielding", "near_miss"]
@@ -37,62 +37,58 @@ class _Named(Model):
     to: str
 
     @model_validator(mode="after")
-    def _two(self) -> _Named:
+    def _check_distinct(self) -> _NamedRelation:
         if self.from_ == self.to:
             raise ValueError(f"{self.from_} cannot have a relation with itself")
         return self
 
 
-def reply_model(names: tuple[str, ...], sides: tuple[str, ...]) -> type[BaseModel]:
-    """The reply for one scene: agents and sides are enumerations of what exists."""
+def build_reply_model(names: tuple[str, ...], sides: tuple[str, ...]) -> type[BaseModel]:
+    """Build the reply model for one scene: agents and sides are enumerations of what exists."""
     side: Any = Literal[sides]
     name: Any = Literal[names]
     fields: dict[str, Any] = dict.fromkeys(names, (side, ...))
     exits = create_model("Exits", __base__=Model, **fields)
     relation = create_model(
-        "Relation", __base__=_Named, from_=(name, Field(alias="from")), to=(name, ...)
+        "Relation", __base__=_NamedRelation, from_=(name, Field(alias="from")), to=(name, ...)
     )
-    listed: Any = tuple[relation, ...]  # type: ignore[valid-type]
-    return create_model("Reply", __base__=Model, exits=(exits, ...), relations=(listed, ...))
+    relations: Any = tuple[relation, ...]  # type: ignore[valid-type]
+    return create_model("Reply", __base__=Model, exits=(exits, ...), relations=(relations, ...))
 
 
-def ask_about(
-    told: Description,
+def ask_about_scene(
+    description: SceneDescription,
     sides: tuple[str, ...],
     backend: Backend,
     *,
     rejections: tuple[str, ...] = (),
-    seed: int = 0,
-) -> tuple[dict[str, str], tuple[Relation, ...]]:
-    """Exits and relations by code, as the backend answers.
+) -> tuple[dict[str, str], tuple[PairRelation, ...]]:
+    """Ask for exits and relations; the answer is in ids.
 
     Raises:
-        Rejected: the reply names what is not there or misses somebody.
+        Rejected: the reply names what does not exist or misses an agent.
         BackendFault: no answer can be had.
     """
-    names = tuple(told.names.values())
-    model = reply_model(names, sides)
-    wording = Wording(SYSTEM, _user(told, rejections), model.model_json_schema())
+    ids = {name: code for code, name in description.names.items()}
+    names = tuple(ids)
+    model = build_reply_model(names, sides)
+    refused = [f"Your earlier answer was refused: {each[:400]}" for each in rejections[-3:]]
+    user = "\n".join([description.text, *refused])
     question = Question(
         task=TASK,
-        facts={"scene": told.text, "agents": list(names), "sides": list(sides)},
+        facts={"scene": description.text, "agents": list(names), "sides": list(sides)},
         rejections=rejections,
-        seed=seed,
-        wording=lambda: wording,
+        seed=0,
+        wording=lambda: Wording(SYSTEM, user, model.model_json_schema()),
     )
     reply = cast(Any, ask(backend, question, model, stage="scene_planner"))
-    codes = {name: code for code, name in told.names.items()}
-    exits = {codes[name]: str(getattr(reply.exits, name)) for name in names}
-    found = {
-        relation.key: relation
-        for each in reply.relations
-        for relation in (Relation(each.type, codes[each.from_], codes[each.to]),)
-    }
-    return exits, tuple(found.values())
+    exits = {ids[name]: str(getattr(reply.exits, name)) for name in names}
+    relations = [PairRelation(r.type, ids[r.from_], ids[r.to]) for r in reply.relations]
+    return exits, tuple({each.key: each for each in relations}.values())
 
 
-def speaks(backend: Backend) -> Backend:
-    """The backend, unless it is the grammar, which cannot read scenes.
+def require_language_model(backend: Backend) -> Backend:
+    """Return the backend unless it is the grammar, which cannot read scenes.
 
     Raises:
         InputError: it is.
@@ -103,8 +99,3 @@ def speaks(backend: Backend) -> Backend:
             "--backend, such as openai:MODEL"
         )
     return backend
-
-
-def _user(told: Description, rejections: tuple[str, ...]) -> str:
-    wrong = [f"Your earlier answer was refused: {each[:400]}" for each in rejections[-3:]]
-    return "\n".join([told.text, *wrong])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.evals.understanding.observing import Observation, Seen
+from scenewright.evals.understanding.observation import ObservedAgent, SceneObservation
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event
@@ -21,11 +21,11 @@ _LIKELY = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Description:
-    """What a language model is told.
+class SceneDescription:
+    """The prompt of a language model.
 
     Attributes:
-        names: plain name by code, such as `vehicle-1`, in the order of the codes.
+        names: plain name by id, such as `vehicle-1`, in the order of the ids.
         text: the facts.
     """
 
@@ -33,38 +33,39 @@ class Description:
     text: str
 
 
-def describe(
-    observation: Observation,
+def describe_scene(
+    observation: SceneObservation,
     exits: Mapping[str, FloatArray],
     sides: tuple[str, ...],
     events: Sequence[Event],
     predictor: str,
-) -> Description:
-    """The scene in words.
+) -> SceneDescription:
+    """Describe a scene in words.
 
     Args:
-        exits: of every agent, how likely each side is by the statistical model.
-        events: what the rule checker finds in the predicted tracks.
+        exits: of every agent, the probability of each side by the statistical model.
+        events: findings of the rule checker in the tracks that `predictor` predicts.
     """
     intersection_map = load_map(observation.intersection)
-    names = names_of(observation)
+    names = name_agents(observation)
+    agents = (
+        f"- {names[agent.id]}: {_describe_agent(agent, intersection_map)}; statistical model: "
+        f"{_describe_exits(exits[agent.id], sides)}"
+        for agent in observation.agents
+    )
     lines = [
-        *map_lines(intersection_map),
-        *_lights(observation),
+        *_describe_map(intersection_map),
+        *_describe_lights(observation),
         f"Agents after {observation.now:g} s:",
-        *(
-            f"- {names[agent.id]}: {_agent(agent, intersection_map)}; statistical model: "
-            f"{_chances(exits[agent.id], sides)}"
-            for agent in observation.agents
-        ),
+        *agents,
         f"Rule checker on the tracks that {predictor} predicts:",
-        *(_findings(events, observation, names) or ["- no close encounter"]),
+        *(_describe_findings(events, observation, names) or ["- no close encounter"]),
     ]
-    return Description(names, "\n".join(lines))
+    return SceneDescription(names, "\n".join(lines))
 
 
-def names_of(observation: Observation) -> dict[str, str]:
-    """Plain names, numbered in the order of the codes."""
+def name_agents(observation: SceneObservation) -> dict[str, str]:
+    """Name the agents by class, numbered in the order of their ids."""
     counts = {"vehicle": 0, "pedestrian": 0}
     names = {}
     for agent in observation.agents:
@@ -73,61 +74,56 @@ def names_of(observation: Observation) -> dict[str, str]:
     return names
 
 
-def map_lines(intersection_map: IntersectionMap) -> list[str]:
-    """Legs, movements, crosswalks and what crosses what."""
-    ways = ", ".join(f"{m.entry} to {m.exit} ({m.turn})" for m in intersection_map.movements)
+def _describe_map(intersection_map: IntersectionMap) -> list[str]:
+    """Legs, movements, crosswalks and conflicting routes."""
+    routes = ", ".join(f"{m.entry} to {m.exit} ({m.turn})" for m in intersection_map.movements)
     walks = ", ".join(
         f"the {c.leg} crosswalk between the {c.sides[0]} and the {c.sides[1]} side"
         for c in intersection_map.crosswalks
     )
-    clashes = sorted(
-        f"{_way(zone.first, intersection_map)} and {_way(zone.second, intersection_map)}"
+    movements = {m.id: f"{m.entry} to {m.exit}" for m in intersection_map.movements}
+    conflicts = sorted(
+        " and ".join(
+            movements.get(route, route.replace(":", " ")) for route in (zone.first, zone.second)
+        )
         for zone in intersection_map.conflict_zones
     )
     legs = ", ".join(leg.name for leg in intersection_map.legs)
     return [
         f"Intersection: {intersection_map.title}, legs {legs}.",
-        f"Vehicles go {ways}.",
+        f"Vehicles go {routes}.",
         f"Pedestrians use {walks}.",
-        f"Ways that cross or merge: {'; '.join(clashes)}.",
+        f"Ways that cross or merge: {'; '.join(conflicts)}.",
     ]
 
 
-def _way(name: str, intersection_map: IntersectionMap) -> str:
-    for movement in intersection_map.movements:
-        if movement.id == name:
-            return f"{movement.entry} to {movement.exit}"
-    return name.replace(":", " ")
-
-
-def _lights(observation: Observation) -> list[str]:
-    last = {}
-    for light in observation.lights:
-        last[light.stop_line or light.crosswalk or ""] = light
-    told = [
+def _describe_lights(observation: SceneObservation) -> list[str]:
+    last = {light.stop_line or light.crosswalk or "": light for light in observation.lights}
+    states = [
         f"{name.replace(':', ' ')} {light.colour}"
         + (f" for {light.end - light.start:.0f} s" if light.start > 0 else "")
         for name, light in sorted(last.items())
     ]
-    return [f"Lights: {', '.join(told)}."] if told else []
+    return [f"Lights: {', '.join(states)}."] if states else []
 
 
-def _agent(agent: Seen, intersection_map: IntersectionMap) -> str:
-    side = _side(agent.xy[0])
-    kind = "pedestrian" if not agent.vehicle else next(n for m, n in _SUBTYPES if agent.length < m)
+def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> str:
+    side = _find_side(agent.xy[0])
+    kind = next(n for m, n in _SUBTYPES if agent.length < m) if agent.is_vehicle else agent.type
     if agent.left:
         return f"{kind}, came from the {side}, has left"
-    return f"{kind}, came from the {side}, {_where(agent, intersection_map)}, {_motion(agent)}"
+    position, motion = _describe_position(agent, intersection_map), _describe_motion(agent)
+    return f"{kind}, came from the {side}, {position}, {motion}"
 
 
-def _side(xy: FloatArray) -> str:
+def _find_side(xy: FloatArray) -> str:
     x, y = float(xy[0]), float(xy[1])
     if abs(x) > abs(y):
         return "east" if x > 0 else "west"
     return "north" if y > 0 else "south"
 
 
-def _where(agent: Seen, intersection_map: IntersectionMap) -> str:
+def _describe_position(agent: ObservedAgent, intersection_map: IntersectionMap) -> str:
     """In words: how near the junction, and where it faces."""
     xy, heading = agent.xy[-1], float(agent.heading[-1])
     facing = ("east", "north", "west", "south")[round(heading / (np.pi / 2)) % 4]
@@ -136,17 +132,17 @@ def _where(agent: Seen, intersection_map: IntersectionMap) -> str:
     if middle < _JUNCTION:
         place = "in or at the junction"
     elif not inwards:
-        place = f"leaving on the {_side(xy)} leg"
+        place = f"leaving on the {_find_side(xy)} leg"
     else:
         near = "near" if middle < _JUNCTION + 12 else "far from"
-        place = f"on the {_side(xy)} approach, {near} the stop line"
-    lane = _lane(agent, intersection_map)
+        place = f"on the {_find_side(xy)} approach, {near} the stop line"
+    lane = _find_lane(agent, intersection_map)
     return f"{place}{f', in the {lane} lane' if lane else ''}, facing {facing}"
 
 
-def _lane(agent: Seen, intersection_map: IntersectionMap) -> str | None:
+def _find_lane(agent: ObservedAgent, intersection_map: IntersectionMap) -> str | None:
     """The inner or outer lane, where an approach has two."""
-    if not agent.vehicle:
+    if not agent.is_vehicle:
         return None
     for lanelet in intersection_map.lanelets:
         if lanelet.kind == "approach" and lanelet.id.endswith((":inner", ":outer")):
@@ -157,7 +153,7 @@ def _lane(agent: Seen, intersection_map: IntersectionMap) -> str | None:
     return None
 
 
-def _motion(agent: Seen) -> str:
+def _describe_motion(agent: ObservedAgent) -> str:
     speed = float(agent.speed[-1])
     if speed < 0.3:
         stood = int(np.argmax(agent.speed[::-1] >= 0.3)) if (agent.speed >= 0.3).any() else 0
@@ -166,17 +162,17 @@ def _motion(agent: Seen) -> str:
     change = "steady"
     if abs(speed - before) > 0.5:
         change = "speeding up" if speed > before else "slowing down"
-    return f"{speed:.0f} m/s, {change}" if agent.vehicle else f"walking, {change}"
+    return f"{speed:.0f} m/s, {change}" if agent.is_vehicle else f"walking, {change}"
 
 
-def _chances(likely: FloatArray, sides: tuple[str, ...]) -> str:
+def _describe_exits(likely: FloatArray, sides: tuple[str, ...]) -> str:
     order = np.argsort(-likely)
-    told = [f"{sides[n]} {100 * likely[n]:.0f} %" for n in order if likely[n] > _LIKELY]
-    return "leaves " + " or ".join(told)
+    shown = [f"{sides[n]} {100 * likely[n]:.0f} %" for n in order if likely[n] > _LIKELY]
+    return "leaves " + " or ".join(shown)
 
 
-def _findings(
-    events: Sequence[Event], observation: Observation, names: Mapping[str, str]
+def _describe_findings(
+    events: Sequence[Event], observation: SceneObservation, names: Mapping[str, str]
 ) -> list[str]:
     ids = observation.ids
     return [

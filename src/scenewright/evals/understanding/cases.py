@@ -1,0 +1,102 @@
+"""Scenes to be understood: a folder with one sub-folder per scene, in two halves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from pydantic import ValidationError
+
+from scenewright.errors import InputError
+from scenewright.evals.understanding.labels import RELATIONS, Labels, extract_labels
+from scenewright.evals.understanding.observation import hash_scene
+from scenewright.graph.run import load_scene
+from scenewright.scene.events import Proof
+from scenewright.scene.record import SceneRecord
+
+Split = Literal["dev", "test"]
+EVENTS_AT = (6.0, 20.0)
+"""Requested events lie between these times [s] (SEMANTICS section 6): after the observation."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneCase:
+    """One scene to be understood.
+
+    Attributes:
+        id: name of its folder; named: the gravest event it was made for; None if for none.
+    """
+
+    id: str
+    record: SceneRecord
+    labels: Labels
+    named: str | None = None
+
+    @property
+    def code(self) -> str:
+        """Hash of the id."""
+        return hash_scene(self.id)
+
+
+def assign_split(scene: str) -> Split:
+    """Assign a scene to a half by the hash of its id, whatever other scenes there are."""
+    return "test" if int(hash_scene(scene)[-1], 16) % 2 else "dev"
+
+
+def list_scenes(folder: Path, *, split: Split | None) -> list[str]:
+    """List the ids of the scenes in a folder, sorted.
+
+    Raises:
+        InputError: no such folder, or no scene of this half in it.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder of scenes")
+    try:
+        found = sorted(each.name for each in folder.iterdir() if (each / "scene.json").is_file())
+    except OSError as error:
+        raise InputError(f"cannot read {folder}: {error.strerror or error}") from error
+    kept = [each for each in found if split is None or assign_split(each) == split]
+    if not kept:
+        half = "" if split is None else f" of the {split} half"
+        raise InputError(
+            f"{folder} holds no scene{half}: it must have one sub-folder per scene, "
+            "each with a scene.json and a proof.json"
+        )
+    return kept
+
+
+def read_case(folder: Path) -> SceneCase:
+    """Read the scene in a folder.
+
+    Raises:
+        InputError: a file is missing or is not what it should be.
+    """
+    record, proof = load_scene(folder), _read_proof(folder / "proof.json")
+    types = {event.type for event in proof.events}
+    named = next((kind for kind in RELATIONS if kind in types), None)
+    return SceneCase(
+        folder.name, record, extract_labels(record, proof, scene=folder.name), named
+    )  # fmt: skip
+
+
+def is_foreseeable(case: SceneCase) -> bool:
+    """Whether every requested event happens within `EVENTS_AT`; following lasts and is exempt."""
+    first, last = EVENTS_AT
+    requested = {frozenset((each.from_, each.to)) for each in case.record.relations}
+    return all(
+        each.time is None or first <= each.time <= last
+        for each in case.record.events
+        if each.type != "follow" and frozenset((each.from_, each.to)) in requested
+    )
+
+
+def _read_proof(file: Path) -> Proof:
+    try:
+        return Proof.model_validate_json(file.read_bytes())
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"]) or "file"
+        raise InputError(f"{file} is not a proof: {where}: {first['msg']}") from error

@@ -1,0 +1,202 @@
+"""Observations: motion, sizes and signals up to a moment, and nothing of the future.
+
+Roles, names, entries, routes, goals, events and agents still to come are left out. Ids and their
+order come from a hash, so that they neither count nor rank agents; signals are cut at the moment.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from scenewright.errors import InputError
+from scenewright.scene.base import AgentClass, Colour, FloatArray, Model, Point, frozen
+from scenewright.scene.record import AgentRecord, SceneRecord, SignalRecord
+from scenewright.scene.track import STEP
+
+WINDOWS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
+"""Observation windows [s] of the benchmark."""
+_SALT = "scenewright-understanding-1"
+
+
+class AgentRow(Model):
+    """One agent as observed so far.
+
+    Attributes:
+        id: a hash.
+        start: when it was first seen [s]; trajectory, heading: [m], [rad], every 0.1 s.
+        left: it is no longer there.
+    """
+
+    id: str = Field(max_length=32)
+    type: AgentClass
+    start: float
+    trajectory: tuple[Point, ...]
+    heading: tuple[float, ...]
+    length: float
+    width: float
+    left: bool
+
+
+class LightRow(Model):
+    """An interval [s] during which a signal was seen in one colour."""
+
+    stop_line: str | None = None
+    crosswalk: str | None = None
+    start: float
+    end: float
+    colour: Colour
+
+
+class ObservationRow(Model):
+    """An observation as a row of a file.
+
+    Attributes:
+        scene: hash of the scene's id; window: length of the observation [s]; hour: of the day.
+    """
+
+    scene: str
+    window: float
+    intersection: str
+    hour: int
+    agents: tuple[AgentRow, ...]
+    lights: tuple[LightRow, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedAgent:
+    """An `AgentRow` as arrays.
+
+    Attributes:
+        xy: [T, 2] [m]; heading: [T] [rad]; speed: [T] [m/s]; moved: [T] distance so far [m].
+    """
+
+    id: str
+    type: AgentClass
+    start: float
+    xy: FloatArray
+    heading: FloatArray
+    speed: FloatArray
+    moved: FloatArray
+    length: float
+    width: float
+    left: bool
+
+    @property
+    def is_vehicle(self) -> bool:
+        """Whether it is a vehicle."""
+        return self.type == "vehicle"
+
+
+@dataclass(frozen=True, eq=False)
+class SceneObservation:
+    """An `ObservationRow` as arrays.
+
+    Attributes:
+        now: end of the window [s]; agents: in the order of their ids.
+    """
+
+    scene: str
+    intersection: str
+    now: float
+    hour: int
+    agents: tuple[ObservedAgent, ...]
+    lights: tuple[LightRow, ...]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of the agents, in order."""
+        return tuple(agent.id for agent in self.agents)
+
+
+def hash_scene(scene: str) -> str:
+    """Hash the id of a scene, as names of folders may say what is in them."""
+    return hashlib.sha256(f"{_SALT}:{scene}".encode("utf-8", "surrogatepass")).hexdigest()[:16]
+
+
+def hash_agents(scene: str, ids: Iterable[int]) -> dict[int, str]:
+    """Hash the id of every agent of a scene; the same in all windows.
+
+    Raises:
+        InputError: two agents share a hash.
+    """
+    codes = {
+        each: hashlib.sha256(f"{_SALT}:{scene}:{each}".encode()).hexdigest()[:8] for each in ids
+    }
+    if len(set(codes.values())) < len(codes):
+        raise InputError(f"two agents of scene {scene} have one id")
+    return codes
+
+
+def observe(record: SceneRecord, *, scene: str, window: float) -> ObservationRow:
+    """Cut a scene to what is seen in its first `window` seconds.
+
+    Args:
+        scene: the scene's id, from which the hashes are made.
+
+    Raises:
+        InputError: the scene's step is not 0.1 s, or the window is shorter than that.
+    """
+    if abs(record.meta.step - STEP) > 1e-9:
+        raise InputError(f"scene {scene} has a step of {record.meta.step} s, not {STEP} s")
+    if not STEP <= window <= record.meta.duration:
+        raise InputError(f"a window is from {STEP} s to the length of the scene, got {window} s")
+    codes = hash_agents(scene, (agent.id for agent in record.agents))
+    agents = (_cut_agent(agent, codes[agent.id], window) for agent in record.agents)
+    lights = (_cut_light(each, window) for each in record.signals if each.start < window)
+    return ObservationRow(
+        scene=hash_scene(scene),
+        window=window,
+        intersection=record.meta.intersection,
+        hour=int(record.meta.timestamp // 3600) % 24,
+        agents=tuple(sorted((a for a in agents if a is not None), key=lambda a: a.id)),
+        lights=tuple(sorted(lights, key=lambda x: (x.stop_line or x.crosswalk or "", x.start))),
+    )
+
+
+def _cut_agent(agent: AgentRecord, code: str, window: float) -> AgentRow | None:
+    count = int(np.floor((window - agent.spawn_time) / STEP + 1e-6)) + 1
+    if count < 1:
+        return None
+    return AgentRow(
+        id=code, type=agent.type, start=agent.spawn_time, trajectory=agent.trajectory[:count],
+        heading=agent.heading[:count], length=agent.length, width=agent.width,
+        left=count > len(agent.trajectory),
+    )  # fmt: skip
+
+
+def _cut_light(row: SignalRecord, window: float) -> LightRow:
+    return LightRow(
+        stop_line=row.stop_line, crosswalk=row.crosswalk, start=row.start,
+        end=min(row.end, window), colour=row.colour,
+    )  # fmt: skip
+
+
+def to_arrays(row: ObservationRow) -> SceneObservation:
+    """Convert a row to arrays."""
+    agents = tuple(_convert_agent(agent) for agent in row.agents)
+    return SceneObservation(
+        row.scene, row.intersection, row.window, row.hour, agents, row.lights
+    )  # fmt: skip
+
+
+def _convert_agent(agent: AgentRow) -> ObservedAgent:
+    xy = frozen(np.array(agent.trajectory, dtype=np.float64).reshape(-1, 2))
+    steps = np.hypot(*np.diff(xy, axis=0).T)
+    return ObservedAgent(
+        agent.id, agent.type, agent.start, xy,
+        frozen(np.unwrap(np.array(agent.heading, dtype=np.float64))), _compute_speed(steps),
+        np.concatenate([[0.0], np.cumsum(steps)]), agent.length, agent.width, agent.left,
+    )  # fmt: skip
+
+
+def _compute_speed(steps: FloatArray) -> FloatArray:
+    """[T] mean of the T - 1 steps [m] on both sides, or of the only one at the ends."""
+    if not len(steps):
+        return np.zeros(1)
+    padded = np.concatenate([steps[:1], steps, steps[-1:]]) / STEP
+    return np.asarray((padded[1:] + padded[:-1]) / 2)

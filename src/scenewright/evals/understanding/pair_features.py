@@ -1,0 +1,275 @@
+"""Features of a pair of agents, computed from their futures for the calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.evals.understanding.forecast import (
+    DT,
+    TICKS,
+    AgentForecast,
+    BoolArray,
+    SceneForecast,
+)
+from scenewright.evals.understanding.interaction_graph import (
+    CLOSE,
+    AgentPair,
+    InteractionGraph,
+    build_interaction_graph,
+)
+from scenewright.evals.understanding.observation import ObservedAgent
+from scenewright.evals.understanding.time_gaps import NEVER, TimeGaps
+from scenewright.evals.understanding.zone_features import IN_ZONE, OF_ZONE, compute_zone_features
+from scenewright.scene.base import FloatArray
+
+OF_BOTH = ("at_once", "close", "within_1", "within_2", "within_3", "alone_1", "best", "best_share",
+           "touch", "wide", "wide_share", "soon", "angle", "rank", "window", *OF_ZONE)  # fmt: skip
+"""Shares of futures in which the two touch if one of them came 0.3, 0.6, 1.1, 2.1 or 3.1 s earlier
+or later, by beliefs; 1.1 s by posteriors alone; of the pair of maneuvers that conflicts most: how
+often, the probability of that pair, the share of contacts as it is, when [s] and at which angle
+[rad]; by how much more this pair conflicts than any other of the scene; the window [s]; and of the
+zone of those maneuvers, as in `zone_features`."""
+OF_EACH = ("first", "undelayed_0", "undelayed_1", "undelayed_2", "delay", "delay_least", "speed",
+           "lost", "gain", "gain_2", "stood", "walks", "held", "runs", "own", "own_alone",
+           "straight", "jaywalks", "slowed", "known", "reach", "needs", "busy",
+           "cause", "left", "right", "length", "line_needs", "line_late",
+           *IN_ZONE)  # fmt: skip
+"""Whether it passes first within 3 s; whether it would have come within 0.3, 1 or 2 s of the other
+had it not slowed down; by how much it is slower than its route demands, median and least [m/s];
+speed, loss of speed since its maximum [m/s], acceleration over 0.7 and 2 s [m/s^2]; how long it has
+been stationary [s]; whether a pedestrian; held at red; ignoring a stop; the probability of its
+maneuver, by beliefs and by the posterior alone; straight on; off a crosswalk; has slowed down;
+observed for [s]; distance to the conflict [m] and the braking that stops it before [m/s^2]; how
+much it conflicts with any other agent; how much it would have, had it not slowed down; probability
+of a left or right turn; length [m]; the braking that stops it at its line [m/s^2], and the
+probability that this is more than usual; its stay in the zone, as in `zone_features`."""
+NAMES = (*OF_BOTH, *(f"{name}_a" for name in OF_EACH), *(f"{name}_b" for name in OF_EACH))
+"""Names of the features; a calibration is for these."""
+_TRUST = 0.3
+"""A pair of maneuvers counts by its share of conflicts times its own probability to this power, as
+accidents happen on rare maneuvers."""
+_FAR = 60.0
+_SLACK, _BRAKES = 0.3, 2.5
+"""Accuracy of the position of stops [m]; braking for a light is usually softer [m/s^2]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairFeatures:
+    """Two agents who may interact: their ids and their features, [F] as in `NAMES`."""
+
+    a: str
+    b: str
+    values: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Conflict:
+    """The pair of maneuvers in which two agents conflict most, and when and where."""
+
+    score: float = 0.0
+    share_of_conflicts: float = 0.0
+    probability: float = 0.0
+    touch: float = 0.0
+    soon: float = 20.0
+    angle: float = 0.0
+    maneuvers: tuple[int, int] = (-1, -1)
+    reach: tuple[float, float] = (_FAR, _FAR)
+
+
+@dataclass(frozen=True, eq=False)
+class _SceneFeatures:
+    """What is known of all pairs before any of them is described.
+
+    Attributes:
+        worst: the conflict of each pair; busy: how much each pair conflicts; cause: how much the
+            first would have conflicted with the second, had it not slowed down.
+    """
+
+    forecast: SceneForecast
+    graph: InteractionGraph
+    window: float
+    worst: Mapping[AgentPair, _Conflict]
+    busy: Mapping[AgentPair, float]
+    cause: Mapping[AgentPair, float]
+
+
+def compute_pair_features(forecast: SceneForecast, window: float) -> list[PairFeatures]:
+    """Describe every pair with a vehicle in it whose futures come near one another."""
+    graph = build_interaction_graph(forecast)
+    pairs = sorted({(min(pair), max(pair)) for pair in (*graph.gaps, *graph.unslowed_gaps)})
+    worst = {pair: _find_conflict(forecast, graph, pair, within=0.3) for pair in pairs}
+    busy = {
+        pair: _weigh_jointly(graph, pair)[np.abs(graph.gaps[pair].gap) <= CLOSE].sum()
+        for pair in pairs
+        if pair in graph.gaps
+    }
+    cause = {
+        pair: _share_within(gaps, graph.beliefs[pair] * graph.beliefs[pair[::-1]], 2.1)
+        for pair, gaps in graph.unslowed_gaps.items()
+    }
+    scene = _SceneFeatures(forecast, graph, window, worst, busy, cause)
+    return [_describe_pair(scene, pair) for pair in pairs]
+
+
+def mirror_features(values: FloatArray) -> FloatArray:
+    """[..., F] the same pairs with a and b swapped."""
+    n, m = len(OF_BOTH), len(OF_EACH)
+    return np.concatenate([values[..., :n], values[..., n + m :], values[..., n : n + m]], axis=-1)
+
+
+def _describe_pair(scene: _SceneFeatures, pair: AgentPair) -> PairFeatures:
+    forecast, graph, (i, j) = scene.forecast, scene.graph, pair
+    weight, worst = _weigh_jointly(graph, pair), scene.worst[pair]
+    wide = _find_conflict(forecast, graph, pair, within=CLOSE)
+    alone = forecast.futures[i].weight * forecast.futures[j].weight
+    gap = graph.gaps[pair].gap if pair in graph.gaps else np.full(len(weight), NEVER)
+    others = max((each.score for p, each in scene.worst.items() if p != pair), default=0.0)
+    both = [
+        *(float(weight[np.abs(gap) <= limit].sum()) for limit in (0.3, 0.6, CLOSE, 2.1, 3.1)),
+        float(alone[np.abs(gap) <= CLOSE].sum() / alone.sum()),
+        worst.share_of_conflicts, worst.probability, worst.touch, wide.share_of_conflicts,
+        wide.probability, min(wide.soon, 20.0), wide.angle, worst.score - others, scene.window,
+    ]  # fmt: skip
+    shared, *in_zone = _describe_zone(scene, pair, wide if wide.score else worst)
+    a, b = (
+        _describe_agent(scene, pair, which, sign * gap, weight, worst, wide)
+        for which, sign in ((0, 1), (1, -1))
+    )
+    values = np.array([*both, *shared, *a, *in_zone[0], *b, *in_zone[1]])
+    return PairFeatures(forecast.agents[i].id, forecast.agents[j].id, values)
+
+
+def _describe_zone(
+    scene: _SceneFeatures, pair: AgentPair, conflict: _Conflict
+) -> tuple[list[float], list[float], list[float]]:
+    (i, j), maneuvers = pair, scene.graph.maneuvers
+    mine = (maneuvers[i] == conflict.maneuvers[0]) & (maneuvers[j] == conflict.maneuvers[1])
+    one, two = ((scene.forecast.agents[n], scene.forecast.futures[n]) for n in pair)
+    return compute_zone_features(one, two, mine)
+
+
+def _describe_agent(
+    scene: _SceneFeatures,
+    pair: AgentPair,
+    which: int,
+    gap: FloatArray,
+    weight: FloatArray,
+    worst: _Conflict,
+    wide: _Conflict,
+) -> list[float]:
+    """`OF_EACH` of one of the two; `gap` is negative where this one comes first."""
+    n, m = pair if which == 0 else pair[::-1]
+    forecast, graph = scene.forecast, scene.graph
+    future, agent = forecast.futures[n], forecast.agents[n]
+    late, belief = graph.unslowed_gaps.get((n, m)), graph.beliefs[n, m]
+    slowed = forecast.unslowed[n] is not future
+    part = graph.maneuvers[n] == (worst if worst.score else wide).maneuvers[which]
+    routes = forecast.posteriors[n].components.routes
+    movement = np.array([routes[c].movement for c in future.component.tolist()])
+    reach = wide.reach[which]
+    if slowed and late is not None:
+        reach = _measure_reach(forecast.unslowed[n], late, agent, np.abs(late.gap) <= 2.1, reach)
+    v, taken = float(agent.speed[-1]), future.weight * part
+    return [
+        float(weight[(gap < -0.3) & (gap >= -3.1)].sum()),
+        *(_share_within(late, weight, limit) for limit in (0.3, 1.0, 2.1)),
+        float(forecast.delay[n]), _measure_least_delay(future, v), v,
+        float(agent.speed.max()) - v, _measure_acceleration(agent, 8),
+        _measure_acceleration(agent, 20), _measure_standstill(agent),
+        float(not agent.is_vehicle), float(belief[future.held].sum()),
+        float(belief[future.runs].sum()), float(belief[part].sum()),
+        float(future.weight[part].sum()),
+        float(belief[movement == "straight"].sum()),
+        float(belief[movement == "jaywalking"].sum()), float(slowed),
+        scene.window - agent.start, reach,
+        min(v * v / (2.0 * max(reach - agent.length / 2 - 0.5, 0.5)), 12.0),
+        max((x for p, x in scene.busy.items() if n in p and p != pair), default=0.0),
+        max((x for (p, q), x in scene.cause.items() if p == n and q != m), default=0.0),
+        *(float(taken[movement == turn].sum() / max(float(taken.sum()), 1e-9))
+          for turn in ("left", "right")),
+        agent.length, *_measure_line(future, v),
+    ]  # fmt: skip
+
+
+def _weigh_jointly(graph: InteractionGraph, pair: AgentPair) -> FloatArray:
+    """[K] probability of the futures of the two together."""
+    weight = graph.beliefs[pair] * graph.beliefs[pair[::-1]]
+    return np.asarray(weight / weight.sum())
+
+
+def _share_within(gaps: TimeGaps | None, weight: FloatArray, limit: float) -> float:
+    if gaps is None:
+        return 0.0
+    return float(weight[np.abs(gaps.gap) <= limit].sum() / weight.sum())
+
+
+def _measure_line(future: AgentForecast, speed: float) -> tuple[float, float]:
+    """Mean braking that stops it at its line, and the probability that this is unusual."""
+    needs = np.where(np.isfinite(future.stop), speed**2 / (2.0 * (future.stop + _SLACK)), 0.0)
+    return float(np.minimum(needs, 12.0) @ future.weight), float((needs > _BRAKES) @ future.weight)
+
+
+def _measure_acceleration(agent: ObservedAgent, count: int) -> float:
+    """Acceleration over the last samples [m/s^2]."""
+    last = agent.speed[-count:]
+    return float(last[-1] - last[0]) / (0.1 * max(len(last) - 1, 1))
+
+
+def _measure_standstill(agent: ObservedAgent) -> float:
+    """For how long it has been stationary [s]."""
+    moving = np.flatnonzero(agent.speed > 0.3)
+    return 0.1 * (len(agent.speed) - 1 - (int(moving[-1]) if len(moving) else -1))
+
+
+def _measure_least_delay(future: AgentForecast, speed: float) -> float:
+    """By how much slower it is than on the slowest tenth of its routes [m/s]."""
+    order = np.argsort(future.free)
+    at = int(np.searchsorted(np.cumsum(future.weight[order]), 0.1))
+    return float(future.free[order[min(at, len(order) - 1)]]) - speed
+
+
+def _find_conflict(
+    forecast: SceneForecast, graph: InteractionGraph, pair: AgentPair, *, within: float
+) -> _Conflict:
+    """The pair of maneuvers with the highest score among futures with gaps `within` [s]."""
+    gaps, (i, j) = graph.gaps.get(pair), pair
+    if gaps is None:
+        return _Conflict()
+    hit = np.abs(gaps.gap) <= within
+    if not hit.any():
+        return _Conflict()
+    one, two = graph.maneuvers[i], graph.maneuvers[j]
+    wide = int(two.max()) + 1
+    both = one * wide + two
+    count = np.bincount(both)
+    conflicts = np.bincount(both, hit) / np.maximum(count, 1)
+    codes = np.arange(len(count))
+    share_a = np.bincount(one, graph.beliefs[i, j])
+    share_b = np.bincount(two, graph.beliefs[j, i])
+    probability = share_a[codes // wide] * share_b[codes % wide]
+    score = np.where(count >= 2, conflicts * probability**_TRUST, 0.0)
+    top = int(score.argmax())
+    if score[top] <= 0.0:
+        return _Conflict()
+    mine = (both == top) & hit
+    a, b = (_measure_reach(forecast.futures[n], gaps, forecast.agents[n], mine, _FAR) for n in pair)
+    return _Conflict(
+        float(score[top]), float(conflicts[top]), float(probability[top]),
+        float((gaps.gap[both == top] == 0.0).mean()), float(np.median(gaps.time[mine])),
+        float(np.median(gaps.angle[mine])), (top // wide, top % wide), (a, b),
+    )  # fmt: skip
+
+
+def _measure_reach(
+    future: AgentForecast, gaps: TimeGaps, agent: ObservedAgent, mine: BoolArray, default: float
+) -> float:
+    """Median distance from the agent to the conflict [m]."""
+    rows = np.flatnonzero(mine)
+    if not len(rows):
+        return default
+    ticks = np.clip(np.round(gaps.time[rows] / DT).astype(np.intp), 0, TICKS - 1)
+    away = future.xy[rows, ticks] - agent.xy[-1]
+    return float(np.median(np.hypot(away[:, 0], away[:, 1])))

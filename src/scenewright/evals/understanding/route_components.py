@@ -1,0 +1,188 @@
+"""The components of p_wp as arrays: mean curve, covariance and driving profile of each.
+
+All of it comes from the bundle. Deviations from a component's mean curve are linear in the
+waypoints (Eq. 3), so that a stretch of observed track conditions their Gaussian exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.geometry.landmarks import find_landmarks
+from scenewright.geometry.map_areas import MapAreas
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.candidates import Candidate, DrivingProfile, K
+from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.track import PEDESTRIAN, vehicle_shape
+from scenewright.tools.gmm_sampler import Priors, load_priors
+from scenewright.tools.gmm_sampler.priors import HOURS, DrivingProfilePrior
+from scenewright.tools.gmm_sampler.spline import even_path, spline_matrix
+
+_SPREAD = (-1.2, 0.0, 1.2)
+"""Driving profiles tried lie so many standard deviations off the median."""
+_THIN = 4
+"""Every fourth point of a base curve is kept: they lie one or two metres apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class RouteComponents:
+    """Components of all routes of one class, C in number, P points each.
+
+    Attributes:
+        routes: [C] route of each component.
+        share: [24, C] log of how often it is taken, by hour of the day.
+        curve: [C, P, 2] mean path [m]; s: [C, P] arc length [m]; heading: [C, P] [rad];
+            curvature: [C, P] [1/m]; normal: [C, P, 2] to the left.
+        knots: [P, K] the spline as a linear map from waypoints to points.
+        across: [C, P, 20] deviation to the left per unit of white noise [m].
+        turn: [C, P, 20] deviation in heading per unit of white noise [rad].
+        cholesky: [C, 20, 20] of the waypoints [m].
+        line: [C] arc length of stop line or kerb [m], a vehicle's front on it; inf for none.
+        group: [C] signal group that controls it, or None.
+        bend: [C, D, P] speed that the curves ahead allow [m/s] under D driving profiles.
+        law: [C, 4] median driving profile and spread: [C, 4] of its logarithm; low, high: [C, 4]
+            bounds.
+    """
+
+    routes: tuple[Route, ...]
+    share: FloatArray
+    curve: FloatArray
+    s: FloatArray
+    heading: FloatArray
+    curvature: FloatArray
+    normal: FloatArray
+    knots: FloatArray
+    across: FloatArray
+    turn: FloatArray
+    cholesky: FloatArray
+    line: FloatArray
+    group: tuple[str | None, ...]
+    bend: FloatArray
+    law: FloatArray
+    spread: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    def match_exits(self, sides: tuple[str, ...]) -> NDArray[np.bool_]:
+        """[C, E] whether a component leaves towards a side."""
+        return np.array([[route.exit == side for side in sides] for route in self.routes])
+
+
+@lru_cache(maxsize=8)
+def load_components(intersection: str, kind: AgentClass) -> RouteComponents:
+    """Load the components of a class at an intersection, once per process.
+
+    Raises:
+        InputError: there is no such intersection, or it has no priors.
+    """
+    from scenewright.graph.run import ground_of
+
+    ground, priors = ground_of(intersection), load_priors(intersection)
+    routes = [
+        r for r in ground.intersection_map.routes if r.type == kind and r.id in priors.waypoints
+    ]
+    return _build_components(routes, priors, ground)
+
+
+def _build_components(routes: list[Route], priors: Priors, ground: MapAreas) -> RouteComponents:
+    sets = [priors.waypoints[route.id] for route in routes]
+    owners = [route for route, each in zip(routes, sets, strict=True) for _ in each.weights]
+    curve = np.concatenate([each.base for each in sets])[:, ::_THIN]
+    cholesky = np.concatenate([each.cholesky for each in sets])
+    knots = spline_matrix()[::_THIN]
+    s, heading = measure_arc_length(curve), measure_headings(curve)
+    curvature = np.stack(
+        [np.interp(s[c], path.s, path.curvature) for c, path in enumerate(map(even_path, curve))]
+    )
+    normal = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
+    rows = np.einsum("pk,cpd->cpkd", knots, normal).reshape(*curve.shape[:2], 2 * K)
+    across = np.einsum("cpi,cij->cpj", rows, cholesky)
+    profiles = [priors.time_laws[route.id] for route in owners]
+    marks = [_find_stop(route, curve[c], ground) for c, route in enumerate(owners)]
+    weights = np.concatenate([each.weights for each in sets])
+    rates = [np.asarray(priors.frequency.get(r.id, np.zeros(HOURS))) for r in owners]
+    return RouteComponents(
+        tuple(owners), np.log((np.stack(rates, axis=1) + 1e-3) * weights), curve, s, heading,
+        curvature, normal, knots, across,
+        np.gradient(across, axis=1) / np.gradient(s, axis=1)[..., None], cholesky,
+        np.array([line for line, _ in marks]), tuple(group for _, group in marks),
+        _limit_speed(s, curvature, profiles),
+        *(np.stack([getattr(each, name) for each in profiles])
+          for name in ("median", "spread", "low", "high")),
+    )  # fmt: skip
+
+
+def measure_arc_length(curve: FloatArray) -> FloatArray:
+    """[C, P] arc length of curves [C, P, 2], in their unit."""
+    step, s = np.diff(curve, axis=1), np.zeros(curve.shape[:2])
+    np.cumsum(np.hypot(step[..., 0], step[..., 1]), axis=1, out=s[:, 1:])
+    return s
+
+
+def measure_headings(curve: FloatArray) -> FloatArray:
+    """[C, P] heading of curves [C, P, 2] at their points [rad], continuous."""
+    ahead = np.gradient(curve, axis=1)
+    return np.unwrap(np.arctan2(ahead[..., 1], ahead[..., 0]), axis=1)
+
+
+def interpolate_rows(at: FloatArray, s: FloatArray, values: FloatArray) -> FloatArray:
+    """Interpolate row by row in one call, with the rows laid end to end.
+
+    Args:
+        at: [N, M] wanted; s: [N, P] ascending; values: [N, P].
+
+    Returns:
+        [N, M]; constant beyond the ends.
+    """
+    rows = np.arange(len(s))[:, None] * 1e4
+    clipped = np.clip(at, s[:, :1], s[:, -1:])
+    flat = np.interp((clipped + rows).ravel(), (s + rows).ravel(), values.ravel())
+    return np.asarray(flat.reshape(at.shape))
+
+
+def interpolate_points(at: FloatArray, s: FloatArray, xy: FloatArray) -> FloatArray:
+    """[N, M, 2] the same for points [N, P, 2]."""
+    return np.stack([interpolate_rows(at, s, xy[..., d]) for d in (0, 1)], axis=-1)
+
+
+def brake_backwards(s: FloatArray, squared: FloatArray, braking: FloatArray) -> FloatArray:
+    """[..., P] squared speed from which every squared speed limit further on can be met."""
+    reach = squared + 2.0 * braking * s
+    least = np.minimum.accumulate(reach[..., ::-1], axis=-1)[..., ::-1]
+    return np.asarray(least - 2.0 * braking * s)
+
+
+def _limit_speed(
+    s: FloatArray, curvature: FloatArray, profiles: list[DrivingProfilePrior]
+) -> FloatArray:
+    """[C, D, P] from curvature [C, P]: cautious to bold in braking and in curves."""
+    off = np.array([(0.0, 0.0, x, y) for x in _SPREAD for y in _SPREAD])[None]
+    median, spread, low, high = (
+        np.stack([getattr(each, name) for each in profiles])[:, None]
+        for name in ("median", "spread", "low", "high")
+    )
+    law = np.clip(median * np.exp(off * spread), low, high)
+    lateral, braking = law[..., 3:4], law[..., 2:3]
+    limit = lateral / np.maximum(np.abs(curvature), 1e-3)[:, None]
+    return np.asarray(np.sqrt(np.maximum(brake_backwards(s[:, None], limit, braking), 0.0)))
+
+
+def _find_stop(route: Route, curve: FloatArray, ground: MapAreas) -> tuple[float, str | None]:
+    """Arc length of stop line or kerb [m] for a vehicle of length 0, and its signal group."""
+    path = even_path(curve)
+    shape = PEDESTRIAN if route.type == "pedestrian" else vehicle_shape()
+    law = DrivingProfile(1.0, 1.0, 1.0, 1.0)
+    probe = Candidate(route, path.xy[:K], path, 0.0, law, 0.0, shape, None)
+    marks = find_landmarks(probe, map_areas=ground)
+    if marks.line is None:
+        return np.inf, None
+    return marks.line + (shape.length / 2 if route.type == "vehicle" else 0.0), marks.group
+
+
+def list_sides(intersection_map: IntersectionMap) -> tuple[str, ...]:
+    """List the legs of the map by their compass names."""
+    return tuple(leg.name for leg in intersection_map.legs)

@@ -1,0 +1,151 @@
+"""The paper's relation baseline: predicted tracks, and the rule checker on all of them.
+
+TrajNet++ is the refiner that the intersection's bundle ships, rolled out without goals. Constant
+velocity is the reference for everything else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.errors import InputError
+from scenewright.evals.understanding.labels import RELATIONS, PairRelation
+from scenewright.evals.understanding.observation import ObservedAgent, SceneObservation
+from scenewright.intersections import load_map
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Event
+from scenewright.scene.record import SignalRecord
+from scenewright.scene.track import STEP, Shape, Track
+from scenewright.tools.relation_checker import RoadUser, find_events
+from scenewright.tools.track_io.external_tracks import compute_headings
+
+if TYPE_CHECKING:
+    from scenewright.tools.trajnet_refiner.model import Refiner
+
+HORIZON = 8.0
+"""How far ahead tracks are predicted [s]."""
+LEAST_MOTION = {"vehicle": 0.5, "pedestrian": 0.2}
+"""Motion from which a heading is computed [m]."""
+
+TrackPredictor = Callable[[SceneObservation], list[FloatArray]]
+"""Of all agents, in order: [T, 2] positions [m] every 0.1 s from now + 0.1 s on."""
+
+
+def predict_constant_velocity(observation: SceneObservation) -> list[FloatArray]:
+    """Continue every agent's last step."""
+    ahead = np.arange(1, round(HORIZON / STEP) + 1)[:, None]
+    return [
+        agent.xy[-1] + ahead * (agent.xy[-1] - agent.xy[max(len(agent.xy) - 2, 0)])
+        for agent in observation.agents
+    ]
+
+
+def load_trajnet(intersection: str) -> TrackPredictor:
+    """Load the bundle's refiner as a predictor.
+
+    Raises:
+        InputError: the bundle ships none.
+    """
+    from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+
+    learned = bundled_refiner(intersection)
+    if learned is None:
+        raise InputError(
+            f"intersection {intersection!r} ships no refiner, so there is no TrajNet++ to predict "
+            "with; use the method constant_velocity"
+        )
+    net = learned.net
+    return lambda observation: predict_with_refiner(net, observation)
+
+
+def predict_with_refiner(net: Refiner, observation: SceneObservation) -> list[FloatArray]:
+    """Roll out the refiner, resampled; constant velocity for agents that it cannot predict."""
+    import torch
+
+    from scenewright.tools.trajnet_refiner.model import CLASSES
+    from scenewright.tools.trajnet_refiner.rollout import roll_out
+
+    step, fallback = net.config.step, predict_constant_velocity(observation)
+    if not observation.agents:
+        return []
+    steps = int(np.ceil(HORIZON / step))
+    past = min(net.config.observed, int(observation.now / step) + 1)
+    known = np.full((len(fallback), past + steps, 2), np.nan)
+    for n, agent in enumerate(observation.agents):
+        known[n, :past] = _resample_past(agent, observation.now, past, step)
+    classes = torch.tensor([[CLASSES.index(agent.type) for agent in observation.agents]])
+    with torch.no_grad():
+        filled = roll_out(net, torch.tensor(known[None], dtype=torch.float32), classes=classes)
+    rolled = filled[0, :, past - 1 :].double().numpy()
+    wanted = STEP * np.arange(1, round(HORIZON / STEP) + 1)
+    times = step * np.arange(steps + 1)
+    return [
+        _interpolate(wanted, times, xy) if np.isfinite(xy).all() else straight
+        for xy, straight in zip(rolled, fallback, strict=True)
+    ]
+
+
+def _interpolate(wanted: NDArray[Any], times: NDArray[Any], xy: FloatArray) -> FloatArray:
+    return np.stack([np.interp(wanted, times, xy[:, d]) for d in (0, 1)], axis=-1)
+
+
+def _resample_past(agent: ObservedAgent, now: float, count: int, step: float) -> FloatArray:
+    """[count, 2] positions at the last `count` steps up to now; NaN where it was not there."""
+    times = now - step * np.arange(count - 1, -1, -1)
+    seen = agent.start + STEP * np.arange(len(agent.xy))
+    inside = (times >= seen[0] - 1e-6) & (times <= seen[-1] + 1e-6)
+    return np.where(inside[:, None], _interpolate(times, seen, agent.xy), np.nan)
+
+
+def check_predicted_tracks(
+    observation: SceneObservation, predict: TrackPredictor
+) -> tuple[Event, ...]:
+    """Run the rule checker on observed and predicted tracks; ids are places in `agents`."""
+    intersection_map = load_map(observation.intersection)
+    ahead = predict(observation)
+    users = [
+        user
+        for n, (agent, xy) in enumerate(zip(observation.agents, ahead, strict=True))
+        if (user := _build_road_user(n, agent, xy, intersection_map.extent)) is not None
+    ]
+    signals = [SignalRecord.model_validate(each.model_dump()) for each in observation.lights]
+    events = find_events(
+        users, intersection_map=intersection_map, signals=signals, until=observation.now + HORIZON
+    )
+    return tuple(event for event in events if event.type in RELATIONS)
+
+
+def _build_road_user(
+    n: int, agent: ObservedAgent, ahead: FloatArray, extent: float
+) -> RoadUser | None:
+    """Observed and predicted track, up to the edge of the map; None for a single position."""
+    outside = np.flatnonzero(np.abs(ahead).max(axis=1) > extent)
+    until = 0 if agent.left else outside[0] if len(outside) else len(ahead)
+    xy = np.concatenate([agent.xy, ahead[:until]])
+    if len(xy) < 2:
+        return None
+    least = LEAST_MOTION[agent.type]
+    later = compute_headings(xy, step=STEP, least=least)[len(agent.xy) :]
+    turns = np.round((agent.heading[-1] - later[:1]) / (2 * np.pi)) * 2 * np.pi
+    moves = len(later) > 0 and float(np.hypot(*(xy[-1] - agent.xy[-1]))) > least
+    later = later + turns if moves else np.full(len(later), agent.heading[-1])
+    track = Track(xy, np.concatenate([agent.heading, later]), agent.start)
+    return RoadUser(n, track, Shape(agent.type, agent.length, agent.width))
+
+
+def to_relations(
+    events: Sequence[Event], observation: SceneObservation
+) -> tuple[PairRelation, ...]:
+    """Convert events to relations, the gravest of each pair."""
+    ids = observation.ids
+    found: dict[frozenset[int], PairRelation] = {}
+    for event in sorted(events, key=lambda each: RELATIONS.index(each.type)):
+        pair = frozenset((event.from_, event.to))
+        found.setdefault(
+            pair, PairRelation(event.type, ids[event.from_], ids[event.to], event.time)
+        )
+    return tuple(found.values())

@@ -1,0 +1,132 @@
+"""The conflict zone of two agents, and when each of them would be in it.
+
+The share of a few dozen futures that touch says little of the probability that two agents would, as
+only a handful of them has the same two maneuvers. So for these the stretch that the two swept paths
+share is found (SEMANTICS section 4, conflict zone), and the two stays in it are compared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, BoolArray
+from scenewright.evals.understanding.observation import ObservedAgent
+from scenewright.evals.understanding.route_components import interpolate_points, interpolate_rows
+from scenewright.evals.understanding.time_gaps import IntArray
+from scenewright.scene.base import FloatArray
+
+OF_ZONE = ("offset", "both_there", "wait", "at_odds", "offset_spread")
+"""Median distance of the stays, middle to middle, in units of half of both together (below 1 they
+overlap); share of futures where they overlap; how long either would have to wait for the other to
+clear the zone [s]; the first again, as a soft overlap; standard deviation of the time from middle
+to middle [s]."""
+IN_ZONE = ("lead", "zone", "zone_in", "zone_for", "zone_needs", "decides")
+"""By how much earlier than the other it is there, middle to middle [s]; distance until it enters
+[m], when that is, and for how long it stays [s]; the braking that stops it before [m/s^2]; time
+left until it would have to begin to brake comfortably [s]."""
+
+_STEP = 0.75
+_GRID = np.arange(0.0, 75.0, _STEP)
+"""Points along a path that are compared [m from the agent]."""
+_LONGEST = int(5.0 / _STEP)
+"""Of a shared lane only the first 5 m belong to the zone, in steps of the grid."""
+_ROWS = 16
+"""Futures of a pair that are compared, at most."""
+_TOUCH, _SOFT = 0.95, 0.36
+"""Stays overlap below this offset; width of the soft overlap."""
+_ROOM, _BRAKING = 0.8, 2.2
+"""Distance to the zone at which agents stop [m], and comfortable braking [m/s^2]."""
+_NOWHERE, _LATE, _HARD = 60.0, 20.0, 12.0
+NONE = ((9.0, 0.0, 9.0, 0.0, 9.0), (0.0, _NOWHERE, _LATE, _LATE, 0.0, _LATE))
+"""Of both, and of each, where their paths do not overlap."""
+
+
+@dataclass(frozen=True, eq=False)
+class _ZoneStay:
+    """One of the two in N futures: distance to the zone [m]; entry and exit [s from now]."""
+
+    ahead: FloatArray
+    in_: FloatArray
+    out: FloatArray
+
+    @property
+    def middle(self) -> FloatArray:
+        """Halfway between entry and exit [s from now]."""
+        return (self.in_ + self.out) / 2
+
+
+def compute_zone_features(
+    one: tuple[ObservedAgent, AgentForecast],
+    two: tuple[ObservedAgent, AgentForecast],
+    mine: BoolArray,
+) -> tuple[list[float], list[float], list[float]]:
+    """Compute `OF_ZONE`, and `IN_ZONE` of either agent, from futures `mine` [K]."""
+    rows = np.flatnonzero(mine)
+    rows = rows[:: -(-len(rows) // _ROWS)] if len(rows) > _ROWS else rows
+    stays = _find_stays(one, two, rows) if len(rows) else None
+    if stays is None:
+        return list(NONE[0]), list(NONE[1]), list(NONE[1])
+    a, b = stays
+    lead = b.middle - a.middle
+    half = np.maximum((a.out - a.in_) / 2 + (b.out - b.in_) / 2, 0.05)
+    offset = np.abs(lead) / half
+    both = [
+        float(np.median(offset)), float((offset < _TOUCH).mean()),
+        float(np.median(np.maximum(np.abs(lead) - half, 0.0))),
+        float(np.exp(-(offset**2) / (2 * _SOFT)).mean()), float(lead.std()),
+    ]  # fmt: skip
+    first = float(np.median(lead))
+    return both, _describe_stay(one[0], a, first), _describe_stay(two[0], b, -first)
+
+
+def _describe_stay(agent: ObservedAgent, stay: _ZoneStay, lead: float) -> list[float]:
+    v, ahead = float(agent.speed[-1]), float(np.median(stay.ahead))
+    room = max(ahead - _ROOM, 0.3)
+    left = (room - v * v / (2.0 * _BRAKING)) / max(v, 0.5)
+    return [
+        lead, ahead, float(np.median(stay.in_)), float(np.median(stay.out - stay.in_)),
+        min(v * v / (2.0 * room), _HARD), float(np.clip(left, -5.0, _LATE)),
+    ]  # fmt: skip
+
+
+def _find_stays(
+    one: tuple[ObservedAgent, AgentForecast], two: tuple[ObservedAgent, AgentForecast],
+    rows: IntArray,
+) -> tuple[_ZoneStay, _ZoneStay] | None:  # fmt: skip
+    """The stays of both in the zone, in those futures of `rows` that have one."""
+    (a, first), (b, second) = one, two
+    (s_a, at_a), (s_b, at_b) = _sample_path(first, rows), _sample_path(second, rows)
+    dx, dy = (at_a[:, :, None, d] - at_b[:, None, :, d] for d in (0, 1))
+    on_map = (s_a[:, -1:] >= _GRID)[:, :, None] & (s_b[:, -1:] >= _GRID)[:, None]
+    near = (dx * dx + dy * dy < ((a.width + b.width) / 2 + 0.05) ** 2) & on_map
+    found = near.any(axis=(1, 2))
+    if not found.any():
+        return None
+    in_a, in_b = (np.asarray(near[found].any(axis=axis)) for axis in (2, 1))
+    return _find_stay(a, s_a[found], in_a), _find_stay(b, s_b[found], in_b)
+
+
+def _sample_path(future: AgentForecast, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    """[N, T] distance by tick [m], rising; [N, G, 2] points of the grid."""
+    xy = future.xy[rows]
+    step, s = np.diff(xy, axis=1), np.zeros(xy.shape[:2])
+    np.cumsum(np.hypot(step[..., 0], step[..., 1]) + 1e-6, axis=1, out=s[:, 1:])
+    return s, interpolate_points(np.broadcast_to(_GRID, (len(rows), len(_GRID))), s, xy)
+
+
+def _find_stay(agent: ObservedAgent, s: FloatArray, near: BoolArray) -> _ZoneStay:
+    """The stay between the first point of the zone and the last one connected to it."""
+    first = near.argmax(axis=1)
+    broken = ~near & (np.arange(near.shape[1]) > first[:, None])
+    last = np.where(broken.any(axis=1), broken.argmax(axis=1) - 1, near.shape[1] - 1)
+    last = np.minimum(last, first + _LONGEST)
+    # A row of discs, as wide as the path that it sweeps; the zone ends between two points.
+    reach = (agent.length - agent.width + _STEP) / 2
+    begins, ends = _GRID[first] - reach, _GRID[last] + reach
+    ticks = np.broadcast_to(DT * np.arange(TICKS), s.shape)
+    speed = max(float(agent.speed[-1]), 0.5)
+    in_, out = (interpolate_rows(at[:, None], s, ticks)[:, 0] for at in (begins, ends))
+    # An agent inside the zone is taken to have entered it at its present speed.
+    return _ZoneStay(begins, np.where(begins < 0.0, begins / speed, in_), out)

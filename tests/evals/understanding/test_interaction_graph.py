@@ -1,0 +1,105 @@
+"""Beliefs over futures by message passing, and the features of a pair."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenewright.evals.understanding.forecast import DT, TICKS, AgentForecast, SceneForecast
+from scenewright.evals.understanding.intent import RoutePosterior, infer_routes
+from scenewright.evals.understanding.interaction_graph import build_interaction_graph
+from scenewright.evals.understanding.observation import ObservedAgent, SceneObservation
+from scenewright.evals.understanding.pair_features import (
+    NAMES,
+    compute_pair_features,
+    mirror_features,
+)
+from scenewright.evals.understanding.route_components import load_components
+
+PLACE = "amsterdam_120"
+SIZE = 8
+
+
+def driver(id_: str) -> ObservedAgent:
+    """A vehicle that has driven up the north leg."""
+    ways = load_components(PLACE, "vehicle")
+    c = [each.id for each in ways.routes].index("vehicle:north>south:straight")
+    s = np.arange(0.0, 12.0, 0.9)
+    xy = np.stack([np.interp(s, ways.s[c], ways.curve[c, :, d]) for d in (0, 1)], axis=-1)
+    heading = np.interp(s, ways.s[c], ways.heading[c])
+    return ObservedAgent(
+        id_, "vehicle", 0.0, xy, heading, np.full(len(s), 9.0), s, 4.6, 1.85, False
+    )  # fmt: skip
+
+
+def fit_of(agent: ObservedAgent) -> RoutePosterior:
+    seen = SceneObservation("00ff00ff00ff00ff", PLACE, 4.0, 12, (agent,), ())
+    return infer_routes(seen)[agent.id]
+
+
+def future(fit: RoutePosterior, ways: list[tuple[str, np.ndarray, float]]) -> AgentForecast:
+    """Futures that take the ways named, each (movement, [T, 2], heading), in turn."""
+    movements = [route.movement for route in fit.components.routes]
+    turn = [ways[k % len(ways)] for k in range(SIZE)]
+    return AgentForecast(
+        np.stack([xy for _, xy, _ in turn]),
+        np.stack([np.full(TICKS, heading) for _, _, heading in turn]),
+        np.ones((SIZE, TICKS), dtype=np.bool_), np.full(SIZE, 9.0),
+        np.zeros(SIZE, dtype=np.bool_), np.zeros(SIZE, dtype=np.bool_),
+        np.array([movements.index(name) for name, _, _ in turn]), np.full(SIZE, 1 / SIZE),
+        np.full(SIZE, np.inf),
+    )  # fmt: skip
+
+
+T = DT * np.arange(TICKS)
+SOUTH = np.stack([0 * T, 30.0 - 5.0 * T], axis=-1)
+EAST = np.stack([-30.0 + 5.0 * T, 0 * T], axis=-1)
+AWAY = np.stack([300.0 + 5.0 * T, 0 * T], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def forecast() -> SceneForecast:
+    """`a` goes straight on or left; on its way straight it meets `b`, who surely goes east.
+
+    `c` is far from everybody.
+    """
+    agents = tuple(driver(name) for name in "abc")
+    fits = tuple(fit_of(agent) for agent in agents)
+    futures = (
+        future(fits[0], [("straight", SOUTH, -np.pi / 2), ("left", AWAY, 0.0)]),
+        future(fits[1], [("straight", EAST, 0.0)]),
+        future(fits[2], [("straight", AWAY + 500.0, 0.0)]),
+    )
+    return SceneForecast(agents, fits, futures, futures, np.zeros(3))
+
+
+def test_futures_close_to_crossing_agents_are_less_likely(forecast: SceneForecast) -> None:
+    graph = build_interaction_graph(forecast)
+    meets = np.arange(SIZE) % 2 == 0
+    assert np.abs(graph.gaps[0, 1].gap[meets]).max() < 1.0
+    without_c = graph.beliefs[0, 2]
+    assert without_c.sum() == pytest.approx(1.0)
+    assert without_c[meets].sum() < 0.2
+
+
+def test_beliefs_of_a_pair_leave_out_their_own_messages(forecast: SceneForecast) -> None:
+    graph = build_interaction_graph(forecast)
+    assert graph.beliefs[0, 1] == pytest.approx(np.full(SIZE, 1 / SIZE))
+
+
+def test_features_describe_the_likeliest_conflict_of_a_pair(forecast: SceneForecast) -> None:
+    (pair,) = compute_pair_features(forecast, window=4.0)
+    features = dict(zip(NAMES, pair.values.tolist(), strict=True))
+    assert (pair.a, pair.b) == ("a", "b")
+    assert features["best"] == 1.0
+    assert features["best_share"] == pytest.approx(0.5)
+    assert features["within_1"] == pytest.approx(0.5)
+    assert features["soon"] == pytest.approx(6.0, abs=1.0)
+    assert features["angle"] == pytest.approx(np.pi / 2)
+    assert features["own_a"] == pytest.approx(0.5)
+    assert features["own_b"] == pytest.approx(1.0)
+    assert features["zone_a"] == pytest.approx(30.0 - (4.6 + 1.85) / 2, abs=1.0)
+    assert features["offset"] < 0.2
+    back = dict(zip(NAMES, mirror_features(pair.values).tolist(), strict=True))
+    assert back["own_b"] == features["own_a"]
+    assert back["best"] == features["best"]
