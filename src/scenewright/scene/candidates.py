@@ -154,11 +154,11 @@ class CandidateSet:
         cast: routes and patterns of the foreground.
         hour: time of day [h] that the numbers were drawn for.
         background: how many background agents of each class the scene shall have.
-        manners: how people give way here.
+        yielding_model: how agents yield at this intersection.
     """
 
     agents: Mapping[str, AgentCandidates]
     cast: RoleAssignment
     hour: float
     background: Mapping[AgentClass, int]
-    manners: YieldingModel = field(default_factory=dict)
+    yielding_model: YieldingModel = field(default_factory=dict)

@@ -337,6 +337,14 @@ def test_a_pattern_that_the_edge_names_is_the_only_one_and_keeps_its_roles():
     assert played == {("straight_crossing_collision", CAR)}
 
 
+def test_who_is_on_foot_cannot_brake() -> None:
+    late = edge("near_miss", CAR, WALKER, cause="late_brake", braker=WALKER)
+    with pytest.raises(Rejected, match=f"{WALKER} has no brakes; as braker write the vehicle"):
+        ground_graph(
+            SocialGraph(agents=(vehicle(), pedestrian()), relations=(late,)), intersection_map=ON
+        )
+
+
 def test_late_braking_needs_a_collision_or_a_near_miss() -> None:
     late = edge("yield_to", CAR, WALKER, cause="late_brake")
     with pytest.raises(Rejected, match="late_brake goes with collide_at or near_miss"):

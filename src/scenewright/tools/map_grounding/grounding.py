@@ -84,7 +84,7 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     for agent in graph.agents:
         if not routes[agent.id]:
             raise Rejected(_no_route(agent, intersection_map))
-    for refuse in (_two_collisions, _late_without_a_clash, _waits_for_a_wreck):
+    for refuse in (_two_collisions, _late_without_a_clash, _brakes_on_foot, _waits_for_a_wreck):
         refuse(graph)
     grounding = Grounding(routes=routes)
     # One by one first: the search over all of them is exhaustive where one cannot be played.
@@ -551,6 +551,17 @@ def _late_without_a_clash(graph: SocialGraph) -> None:
             detail = (
                 "late_brake goes with collide_at or near_miss alone, as who gives way or follows "
                 "brakes in time; ask for a near miss, or leave the braking out"
+            )
+            raise Rejected(_relation_fails(edge, detail))
+
+
+def _brakes_on_foot(graph: SocialGraph) -> None:
+    """Raises Rejected if a pedestrian is to brake."""
+    for edge in graph.relations:
+        if edge.braker is not None and graph.agent(edge.braker).type != "vehicle":
+            detail = (
+                f"{edge.braker} has no brakes; as braker write the vehicle of the two, or leave "
+                "the key out"
             )
             raise Rejected(_relation_fails(edge, detail))
 

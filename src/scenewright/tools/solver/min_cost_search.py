@@ -142,7 +142,7 @@ class MinCostSearch(Search):
         """Stagings of a tuple, drawn afresh several times."""
         stage = ForegroundSolver(
             candidates, landmarks, self._rng, lenient=self._lenient,
-            misses=self._shortfalls, yielding_model=self._pool.manners,
+            misses=self._shortfalls, yielding_model=self._pool.yielding_model,
         )  # fmt: skip
         for _ in range(_MAP_PLAYS):
             played = itertools.islice(stage.play(self._events, PartialSchedule()), _MAP_STAGINGS)

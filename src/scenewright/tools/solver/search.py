@@ -238,7 +238,7 @@ class Search:
         """The first survivor among the stagings of a tuple, opened like that."""
         stage = ForegroundSolver(
             candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
-            yielding_model=self._pool.manners, red_light_starts=red_light_starts,
+            yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
         )  # fmt: skip
         count = 0
         for schedule in filter(self._run_first, stage.play(self._events, self._opening())):

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given as drawn
+from hypothesis import given
 from hypothesis import strategies as st
 
+from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.scene.candidates import K
-from scenewright.tools.gmm_sampler.conditional import NOISE, given
+from scenewright.tools.gmm_sampler.condition_prior import NOISE, condition_prior
 from scenewright.tools.gmm_sampler.priors import DIMENSIONS, WaypointPrior
-from scenewright.tools.gmm_sampler.spline import DENSE, PER_INTERVAL
 
 SPREAD = 0.8
 LENGTH = 2.0
@@ -42,7 +42,7 @@ def spread_of(prior: WaypointPrior) -> np.ndarray:
 
 
 def test_a_waypoint_that_was_seen_moves_the_others_as_far_as_they_go_alike():
-    rest = given(straight(0.0), np.array([[30.0, 1.0]]))
+    rest = condition_prior(straight(0.0), np.array([[30.0, 1.0]]))
     share = SPREAD**2 / (SPREAD**2 + NOISE**2)
     alike = np.exp(-0.5 * ((np.arange(K) - 3) / LENGTH) ** 2)
     assert rest.means[0, 1::2] == pytest.approx(share * alike, abs=1e-4)
@@ -55,7 +55,7 @@ def test_a_waypoint_that_was_seen_moves_the_others_as_far_as_they_go_alike():
 def test_nothing_seen_and_what_lies_beyond_the_ends_say_nothing():
     prior = straight(0.0, 3.5)
     for seen in (np.zeros((0, 2)), np.array([[-20.0, 1.0], [120.0, 1.0]])):
-        rest = given(prior, seen)
+        rest = condition_prior(prior, seen)
         assert rest.weights == pytest.approx(prior.weights)
         assert rest.means == pytest.approx(prior.means)
         assert rest.cholesky == pytest.approx(prior.cholesky, abs=1e-9)
@@ -63,11 +63,11 @@ def test_nothing_seen_and_what_lies_beyond_the_ends_say_nothing():
 
 def test_a_lane_that_was_seen_to_be_driven_is_the_likely_one():
     seen = np.column_stack([np.linspace(5.0, 25.0, 9), np.full(9, 3.4)])
-    rest = given(straight(0.0, 3.5), seen)
+    rest = condition_prior(straight(0.0, 3.5), seen)
     assert rest.weights[1] > 0.99
 
 
-@drawn(
+@given(
     begin=st.floats(1.0, 50.0),
     way=st.floats(1.0, 38.0),
     beside=st.floats(-2.0, 2.0),
@@ -76,7 +76,7 @@ def test_a_lane_that_was_seen_to_be_driven_is_the_likely_one():
 def test_whatever_is_seen_doubt_shrinks_and_weights_stay_a_mixture(begin, way, beside, count):
     prior = straight(0.0, 1.0)
     seen = np.column_stack([np.linspace(begin, begin + way, count), np.full(count, beside)])
-    rest = given(prior, seen)
+    rest = condition_prior(prior, seen)
     assert rest.weights.sum() == pytest.approx(1.0)
     assert np.isfinite(rest.means).all()
     assert (spread_of(rest) <= spread_of(prior) + 1e-9).all()
@@ -87,7 +87,9 @@ def test_who_stands_tells_no_more_than_its_place():
     rng = np.random.default_rng(2)
     still = place + rng.normal(0.0, 0.05, (40, 2))
     still[0] = place[0]
-    assert spread_of(given(prior, still)) == pytest.approx(spread_of(given(prior, place)))
+    assert spread_of(condition_prior(prior, still)) == pytest.approx(
+        spread_of(condition_prior(prior, place))
+    )
 
 
 def test_lanes_that_begin_later_are_not_likelier_for_having_been_seen_less():
@@ -98,5 +100,7 @@ def test_lanes_that_begin_later_are_not_likelier_for_having_been_seen_less():
     late = replace(both, base=base, means=base[:, ::PER_INTERVAL].reshape(2, DIMENSIONS))
     seen = np.column_stack([np.linspace(5.0, 45.0, 9), np.full(9, 2.0)])
     beyond = seen[seen[:, 0] > 30.0]
-    assert given(late, seen).weights == pytest.approx(given(late, beyond).weights)
-    assert given(late, seen).weights[1] > 0.5
+    assert condition_prior(late, seen).weights == pytest.approx(
+        condition_prior(late, beyond).weights
+    )
+    assert condition_prior(late, seen).weights[1] > 0.5

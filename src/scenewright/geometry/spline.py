@@ -15,8 +15,6 @@ import numpy as np
 from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray, frozen
 from scenewright.scene.candidates import K, Path
-from scenewright.tools.gmm_sampler.priors import WaypointPrior
-from scenewright.tools.gmm_sampler.sample import component_log_densities
 
 PER_INTERVAL = 24
 """Points of a base curve between two waypoints."""
@@ -28,40 +26,20 @@ _CURVATURE_WINDOW = 2.0
 """Over which curvature is smoothed [m]."""
 
 
-def spline_path(waypoints: FloatArray, *, base: FloatArray | None = None) -> Path:
+def build_spline_path(waypoints: FloatArray, *, base: FloatArray | None = None) -> Path:
     """The path through waypoints [K, 2], about a base curve [DENSE, 2] where one is given."""
     if base is None:
-        return even_path(spline_matrix() @ waypoints)
-    return even_path(base + spline_matrix() @ (waypoints - base[::PER_INTERVAL]))
+        return build_even_path(compute_spline_matrix() @ waypoints)
+    return build_even_path(base + compute_spline_matrix() @ (waypoints - base[::PER_INTERVAL]))
 
 
-def paths_of(prior: WaypointPrior, waypoints: FloatArray) -> list[Path]:
-    """The paths through waypoints [m, K, 2], each about its likeliest component's base curve."""
-    chosen = component_log_densities(prior, waypoints).argmax(axis=1)
-    return [path_of(prior, each, int(c)) for each, c in zip(waypoints, chosen, strict=True)]
-
-
-def path_of(prior: WaypointPrior, waypoints: FloatArray, component: int) -> Path:
-    """The path through waypoints [K, 2] about the base curve of one component."""
-    return spline_path(waypoints, base=prior.base[component])
-
-
-def dense_curves(waypoints: FloatArray, bases: FloatArray | None) -> FloatArray:
-    """[m, DENSE, 2] splines through waypoints [m, K, 2], about base curves or none."""
-    if bases is None:
-        return np.asarray(np.einsum("pk,mkd->mpd", spline_matrix(), waypoints))
-    deviation = waypoints - bases[:, ::PER_INTERVAL]
-    return np.asarray(bases + np.einsum("pk,mkd->mpd", spline_matrix(), deviation))
-
-
-def tangents(curve: FloatArray) -> FloatArray:
-    """[P, 2] unit vectors along a curve [P, 2], at its points."""
-    ahead = np.gradient(curve, axis=0)
-    return np.asarray(ahead / np.maximum(np.hypot(*ahead.T), 1e-9)[:, None])
+def compute_dense_curves(waypoints: FloatArray) -> FloatArray:
+    """[m, DENSE, 2] splines through waypoints [m, K, 2]."""
+    return np.asarray(np.einsum("pk,mkd->mpd", compute_spline_matrix(), waypoints))
 
 
 @lru_cache(maxsize=1)
-def spline_matrix() -> FloatArray:
+def compute_spline_matrix() -> FloatArray:
     """[DENSE, K] natural cubic spline as a linear map: values at the knots to values between."""
     second = np.zeros((K, K))
     inner = np.arange(1, K - 1)
@@ -77,28 +55,28 @@ def spline_matrix() -> FloatArray:
     return frozen(straight + bent / 6.0)
 
 
-def even_path(curve: FloatArray) -> Path:
+def build_even_path(curve: FloatArray) -> Path:
     """A curve [P, 2] as a path with even spacing, heading and smoothed curvature."""
-    return Path(*_evened(curve))
+    return Path(*_resample_evenly(curve))
 
 
 # ---- as machine code ----------------------------------------------------------------------------
 
 
 @compiled
-def _evened(curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _resample_evenly(curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Points [N, 2] [m], arc length [m], heading [rad] and curvature [1/m] of an even path."""
-    length = _along(curve)
+    length = _measure_arc_lengths(curve)
     last = max(int(np.rint(length[-1] / SPACING)), 2)
     s = np.arange(last + 1) * (length[-1] / last)
     s[-1] = length[-1]
-    xy = _points(curve, length, s)
-    heading, turning = _directions(xy, s[1])
-    return xy, s, heading, _smoothed(turning, max(int(np.rint(_CURVATURE_WINDOW / s[1] / 2)), 1))
+    xy = _interpolate_points(curve, length, s)
+    heading, turning = _measure_directions(xy, s[1])
+    return xy, s, heading, _average(turning, max(int(np.rint(_CURVATURE_WINDOW / s[1] / 2)), 1))
 
 
 @compiled
-def _along(curve: FloatArray) -> FloatArray:
+def _measure_arc_lengths(curve: FloatArray) -> FloatArray:
     """[P] arc length of the points of a curve [m]."""
     length = np.zeros(len(curve))
     for k in range(1, len(curve)):
@@ -108,7 +86,7 @@ def _along(curve: FloatArray) -> FloatArray:
 
 
 @compiled
-def _points(curve: FloatArray, length: FloatArray, s: FloatArray) -> FloatArray:
+def _interpolate_points(curve: FloatArray, length: FloatArray, s: FloatArray) -> FloatArray:
     """[N, 2] the points of a curve at ascending arc lengths [m]."""
     xy = np.empty((len(s), 2))
     k = 0
@@ -124,7 +102,7 @@ def _points(curve: FloatArray, length: FloatArray, s: FloatArray) -> FloatArray:
 
 
 @compiled
-def _directions(xy: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+def _measure_directions(xy: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     """Heading [rad] and curvature [1/m] at points; headings are the first one and the turns since.
 
     Without jumps by construction.
@@ -144,7 +122,7 @@ def _directions(xy: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]
 
 
 @compiled
-def _smoothed(values: FloatArray, half: int) -> FloatArray:
+def _average(values: FloatArray, half: int) -> FloatArray:
     """A moving mean over 2 half + 1 values; the ends hold theirs."""
     out, last = np.empty(len(values)), len(values) - 1
     for k in range(len(values)):

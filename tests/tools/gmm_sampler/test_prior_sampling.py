@@ -9,29 +9,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenewright.errors import InputError
+from scenewright.geometry.spline import DENSE, build_even_path, build_spline_path
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.candidates import DrivingProfile, K
 from scenewright.tools.fitting.build_bundle import build_bundle
-from scenewright.tools.fitting.fit_priors import FLOOR, counts_of, fit_waypoints
+from scenewright.tools.fitting.fit_priors import FLOOR, count_present, fit_waypoints
 from scenewright.tools.gmm_sampler import (
     CountPrior,
     DrivingProfilePrior,
     Priors,
     WaypointPrior,
+    build_paths,
+    compute_count_nll,
     compute_profile_nll,
-    count_nll,
+    compute_total_mass,
+    compute_waypoint_nll,
     load_priors,
-    paths_of,
     sample_count,
     sample_driving_profiles,
     sample_waypoints,
-    spline_path,
-    total_mass,
-    waypoint_nll,
 )
 from scenewright.tools.gmm_sampler.priors import save_priors
-from scenewright.tools.gmm_sampler.spline import DENSE, even_path
-from scenewright.tools.simulation.corpus import CorpusHour, Trip, at_equal_length
+from scenewright.tools.simulation.corpus import CorpusHour, Trip, resample_path
 from scenewright.tools.simulation.demand import Demand, derive_demand
 
 NAME = "amsterdam_120"
@@ -62,14 +61,14 @@ def test_nll_of_one_gaussian_is_the_closed_form():
     prior = mixture(straight(spread=0.5))
     points = np.linspace((0.0, 0.0), (90.0, 0.0), K) + np.array([0.0, 0.25])
     wanted = 20 * math.log(0.5 * math.sqrt(2 * math.pi)) + 0.5 * K * (0.25 / 0.5) ** 2
-    assert waypoint_nll(prior, points[None]) == pytest.approx([wanted])
+    assert compute_waypoint_nll(prior, points[None]) == pytest.approx([wanted])
 
 
 def test_nll_of_two_far_components_adds_the_cost_of_choosing():
     near, far = straight(weight=0.25), straight(start=(0.0, 500.0), end=(90.0, 500.0), weight=0.75)
     points = np.linspace((0.0, 0.0), (90.0, 0.0), K)[None]
-    alone = waypoint_nll(mixture(straight()), points)
-    assert waypoint_nll(mixture(near, far), points) == pytest.approx(alone - math.log(0.25))
+    alone = compute_waypoint_nll(mixture(straight()), points)
+    assert compute_waypoint_nll(mixture(near, far), points) == pytest.approx(alone - math.log(0.25))
 
 
 def test_samples_have_the_mean_and_spread_of_their_gaussian():
@@ -78,7 +77,7 @@ def test_samples_have_the_mean_and_spread_of_their_gaussian():
     assert drawn.mean(axis=0).ravel() == pytest.approx(prior.means[0], abs=0.02)
     assert drawn.std(axis=0) == pytest.approx(0.5, abs=0.02)
     expected = 20 * math.log(0.5 * math.sqrt(2 * math.pi)) + 10
-    assert waypoint_nll(prior, drawn).mean() == pytest.approx(expected, abs=0.1)
+    assert compute_waypoint_nll(prior, drawn).mean() == pytest.approx(expected, abs=0.1)
 
 
 def test_same_seed_same_draws(priors):
@@ -93,7 +92,7 @@ def test_same_seed_same_draws(priors):
 def test_a_path_passes_through_its_waypoints(seed):
     rng = np.random.default_rng(seed)
     points = np.cumsum(rng.uniform(2.0, 12.0, (K, 2)), axis=0)
-    path = spline_path(points)
+    path = build_spline_path(points)
     line = shapely.LineString(path.xy)
     assert max(line.distance(shapely.Point(p)) for p in points) < 0.05
     assert np.diff(path.s) == pytest.approx(path.s[1])
@@ -101,12 +100,12 @@ def test_a_path_passes_through_its_waypoints(seed):
 
 
 def test_a_straight_path_has_no_curvature_and_a_circle_that_of_its_radius():
-    line = spline_path(np.linspace((0.0, 0.0), (0.0, 90.0), K))
+    line = build_spline_path(np.linspace((0.0, 0.0), (0.0, 90.0), K))
     assert line.heading == pytest.approx(math.pi / 2)
     assert line.curvature == pytest.approx(0.0, abs=1e-9)
     assert line.length == pytest.approx(90.0)
     angle = np.linspace(0.0, math.pi / 2, K)
-    arc = spline_path(20.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    arc = build_spline_path(20.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1))
     assert arc.curvature[16:-16] == pytest.approx(1 / 20.0, rel=0.05)
     assert arc.heading[-1] - arc.heading[0] == pytest.approx(math.pi / 2, abs=0.12)
 
@@ -114,7 +113,7 @@ def test_a_straight_path_has_no_curvature_and_a_circle_that_of_its_radius():
 def test_a_base_curve_is_kept_where_waypoints_agree_with_it():
     t = np.linspace(0.0, math.pi / 2, DENSE)
     base = 6.0 * np.stack([np.cos(t), np.sin(t)], axis=1)
-    path = spline_path(base[:: (DENSE - 1) // (K - 1)] + 1.0, base=base)
+    path = build_spline_path(base[:: (DENSE - 1) // (K - 1)] + 1.0, base=base)
     assert np.hypot(*(path.xy - 1.0).T) == pytest.approx(6.0, abs=1e-3)
 
 
@@ -128,7 +127,7 @@ def test_samples_of_every_route_lie_where_the_class_may_be(place, priors):
     for route in place.routes:
         prior = priors.waypoints[route.id]
         area = areas["vehicle" if route.type == "vehicle" else route.movement]
-        paths = paths_of(prior, sample_waypoints(prior, rng, size=100))
+        paths = build_paths(prior, sample_waypoints(prior, rng, size=100))
         inside = np.concatenate([shapely.contains_xy(area, p.xy[:, 0], p.xy[:, 1]) for p in paths])
         assert inside.mean() >= 0.98, route.id
 
@@ -137,7 +136,7 @@ def test_sampled_turns_are_drivable_and_walks_walkable(place, priors):
     rng = np.random.default_rng(2)
     for route in place.routes:
         prior = priors.waypoints[route.id]
-        paths = paths_of(prior, sample_waypoints(prior, rng, size=50))
+        paths = build_paths(prior, sample_waypoints(prior, rng, size=50))
         sharpest = max(float(np.abs(p.curvature).max()) for p in paths)
         assert sharpest < (1 / 6 if route.type == "vehicle" else 1.0), route.id
 
@@ -166,7 +165,7 @@ def test_time_laws_stay_in_comfort_and_their_density_integrates_to_one(priors):
     laws = sample_driving_profiles(priors, route, np.random.default_rng(4), size=500)
     assert all(law.acceleration <= 2.5 and law.braking <= 3 and law.lateral <= 3 for law in laws)
     assert 7 < np.median([law.speed for law in laws]) < 12
-    prior = priors.time_laws[route]
+    prior = priors.driving_profiles[route]
     axes = [np.linspace(a, b, 41) for a, b in zip(prior.low, prior.high, strict=True)]
     centre = [float(x) for x in prior.median]
     speeds = [DrivingProfile(float(v), *centre[1:]) for v in axes[0]]
@@ -190,14 +189,14 @@ def test_a_time_law_out_of_bounds_is_impossible(priors):
 
 
 def test_counts_are_a_distribution_over_whole_numbers(priors):
-    mass = total_mass(priors, hour=17)
+    mass = compute_total_mass(priors, hour=17)
     assert mass.sum() == pytest.approx(1.0)
     rng = np.random.default_rng(5)
     drawn = [sum(sample_count(priors, rng, hour=17)) for _ in range(2000)]
     assert np.mean(drawn) == pytest.approx(mass @ np.arange(len(mass)), rel=0.03)
-    night = total_mass(priors, hour=3)
+    night = compute_total_mass(priors, hour=3)
     assert night @ np.arange(len(night)) < 0.4 * mass @ np.arange(len(mass))
-    assert count_nll(priors, hour=17, vehicles=900, pedestrians=0) == np.inf
+    assert compute_count_nll(priors, hour=17, vehicles=900, pedestrians=0) == np.inf
     with pytest.raises(InputError, match="0 to 23"):
         sample_count(priors, rng, hour=24)
 
@@ -215,7 +214,7 @@ def test_saving_and_loading_changes_nothing(tmp_path, priors):
     for route, prior in priors.waypoints.items():
         assert np.array_equal(again.waypoints[route].means, prior.means)
     assert again.subtypes == priors.subtypes
-    assert again.time_laws.keys() == priors.time_laws.keys()
+    assert again.driving_profiles.keys() == priors.driving_profiles.keys()
 
 
 def test_damaged_or_missing_priors_are_one_clear_line(tmp_path):
@@ -225,7 +224,7 @@ def test_damaged_or_missing_priors_are_one_clear_line(tmp_path):
     with pytest.raises(InputError, match="cannot read"):
         load_priors(tmp_path)
     (tmp_path / "bundle.toml").write_text('[sha256]\n"priors.npz" = "0"\n')
-    load_priors.__globals__["_load"].cache_clear()
+    load_priors.__globals__["_load_bundle"].cache_clear()
     with pytest.raises(InputError, match="checksum"):
         load_priors(tmp_path)
 
@@ -261,12 +260,14 @@ def test_fitting_survives_few_tracks():
     x = np.linspace(-50.0, 50.0, 201)
     paths = [np.stack([x, np.full_like(x, y)], axis=1) for y in (0.0, 0.2, 0.4)]
     prior = fit_waypoints("test", paths, most=1)
-    assert np.isfinite(waypoint_nll(prior, np.array([at_equal_length(p) for p in paths]))).all()
+    assert np.isfinite(
+        compute_waypoint_nll(prior, np.array([resample_path(p) for p in paths]))
+    ).all()
 
 
 def test_equal_arc_length_is_equal_along_the_curve():
     corner = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
-    points = at_equal_length(corner)
+    points = resample_path(corner)
     assert points[0].tolist() == [0.0, 0.0]
     assert points[-1].tolist() == [9.0, 9.0]
     assert np.linalg.norm(np.diff(points, axis=0), axis=1)[:4] == pytest.approx(2.0)
@@ -274,7 +275,7 @@ def test_equal_arc_length_is_equal_along_the_curve():
 
 def test_presence_counts_who_is_inside_at_any_time_of_the_window():
     presence = np.array([[0, 5.0, 35.0], [0, 29.0, 30.5], [1, 61.0, 62.0]])
-    counts = counts_of(CorpusHour(0, 0, (), presence), 30.0)
+    counts = count_present(CorpusHour(0, 0, (), presence), 30.0)
     assert counts[:3].tolist() == [[2, 0], [2, 0], [0, 1]]
 
 
@@ -312,14 +313,14 @@ def test_demand_comes_from_the_named_streets(tmp_path):
 def test_a_trip_has_ten_waypoints():
     path = np.stack([np.linspace(0, 45, 91), np.zeros(91)], axis=1)
     trip = Trip("vehicle:x", "car", path, np.zeros(3), 0.0)
-    assert trip.waypoints().shape == (K, 2)
+    assert trip.waypoints.shape == (K, 2)
 
 
 def test_priors_hold_every_route(place, priors):
     assert isinstance(priors, Priors)
     wanted = {route.id for route in place.routes}
-    assert set(priors.waypoints) == set(priors.time_laws) == wanted
-    assert all(isinstance(law, DrivingProfilePrior) for law in priors.time_laws.values())
+    assert set(priors.waypoints) == set(priors.driving_profiles) == wanted
+    assert all(isinstance(law, DrivingProfilePrior) for law in priors.driving_profiles.values())
 
 
 def test_building_refuses_what_it_cannot_do(tmp_path):
@@ -337,7 +338,7 @@ def test_building_refuses_what_it_cannot_do(tmp_path):
 
 def test_points_of_a_curve_may_coincide() -> None:
     x = np.array([0.0, 0.0, 5.0, 5.0, 10.0, 10.0])
-    path = even_path(np.column_stack([x, np.zeros_like(x)]))
+    path = build_even_path(np.column_stack([x, np.zeros_like(x)]))
     assert path.length == pytest.approx(10.0)
     assert path.xy[:, 0] == pytest.approx(path.s)
     assert path.heading == pytest.approx(np.zeros(len(path.s)))

@@ -8,24 +8,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-
-from scenewright.errors import InputError
-from scenewright.geometry.landmarks import Landmarks
-from scenewright.intersections import find_bundle_folder
-from scenewright.scene.constraints import GivesWay, Headway
-from scenewright.scene.map import Route
-from scenewright.scene.yielding_behavior import LEVELS, YieldingBehavior, sample_quantiles
-from scenewright.tools.gmm_sampler.behavior_files import (
-    FILE,
-    Pace,
-    load_manners,
-    load_paces,
-    to_json,
-)
-from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior, paced
-from scenewright.tools.solver.foreground import ForegroundSolver
-from scenewright.tools.solver.schedule import PartialSchedule
-from solver_agents import (
+from solver_actors import (
     BARE,
     CAR,
     EAST,
@@ -37,6 +20,23 @@ from solver_agents import (
     law,
     straight,
 )
+
+from scenewright.errors import InputError
+from scenewright.geometry.landmarks import Landmarks
+from scenewright.intersections import find_bundle_folder
+from scenewright.scene.constraints import GivesWay, Headway
+from scenewright.scene.map import Route
+from scenewright.scene.yielding_behavior import LEVELS, YieldingBehavior, sample_quantiles
+from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior, replace_accelerations
+from scenewright.tools.gmm_sampler.yielding_files import (
+    FILE,
+    AccelerationProfile,
+    format_yielding_model,
+    load_acceleration_profiles,
+    load_yielding_model,
+)
+from scenewright.tools.solver.foreground import ForegroundSolver
+from scenewright.tools.solver.schedule import PartialSchedule
 
 CAR_1, CAR_2 = "vehicle-1", "vehicle-2"
 EASTWARDS = candidate(straight((-60.0, 0.0), EAST, 120.0))
@@ -169,25 +169,25 @@ def test_who_turns_on_green_waits_past_the_crosswalk_it_came_by(group):
 
 
 def test_paces_are_read_as_they_were_written_and_move_the_laws(tmp_path):
-    told = {"pedestrian": Pace((1.9, 0.1), (1.8, 0.2))}
-    folder = _bundle(tmp_path, to_json({PAIR: get_yielding()}, told))
-    assert load_paces(folder) == told
-    assert load_manners(folder) == {PAIR: get_yielding()}
+    told = {"pedestrian": AccelerationProfile((1.9, 0.1), (1.8, 0.2))}
+    folder = _bundle(tmp_path, format_yielding_model({PAIR: get_yielding()}, told))
+    assert load_acceleration_profiles(folder) == told
+    assert load_yielding_model(folder) == {PAIR: get_yielding()}
     law = DrivingProfilePrior(*(np.array([1.2, 1.0, 1.0, 1.3]) * k for k in (1, 0.2, 0.5, 2)), 9)
-    laws = paced({"pedestrian:x": law, "vehicle:x": law}, told)
+    laws = replace_accelerations({"pedestrian:x": law, "vehicle:x": law}, told)
     assert laws["pedestrian:x"].median.tolist() == [1.2, 1.9, 1.8, 1.3]
     assert laws["vehicle:x"] is law
 
 
 def test_a_bundle_without_a_file_keeps_its_own_laws(tmp_path):
-    assert load_paces(tmp_path) == {}
+    assert load_acceleration_profiles(tmp_path) == {}
 
 
 @pytest.mark.parametrize("pace", [{"starts": [0.0, 0.1], "brakes": [1.0, 0.1]}, {"starts": [1.0]}])
 def test_paces_that_are_none_are_refused(tmp_path, pace):
     folder = _bundle(tmp_path, json.dumps({"vehicle": pace}))
     with pytest.raises(InputError, match=r"manners\.json of"):
-        load_paces(folder)
+        load_acceleration_profiles(folder)
 
 
 def test_draws_lie_between_the_outermost_quantiles():
@@ -199,13 +199,13 @@ def test_draws_lie_between_the_outermost_quantiles():
 
 
 def test_the_shipped_habits_roll_now_and_then():
-    yielding_model = load_manners(find_bundle_folder("amsterdam_120"))
+    yielding_model = load_yielding_model(find_bundle_folder("amsterdam_120"))
     assert 0.05 < yielding_model["vehicle", "pedestrian"].rolls < 0.3
     assert 0.05 < yielding_model["vehicle", "vehicle"].rolls < 0.4
 
 
 def test_a_bundle_without_habits_borrows_the_shipped_ones(tmp_path):
-    assert load_manners(tmp_path) == load_manners(find_bundle_folder("amsterdam_120"))
+    assert load_yielding_model(tmp_path) == load_yielding_model(find_bundle_folder("amsterdam_120"))
 
 
 def _bundle(folder, text):
@@ -220,12 +220,15 @@ def _bundle(folder, text):
 
 def test_habits_are_read_as_they_were_written(tmp_path):
     yielding_model = {PAIR: get_yielding(rolls=0.25)}
-    assert load_manners(_bundle(tmp_path, to_json(yielding_model))) == yielding_model
+    assert (
+        load_yielding_model(_bundle(tmp_path, format_yielding_model(yielding_model)))
+        == yielding_model
+    )
 
 
 @pytest.mark.parametrize("gap", [[1.0, 2.0], list(range(11))[::-1]])
 def test_quantiles_that_are_none_are_refused(tmp_path, gap):
-    told = json.loads(to_json({PAIR: get_yielding()}))
+    told = json.loads(format_yielding_model({PAIR: get_yielding()}))
     told["vehicle to vehicle"]["gap"] = gap
     with pytest.raises(InputError, match="gap needs 11 ascending quantiles"):
-        load_manners(_bundle(tmp_path, json.dumps(told)))
+        load_yielding_model(_bundle(tmp_path, json.dumps(told)))

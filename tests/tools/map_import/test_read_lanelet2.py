@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import map_files
-from scenewright.tools.map_import.lanelet2 import _chained, _elements, _lanelets, _metres, _middle
+from scenewright.geometry.geographic import project_mercator
+from scenewright.tools.map_import.read_lanelet2 import build_lanelets, chain_pieces, read_elements
 
 TAF = os.environ.get("SCENEWRIGHT_TAF_BW")
 
@@ -18,7 +19,7 @@ def test_a_bound_of_several_ways_is_one_line_however_they_are_listed(order, turn
     line = np.stack([np.arange(10.0), np.sin(np.arange(10.0))], axis=1)
     pieces = [line[:4], line[3:7], line[6:]]
     pieces = [piece[::-1] if n in turned else piece for n, piece in enumerate(pieces)]
-    found = _chained([pieces[n] for n in order])
+    found = chain_pieces([pieces[n] for n in order])
     kept = found[np.concatenate([[True], np.hypot(*np.diff(found, axis=0).T) > 1e-9])]
     assert np.allclose(kept, line) or np.allclose(kept, line[::-1])
 
@@ -36,10 +37,9 @@ def maps(folder):
 def test_the_library_sees_the_same_lanelets(tmp_path):
     library = pytest.importorskip("lanelet2")
     for file in maps(tmp_path):
-        nodes, ways, relations = _elements(file)
-        middle = _middle(nodes)
-        xy = {name: _metres(middle, place) for name, place in nodes.items()}
-        lanes, foot = _lanelets(relations, ways, xy, file, [])
+        elements = read_elements(file)
+        middle = tuple(np.mean(list(elements.nodes.values()), axis=0).tolist())
+        lanes, foot = build_lanelets(elements, middle, file, [])
         ours = {**lanes, **{lane.id: lane for lane in foot}}
         frame = library.projection.UtmProjector(library.io.Origin(*middle))
         read, _ = library.io.loadRobust(str(file), frame)
@@ -48,6 +48,6 @@ def test_the_library_sees_the_same_lanelets(tmp_path):
         for name, lane in ours.items():
             middles = [library.core.BasicPoint3d(p.x, p.y, p.z) for p in theirs[name].centerline]
             points = [frame.reverse(each) for each in middles]
-            line = np.array([_metres(middle, (point.lat, point.lon)) for point in points])
+            line = np.array([project_mercator(middle, (point.lat, point.lon)) for point in points])
             away = np.hypot(*(line[:, None] - lane.middle[None]).transpose(2, 0, 1)).min(axis=1)
             assert float(np.quantile(away, 0.9)) < 0.6, name

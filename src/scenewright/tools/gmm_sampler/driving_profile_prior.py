@@ -1,10 +1,9 @@
-"""The density of time laws: how fast, and how briskly, apart from where (SEMANTICS section 6)."""
+"""The density of driving profiles: speeds and accelerations, apart from the path (SEMANTICS 6)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from operator import attrgetter
-from statistics import NormalDist
 
 import numpy as np
 
@@ -12,30 +11,39 @@ from scenewright.compiled import compiled
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import DrivingProfile
-from scenewright.tools.gmm_sampler.priors import LAW_FIELDS, DrivingProfilePrior, Priors
+from scenewright.tools.gmm_sampler.priors import (
+    PROFILE_FIELDS,
+    STANDARD_NORMAL,
+    DrivingProfilePrior,
+    Priors,
+)
+
+_get_values = attrgetter(*PROFILE_FIELDS)
 
 
 def sample_driving_profiles(
     priors: Priors, route: str, rng: np.random.Generator, *, size: int
 ) -> list[DrivingProfile]:
-    """Draw time laws of a route's agents, within the bounds of comfortable motion."""
-    prior = _of_route(priors, route)
+    """Draw driving profiles of a route's agents, within the bounds of comfortable motion."""
+    prior = _get_prior(priors, route)
     low, high = prior.tails
-    quantile = low + (high - low) * rng.uniform(size=(size, len(LAW_FIELDS)))
-    drawn = prior.median * np.exp(prior.spread * _inverse_normal(quantile))
+    quantile = low + (high - low) * rng.uniform(size=(size, len(PROFILE_FIELDS)))
+    drawn = prior.median * np.exp(prior.spread * _invert_normal(quantile))
     drawn = np.minimum(np.maximum(drawn, prior.low), prior.high)
     return [DrivingProfile(*row) for row in drawn.tolist()]
 
 
-def compute_profile_nll(priors: Priors, route: str, laws: Sequence[DrivingProfile]) -> FloatArray:
-    """[m] -log density of time laws [nats]; infinite outside the bounds."""
-    prior = _of_route(priors, route)
-    values = np.array([_values(law) for law in laws]).reshape(-1, len(LAW_FIELDS))
-    return _nll(values, prior.median, prior.spread, prior.low, prior.high, *prior.tails)
+def compute_profile_nll(
+    priors: Priors, route: str, profiles: Sequence[DrivingProfile]
+) -> FloatArray:
+    """[m] -log density of driving profiles [nats]; infinite outside the bounds."""
+    prior = _get_prior(priors, route)
+    values = np.array([_get_values(each) for each in profiles]).reshape(-1, len(PROFILE_FIELDS))
+    return _compute_nll(values, prior.median, prior.spread, prior.low, prior.high, *prior.tails)
 
 
 @compiled
-def _nll(
+def _compute_nll(
     values: FloatArray,
     median: FloatArray,
     spread: FloatArray,
@@ -58,16 +66,13 @@ def _nll(
     return nll
 
 
-def _of_route(priors: Priors, route: str) -> DrivingProfilePrior:
-    if route not in priors.time_laws:
+def _get_prior(priors: Priors, route: str) -> DrivingProfilePrior:
+    if route not in priors.driving_profiles:
         raise InputError(f"no time law was fitted for route {route!r}")
-    return priors.time_laws[route]
+    return priors.driving_profiles[route]
 
 
-def _inverse_normal(quantile: FloatArray) -> FloatArray:
+def _invert_normal(quantile: FloatArray) -> FloatArray:
     safe = np.minimum(np.maximum(quantile, 1e-12), 1 - 1e-12)
-    return np.array([_NORMAL.inv_cdf(q) for q in safe.ravel().tolist()]).reshape(safe.shape)
-
-
-_NORMAL = NormalDist()
-_values = attrgetter(*LAW_FIELDS)
+    found = [STANDARD_NORMAL.inv_cdf(q) for q in safe.ravel().tolist()]
+    return np.array(found).reshape(safe.shape)
