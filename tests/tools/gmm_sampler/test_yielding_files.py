@@ -8,18 +8,6 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from solver_actors import (
-    BARE,
-    CAR,
-    EAST,
-    NORTH,
-    WEST,
-    WESTBOUND,
-    bend,
-    candidate,
-    law,
-    straight,
-)
 
 from scenewright.errors import InputError
 from scenewright.geometry.landmarks import Landmarks
@@ -37,6 +25,18 @@ from scenewright.tools.gmm_sampler.yielding_files import (
 )
 from scenewright.tools.solver.foreground import ForegroundSolver
 from scenewright.tools.solver.schedule import PartialSchedule
+from solver_agents import (
+    BARE,
+    CAR,
+    EAST,
+    NORTH,
+    WEST,
+    WESTBOUND,
+    bend,
+    candidate,
+    law,
+    straight,
+)
 
 CAR_1, CAR_2 = "vehicle-1", "vehicle-2"
 EASTWARDS = candidate(straight((-60.0, 0.0), EAST, 120.0))
