@@ -14,7 +14,7 @@ from scenewright.nodes.wording import Example
 from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
 from scenewright.scene.edits import AgentView, Situation
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.event_summary import facts_of
+from scenewright.tools.event_summary import to_facts
 
 TEXT = (
     "Busy morning rush: a northbound van turning right breaks off its right turn for a woman who "
@@ -81,7 +81,7 @@ def behavior() -> Wording:
     fault = "vehicle-1 has no anchor 'south:line'"
     facts = {
         "instruction": LEFT, "words": WORDS, "relations": ["vehicle-1 yield_to pedestrian-1"],
-        **facts_of(_summary()),
+        **to_facts(_summary()),
     }  # fmt: skip
     return worded_stops(facts, _summary(), rejections=(fault,))
 

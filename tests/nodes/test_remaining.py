@@ -352,7 +352,7 @@ def test_segments_of_an_agent_that_is_not_there_are_refused(run: dict[str, Any])
 def placed(run: dict[str, Any], **stop: Any) -> Rejection:
     own = AddedStop.model_validate({"entry": 0, "agent": CAR, "lasts": 1.5, "ahead": 9.0, **stop})
     with pytest.raises(Rejected) as caught:
-        place_stops(AddedStops(stops=(own,)), run["selection"], ground=GROUND)
+        place_stops(AddedStops(stops=(own,)), run["selection"], map_areas=GROUND)
     return caught.value.rejection
 
 

@@ -32,7 +32,7 @@ from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.gmm_sampler.frozen_agents import scale_speed
 from scenewright.tools.gmm_sampler.generate import DENSITIES
-from scenewright.tools.map_grounding.grounding import ground
+from scenewright.tools.map_grounding.grounding import ground_graph
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def revised(
         Rejected: an edit cannot be, or the map cannot serve the graph.
     """
     graph = apply_edits(before, edits)
-    grounding = ground(graph, intersection_map=intersection_map)
+    grounding = ground_graph(graph, intersection_map=intersection_map)
     amended, paces = _amended(earlier, edits, pace)
     touched, other = _touched(before, graph, edits)
     return Revision(

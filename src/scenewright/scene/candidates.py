@@ -128,7 +128,7 @@ class AgentCandidates:
     build: Callable[[int], Candidate]
     arrival: float | None = None
     chance: float | None = None
-    spare: bool = False
+    reserve: bool = False
 
     @property
     def drawn(self) -> DrawnWaypoints:

@@ -22,7 +22,7 @@ from scenewright.scene.remaining import AddedStop, AddedStops
 from scenewright.scene.selection import SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.event_summary import summarise
-from scenewright.tools.segment_editor import editing_of, hold_of
+from scenewright.tools.segment_editor import get_motion_edits, to_stop_command
 
 ASKED = "asked"
 """Reason of a standstill that words ask for."""
@@ -38,7 +38,7 @@ _AT = 0.1
 
 
 def place_stops(
-    added: AddedStops, selection: Selection, *, ground: MapAreas
+    added: AddedStops, selection: Selection, *, map_areas: MapAreas
 ) -> tuple[AddedStops, Selection]:
     """The standstills with their times, and the selection in which the agents keep them.
 
@@ -48,7 +48,9 @@ def place_stops(
     """
     if not added.stops:
         return added, selection
-    anchors = {each.agent: each.anchors for each in summarise(selection, ground=ground).agents}
+    anchors = {
+        each.agent: each.anchors for each in summarise(selection, map_areas=map_areas).agents
+    }
     agents: dict[str, SelectedAgent] = dict(selection.agents)
     placed: dict[int, Stop] = {}
     for name in dict.fromkeys(each.agent for each in added.stops):
@@ -123,14 +125,14 @@ def _known(agent: SelectedAgent, s: float) -> Stop | None:
 
 def _due(agent: SelectedAgent, selection: Selection) -> list[_Due]:
     """Where it stands in view, and where it is when it meets others, in order of place."""
-    editing = editing_of(agent)
+    editing = get_motion_edits(agent)
     motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
     found = [
         _Due(stop.s, stop.at_red) for stop in agent.stops if not stop.rolls and stop.until > 0.0
     ]
     times = [each.time for each in selection.events if agent.name in each.agents]
     times += [] if agent.contact is None else [agent.contact]
-    places = motion.position(np.array(times) - agent.enters).tolist()
+    places = motion.compute_positions(np.array(times) - agent.enters).tolist()
     found += [_Due(s) for s in places]
     return sorted(found, key=lambda each: each.s)
 
@@ -144,7 +146,7 @@ def _held_before(
     """
     if not asked:
         return [], 0.0
-    editing = editing_of(agent)
+    editing = get_motion_edits(agent)
     holds: list[StopCommand] = []
     for s, lasts in asked:
         upstream = tuple(each for each in (*editing.holds, *holds) if each.s < s)
@@ -155,7 +157,7 @@ def _held_before(
     late = compute_motion(
         agent.candidate, holds=(*holds, *editing.holds), slowings=editing.slowings
     )
-    lost = late.time_at(place) - early.time_at(place)
+    lost = late.find_time_at(place) - early.find_time_at(place)
     whole = STEP * ceil(lost / STEP - 1e-6)
     holds[-1] = replace(holds[-1], release=holds[-1].release + whole - lost)
     return holds, whole
@@ -171,7 +173,7 @@ def _shifted(agent: SelectedAgent, holds: Sequence[StopCommand], lost: float) ->
         else each
         for each in agent.stops
     ]
-    upstream = [hold_of(each, enters) for each in earlier if each.until <= 0.0]
+    upstream = [to_stop_command(each, enters) for each in earlier if each.until <= 0.0]
     for hold in holds:
         stands = compute_arrival(
             agent.candidate, StopCommand(hold.s, 0.0), _upstream(hold.s, [*upstream, *holds])
@@ -189,7 +191,7 @@ def _upstream(s: float, holds: Sequence[StopCommand]) -> tuple[StopCommand, ...]
 def _held_after(agent: SelectedAgent, asked: Sequence[tuple[float, float]]) -> SelectedAgent:
     """The agent that stands behind everything that is due, and is so much later from there on."""
     for s, lasts in asked:
-        upstream = _upstream(s, editing_of(agent).holds)
+        upstream = _upstream(s, get_motion_edits(agent).holds)
         start = agent.enters + compute_arrival(agent.candidate, StopCommand(s, 0.0), upstream)
         stop = Stop(ASKED, s, start=start, until=start + lasts, reason=ASKED)
         agent = replace(agent, stops=tuple(sorted((*agent.stops, stop), key=lambda each: each.s)))

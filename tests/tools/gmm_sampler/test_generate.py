@@ -24,7 +24,7 @@ from scenewright.tools.gmm_sampler.generate import (
     draw_background_counts,
 )
 from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
-from scenewright.tools.map_grounding.grounding import ground
+from scenewright.tools.map_grounding.grounding import ground_graph
 
 ON = load_map("amsterdam_120")
 PRIORS = load_priors("amsterdam_120")
@@ -46,7 +46,12 @@ def graph_of(relation="near_miss", *, kind=None, **context) -> SocialGraph:
 def pool_of(graph, *, seed=0, hour=12.0, size=6):
     rng = np.random.default_rng(seed)
     cast = assign_foreground(
-        graph, ground(graph, intersection_map=ON), PRIORS, intersection_map=ON, hour=hour, rng=rng
+        graph,
+        ground_graph(graph, intersection_map=ON),
+        PRIORS,
+        intersection_map=ON,
+        hour=hour,
+        rng=rng,
     )
     return amplify(graph, cast, PRIORS, intersection_map=ON, hour=hour, size=size, rng=rng)
 
@@ -100,7 +105,7 @@ def test_names_never_collide_and_spares_come_on_top(seed):
             for each in pool.agents.values()
             if each.role == "background" and each.route.type == kind
         ]
-        assert [each.spare for each in crowd] == [n >= count for n in range(len(crowd))]
+        assert [each.reserve for each in crowd] == [n >= count for n in range(len(crowd))]
         for part in (crowd[:count], crowd[count:]):  # whoever comes first is first in its queue
             assert [each.arrival for each in part] == sorted(each.arrival for each in part)
         assert all(each.name.startswith(f"{kind}-") for each in crowd)

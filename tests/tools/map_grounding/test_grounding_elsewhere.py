@@ -13,7 +13,7 @@ from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import AgentNode, SceneContext, SocialGraph
 from scenewright.tools.fitting.custom_bundle import write_custom_bundle
 from scenewright.tools.fitting.derive_priors import derive_priors
-from scenewright.tools.map_grounding.grounding import ground, serves
+from scenewright.tools.map_grounding.grounding import can_serve, ground_graph
 from scenewright.tools.map_import import import_map
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 
@@ -36,15 +36,15 @@ def test_in_left_hand_traffic_the_turn_across_oncoming_traffic_is_the_right_one(
         turn: route(place, f"vehicle:north>{to}:{turn}")
         for turn, to in (("left", "east"), ("right", "west"))
     }
-    assert serves(pattern, turns["left"], oncoming, intersection_map=place)
-    assert not serves(pattern, turns["left"], oncoming, intersection_map=left_hand)
+    assert can_serve(pattern, turns["left"], oncoming, intersection_map=place)
+    assert not can_serve(pattern, turns["left"], oncoming, intersection_map=left_hand)
 
 
 def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
     pattern = get_pattern("follow_on_approach")
     ahead = route(place, "vehicle:north>south:straight")
     turning = route(place, "vehicle:north>east:left")
-    assert serves(pattern, turning, ahead, intersection_map=place)
+    assert can_serve(pattern, turning, ahead, intersection_map=place)
     lanes = tuple(
         m.model_copy(update={"lanelets": tuple(f"other:{x}" for x in m.lanelets)})
         if m.id == "north>east:left"
@@ -52,7 +52,7 @@ def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
         for m in place.movements
     )
     parted = place.model_copy(update={"movements": lanes})
-    assert not serves(pattern, turning, ahead, intersection_map=parted)
+    assert not can_serve(pattern, turning, ahead, intersection_map=parted)
 
 
 needs_sumo = pytest.mark.skipif(
@@ -71,15 +71,15 @@ def test_on_five_legs_a_turn_goes_where_the_map_leads(tmp_path):
         relations=(),
         context=SceneContext(),
     )
-    assert ground(graph, intersection_map=five).routes["vehicle-1"]
+    assert ground_graph(graph, intersection_map=five).routes["vehicle-1"]
     gone = five.model_copy(
         update={"routes": tuple(r for r in five.routes if r.id != "vehicle:south>west:left")}
     )
     if any(r.entry == "south" and r.movement == "left" for r in gone.routes):
-        assert ground(graph, intersection_map=gone).routes["vehicle-1"]
+        assert ground_graph(graph, intersection_map=gone).routes["vehicle-1"]
     else:
         with pytest.raises(Rejected):
-            ground(graph, intersection_map=gone)
+            ground_graph(graph, intersection_map=gone)
 
 
 @needs_sumo

@@ -176,7 +176,7 @@ def _find_stop(route: Route, curve: FloatArray, ground: MapAreas) -> tuple[float
     shape = PEDESTRIAN if route.type == "pedestrian" else vehicle_shape()
     law = DrivingProfile(1.0, 1.0, 1.0, 1.0)
     probe = Candidate(route, path.xy[:K], path, 0.0, law, 0.0, shape, None)
-    marks = find_landmarks(probe, ground=ground)
+    marks = find_landmarks(probe, map_areas=ground)
     if marks.line is None:
         return np.inf, None
     return marks.line + (shape.length / 2 if route.type == "vehicle" else 0.0), marks.group

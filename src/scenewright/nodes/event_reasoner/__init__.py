@@ -42,7 +42,7 @@ from scenewright.scene.remaining import AddedStops
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.added_stops import place_stops
-from scenewright.tools.event_summary import facts_of, summarise
+from scenewright.tools.event_summary import summarise, to_facts
 
 
 class ReasonerReads(TypedDict):
@@ -70,8 +70,8 @@ def reason_events(state: ReasonerReads, *, runtime: Runtime[RunContext]) -> Reas
     """Summarises the selected priors and writes the segments that realise the relations."""
     context = runtime.context
     added = _added(state, context)
-    placed, selection = place_stops(added, state["selection"], ground=context.ground)
-    summary = summarise(selection, ground=context.ground)
+    placed, selection = place_stops(added, state["selection"], map_areas=context.ground)
+    summary = summarise(selection, map_areas=context.ground)
     program = _as_before(summary.suggest_segments(), state)
     return _written(placed, selection, summary, program, state, context)
 
@@ -84,7 +84,7 @@ def edit_segments(
 ) -> ReasonerWrites:
     """The same with segments that an agent has written itself, checked against the tracks."""
     context, selection = runtime.context, state["selection"]
-    summary = summarise(selection, ground=context.ground)
+    summary = summarise(selection, map_areas=context.ground)
     own = chain_segments(told, summary)
     program = BehaviorProgram(segments={**summary.suggest_segments().segments, **own})
     for each in summary.agents:
@@ -140,7 +140,7 @@ def _added(state: ReasonerReads, context: RunContext) -> AddedStops:
 def _try_out(added: AddedStops, state: ReasonerReads, context: RunContext, *, known: bool) -> None:
     """Rejected, with the answer kept, where these tracks have no room for what others may have."""
     try:
-        place_stops(added, state["selection"], ground=context.ground)
+        place_stops(added, state["selection"], map_areas=context.ground)
     except Rejected as error:
         if not known and error.rejection.repairable:
             raise
@@ -150,7 +150,7 @@ def _try_out(added: AddedStops, state: ReasonerReads, context: RunContext, *, kn
 
 def _asked(left: list[Left], state: ReasonerReads, context: RunContext) -> AddedStops:
     told = tuple(each.detail for each in latest(state.get("rejections", []), "event_reasoner"))
-    summary = summarise(state["selection"], ground=context.ground)
+    summary = summarise(state["selection"], map_areas=context.ground)
     front = state["candidates"].cast.routes
     agents = tuple(each for each in summary.agents if each.agent in front)
     seen = summary.model_copy(update={"agents": agents})
@@ -160,7 +160,7 @@ def _asked(left: list[Left], state: ReasonerReads, context: RunContext) -> Added
         "words": words_as_facts(left, state["social_graph"]),
         "relations": _relations(state["candidates"].cast),
         "segments": segments,
-        **facts_of(seen),
+        **to_facts(seen),
     }
     question = Question(
         task="behavior",

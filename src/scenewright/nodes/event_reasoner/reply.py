@@ -22,7 +22,7 @@ from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.remaining import AddedStop, AddedStops, Unserved
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.track import STEP
-from scenewright.tools.segment_editor import edited_motion
+from scenewright.tools.segment_editor import compute_edited_motion
 
 _LATEST = 3600.0
 _MOST_STOPS = 8
@@ -157,10 +157,10 @@ def check_track(
     places = {anchor.id: anchor.s for anchor in summary.anchors}
     if any(each.status == "stop" and each.anchor not in places for each in segments):
         return
-    motion = edited_motion(agent, segments, places, duration=duration)
+    motion = compute_edited_motion(agent, segments, places, duration=duration)
     for each in segments:
         if each.status == "stop" and each.end > each.start:
-            comes = agent.enters + motion.time_at(places[each.anchor] - _THERE)
+            comes = agent.enters + motion.find_time_at(places[each.anchor] - _THERE)
             # A stay that began before the scene is clamped to its beginning.
             if abs(max(comes, 0.0) - each.start) > _SOON:
                 what = f"stands at {each.anchor} from {each.start:g} s, but comes at {comes:.1f} s"
@@ -181,7 +181,7 @@ def _check_end(
             what = f"ends at {segment.start:g} s, but its contact is at {summary.contact:g} s"
             raise refused("segment_off_track", summary.agent, what)
     elif segment.anchor in places:
-        is_at = float(motion.position(np.array(segment.start - agent.enters)))
+        is_at = float(motion.compute_positions(np.array(segment.start - agent.enters)))
         if abs(is_at - places[segment.anchor]) > _NEAR:
             away = abs(is_at - places[segment.anchor])
             what = f"ends at {segment.anchor} at {segment.start:g} s, but is {away:.1f} m away then"

@@ -21,7 +21,7 @@ from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
-from scenewright.tools.map_grounding.grounding import ground
+from scenewright.tools.map_grounding.grounding import ground_graph
 
 
 class PlannerReads(TypedDict):
@@ -62,7 +62,7 @@ def plan_scene(state: PlannerReads, *, runtime: Runtime[RunContext]) -> PlannerW
     context = runtime.context
     plan = state.get("planned") or _asked(state, context)
     context.tell("scene_planner", _summary(plan))
-    grounding, pins = ground(plan, intersection_map=context.intersection), state.get("pinned")
+    grounding, pins = ground_graph(plan, intersection_map=context.intersection), state.get("pinned")
     if pins is not None:
         grounding = restrict_grounding(plan, grounding, pins, intersection_map=context.intersection)
     return {"social_graph": plan, "grounding": grounding}

@@ -95,11 +95,11 @@ def _solved(
     selection = select(
         program,
         pool,
-        ground=context.ground,
+        map_areas=context.ground,
         rng=context.rng("waypoint_filter", rejections),
         mode=context.selection,
         lenient=len(rejections) >= _STRICT_ATTEMPTS,
-        pins=state.get("pinned"),
+        frozen=state.get("pinned"),
     )
     tried = int(selection.figures["tuples"])
     context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")

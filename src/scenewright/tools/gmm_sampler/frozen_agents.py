@@ -41,14 +41,14 @@ def restrict_grounding(
     Raises:
         Rejected: `ungroundable`, as the settled routes do not allow what the graph asks for.
     """
-    from scenewright.tools.map_grounding.grounding import casts
+    from scenewright.tools.map_grounding.grounding import find_assignments
 
     routes = {
         name: tuple(each for each in open_ if each == pins.routes.get(name, each))
         for name, open_ in grounding.routes.items()
     }
     narrow = Grounding(routes=routes)
-    assignments = casts(
+    assignments = find_assignments(
         _settle_patterns(graph, pins),
         narrow,
         intersection_map=intersection_map,

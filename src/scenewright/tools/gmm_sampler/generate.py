@@ -76,7 +76,7 @@ def assign_foreground(
     rng: np.random.Generator,
 ) -> RoleAssignment:
     """Routes and patterns of the foreground; no red light is run where that can be avoided."""
-    from scenewright.tools.map_grounding.grounding import at_odds, casts
+    from scenewright.tools.map_grounding.grounding import count_signal_conflicts, find_assignments
 
     weights = {
         route.id: math.sqrt(_get_rate(priors, route, hour)) + 1e-3
@@ -89,10 +89,14 @@ def assign_foreground(
 
     def count_faults(assignment: RoleAssignment) -> tuple[Any, int]:
         violators = {each.violator for each in assignment.patterns if each.violator is not None}
-        return at_odds(assignment, intersection_map=intersection_map), len(violators)
+        return count_signal_conflicts(assignment, intersection_map=intersection_map), len(violators)
 
     drawn = [
-        next(casts(graph, grounding, intersection_map=intersection_map, rng=rng, weight=weigh))
+        next(
+            find_assignments(
+                graph, grounding, intersection_map=intersection_map, rng=rng, weight=weigh
+            )
+        )
         for _ in range(_ASSIGNMENTS)
     ]
     return min(drawn, key=count_faults)
@@ -131,7 +135,7 @@ def amplify(
         for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
             agents[name] = _draw_agent(
                 name, "background", route, priors, background_size or size, rng,
-                arrival=arrival, spare=n >= count,
+                arrival=arrival, reserve=n >= count,
             )  # fmt: skip
     return CandidateSet(
         agents=agents, cast=assignment, hour=hour, background=counts,
@@ -171,7 +175,7 @@ def _draw_agent(
     *,
     subtype: str | None = None,
     arrival: float | None = None,
-    spare: bool = False,
+    reserve: bool = False,
 ) -> AgentCandidates:
     """Candidates of an agent, drawn on demand with a random generator of its own."""
     seed: Any = rng.bit_generator.seed_seq
@@ -190,7 +194,7 @@ def _draw_agent(
 
     build = _make_builder(route, shape, subtype, draw, prior)
     chance = None if arrival is None else arrival / _SECONDS
-    return AgentCandidates(name, role, route, shape, subtype, draw, build, arrival, chance, spare)
+    return AgentCandidates(name, role, route, shape, subtype, draw, build, arrival, chance, reserve)
 
 
 def _make_builder(

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from parties import (
+from assignment_cases import (
     AWAY,
     EASTWARDS,
     NORTHWARDS,
     ON_FOOT,
     SLOWLY,
+    agent,
     crowded,
-    guest,
     is_a_seating,
     least_cost,
     option,
@@ -22,25 +22,26 @@ from parties import (
 )
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.background import Table, seat_in_turn
-from scenewright.tools.solver.safety_margin import Presence, forbidden_offsets
-from solver_actors import NORTH, actor, brute_offsets, straight, walker
+from scenewright.tools.solver.background_assignment import ConflictTable, assign_in_turn
+from scenewright.tools.solver.reservation import ReservationTable, find_blocked_offsets
+from solver_agents import NORTH, actor, brute_offsets, straight, walker
 
 
 @given(parties())
 @settings(max_examples=40)
 def test_seating_in_turn_keeps_everybody_apart_too(party):
-    guests, fixed, wanted = party
-    seating = seat_in_turn(guests, Table(fixed.values()), wanted)
-    if isinstance(seating, str):
+    agents, fixed, wanted = party
+    assignment = assign_in_turn(agents, ConflictTable(fixed.values()), wanted)
+    if isinstance(assignment, str):
         return
-    assert is_a_seating(seating, guests, fixed, wanted) >= least_cost(guests, fixed, wanted)
-    assert not seating.optimal
+    assert is_a_seating(assignment, agents, fixed, wanted) >= least_cost(agents, fixed, wanted)
+    assert not assignment.optimal
 
 
 def test_the_same_party_is_seated_the_same_way_again():
     one, other = (
-        seat_in_turn(crowded(), Table([]), {"vehicle": 3, "pedestrian": 0}) for _ in range(2)
+        assign_in_turn(crowded(), ConflictTable([]), {"vehicle": 3, "pedestrian": 0})
+        for _ in range(2)
     )
     assert {n: (o.index, s) for n, (o, s) in one.chosen.items()} == {
         n: (o.index, s) for n, (o, s) in other.chosen.items()
@@ -49,29 +50,29 @@ def test_the_same_party_is_seated_the_same_way_again():
 
 def test_spares_stay_out_unless_somebody_finds_no_room():
     wanted = {"vehicle": 3, "pedestrian": 0}
-    seated = seat_in_turn(crowded(), Table([]), wanted)
+    seated = assign_in_turn(crowded(), ConflictTable([]), wanted)
     assert set(seated.chosen) == {"vehicle-0", "vehicle-1", "vehicle-2"}
-    blocked = [guest("vehicle-0", [option(NORTHWARDS, 0, [0], 0.0)]), *crowded()[1:]]
-    seated = seat_in_turn(blocked, Table([NORTHWARDS]), wanted)
+    blocked = [agent("vehicle-0", [option(NORTHWARDS, 0, [0], 0.0)]), *crowded()[1:]]
+    seated = assign_in_turn(blocked, ConflictTable([NORTHWARDS]), wanted)
     assert len(seated.chosen) == 3
     assert "vehicle-0" not in seated.chosen
     assert {"vehicle-1", "vehicle-2"} < set(seated.chosen)
 
 
 def test_a_foreground_guest_without_room_is_told():
-    stuck = guest("vehicle-1", [option(EASTWARDS, 0, [0], 0.0)], foreground=True)
-    assert isinstance(seat_in_turn([stuck], Table([NORTHWARDS]), {}), str)
+    stuck = agent("vehicle-1", [option(EASTWARDS, 0, [0], 0.0)], foreground=True)
+    assert isinstance(assign_in_turn([stuck], ConflictTable([NORTHWARDS]), {}), str)
 
 
 def test_nobody_wanted_nobody_seated():
-    assert seat_in_turn([], Table([]), {"vehicle": 0, "pedestrian": 0}).chosen == {}
+    assert assign_in_turn([], ConflictTable([]), {"vehicle": 0, "pedestrian": 0}).chosen == {}
 
 
 def test_in_turn_each_comes_as_near_to_its_wish_as_there_is_room():
-    early = guest("vehicle-1", [option(EASTWARDS, 0, range(0, 200), 1.0, wish=50)])
-    later = guest("vehicle-2", [option(EASTWARDS, 0, range(0, 200), 1.0, wish=52)])
-    seated = seat_in_turn([early, later], Table([]), {"vehicle": 2})
-    [(low, high)] = forbidden_offsets(EASTWARDS, EASTWARDS, strict=False)
+    early = agent("vehicle-1", [option(EASTWARDS, 0, range(0, 200), 1.0, drawn_time=50)])
+    later = agent("vehicle-2", [option(EASTWARDS, 0, range(0, 200), 1.0, drawn_time=52)])
+    seated = assign_in_turn([early, later], ConflictTable([]), {"vehicle": 2})
+    [(low, high)] = find_blocked_offsets(EASTWARDS, EASTWARDS, strict=False)
     assert seated.chosen["vehicle-1"][1] == 50
     assert seated.chosen["vehicle-2"][1] == 50 + high
     assert low == -high
@@ -79,7 +80,7 @@ def test_in_turn_each_comes_as_near_to_its_wish_as_there_is_room():
 
 def test_in_turn_the_first_way_with_room_is_taken():
     options = [option(SLOWLY, 1, range(100), 1.0), option(EASTWARDS, 0, range(100), 3.0)]
-    seated = seat_in_turn([guest("vehicle-1", options)], Table([]), {"vehicle": 1})
+    seated = assign_in_turn([agent("vehicle-1", options)], ConflictTable([]), {"vehicle": 1})
     assert seated.chosen["vehicle-1"][0].index == 1
 
 
@@ -94,7 +95,7 @@ def test_what_is_forbidden_is_what_would_break_the_certificate(a, b, strict):
     gap = 1.5 if strict else 1.0
     touching = brute_offsets(a, b, step=0.1)
     close = brute_offsets(a, b, within=0.5, step=0.1)
-    forbidden = forbidden_offsets(a, b, strict=strict)
+    forbidden = find_blocked_offsets(a, b, strict=strict)
 
     def free(delta: float) -> bool:
         return not any(low * STEP < delta < high * STEP for low, high in forbidden)
@@ -116,7 +117,7 @@ def test_nobody_gives_a_second_cause_to_who_gives_seat_in_turn():
     """Where an unheld driver would have been, nobody else is within 2 s."""
     stop = Stop("yield_point", 30.0, 5.0, 15.0, "gives_way")
     held = EASTWARDS.edited(stops=(stop,))
-    as_held = forbidden_offsets(held, NORTHWARDS, strict=True)
+    as_held = find_blocked_offsets(held, NORTHWARDS, strict=True)
     [(low, high)] = [
         (low, high)
         for low, high in as_held
@@ -137,13 +138,17 @@ ACTORS = (EASTWARDS, NORTHWARDS, ON_FOOT, SLOWLY, AWAY, GIVES_WAY, EASTWARDS.end
 )
 @settings(max_examples=60)
 def test_one_time_is_looked_at_as_all_of_them_are(there, newcomer, strict):
-    present = Presence([each.shifted(STEP * steps) for each, steps in there], foreground=strict)
+    present = ReservationTable(
+        [each.shifted(STEP * steps) for each, steps in there], foreground=strict
+    )
     starts = np.arange(-150, 150)
-    free = present.free(newcomer, starts, foreground=strict)
-    alone = [present.free(newcomer, starts[k : k + 1], foreground=strict) for k in range(300)]
+    free = present.find_free_times(newcomer, starts, foreground=strict)
+    alone = [
+        present.find_free_times(newcomer, starts[k : k + 1], foreground=strict) for k in range(300)
+    ]
     assert np.concatenate(alone).tolist() == free.tolist()
 
 
 def test_two_walkers_need_little_room():
     beside = actor(walker(straight((6.9, -10.0), NORTH, 20.0)))
-    assert forbidden_offsets(ON_FOOT, beside, strict=True) == []
+    assert find_blocked_offsets(ON_FOOT, beside, strict=True) == []

@@ -9,10 +9,10 @@ import numpy as np
 from hypothesis import strategies as st
 
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.background import Guest, Option
-from scenewright.tools.solver.offers import Invited, Offer
-from scenewright.tools.solver.safety_margin import forbidden_offsets
-from solver_actors import EAST, NORTH, SOUTH, WESTBOUND, actor, candidate, law, straight, walker
+from scenewright.tools.solver.background_assignment import BackgroundAgent, Option
+from scenewright.tools.solver.offers import AgentOffers, CandidateOffer
+from scenewright.tools.solver.reservation import find_blocked_offsets
+from solver_agents import EAST, NORTH, SOUTH, WESTBOUND, actor, candidate, law, straight, walker
 
 EASTWARDS = actor(candidate(straight((-40.0, 0.0), EAST, 80.0)))
 SLOWLY = actor(candidate(straight((-40.0, 0.4), EAST, 80.0), time_law=law(6.0)))
@@ -23,20 +23,26 @@ ROADS = (EASTWARDS, SLOWLY, NORTHWARDS, ON_FOOT)
 SPARE_COST = 5.0
 
 
-def option(of, index, starts, cost, wish=0) -> Option:
-    return Option(lambda: of, index, np.array(sorted(starts), dtype=np.int64), float(cost), wish)
+def option(of, index, starts, cost, drawn_time=0) -> Option:
+    return Option(
+        lambda: of, index, np.array(sorted(starts), dtype=np.int64), float(cost), drawn_time
+    )
 
 
-def guest(name, options, *, foreground=False, spare=False) -> Guest:
+def agent(name, options, *, foreground=False, reserve=False) -> BackgroundAgent:
     kind = options[0].actor.candidate.route.type
-    return Guest(name, kind, foreground, lambda _standing: tuple(options), spare=spare)
+    return BackgroundAgent(
+        name, kind, foreground, lambda _standing: tuple(options), reserve=reserve
+    )
 
 
-def invited(each: Guest) -> Invited:
+def invited(each: BackgroundAgent) -> AgentOffers:
     """The guest by what it offers: one offer per option, cheapest first."""
     ranked = sorted(each.options, key=lambda option: option.cost)
-    offers = tuple(Offer(option.cost, lambda option=option: (option,)) for option in ranked)
-    return Invited(each.name, each.type, each.foreground, offers, each.spare)
+    offers = tuple(
+        CandidateOffer(option.cost, lambda option=option: (option,)) for option in ranked
+    )
+    return AgentOffers(each.name, each.type, each.foreground, offers, each.reserve)
 
 
 def keeps_apart(one, other, strict) -> bool:
@@ -46,17 +52,17 @@ def keeps_apart(one, other, strict) -> bool:
 
 @cache
 def _forbidden(a, b, strict):
-    return forbidden_offsets(a, b, strict=strict)
+    return find_blocked_offsets(a, b, strict=strict)
 
 
-def least_cost(guests, fixed, wanted):
+def least_cost(agents, fixed, wanted):
     """Of all arrangements that keep everybody apart; None if there is none."""
     best = None
     ways = []
-    for each in guests:
+    for each in agents:
         least = min(o.cost for o in each.options)
         own = [
-            (each, o.actor, int(start), o.cost - least + SPARE_COST * each.spare)
+            (each, o.actor, int(start), o.cost - least + SPARE_COST * each.reserve)
             for o in each.options
             for start in o.starts
         ]
@@ -94,33 +100,37 @@ GUEST = st.tuples(st.lists(OPTION, min_size=1, max_size=3), st.booleans(), st.bo
 
 @st.composite
 def parties(draw):
-    guests = []
-    for n, (options, foreground, spare) in enumerate(draw(st.lists(GUEST, min_size=2, max_size=4))):
+    agents = []
+    for n, (options, foreground, reserve) in enumerate(
+        draw(st.lists(GUEST, min_size=2, max_size=4))
+    ):
         road = options[0][0]
         of_one_kind = [o for o in options if (o[0] == 3) == (road == 3)]
         built = [option(ROADS[r], k, s, c) for k, (r, s, c) in enumerate(of_one_kind)]
-        guests.append(guest(f"guest-{n}", built, foreground=foreground and n == 0, spare=spare))
-    free = [each for each in guests if not each.foreground]
+        agents.append(agent(f"guest-{n}", built, foreground=foreground and n == 0, reserve=reserve))
+    free = [each for each in agents if not each.foreground]
     wanted = {}
     for kind in ("vehicle", "pedestrian"):
         most = sum(each.type == kind for each in free)
         wanted[kind] = draw(st.integers((most + 1) // 2, most))
     fixed = {"fixed": NORTHWARDS} if draw(st.booleans()) else {}
-    return guests, fixed, wanted
+    return agents, fixed, wanted
 
 
-def is_a_seating(seating, guests, fixed, wanted) -> float:
+def is_a_seating(assignment, agents, fixed, wanted) -> float:
     """Asserts that it is one, and returns its cost."""
-    by_name = {each.name: each for each in guests}
+    by_name = {each.name: each for each in agents}
     cost = sum(
-        o.cost - min(x.cost for x in by_name[name].options) + SPARE_COST * by_name[name].spare
-        for name, (o, _) in seating.chosen.items()
+        o.cost - min(x.cost for x in by_name[name].options) + SPARE_COST * by_name[name].reserve
+        for name, (o, _) in assignment.chosen.items()
     )
     for kind, count in wanted.items():
-        crowd = [n for n in seating.chosen if not by_name[n].foreground and by_name[n].type == kind]
+        crowd = [
+            n for n in assignment.chosen if not by_name[n].foreground and by_name[n].type == kind
+        ]
         assert len(crowd) == count
-    assert all(start in o.starts for o, start in seating.chosen.values())
-    placed = list(seating.chosen.items())
+    assert all(start in o.starts for o, start in assignment.chosen.values())
+    placed = list(assignment.chosen.items())
     for n, (name, (o, start)) in enumerate(placed):
         for f in fixed.values():
             assert keeps_apart((f, round(f.enters / STEP)), (o.actor, start), strict=True)
@@ -133,10 +143,10 @@ def is_a_seating(seating, guests, fixed, wanted) -> float:
 def crowded():
     """Five cars that come along one road, whenever they like; the last two are spares."""
     return [
-        guest(
+        agent(
             f"vehicle-{n}",
             [option(EASTWARDS, 0, range(0, 120, 2), 1.0), option(SLOWLY, 1, range(0, 120, 2), 0.5)],
-            spare=n >= 3,
+            reserve=n >= 3,
         )
         for n in range(5)
     ]

@@ -16,7 +16,7 @@ from scenewright.scene.candidates import (
 )
 from scenewright.scene.map import Route
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 EAST, NORTH, WEST, SOUTH = 0.0, np.pi / 2, np.pi, -np.pi / 2
 CAR = vehicle_shape("car")
@@ -91,9 +91,9 @@ def walker(path, *, speed=1.4, route=WALK_NORTH) -> Candidate:
     return candidate(path, time_law=law(speed, 1.0, 1.5, 1.0), shape=PEDESTRIAN, route=route)
 
 
-def actor(of: Candidate, *, enters=0.0, marks=BARE) -> Actor:
+def actor(of: Candidate, *, enters=0.0, landmarks=BARE) -> ScheduledAgent:
     motion = compute_motion(of)
-    return Actor(of, marks, enters, motion, motion)
+    return ScheduledAgent(of, landmarks, enters, motion, motion)
 
 
 def draws(
@@ -104,7 +104,7 @@ def draws(
     time_nll=None,
     role="foreground",
     arrival=None,
-    spare=False,
+    reserve=False,
 ):
     """A pool entry that offers ready-made candidates."""
     nothing = np.zeros(len(options))
@@ -125,7 +125,7 @@ def draws(
         draw=lambda: drawn,
         build=options.__getitem__,
         arrival=arrival,
-        spare=spare,
+        reserve=reserve,
     )
 
 
@@ -146,14 +146,14 @@ def distances(poses_a, poses_b, shapes: tuple[Shape, Shape]):
     return apart - sum(shape.width / 2 for shape in shapes if shape.type == "pedestrian")
 
 
-def clearances(a: Actor, b: Actor, step=0.05):
+def clearances(a: ScheduledAgent, b: ScheduledAgent, step=0.05):
     """Times both are there, and the distance of their footprints then."""
     start, end = max(a.enters, b.enters), min(a.leaves, b.leaves)
     times = np.arange(start, end + 1e-9, step)
     return times, distances(a.at(times), b.at(times), (a.candidate.shape, b.candidate.shape))
 
 
-def brute_offsets(a: Actor, b: Actor, *, within=0.0, step=0.05):
+def brute_offsets(a: ScheduledAgent, b: ScheduledAgent, *, within=0.0, step=0.05):
     """[N] every t_a - t_b (scene times) at which the footprints come within a distance."""
     t_a = np.arange(a.enters, a.leaves + 1e-9, step)
     t_b = np.arange(b.enters, b.leaves + 1e-9, step)
@@ -167,7 +167,7 @@ def brute_offsets(a: Actor, b: Actor, *, within=0.0, step=0.05):
     return t_a[i[close]] - t_b[j[close]]
 
 
-def brute_pet(a: Actor, b: Actor, step=0.05) -> float:
+def brute_pet(a: ScheduledAgent, b: ScheduledAgent, step=0.05) -> float:
     """How much either would have to be early or late for a contact."""
     found = brute_offsets(a, b, step=step)
     return float(np.abs(found).min()) if len(found) else float("inf")

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.geometry.along import sample_nodes, sample_poses, turned
+from scenewright.geometry.along import sample_nodes, sample_poses, to_cosines
 from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path
@@ -44,7 +44,7 @@ Intervals = FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class Encounter:
+class PathConflict:
     """Pairs of nodes of two paths whose footprints come close.
 
     Attributes:
@@ -64,28 +64,28 @@ class Encounter:
         """Whether the swept paths overlap at all."""
         return bool(len(self.clearance) and self.clearance.min() <= 0.0)
 
-    def within(self, c: float) -> Encounter:
+    def within(self, c: float) -> PathConflict:
         """Only the pairs at most `c` metres apart."""
         keep = self.clearance <= c
-        return Encounter(self.s_a, self.s_b, self.i[keep], self.j[keep], self.clearance[keep])
+        return PathConflict(self.s_a, self.s_b, self.i[keep], self.j[keep], self.clearance[keep])
 
-    def first_metres(self, metres: float) -> Encounter:
+    def first_metres(self, metres: float) -> PathConflict:
         """Only the start of a shared stretch: a merge conflicts where it begins (SEMANTICS 4)."""
         if not len(self.i):
             return self
         near = self.s_a[self.i] <= self.s_a[self.i].min() + metres
         near &= self.s_b[self.j] <= self.s_b[self.j].min() + metres
-        return Encounter(self.s_a, self.s_b, self.i[near], self.j[near], self.clearance[near])
+        return PathConflict(self.s_a, self.s_b, self.i[near], self.j[near], self.clearance[near])
 
 
-def encounter(
+def find_path_conflict(
     a: Path,
     b: Path,
     *,
     shapes: tuple[Shape, Shape],
     reach: float,
     spacing: tuple[float, float] = (0.5, 0.5),
-) -> Encounter:
+) -> PathConflict:
     """All node pairs of two paths whose footprints come within `reach` metres.
 
     Args:
@@ -94,25 +94,27 @@ def encounter(
     s_a, s_b = sample_nodes(a, spacing[0]), sample_nodes(b, spacing[1])
     pose_a, pose_b = sample_poses(a, s_a), sample_poses(b, s_b)
     radius = sum(np.hypot(shape.length, shape.width) / 2 for shape in shapes)
-    i, j = close_nodes(pose_a.T, pose_b.T, float(radius + reach), (float(s_a[1]), float(s_b[1])))
+    i, j = find_close_nodes(
+        pose_a.T, pose_b.T, float(radius + reach), (float(s_a[1]), float(s_b[1]))
+    )
     if all(shape.type == "vehicle" for shape in shapes):
         halves = [(shape.length / 2, shape.width / 2) for shape in shapes]
-        gap = _axis_gaps(turned(pose_a), turned(pose_b), i, j, *halves)
+        gap = _axis_gaps(to_cosines(pose_a), to_cosines(pose_b), i, j, *halves)
         i, j, gap = i[gap <= reach], j[gap <= reach], gap[gap <= reach]
         clearance = gap
         # The gap is exact for footprints that overlap; only the others may meet at corners.
         beside = gap > 0.0
         if beside.any():
             poses = pose_a[i[beside]], pose_b[j[beside]]
-            clearance[beside] = footprint_clearance(*poses, shapes=shapes)
+            clearance[beside] = compute_clearance(*poses, shapes=shapes)
     else:
-        clearance = footprint_clearance(pose_a[i], pose_b[j], shapes=shapes)
+        clearance = compute_clearance(pose_a[i], pose_b[j], shapes=shapes)
     near = clearance <= reach
-    return Encounter(s_a, s_b, i[near], j[near], clearance[near])
+    return PathConflict(s_a, s_b, i[near], j[near], clearance[near])
 
 
 @compiled
-def close_nodes(
+def find_close_nodes(
     a: FloatArray, b: FloatArray, radius: float, spacing: tuple[float, float]
 ) -> tuple[IntArray, IntArray]:
     """Pairs (i, j), ascending, of nodes of two paths that lie within a radius of one another.
@@ -151,7 +153,7 @@ def _doubled(found: IntArray) -> IntArray:
 
 
 @compiled
-def axis_gap(
+def compute_axis_gap(
     ax: float, ay: float, a_cos: float, a_sin: float, a_half: Half,
     bx: float, by: float, b_cos: float, b_sin: float, b_half: Half,
 ) -> float:  # fmt: skip
@@ -174,16 +176,16 @@ def axis_gap(
 def _axis_gaps(
     a: FloatArray, b: FloatArray, i: IntArray, j: IntArray, a_half: Half, b_half: Half
 ) -> FloatArray:
-    """[N] `axis_gap` of pairs of nodes; a, b: [4, ...] x, y, cosine and sine of the heading."""
+    """[N] `compute_axis_gap` of pairs of nodes; a, b: [4, ...] x, y, cosine and sine of heading."""
     gap = np.empty(len(i))
     for k in range(len(i)):
         p, q = i[k], j[k]
-        gap[k] = axis_gap(a[0, p], a[1, p], a[2, p], a[3, p], a_half,
+        gap[k] = compute_axis_gap(a[0, p], a[1, p], a[2, p], a[3, p], a_half,
                           b[0, q], b[1, q], b[2, q], b[3, q], b_half)  # fmt: skip
     return gap
 
 
-def footprint_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shape]) -> FloatArray:
+def compute_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shape]) -> FloatArray:
     """[N] distance [m] between footprints at poses [N, 3] (x, y, heading); negative = overlap.
 
     Two convex shapes that do not overlap are nearest at a corner of one of them; whether they
@@ -201,7 +203,7 @@ def footprint_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Sh
 
 
 @dataclass(frozen=True, eq=False)
-class Meetings:
+class NodeIntervals:
     """Differences delta = o_b - o_a [s] that bring close pairs of nodes together.
 
     Attributes:
@@ -218,7 +220,9 @@ class Meetings:
         return _merge(self.low[close], self.high[close])
 
 
-def meetings(pair: Encounter, a: Motion, b: Motion, *, exact: bool = False) -> Meetings:
+def find_meeting_intervals(
+    pair: PathConflict, a: Motion, b: Motion, *, exact: bool = False
+) -> NodeIntervals:
     """When two motions would be at their close nodes.
 
     Args:
@@ -226,21 +230,21 @@ def meetings(pair: Encounter, a: Motion, b: Motion, *, exact: bool = False) -> M
             which never misses a meeting between nodes.
     """
     half = 0.0 if exact else 0.5
-    a_in, a_out = occupancy(pair.s_a, a, half)
-    b_in, b_out = occupancy(pair.s_b, b, half)
+    a_in, a_out = compute_occupancy(pair.s_a, a, half)
+    b_in, b_out = compute_occupancy(pair.s_b, b, half)
     reached = np.isfinite(a_in[pair.i]) & np.isfinite(b_in[pair.j])
     i, j = pair.i[reached], pair.j[reached]
-    return Meetings(a_in[i] - b_out[j], a_out[i] - b_in[j], pair.clearance[reached])
+    return NodeIntervals(a_in[i] - b_out[j], a_out[i] - b_in[j], pair.clearance[reached])
 
 
-def meeting_offsets(
-    pair: Encounter, a: Motion, b: Motion, *, c: float, exact: bool = False
+def find_conflict_intervals(
+    pair: PathConflict, a: Motion, b: Motion, *, c: float, exact: bool = False
 ) -> Intervals:
-    """C(c) as disjoint intervals of delta = o_b - o_a [s]; `exact` as in `meetings`."""
-    return meetings(pair, a, b, exact=exact).within(c)
+    """C(c) as disjoint intervals of delta = o_b - o_a [s]; see `find_meeting_intervals`."""
+    return find_meeting_intervals(pair, a, b, exact=exact).within(c)
 
 
-def gap_to(intervals: Intervals, delta: float) -> float:
+def compute_gap(intervals: Intervals, delta: float) -> float:
     """Distance [s] of delta from a union of intervals: the PET if they are C(0); inf if empty."""
     if not len(intervals):
         return float("inf")
@@ -298,7 +302,7 @@ def _corners_to_box(
     return near, np.maximum(*gaps)
 
 
-def occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, FloatArray]:
+def compute_occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, FloatArray]:
     """Local times [s] at which the centre comes to and leaves each node's stretch; inf = never."""
     come, leave = _comes_and_goes(s, motion.s, half * (s[1] - s[0]), motion.ended)
     return (come, leave) if half else _with_rests(s, motion, come, leave)

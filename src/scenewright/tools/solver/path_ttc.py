@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.encounter import Encounter
-from scenewright.tools.solver.scheduled_agent import Actor, shared_times
+from scenewright.tools.solver.path_conflict import PathConflict
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 
 _LOOK = 0.05
 """How finely the time ahead is searched for a contact [s]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Closing:
+class PathTtc:
     """Path TTC over time.
 
     Attributes:
@@ -39,11 +39,13 @@ class Closing:
         return float(self.times[int(np.argmin(self.ttc))])
 
 
-def closing(pair: Encounter, a: Actor, b: Actor, *, horizon: float) -> Closing:
+def compute_path_ttc(
+    pair: PathConflict, a: ScheduledAgent, b: ScheduledAgent, *, horizon: float
+) -> PathTtc:
     """Path TTC of two actors, up to `horizon` [s], from the nodes at which they touch."""
-    times = shared_times(a, b)
+    times = get_shared_times(a, b)
     if times is None or not pair.touches:
-        return Closing(np.empty(0), np.empty(0))
+        return PathTtc(np.empty(0), np.empty(0))
     meet = pair.clearance <= 0.0
     touch = np.zeros((len(pair.s_a) + 1, len(pair.s_b) + 1), dtype=np.bool_)
     touch[pair.i[meet], pair.j[meet]] = True
@@ -54,13 +56,15 @@ def closing(pair: Encounter, a: Actor, b: Actor, *, horizon: float) -> Closing:
     hits = touch[_nodes(now_a[near], ahead, pair.s_a), _nodes(now_b[near], ahead, pair.s_b)]
     ttc = np.full(len(times), np.inf)
     ttc[near] = np.where(hits.any(axis=1), ahead[np.argmax(hits, axis=1)], np.inf)
-    return Closing(times, ttc)
+    return PathTtc(times, ttc)
 
 
-def _state(of: Actor, times: FloatArray) -> FloatArray:
+def _state(of: ScheduledAgent, times: FloatArray) -> FloatArray:
     """[T, 2] arc length [m] and speed [m/s] at scene times."""
     local, clock = times - of.enters, STEP * np.arange(len(of.motion.s))
-    return np.column_stack([of.motion.position(local), np.interp(local, clock, of.motion.speed)])
+    return np.column_stack(
+        [of.motion.compute_positions(local), np.interp(local, clock, of.motion.speed)]
+    )
 
 
 def _reaches(now: FloatArray, nodes: FloatArray, horizon: float) -> NDArray[np.bool_]:

@@ -14,9 +14,9 @@ from scenewright.intersections import load_map
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.grounding import RoleAssignment
 from scenewright.tools.dsl_validator.parse import parse
-from scenewright.tools.solver.combinations import best_first
+from scenewright.tools.solver.combinations import enumerate_best_first
 from scenewright.tools.solver.select import select
-from solver_actors import SOUTH, SOUTHBOUND, WEST, WESTBOUND, candidate, draws, law, straight
+from solver_agents import SOUTH, SOUTHBOUND, WEST, WESTBOUND, candidate, draws, law, straight
 
 GROUND = MapAreas(load_map("amsterdam_120"))
 NEAR_MISS = "time_gap(vehicle-1, vehicle-2) in [0.6, 1.2] s\nruns_red(vehicle-1)"
@@ -40,12 +40,12 @@ def least(program, *agents, background=None, seed=0):
         background=background or {"vehicle": 0, "pedestrian": 0},
     )
     rng = np.random.default_rng(seed)
-    return select(parse(program), pool, ground=GROUND, rng=rng, mode="map")
+    return select(parse(program), pool, map_areas=GROUND, rng=rng, mode="map")
 
 
 @given(st.lists(st.lists(st.integers(0, 9), min_size=1, max_size=4), max_size=3))
 def test_tuples_come_by_ascending_sum_each_once(costs):
-    found = list(best_first([np.array(each, dtype=float) for each in costs]))
+    found = list(enumerate_best_first([np.array(each, dtype=float) for each in costs]))
     sums = [sum(own[m] for own, m in zip(costs, choice, strict=True)) for choice in found]
     assert sums == sorted(sums)
     assert sorted(found) == sorted(product(*(range(len(own)) for own in costs)))

@@ -13,11 +13,15 @@ from hypothesis import strategies as st
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.constraints import BrakesFor, Contact, GivesWay, Headway, TimeGap
 from scenewright.scene.track import STEP, vehicle_shape
-from scenewright.tools.solver.foreground import Stage, demands
-from scenewright.tools.solver.impact import first_contact, least_clearance, point_names
-from scenewright.tools.solver.nearest_miss import Reached, Shortfall, Shortfalls
-from scenewright.tools.solver.schedule import Staging
-from solver_actors import (
+from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands
+from scenewright.tools.solver.impact import (
+    find_first_contact,
+    find_least_clearance,
+    name_impact_points,
+)
+from scenewright.tools.solver.nearest_miss import FailureStage, NearestMiss, NearestMisses
+from scenewright.tools.solver.schedule import PartialSchedule
+from solver_agents import (
     BARE,
     CAR,
     EAST,
@@ -45,10 +49,10 @@ BEHIND = candidate(straight((-60.0, 0.0), EAST, 120.0))
 ON_FOOT = walker(straight((5.0, 12.0), SOUTH, 24.0))
 
 
-def stagings(clauses, candidates, *, marks=None, seed=0, most=4):
-    marks = marks or dict.fromkeys(candidates, BARE)
-    stage = Stage(candidates, marks, np.random.default_rng(seed))
-    found = list(islice(stage.play(tuple(clauses), Staging()), most))
+def stagings(clauses, candidates, *, landmarks=None, seed=0, most=4):
+    landmarks = landmarks or dict.fromkeys(candidates, BARE)
+    stage = ForegroundSolver(candidates, landmarks, np.random.default_rng(seed))
+    found = list(islice(stage.play(tuple(clauses), PartialSchedule()), most))
     assert found, "nothing was staged"
     return found
 
@@ -73,26 +77,26 @@ def swept(of):
 @pytest.mark.parametrize("seed", range(4))
 def test_contact_begins_when_it_says_and_not_before(seed):
     clause = Contact(first=CAR_1, second=CAR_2, kind="angle")
-    for staging in stagings([clause], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}, seed=seed):
-        a, b = staging.actors[CAR_1], staging.actors[CAR_2]
-        [happening] = staging.happenings
+    for schedule in stagings([clause], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}, seed=seed):
+        a, b = schedule.actors[CAR_1], schedule.actors[CAR_2]
+        [event] = schedule.events
         times, apart = clearances(a, b, step=0.01)
-        assert (apart[times < happening.time - 0.03] > 0).all()
-        assert (apart[times > happening.time + 0.01] <= 0).all()
+        assert (apart[times < event.time - 0.03] > 0).all()
+        assert (apart[times > event.time + 0.01] <= 0).all()
         for each in (a, b):
-            assert each.contact == happening.time
-            assert happening.time - 1e-6 <= each.leaves <= happening.time + STEP
+            assert each.contact == event.time
+            assert event.time - 1e-6 <= each.leaves <= event.time + STEP
         touching = shapely.intersection(
             footprints(a.at(np.array([a.leaves])), CAR), footprints(b.at(np.array([b.leaves])), CAR)
         )[0]
-        assert touching.distance(shapely.Point(happening.location)) < 1.0
+        assert touching.distance(shapely.Point(event.location)) < 1.0
 
 
 def test_a_pedestrian_is_struck_by_a_moving_car():
     clause = Contact(first=CAR_1, second=WALKER, kind="pedestrian_strike")
-    for staging in stagings([clause], {CAR_1: EASTWARDS, WALKER: ON_FOOT}):
-        a, b = staging.actors[CAR_1], staging.actors[WALKER]
-        time = staging.happenings[0].time
+    for schedule in stagings([clause], {CAR_1: EASTWARDS, WALKER: ON_FOOT}):
+        a, b = schedule.actors[CAR_1], schedule.actors[WALKER]
+        time = schedule.events[0].time
         times, apart = clearances(a, b, step=0.01)
         assert (apart[times < time - 0.03] > 0).all()
         assert (apart[times > time + 0.01] <= 0).all()
@@ -103,8 +107,8 @@ def test_a_pedestrian_is_struck_by_a_moving_car():
 def test_a_first_contact_is_described_as_seen():
     """The walker is in the middle of the lane as the car comes there, at its own speed."""
     car = actor(EASTWARDS)
-    person = actor(ON_FOOT, enters=round(car.motion.time_at(63.0) - 12.0 / 1.4, 1))
-    found = first_contact(car, person)
+    person = actor(ON_FOOT, enters=round(car.motion.find_time_at(63.0) - 12.0 / 1.4, 1))
+    found = find_first_contact(car, person)
     assert found.kind == "pedestrian_strike"
     assert found.frontal
     assert found.speed == pytest.approx(10.0, abs=0.01)
@@ -120,26 +124,26 @@ def test_a_slow_car_strikes_a_fast_motorcycle_if_it_is_named_as_the_one_who_stri
     path = straight((0.0, -60.0), NORTH, 120.0)
     short = candidate(path, route=WESTBOUND, shape=vehicle_shape("motorcycle"), time_law=law(12.0))
     clause = Contact(first=CAR_1, second=CAR_2, kind="angle")
-    for staging in stagings([clause], {CAR_1: slow, CAR_2: short}, seed=seed):
-        along, _ = local(staging.actors[CAR_1], staging)
+    for schedule in stagings([clause], {CAR_1: slow, CAR_2: short}, seed=seed):
+        along, _ = local(schedule.actors[CAR_1], schedule)
         assert along > CAR.length / 2 - 0.6
 
 
 def test_a_speed_asked_for_is_braked_down_to():
     wanted = Contact(first=CAR_1, second=CAR_2, speed=6.0)
-    for staging in stagings([wanted], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}):
-        a, time = staging.actors[CAR_1], staging.happenings[0].time
+    for schedule in stagings([wanted], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}):
+        a, time = schedule.actors[CAR_1], schedule.events[0].time
         speed = np.ptp(a.at(np.array([time - 0.05, time]))[:, 0]) / 0.05
         assert speed == pytest.approx(6.0, abs=1.0)
 
 
-def refused(clauses, candidates, *, seed=0, most=1) -> Shortfall:
+def refused(clauses, candidates, *, seed=0, most=1) -> NearestMiss:
     """The nearest miss of clauses that cannot be staged."""
-    shortfalls = Shortfalls()
-    marks = dict.fromkeys(candidates, BARE)
-    stage = Stage(candidates, marks, np.random.default_rng(seed), shortfalls=shortfalls)
-    assert list(islice(stage.play(tuple(clauses), Staging()), most)) == []
-    found = shortfalls.culprit(clauses)
+    misses = NearestMisses()
+    landmarks = dict.fromkeys(candidates, BARE)
+    stage = ForegroundSolver(candidates, landmarks, np.random.default_rng(seed), misses=misses)
+    assert list(islice(stage.play(tuple(clauses), PartialSchedule()), most)) == []
+    found = misses.culprit(clauses)
     assert found is not None
     return found
 
@@ -194,16 +198,16 @@ def test_the_first_clause_that_never_holds_is_the_culprit():
 def test_nearer_is_who_failed_later_or_by_less():
     clause = Contact(first=CAR_1, second=CAR_2, speed=14.0)
     misses = [
-        Shortfall(clause, reached, "", off)
+        NearestMiss(clause, reached, "", off)
         for reached, off in (
-            (Reached.PATHS, 0.0),
-            (Reached.MEASURE, 3.0),
-            (Reached.MEASURE, 1.0),
-            (Reached.KIND, 0.0),
+            (FailureStage.PATHS, 0.0),
+            (FailureStage.MEASURE, 3.0),
+            (FailureStage.MEASURE, 1.0),
+            (FailureStage.KIND, 0.0),
         )
     ]
     for order in permutations(misses):
-        kept = Shortfalls()
+        kept = NearestMisses()
         for each in order:
             kept.note(each)
         assert kept.culprit([clause]) == misses[2]
@@ -228,14 +232,14 @@ BUS = vehicle_shape("bus")
     ],
 )
 def test_places_on_a_car_have_the_names_that_people_give_them(along, across, names):
-    assert set(point_names(along, across, shape=CAR)) == names
+    assert set(name_impact_points(along, across, shape=CAR)) == names
 
 
-def local(of, staging) -> tuple[float, float]:
+def local(of, schedule) -> tuple[float, float]:
     """Where the contact lies, ahead of and to the left of the centre of one actor [m]."""
-    [happening] = staging.happenings
-    x, y, heading = of.at(np.array([happening.time]))[0]
-    dx, dy = np.subtract(happening.location, (x, y))
+    [event] = schedule.events
+    x, y, heading = of.at(np.array([event.time]))[0]
+    dx, dy = np.subtract(event.location, (x, y))
     return (
         float(dx * np.cos(heading) + dy * np.sin(heading)),
         float(dy * np.cos(heading) - dx * np.sin(heading)),
@@ -254,8 +258,8 @@ def local(of, staging) -> tuple[float, float]:
 def test_a_car_is_struck_where_it_shall_be(point, ahead, left, seed):
     """The striking car comes northwards, so from the right of the one that drives east."""
     clause = Contact(first=CAR_2, second=CAR_1, kind="angle", point_second=point)
-    for staging in stagings([clause], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}, seed=seed):
-        along, across = local(staging.actors[CAR_1], staging)
+    for schedule in stagings([clause], {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}, seed=seed):
+        along, across = local(schedule.actors[CAR_1], schedule)
         assert ahead[0] <= along <= ahead[1]
         assert left[0] <= across <= left[1]
 
@@ -269,8 +273,8 @@ def test_who_comes_from_the_right_never_strikes_the_left():
 @pytest.mark.parametrize("point", ["front_left", "front_right"])
 def test_a_pedestrian_is_struck_by_one_corner(point):
     clause = Contact(first=CAR_1, second=WALKER, kind="pedestrian_strike", point_first=point)
-    for staging in stagings([clause], {CAR_1: EASTWARDS, WALKER: ON_FOOT}):
-        along, across = local(staging.actors[CAR_1], staging)
+    for schedule in stagings([clause], {CAR_1: EASTWARDS, WALKER: ON_FOOT}):
+        along, across = local(schedule.actors[CAR_1], schedule)
         assert along > CAR.length / 2 - 0.6
         assert (across > 0.3) == (point == "front_left")
 
@@ -278,8 +282,8 @@ def test_a_pedestrian_is_struck_by_one_corner(point):
 def test_a_pedestrian_walks_into_the_side_of_a_bus():
     bus = candidate(straight((-60.0, 0.0), EAST, 120.0), shape=BUS)
     clause = Contact(first=CAR_1, second=WALKER, kind="pedestrian_strike", point_first="side")
-    for staging in stagings([clause], {CAR_1: bus, WALKER: ON_FOOT}):
-        along, across = local(staging.actors[CAR_1], staging)
+    for schedule in stagings([clause], {CAR_1: bus, WALKER: ON_FOOT}):
+        along, across = local(schedule.actors[CAR_1], schedule)
         assert abs(along) < BUS.length / 2 - 0.3
         assert across > BUS.width / 2 - 0.3
 
@@ -292,10 +296,10 @@ def test_a_pet_asked_for_is_that_of_the_yield(pet, gap_first):
         TimeGap(first=CAR_1, second=CAR_2, low=pet - 0.05, high=pet + 0.05),
     ]
     clauses = clauses[::-1] if gap_first else clauses
-    for staging in stagings(clauses, {CAR_1: NORTHWARDS, CAR_2: EASTWARDS}, seed=1):
-        assert brute_pet(*staging.actors.values()) == pytest.approx(pet, abs=0.12)
-        [happening] = staging.happenings
-        assert happening.clause.clause == "gives_way"
+    for schedule in stagings(clauses, {CAR_1: NORTHWARDS, CAR_2: EASTWARDS}, seed=1):
+        assert brute_pet(*schedule.actors.values()) == pytest.approx(pet, abs=0.12)
+        [event] = schedule.events
+        assert event.clause.clause == "gives_way"
 
 
 def test_a_pet_too_short_for_a_yield_is_refused_with_the_shortest():
@@ -310,11 +314,13 @@ def test_a_pet_too_short_for_a_yield_is_refused_with_the_shortest():
 
 def test_a_rear_end_is_the_follower_running_into_a_leader_that_stops():
     clause = Contact(first=CAR_1, second=CAR_2, kind="rear_end")
-    marks = {CAR_1: AT_LIGHT, CAR_2: AT_LIGHT}
+    landmarks = {CAR_1: AT_LIGHT, CAR_2: AT_LIGHT}
     seen_standing, reasons = 0, set()
-    for staging in stagings([clause], {CAR_1: BEHIND, CAR_2: EASTWARDS}, marks=marks, most=40):
-        a, b = staging.actors[CAR_1], staging.actors[CAR_2]
-        time = staging.happenings[0].time
+    for schedule in stagings(
+        [clause], {CAR_1: BEHIND, CAR_2: EASTWARDS}, landmarks=landmarks, most=40
+    ):
+        a, b = schedule.actors[CAR_1], schedule.actors[CAR_2]
+        time = schedule.events[0].time
         reasons.add(b.stops[0].reason)
         around = np.array([time - 0.1, time])
         front, rear = a.at(around)[:, 0] + CAR.length / 2, b.at(around)[:, 0] - CAR.length / 2
@@ -330,12 +336,12 @@ def test_a_rear_end_is_the_follower_running_into_a_leader_that_stops():
 def test_time_gap_is_the_pet_of_a_dense_scan(low, width, seed):
     clause = TimeGap(first=CAR_1, second=CAR_2, low=low, high=low + width)
     candidates = {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}
-    for staging in stagings([clause], candidates, seed=seed, most=2):
-        a, b = staging.actors[CAR_1], staging.actors[CAR_2]
+    for schedule in stagings([clause], candidates, seed=seed, most=2):
+        a, b = schedule.actors[CAR_1], schedule.actors[CAR_2]
         assert low - 0.15 <= brute_pet(a, b) <= low + width + 0.15
         times, apart = clearances(a, b)
         assert apart.min() > 0.05
-        clearance, when, _ = least_clearance(a, b)
+        clearance, when, _ = find_least_clearance(a, b)
         assert clearance == pytest.approx(apart.min(), abs=0.1)
         assert abs(when - times[np.argmin(apart)]) <= 0.15
 
@@ -343,8 +349,8 @@ def test_time_gap_is_the_pet_of_a_dense_scan(low, width, seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_headway_is_the_time_between_rear_and_front_at_one_place(seed):
     clause = Headway(first=CAR_1, second=CAR_2, low=1.0, high=2.0)
-    for staging in stagings([clause], {CAR_1: BEHIND, CAR_2: EASTWARDS}, seed=seed):
-        a, b = staging.actors[CAR_1], staging.actors[CAR_2]
+    for schedule in stagings([clause], {CAR_1: BEHIND, CAR_2: EASTWARDS}, seed=seed):
+        a, b = schedule.actors[CAR_1], schedule.actors[CAR_2]
         assert 0.9 <= a.enters - (b.enters + CAR.length / 10.0) <= 2.1
         times, apart = clearances(a, b)
         assert apart.min() > 0.5
@@ -365,8 +371,8 @@ def test_who_gives_way_stands_upstream_until_the_other_has_left(first, second, b
         WALKER if second is ON_FOOT else CAR_2,
     )
     clause = GivesWay(first=names[0], second=names[1])
-    for staging in stagings([clause], dict(zip(names, (first, second), strict=True)), seed=seed):
-        a, b = (staging.actors[name] for name in names)
+    for schedule in stagings([clause], dict(zip(names, (first, second), strict=True)), seed=seed):
+        a, b = (schedule.actors[name] for name in names)
         zone = shapely.intersection(swept(a), swept(b))
         times = np.arange(max(a.enters, b.enters), min(a.leaves, b.leaves), 0.05)
         in_zone = [
@@ -379,7 +385,7 @@ def test_who_gives_way_stands_upstream_until_the_other_has_left(first, second, b
         left = times[in_zone[1]].max()
         assert times[in_zone[0]].min() > left
         [stop] = a.stops
-        s = a.motion.position(times - a.enters)
+        s = a.motion.compute_positions(times - a.enters)
         standing = np.abs(s - stop.s) < 1e-6
         assert standing.sum() * 0.05 >= 0.5
         assert stop.until >= left
@@ -393,9 +399,9 @@ def test_who_gives_way_stands_upstream_until_the_other_has_left(first, second, b
 def test_who_gives_way_would_have_been_in_the_way(seed):
     """Unheld, the two would have met within 2 s: the cause that a yield needs."""
     clause = GivesWay(first=CAR_1, second=CAR_2)
-    for staging in stagings([clause], {CAR_1: NORTHWARDS, CAR_2: EASTWARDS}, seed=seed):
-        unheld = actor(NORTHWARDS, enters=staging.actors[CAR_1].enters)
-        assert np.abs(brute_offsets(unheld, staging.actors[CAR_2])).min() <= 2.0
+    for schedule in stagings([clause], {CAR_1: NORTHWARDS, CAR_2: EASTWARDS}, seed=seed):
+        unheld = actor(NORTHWARDS, enters=schedule.actors[CAR_1].enters)
+        assert np.abs(brute_offsets(unheld, schedule.actors[CAR_2])).min() <= 2.0
 
 
 def test_later_clauses_keep_the_agents_already_placed():
@@ -404,38 +410,38 @@ def test_later_clauses_keep_the_agents_already_placed():
         TimeGap(first=CAR_1, second=CAR_3, low=1.0, high=1.4),
     ]
     candidates = {CAR_1: EASTWARDS, CAR_2: NORTHWARDS, CAR_3: FURTHER}
-    for staging in stagings(clauses, candidates):
-        placed = staging.actors
+    for schedule in stagings(clauses, candidates):
+        placed = schedule.actors
         assert 1.85 <= brute_pet(placed[CAR_1], placed[CAR_2]) <= 2.55
         assert 0.85 <= brute_pet(placed[CAR_1], placed[CAR_3]) <= 1.55
-        first, second = staging.happenings
+        first, second = schedule.events
         assert second.time > first.time
 
 
 def test_everybody_obeys_but_who_runs_the_light():
-    car = actor(EASTWARDS, enters=2.0, marks=AT_LIGHT)
+    car = actor(EASTWARDS, enters=2.0, landmarks=AT_LIGHT)
     crosses = 2.0 + 4.5
-    [green] = demands(car, violates=False, until=30.0)
+    [green] = list_signal_demands(car, violates=False, until=30.0)
     assert green.colours == ("green",)
     assert green.start <= crosses <= green.end
-    [red] = demands(car, violates=True, until=30.0)
+    [red] = list_signal_demands(car, violates=True, until=30.0)
     assert red.colours == ("red",)
     assert red.start <= crosses <= red.end
-    assert demands(car, violates=False, until=5.0) == ()
-    assert demands(actor(EASTWARDS), violates=False, until=30.0) == ()
+    assert list_signal_demands(car, violates=False, until=5.0) == ()
+    assert list_signal_demands(actor(EASTWARDS), violates=False, until=30.0) == ()
 
 
 @given(st.integers(-100, 100))
 @settings(max_examples=10)
 def test_shifting_a_staging_shifts_everything(steps):
     clause = GivesWay(first=CAR_1, second=CAR_2)
-    [staging] = stagings([clause], {CAR_1: NORTHWARDS, CAR_2: EASTWARDS}, most=1)
-    later = staging.shifted(steps * STEP)
-    for name, before in staging.actors.items():
+    [schedule] = stagings([clause], {CAR_1: NORTHWARDS, CAR_2: EASTWARDS}, most=1)
+    later = schedule.shifted(steps * STEP)
+    for name, before in schedule.actors.items():
         after = later.actors[name]
         assert after.enters == pytest.approx(before.enters + steps * STEP)
         times = np.arange(before.enters, before.leaves, 0.5)
         assert after.at(times + steps * STEP) == pytest.approx(before.at(times), abs=1e-6)
         for one, other in zip(before.stops, after.stops, strict=True):
             assert other.until - one.until == pytest.approx(steps * STEP)
-    assert later.happenings[0].time - staging.happenings[0].time == pytest.approx(steps * STEP)
+    assert later.events[0].time - schedule.events[0].time == pytest.approx(steps * STEP)

@@ -11,7 +11,13 @@ from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.scene.grounding import AssignedPattern, RoleAssignment
 from scenewright.scene.social import AgentNode, EntryTie, RelationEdge, SocialGraph
-from scenewright.tools.map_grounding.grounding import at_odds, casts, green_together, ground, lies
+from scenewright.tools.map_grounding.grounding import (
+    count_signal_conflicts,
+    find_assignments,
+    ground_graph,
+    lies_on_side,
+    share_green,
+)
 
 ON = load_map("amsterdam_120")
 ROUTES = {route.id: route for route in ON.routes}
@@ -41,14 +47,14 @@ def graph(*parts) -> SocialGraph:
 
 
 def drawn(of: SocialGraph, count=40, seed=0):
-    grounding = ground(of, intersection_map=ON)
-    found = casts(of, grounding, intersection_map=ON, rng=np.random.default_rng(seed))
+    grounding = ground_graph(of, intersection_map=ON)
+    found = find_assignments(of, grounding, intersection_map=ON, rng=np.random.default_rng(seed))
     return list(islice(found, count))
 
 
 def refusal(of: SocialGraph) -> str:
     with pytest.raises(Rejected) as refused:
-        ground(of, intersection_map=ON)
+        ground_graph(of, intersection_map=ON)
     return refused.value.rejection.detail
 
 
@@ -63,7 +69,7 @@ def refusal(of: SocialGraph) -> str:
 )
 def test_how_an_entry_lies_to_the_north(entry, sides):
     every = ("same", "other", "opposite", "lateral", "left", "right")
-    assert {side for side in every if lies(side, entry, of="north")} == sides | (
+    assert {side for side in every if lies_on_side(side, entry, of="north")} == sides | (
         {"other"} if entry != "north" else set()
     )
 
@@ -73,7 +79,7 @@ def test_tied_entries_hold_in_every_cast(side):
     found = drawn(graph(node(CAR), node(OTHER), edge("near_miss", CAR, OTHER), tie(side)))
     assert len({cast.routes[CAR].entry for cast in found}) > 1
     for cast in found:
-        assert lies(side, cast.routes[OTHER].entry, of=cast.routes[CAR].entry)
+        assert lies_on_side(side, cast.routes[OTHER].entry, of=cast.routes[CAR].entry)
 
 
 def test_a_tie_holds_for_whom_no_relation_binds():
@@ -83,8 +89,8 @@ def test_a_tie_holds_for_whom_no_relation_binds():
     )  # fmt: skip
     for cast in drawn(free):
         entries = {name: route.entry for name, route in cast.routes.items()}
-        assert lies("left", entries[OTHER], of=entries[CAR])
-        assert lies("opposite", entries[THIRD], of=entries[OTHER])
+        assert lies_on_side("left", entries[OTHER], of=entries[CAR])
+        assert lies_on_side("opposite", entries[THIRD], of=entries[OTHER])
 
 
 def test_a_tie_that_forbids_the_relation_is_named():
@@ -100,8 +106,8 @@ def test_a_named_runner_meets_the_other_at_green_where_it_can():
             (cast,) = drawn(graph(runs, node(OTHER), hit), count=1, seed=seed)
             (played,) = cast.patterns
             assert played.violator == CAR
-            assert not green_together(cast.routes[CAR], cast.routes[OTHER], intersection_map=ON)
-            assert at_odds(cast, intersection_map=ON) == 0
+            assert not share_green(cast.routes[CAR], cast.routes[OTHER], intersection_map=ON)
+            assert count_signal_conflicts(cast, intersection_map=ON) == 0
 
 
 def test_running_red_rear_ends_nobody_unless_the_text_says_so():
@@ -128,9 +134,12 @@ def test_lights_are_at_odds_where_one_who_obeys_cannot_meet_another():
     """East and south never have green together, whoever of the two is said to run red."""
     crossing = (node(CAR, entry="east"), node(OTHER, entry="south"))
     (cast,) = drawn(graph(*crossing, edge("near_miss", CAR, OTHER)), count=1)
-    assert at_odds(cast, intersection_map=ON) == 0
+    assert count_signal_conflicts(cast, intersection_map=ON) == 0
     lawful = cast.patterns[0].model_copy(update={"violator": None})
-    assert at_odds(cast.model_copy(update={"patterns": (lawful,)}), intersection_map=ON) == 1
+    assert (
+        count_signal_conflicts(cast.model_copy(update={"patterns": (lawful,)}), intersection_map=ON)
+        == 1
+    )
 
 
 @pytest.mark.parametrize(
@@ -173,7 +182,9 @@ def test_a_pedestrian_gives_way_from_the_kerb_next_to_the_lane():
             to="vehicle-1",
             violator="vehicle-1",
         )
-        return at_odds(RoleAssignment(routes=routes, patterns=(yields,)), intersection_map=ON)
+        return count_signal_conflicts(
+            RoleAssignment(routes=routes, patterns=(yields,)), intersection_map=ON
+        )
 
     # Northbound traffic keeps to the east side of the avenue.
     assert odd("east", "west") == 0

@@ -14,10 +14,10 @@ from scenewright.scene.constraints import Contact, GivesWay
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_offsets
-from scenewright.tools.solver.foreground import Stage, demands
-from scenewright.tools.solver.red_light_start import openings
-from scenewright.tools.solver.schedule import Staging
-from solver_actors import BARE, CAR, EAST, SOUTH, WESTBOUND, candidate, straight, walker
+from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands
+from scenewright.tools.solver.red_light_start import draw_red_light_starts
+from scenewright.tools.solver.schedule import PartialSchedule
+from solver_agents import BARE, CAR, EAST, SOUTH, WESTBOUND, candidate, straight, walker
 
 GIVER, WALKER = "vehicle-1", "pedestrian-1"
 CYCLE = SignalProgram(
@@ -38,10 +38,12 @@ CANDIDATES = {
 MARKS = {GIVER: Landmarks(line=40.0, crosswalks=(), group="avenue"), WALKER: BARE}
 
 
-def opened(clauses=YIELD, *, marks=MARKS, chance=1.0, seed=0):
+def opened(clauses=YIELD, *, landmarks=MARKS, chance=1.0, seed=0):
     chances = {} if chance is None else {GIVER: chance}
     rng = np.random.default_rng(seed)
-    return openings(CANDIDATES, marks, clauses, intersection_map=ON, chances=chances, rng=rng)
+    return draw_red_light_starts(
+        CANDIDATES, landmarks, clauses, intersection_map=ON, chances=chances, rng=rng
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -62,8 +64,8 @@ def test_others_start_as_they_are():
     assert opened(chance=0.0) == {}
     no_light = replace(MARKS[GIVER], group=None)
     no_room = replace(MARKS[GIVER], line=3.0)
-    assert opened(marks={**MARKS, GIVER: no_light}) == {}
-    assert opened(marks={**MARKS, GIVER: no_room}) == {}
+    assert opened(landmarks={**MARKS, GIVER: no_light}) == {}
+    assert opened(landmarks={**MARKS, GIVER: no_room}) == {}
 
 
 def test_who_has_no_green_while_the_other_has_comes_as_it_is():
@@ -71,13 +73,18 @@ def test_who_has_no_green_while_the_other_has_comes_as_it_is():
     cars = {GIVER: CANDIDATES[GIVER], "vehicle-2": candidate(CANDIDATES[GIVER].path)}
     across = {**cars, "vehicle-2": replace(cars["vehicle-2"], route=WESTBOUND)}
     clauses = (GivesWay(first=GIVER, second="vehicle-2"),)
-    marks, rng = dict.fromkeys(cars, MARKS[GIVER]), np.random.default_rng(0)
+    landmarks, rng = dict.fromkeys(cars, MARKS[GIVER]), np.random.default_rng(0)
     always = dict.fromkeys(cars, 1.0)
     # One of two is enough, as the light would settle when both start.
-    assert openings(cars, marks, clauses, intersection_map=MAP, chances=always, rng=rng).keys() == {
-        GIVER
-    }
-    assert openings(across, marks, clauses, intersection_map=MAP, chances=always, rng=rng) == {}
+    assert draw_red_light_starts(
+        cars, landmarks, clauses, intersection_map=MAP, chances=always, rng=rng
+    ).keys() == {GIVER}
+    assert (
+        draw_red_light_starts(
+            across, landmarks, clauses, intersection_map=MAP, chances=always, rng=rng
+        )
+        == {}
+    )
 
 
 def test_red_is_met_as_often_as_it_is_shown():
@@ -87,16 +94,16 @@ def test_red_is_met_as_often_as_it_is_shown():
 
 def staged(seed):
     rng = np.random.default_rng(seed)
-    stage = Stage(CANDIDATES, MARKS, rng, openings=opened(seed=seed))
-    return list(islice(stage.play(YIELD, Staging()), 2))
+    stage = ForegroundSolver(CANDIDATES, MARKS, rng, red_light_starts=opened(seed=seed))
+    return list(islice(stage.play(YIELD, PartialSchedule()), 2))
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_it_gives_way_on_its_way_from_the_light(seed):
     found = staged(seed)
     assert found
-    for staging in found:
-        giver = staging.actors[GIVER]
+    for schedule in found:
+        giver = schedule.actors[GIVER]
         light, stop = giver.stops
         assert (light.reason, stop.reason) == ("red_light", "gives_way")
         assert stop.s - light.s > 4.0
@@ -108,22 +115,22 @@ def test_it_gives_way_on_its_way_from_the_light(seed):
 
 
 def test_who_is_hit_later_has_a_light_that_allows_it():
-    for staging in staged(0):
-        giver = staging.actors[GIVER]
+    for schedule in staged(0):
+        giver = schedule.actors[GIVER]
         hit = giver.ended(giver.stops[1].start + 1.0)
-        assert len(feasible_offsets(CYCLE, demands(hit, violates=False, until=60.0)))
+        assert len(feasible_offsets(CYCLE, list_signal_demands(hit, violates=False, until=60.0)))
 
 
 @pytest.mark.parametrize("shift", [0.0, 12.0])
 @pytest.mark.parametrize("seed", range(4))
 def test_its_light_is_red_until_shortly_before_it_starts(seed, shift):
     """Also where it has started before the scene begins."""
-    for staging in staged(seed):
-        light = staging.actors[GIVER].stops[0]
-        giver = staging.actors[GIVER].shifted(round(shift - light.until, 1))
+    for schedule in staged(seed):
+        light = schedule.actors[GIVER].stops[0]
+        giver = schedule.actors[GIVER].shifted(round(shift - light.until, 1))
         light = giver.stops[0]
-        crosses = giver.enters + giver.motion.time_at(40.0)
-        offsets = feasible_offsets(CYCLE, demands(giver, violates=False, until=30.0))
+        crosses = giver.enters + giver.motion.find_time_at(40.0)
+        offsets = feasible_offsets(CYCLE, list_signal_demands(giver, violates=False, until=30.0))
         assert len(offsets)
         for offset in offsets.tolist():
             clock = SignalClock(CYCLE, offset)

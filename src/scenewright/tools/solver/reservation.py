@@ -21,16 +21,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
-from scenewright.geometry.along import sample_nodes, sample_poses, turned
+from scenewright.geometry.along import sample_nodes, sample_poses, to_cosines
 from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.encounter import SLACK, Half, IntArray, axis_gap, occupancy
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.path_conflict import (
+    SLACK,
+    Half,
+    IntArray,
+    compute_axis_gap,
+    compute_occupancy,
+)
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 Steps = NDArray[np.int64]
-Meetings = tuple[IntArray, IntArray]
+ConflictRuns = tuple[IntArray, IntArray]
 """Runs of consecutive nodes of one agent present that a node of a newcomer meets, within the
 clearance and in touch: [N, 4] node of the newcomer, first and last of the run, whose it is."""
 _Table = tuple[FloatArray, FloatArray, IntArray]
@@ -41,17 +47,17 @@ _NODE = {"vehicle": 0.8, "pedestrian": 0.4}
 
 
 @dataclass(frozen=True)
-class Separation:
+class SafetyMargin:
     """How far apart in space [m] and time [s] two agents must stay."""
 
     clearance: float
     gap: float
 
 
-FOREGROUND = Separation(clearance=0.8, gap=1.75)
-BACKGROUND = Separation(clearance=0.8, gap=1.25)
-WALKERS = Separation(clearance=0.15, gap=0.0)
-AFTER_YIELD = Separation(clearance=0.0, gap=2.4)
+FOREGROUND = SafetyMargin(clearance=0.8, gap=1.75)
+BACKGROUND = SafetyMargin(clearance=0.8, gap=1.25)
+WALKERS = SafetyMargin(clearance=0.15, gap=0.0)
+AFTER_YIELD = SafetyMargin(clearance=0.0, gap=2.4)
 """Around where a yielding agent would have been unheld: no second cause for its stop."""
 
 _WIDEST, _WALKERS_APART = FOREGROUND.clearance, WALKERS.clearance
@@ -83,17 +89,20 @@ class Corridor:
 
 
 @lru_cache(maxsize=512)
-def corridor_of(candidate: Candidate) -> Corridor:
+def get_corridor(candidate: Candidate) -> Corridor:
     """The nodes of a candidate's path; candidates are known by identity."""
     path, shape, kind = candidate.path, candidate.shape, candidate.route.type
     s = sample_nodes(path, _NODE[kind])
     return Corridor(
-        s, turned(sample_poses(path, s)), (shape.length / 2, shape.width / 2), kind == "pedestrian"
+        s,
+        to_cosines(sample_poses(path, s)),
+        (shape.length / 2, shape.width / 2),
+        kind == "pedestrian",
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Stay:
+class _Reservation:
     """One agent present: its nodes, when it is there, and how to keep clear of it.
 
     Attributes:
@@ -113,17 +122,17 @@ _KEEPING = 9
 _LONG, _WIDE, _REACH, _SPACING, _WALKS, _CLEARANCE, _INNER, _OUTER, _AHEAD = range(_KEEPING)
 
 
-class Presence:
+class ReservationTable:
     """Everybody whose times are settled."""
 
-    def __init__(self, actors: Iterable[Actor] = (), *, foreground: bool = True) -> None:
-        self._stays: list[_Stay] = []
+    def __init__(self, actors: Iterable[ScheduledAgent] = (), *, foreground: bool = True) -> None:
+        self._stays: list[_Reservation] = []
         self._table: _Table | None = None
-        self._met: dict[int, tuple[Corridor, Meetings]] = {}
+        self._met: dict[int, tuple[Corridor, ConflictRuns]] = {}
         for actor in actors:
             self.add(actor, foreground=foreground)
 
-    def add(self, actor: Actor, *, foreground: bool) -> None:
+    def add(self, actor: ScheduledAgent, *, foreground: bool) -> None:
         """One more, at its own scene times."""
         self._table, self._met = None, {}
         inner = FOREGROUND if foreground else BACKGROUND
@@ -134,29 +143,31 @@ class Presence:
             return
         self._stays.append(_stay(actor, actor.free, AFTER_YIELD, AFTER_YIELD))
         if actor.candidate.route.type == "vehicle":
-            touch = Separation(clearance=0.0, gap=0.0)
+            touch = SafetyMargin(clearance=0.0, gap=0.0)
             self._stays.append(_stay(actor, actor.motion, touch, touch, ahead=WALKER_AHEAD))
 
-    def free(self, actor: Actor, starts: Steps, *, foreground: bool) -> Steps:
+    def find_free_times(self, actor: ScheduledAgent, starts: Steps, *, foreground: bool) -> Steps:
         """Of the entry times [steps], those at which the actor would meet nobody."""
         if not self._stays or not len(starts):
             return starts
         if len(starts) == 1:
             return starts[:0] if self._meets(actor, int(starts[0]), foreground) else starts
-        return _unmet(starts, *self.barred(actor, foreground=foreground))
+        return _unmet(starts, *self.find_blocked_intervals(actor, foreground=foreground))
 
-    def barred(self, actor: Actor, *, foreground: bool) -> tuple[FloatArray, FloatArray]:
+    def find_blocked_intervals(
+        self, actor: ScheduledAgent, *, foreground: bool
+    ) -> tuple[FloatArray, FloatArray]:
         """[N] ends of the intervals of entry times [s] that would bring about a meeting."""
-        corridor = corridor_of(actor.candidate)
-        come, leave = occupancy(corridor.s, actor.motion, 0.5)
+        corridor = get_corridor(actor.candidate)
+        come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
         nodes, keeping, _ = self._gathered()
         met = self._meetings(corridor)
         return _barred(met, come, leave, corridor.walks, foreground, nodes, keeping)
 
-    def _meets(self, actor: Actor, start: int, foreground: bool) -> bool:
+    def _meets(self, actor: ScheduledAgent, start: int, foreground: bool) -> bool:
         """Whether it would meet anybody if it entered at one time [steps]: quicker than all."""
-        corridor = corridor_of(actor.candidate)
-        come, leave = occupancy(corridor.s, actor.motion, 0.5)
+        corridor = get_corridor(actor.candidate)
+        come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
         return _meets(
             start, corridor.pose, corridor.half, corridor.reach, corridor.walks, come, leave,
             foreground, *self._gathered(),
@@ -172,7 +183,7 @@ class Presence:
             )
         return self._table
 
-    def _meetings(self, corridor: Corridor) -> Meetings:
+    def _meetings(self, corridor: Corridor) -> ConflictRuns:
         """Where the corridor meets those present, whatever the times."""
         key = id(corridor)
         if key not in self._met:
@@ -181,34 +192,36 @@ class Presence:
         return self._met[key][1]
 
 
-def forbidden_offsets(a: Actor, b: Actor, *, strict: bool) -> list[tuple[int, int]]:
+def find_blocked_offsets(
+    a: ScheduledAgent, b: ScheduledAgent, *, strict: bool
+) -> list[tuple[int, int]]:
     """Open intervals (low, high) [steps] that o_b - o_a must avoid for the pair not to interact."""
-    low, high = _alone(a, strict).barred(b, foreground=strict)
+    low, high = _alone(a, strict).find_blocked_intervals(b, foreground=strict)
     return _merged(_floor(low) - 1, _ceil(high) + 1)
 
 
 @lru_cache(maxsize=512)
-def _alone(actor: Actor, strict: bool) -> Presence:
+def _alone(actor: ScheduledAgent, strict: bool) -> ReservationTable:
     """An actor by itself, at its own local times; actors are known by identity."""
-    return Presence([actor.shifted(-actor.enters)], foreground=strict)
+    return ReservationTable([actor.shifted(-actor.enters)], foreground=strict)
 
 
 def _stay(
-    actor: Actor,
+    actor: ScheduledAgent,
     motion: Motion,
-    inner: Separation,
-    outer: Separation,
+    inner: SafetyMargin,
+    outer: SafetyMargin,
     ahead: float = 0.0,
-) -> _Stay:
-    corridor = corridor_of(actor.candidate)
-    come, leave = occupancy(corridor.s, motion, 0.5)
+) -> _Reservation:
+    corridor = get_corridor(actor.candidate)
+    come, leave = compute_occupancy(corridor.s, motion, 0.5)
     nodes = _in_scene_time(corridor.pose, come, leave, actor.enters)
     keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
                inner.clearance, inner.gap, outer.gap, ahead)  # fmt: skip
-    return _Stay(nodes, np.array(keeping, dtype=np.float64))
+    return _Reservation(nodes, np.array(keeping, dtype=np.float64))
 
 
-def _meet(corridor: Corridor, table: _Table) -> Meetings:
+def _meet(corridor: Corridor, table: _Table) -> ConflictRuns:
     """Runs within the clearance, and runs in touch, of a newcomer with all present."""
     room = 4 * len(corridor.s)
     while True:
@@ -292,7 +305,7 @@ def _runs(
                     j += 1 + int(0.5 * beyond / keeping[who, _SPACING])
                     continue
                 nearest = 0.0
-                gap = axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
+                gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
                                nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
                 if gap <= least:
                     found += _goes_on(near, found, beside, i, j, who)
@@ -318,7 +331,7 @@ def _goes_on(runs: IntArray, count: int, under_way: bool, i: int, j: int, who: i
 
 @compiled
 def _barred(
-    met: Meetings,
+    met: ConflictRuns,
     come: FloatArray,
     leave: FloatArray,
     walks: bool,
@@ -379,7 +392,7 @@ def _meets(
                 if beyond > 0.0:
                     j += 1 + int(beyond / keeping[who, _SPACING])
                     continue
-                gap = axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
+                gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
                                nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
                 begin, end = nodes[4, j] - leave[i], nodes[5, j] - come[i]
                 if gap <= least and _bars(begin, end, start):

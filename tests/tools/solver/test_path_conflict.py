@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 
 from scenewright.geometry.driving_profile import StopCommand, compute_motion
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
-from scenewright.tools.solver.encounter import (
+from scenewright.tools.solver.path_conflict import (
     FOREVER,
-    close_nodes,
-    encounter,
-    footprint_clearance,
-    gap_to,
-    meeting_offsets,
+    compute_clearance,
+    compute_gap,
+    find_close_nodes,
+    find_conflict_intervals,
+    find_path_conflict,
 )
-from solver_actors import (
+from solver_agents import (
     CAR,
     EAST,
     NORTH,
@@ -41,21 +41,21 @@ POSES = st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-7, 7))
 
 
 def offsets(a, b, *, c=0.0, exact=True, reach=0.1, spacing=FINE):
-    pair = encounter(
+    pair = find_path_conflict(
         a.candidate.path,
         b.candidate.path,
         shapes=(a.candidate.shape, b.candidate.shape),
         reach=max(reach, c),
         spacing=spacing,
     )
-    return meeting_offsets(pair, a, b, c=c, exact=exact)
+    return find_conflict_intervals(pair, a, b, c=c, exact=exact)
 
 
 @given(SHAPES, SHAPES, POSES, POSES)
 @settings(max_examples=400)
 def test_clearance_is_shapelys_distance_and_negative_only_inside(first, second, a, b):
     shapes = (first, second)
-    mine = footprint_clearance(np.array([a]), np.array([b]), shapes=shapes)[0]
+    mine = compute_clearance(np.array([a]), np.array([b]), shapes=shapes)[0]
     true = distances(np.array([a]), np.array([b]), shapes)[0]
     if true > 1e-9:
         assert mine == pytest.approx(true, abs=1e-9)
@@ -74,8 +74,8 @@ def test_clearance_is_symmetric_and_turns_with_the_world(first, second, a, b, tu
         cos, sin = np.cos(turn), np.sin(turn)
         return np.array([[x * cos - y * sin, x * sin + y * cos, heading + turn]])
 
-    one = footprint_clearance(np.array([a]), np.array([b]), shapes=(first, second))
-    other = footprint_clearance(turned(b), turned(a), shapes=(second, first))
+    one = compute_clearance(np.array([a]), np.array([b]), shapes=(first, second))
+    other = compute_clearance(turned(b), turned(a), shapes=(second, first))
     if one[0] > 0:
         assert other == pytest.approx(one, abs=1e-9)
     else:
@@ -88,8 +88,8 @@ def test_clearance_is_symmetric_and_turns_with_the_world(first, second, a, b, tu
 )
 def test_a_disc_beside_a_box(spot, expected):
     box, disc = np.array([[0.0, 0.0, 0.0]]), np.array([[*spot, 0.0]])
-    assert footprint_clearance(box, disc, shapes=(CAR, PEDESTRIAN)) == pytest.approx([expected])
-    assert footprint_clearance(disc, box, shapes=(PEDESTRIAN, CAR)) == pytest.approx([expected])
+    assert compute_clearance(box, disc, shapes=(CAR, PEDESTRIAN)) == pytest.approx([expected])
+    assert compute_clearance(disc, box, shapes=(PEDESTRIAN, CAR)) == pytest.approx([expected])
 
 
 @given(
@@ -140,7 +140,7 @@ def test_roads_apart_never_meet():
     assert offsets(a, b).shape == (0, 2)
     assert offsets(a, b, c=1.5).shape == (0, 2)
     assert len(offsets(a, b, c=1.7))
-    assert gap_to(offsets(a, b), 0.0) == float("inf")
+    assert compute_gap(offsets(a, b), 0.0) == float("inf")
 
 
 def test_who_stands_in_the_way_is_met_for_as_long():
@@ -149,11 +149,11 @@ def test_who_stands_in_the_way_is_met_for_as_long():
     half = (CAR.length + CAR.width) / 2
     met = offsets(held, other)
     into, out = (50 - half) / 10, (50 + half) / 10
-    assert met[0, 0] == pytest.approx(held.time_at(50 - half) - out, abs=0.1)
-    assert met[-1, 1] == pytest.approx(held.time_at(50 + half) - into, abs=0.1)
+    assert met[0, 0] == pytest.approx(held.find_time_at(50 - half) - out, abs=0.1)
+    assert met[-1, 1] == pytest.approx(held.find_time_at(50 + half) - into, abs=0.1)
     assert met[-1, 1] > 40.0 - into
     between = np.linspace(met[0, 0], met[-1, 1], 200)
-    assert max(gap_to(met, delta) for delta in between) < 0.3
+    assert max(compute_gap(met, delta) for delta in between) < 0.3
     assert len(offsets(held, other, exact=False)) == 1
 
 
@@ -161,9 +161,9 @@ def test_a_wreck_stays_in_the_way_for_good():
     wreck = compute_motion(candidate(CROSSING[0])).cut(50)
     other = compute_motion(candidate(CROSSING[1]))
     met = offsets(wreck, other, exact=False)
-    assert gap_to(met, 300.0) == 0.0
-    assert gap_to(met, FOREVER / 2) == 0.0
-    assert gap_to(met, -20.0) > 10.0
+    assert compute_gap(met, 300.0) == 0.0
+    assert compute_gap(met, FOREVER / 2) == 0.0
+    assert compute_gap(met, -20.0) > 10.0
 
 
 def test_who_ends_before_the_crossing_is_never_met():
@@ -179,7 +179,7 @@ def test_pet_is_what_a_dense_scan_finds(angle, v_a, v_b, delta):
     b = actor(candidate(straight(start, angle, 60.0), time_law=law(v_b)))
     found = brute_offsets(a, b, step=0.04)
     expected = float(np.abs(found - delta).min())
-    measured = gap_to(offsets(a.motion, b.motion), delta)
+    measured = compute_gap(offsets(a.motion, b.motion), delta)
     assert measured == pytest.approx(expected, abs=0.12)
 
 
@@ -192,14 +192,14 @@ def test_the_safe_set_misses_no_meeting_with_somebody_who_waits(release, stands)
     b = actor(walker(straight((0.0, -8.0), NORTH, 16.0)))
     met = offsets(a.motion, b.motion, c=0.8, exact=False, spacing=(0.6, 0.25))
     found = brute_offsets(a, b, within=0.5, step=0.1)
-    assert max(gap_to(met, each) for each in found[:: max(1, len(found) // 300)]) == 0.0
+    assert max(compute_gap(met, each) for each in found[:: max(1, len(found) // 300)]) == 0.0
     wide = brute_offsets(a, b, within=1.6, step=0.1)
     assert all(np.abs(wide - edge).min() < 0.3 for edge in met.ravel())
 
 
 def test_only_the_start_of_a_shared_lane_is_the_conflict():
     lane = straight((0.0, 0.0), EAST, 100.0)
-    pair = encounter(lane, lane, shapes=(CAR, CAR), reach=0.0)
+    pair = find_path_conflict(lane, lane, shapes=(CAR, CAR), reach=0.0)
     first = pair.first_metres(5.0)
     assert first.s_a[first.i].max() <= 5.0
     assert pair.s_a[pair.i].max() == 100.0
@@ -209,7 +209,7 @@ def test_only_the_start_of_a_shared_lane_is_the_conflict():
 def test_gap_to_is_the_distance_from_a_union(spans, delta):
     intervals = np.array([(low, low + width) for low, width in spans])
     expected = min(max(low - delta, delta - high, 0.0) for low, high in intervals)
-    assert gap_to(intervals, delta) == pytest.approx(expected)
+    assert compute_gap(intervals, delta) == pytest.approx(expected)
 
 
 @given(
@@ -222,7 +222,9 @@ def test_no_close_pair_of_nodes_is_skipped(way_a, way_b, radius):
     a, b = (np.cumsum(np.array(way), axis=0).T for way in (way_a, way_b))
     steps = tuple(max(float(np.hypot(*np.diff(nodes, axis=1)).max()), 0.1) for nodes in (a, b))
     away = np.hypot(a[0][:, None] - b[0], a[1][:, None] - b[1])
-    found = set(zip(*(each.tolist() for each in close_nodes(a, b, radius, steps)), strict=True))
+    found = set(
+        zip(*(each.tolist() for each in find_close_nodes(a, b, radius, steps)), strict=True)
+    )
     must = set(zip(*(each.tolist() for each in np.nonzero(away <= radius)), strict=True))
     may = set(zip(*(each.tolist() for each in np.nonzero(away <= radius + 0.011)), strict=True))
     assert must <= found <= may
