@@ -20,8 +20,8 @@ from scenewright import synthesize
 from scenewright.errors import InputError, ScenewrightError, Unsatisfiable
 from scenewright.intersections import load_map
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.tools.map_grounding.grounding import serves
-from scenewright.tools.map_grounding.relation_files import checked_patterns
+from scenewright.tools.map_grounding.grounding import can_serve
+from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 
 WORDS = {
     "yield_to": ("yields to", "gives way to", "lets pass"),
@@ -54,10 +54,10 @@ def requests(place: IntersectionMap, count: int, seed: int = 1) -> list[str]:
     rng = np.random.default_rng(seed)
     offers = [
         (pattern, a, b)
-        for pattern in checked_patterns()
+        for pattern in load_checked_patterns()
         for a in place.routes
         for b in place.routes
-        if serves(pattern, a, b, intersection_map=place)
+        if can_serve(pattern, a, b, intersection_map=place)
     ]
     by_pattern: dict[str, list[tuple[object, Route, Route]]] = {}
     for offer in offers:

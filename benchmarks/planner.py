@@ -1,6 +1,7 @@
 """How well the builtin planner reads labelled instructions, how fast, and the same in threads.
 
     python benchmarks/planner.py [FILE.jsonl ...] [--show N]
+    python benchmarks/planner.py --threads 8 --texts 2000 --fuzz 20000
 
 Rows are {"id", "text", "previous"?, "expected"}; without files, evals/planning/voices.jsonl,
 written after the weights were frozen. A refused row counts as right after one answer if one of the
@@ -13,10 +14,11 @@ import argparse
 import json
 import random
 import string
-import threading
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -71,40 +73,69 @@ def report(name: str, rows: list[Row], show: int) -> None:
             print(f"  [{verdict}] {row['text']}")
 
 
-def time_and_thread(rows: list[Row], *, threads: int = 8) -> None:
-    """Milliseconds an instruction in one thread, and whether many threads read the same."""
-    texts = [row["text"] for row in rows]
+def compare_threads(rows: list[Row], *, threads: int, number: int) -> None:
+    """Milliseconds an instruction in one thread, and whether many threads plan the same bytes."""
+    texts = [row["text"] for row, _ in zip(cycle(rows), range(number), strict=False)]
     before = time.perf_counter()
-    alone = [planner._plan(text, None, Site()) for text in texts]
-    print(f"{1000 * (time.perf_counter() - before) / len(texts):.1f} ms an instruction, one thread")
-    differing: list[int] = []
+    alone = [plan_as_json(text) for text in texts]
+    print(f"{1000 * (time.perf_counter() - before) / number:.1f} ms an instruction, one thread")
+    with ThreadPoolExecutor(threads) as pool:
+        found = list(pool.map(lambda _: [plan_as_json(text) for text in texts], range(threads)))
+    differing = sum(a != b for each in found for a, b in zip(alone, each, strict=True))
+    print(f"{threads} threads x {number} texts: {differing} plans differ")
 
-    def work() -> None:
-        found = [planner._plan(text, None, Site()) for text in texts]
-        differing.append(sum(a != b for a, b in zip(alone, found, strict=True)))
 
-    running = [threading.Thread(target=work) for _ in range(threads)]
-    for each in running:
-        each.start()
-    for each in running:
-        each.join()
-    print(f"{threads} threads x {len(texts)} texts: {sum(differing)} plans differ")
+def plan_as_json(text: str) -> str:
+    """The plan of a text without what was kept of earlier ones."""
+    return planner._plan(text, None, Site()).model_dump_json(by_alias=True)
 
 
 def fuzz(rows: list[Row], number: int) -> None:
-    """Texts cut, shuffled and mangled: none may raise, none may take a second."""
-    rng, slowest = random.Random(0), 0.0
-    alphabet = string.printable + "äß→🚗行人"
+    """Mangled texts: counts exceptions, prints the first of them and the slowest text."""
+    rng, slowest, failed = random.Random(0), (0.0, ""), list[tuple[str, str]]()
+    texts = [row["text"] for row in rows]
     for _ in range(number):
-        words = rng.choice(rows)["text"].split() + rng.choice(rows)["text"].split()
-        text = " ".join(rng.sample(words, rng.randint(1, min(len(words), 60))))
-        letters = list(text)
-        for _ in range(rng.randint(0, 8)):
-            letters.insert(rng.randrange(len(letters) + 1), rng.choice(alphabet))
+        text = mangle(rng, rng.choice(texts), rng.choice(texts))
         before = time.perf_counter()
-        planner._plan("".join(letters), None, Site())
-        slowest = max(slowest, time.perf_counter() - before)
-    print(f"{number} mangled texts: no exception, the slowest {slowest:.2f} s")
+        try:
+            planner._plan(text, None, Site())
+        except Exception as error:  # every kind is a fault here, and is counted
+            failed.append((repr(error), text))
+        slowest = max(slowest, (time.perf_counter() - before, text))
+    print(f"{number} mangled texts: {len(failed)} exceptions, the slowest {slowest[0]:.2f} s")
+    print(f"  slowest: {slowest[1]!r}")
+    for error, text in failed[:10]:
+        print(f"  {error}: {text!r}")
+
+
+def mangle(rng: random.Random, text: str, other: str) -> str:
+    """A text spliced with another, or its words or characters dropped, swapped or doubled."""
+    if rng.random() < 0.3:
+        text = text[: rng.randrange(len(text) + 1)] + other[rng.randrange(len(other) + 1) :]
+    words = text.split()
+    for _ in range(rng.randint(0, 4)):
+        _mangle_once(rng, words, rng.choice(other.split() or [""]))
+    letters = list(" ".join(words))
+    for _ in range(rng.randint(0, 6)):
+        _mangle_once(rng, letters, rng.choice(_NOISE))
+    return "".join(letters)
+
+
+_NOISE = string.printable + "äßéİıﬁ→–’“”🚗行人\u0301\u200b\u200d\u202e\u2028\ufeff\ud800\x00"
+
+
+def _mangle_once(rng: random.Random, parts: list[str], noise: str) -> None:
+    """Drops, swaps, doubles or inserts one part, in place."""
+    how, at = rng.choice(("drop", "swap", "double", "insert")), rng.randrange(len(parts) + 1)
+    if how == "insert" or at == len(parts):
+        parts.insert(at, noise)
+    elif how == "drop":
+        del parts[at]
+    elif how == "double":
+        parts.insert(at, parts[at])
+    else:
+        other = rng.randrange(len(parts))
+        parts[at], parts[other] = parts[other], parts[at]
 
 
 def main() -> None:
@@ -113,13 +144,14 @@ def main() -> None:
     parser.add_argument("--show", type=int, default=0, help="failures to print for each file")
     parser.add_argument("--fuzz", type=int, default=0, help="mangled texts to try")
     parser.add_argument("--threads", type=int, default=0, help="threads to compare with one")
+    parser.add_argument("--texts", type=int, help="of each thread; if not said, each row once")
     given = parser.parse_args()
     voices = Path(str(files("scenewright.evals.planning"))) / "voices.jsonl"
     for path in given.files or [voices]:
         rows = load(path)
         report(path.name, rows, given.show)
     if given.threads:
-        time_and_thread(rows, threads=given.threads)
+        compare_threads(rows, threads=given.threads, number=given.texts or len(rows))
     if given.fuzz:
         fuzz(rows, given.fuzz)
 

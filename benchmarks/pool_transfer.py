@@ -1,4 +1,4 @@
-"""How well a pool foretells where vehicles drive at a place of which it has seen nothing.
+"""How well a pool predicts where vehicles drive at a place of which it has seen nothing.
 
     python benchmarks/pool_transfer.py NAME TRACKS --pool TRACKS [--pool-scale 0.065] ...
 
@@ -15,8 +15,14 @@ import argparse
 import numpy as np
 
 from scenewright.cli.custom_intersections import _elsewhere
-from scenewright.tools.fitting.custom_bundle import open_own
-from scenewright.tools.fitting.fit_tracks import fit_tracks, foretold, pools_of
+from scenewright.tools.fitting.custom_bundle import open_custom_bundle
+from scenewright.tools.fitting.fit_tracks import (
+    FrameChange,
+    LaneOffsets,
+    WaypointFit,
+    compute_cross_validated_nll,
+    fit_tracks,
+)
 from scenewright.tools.track_io.track_files import read_track_files
 
 
@@ -33,15 +39,22 @@ def main() -> None:
     parser.add_argument("--pool", nargs="+", required=True)
     parser.add_argument("--pool-scale", type=float, nargs="*", default=[None])
     options = parser.parse_args()
-    own = open_own(options.name)
-    fitted = fit_tracks(own.place, own.ways, read_track_files(options.tracks), origin=own.origin)
+    own = open_custom_bundle(options.name)
+    files = read_track_files(options.tracks)
+    fitted = fit_tracks(own.intersection_map, own.route_lines, files, FrameChange(own.origin))
     matches = [m for m in fitted.matches if m.route.startswith("vehicle:")]
-    shipped = foretold(own.place, own.ways, matches, pool=pools_of(own.place, own.ways, {}))
+
+    def evaluate(lanes: LaneOffsets | None) -> list[float]:
+        pool = WaypointFit(own.intersection_map, own.route_lines, (), lanes).pools
+        return compute_cross_validated_nll(
+            own.intersection_map, own.route_lines, matches, pool=pool
+        )
+
+    shipped = evaluate(None)
     print(f"{options.name}, {len(shipped)} tracks: shipped pool {np.mean(shipped):.3f}")
     for scale in options.pool_scale:
         lanes, told = _elsewhere(options.pool, scale)
-        pool = pools_of(own.place, own.ways, {}, lanes)
-        found = foretold(own.place, own.ways, matches, pool=pool)
+        found = evaluate(lanes)
         low, high = interval(np.array(shipped), np.array(found), np.random.default_rng(0))
         print(f"  {'; '.join(told)}")
         print(f"  {np.mean(found):.3f}, against the shipped {low:+.3f} to {high:+.3f}")

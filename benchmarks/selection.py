@@ -40,11 +40,11 @@ from scenewright.scene.social import Background, SceneContext, SocialGraph
 from scenewright.scene.track import STEP
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.gmm_sampler.generate import amplify
-from scenewright.tools.solver.assignment import seat
-from scenewright.tools.solver.background import Option, Seating, Table
-from scenewright.tools.solver.offers import Invited, Offer
-from scenewright.tools.solver.safety_margin import Presence, forbidden_offsets
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.assignment import assign_min_cost
+from scenewright.tools.solver.background_assignment import Assignment, ConflictTable, Option
+from scenewright.tools.solver.offers import AgentOffers, CandidateOffer
+from scenewright.tools.solver.reservation import ReservationTable, find_blocked_offsets
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 PLACE = "amsterdam_120"
 SECONDS, SEEN = 30.0, 4.0
@@ -59,19 +59,19 @@ NO_LIMIT = 600.0
 class Party:
     """Who is to be seated, and how many of each class."""
 
-    guests: tuple[Invited, ...]
+    agents: tuple[AgentOffers, ...]
     wanted: dict[AgentClass, int]
 
     def built(self) -> Party:
         """The same, every candidate built."""
-        for guest in self.guests:
-            for option in options(guest):
+        for agent in self.agents:
+            for option in options(agent):
                 assert option.actor is not None
         return self
 
 
-def options(guest: Invited) -> list[Option]:
-    return [option for offer in guest.offers for option in offer.options]
+def options(agent: AgentOffers) -> list[Option]:
+    return [option for offer in agent.offers for option in offer.options]
 
 
 def party(
@@ -95,76 +95,76 @@ def party(
         size=size,
         rng=rng,
     )
-    guests = tuple(
-        Invited(draws.name, draws.route.type, False, tuple(offers(draws, pinned, grid)))
+    agents = tuple(
+        AgentOffers(draws.name, draws.route.type, False, tuple(offers(draws, pinned, grid)))
         for draws in pool.agents.values()
-        if not draws.spare
+        if not draws.reserve
     )
-    return Party(guests, dict(pool.background))
+    return Party(agents, dict(pool.background))
 
 
-def offers(draws: AgentCandidates, pinned: float | None, grid: int) -> Iterator[Offer]:
+def offers(draws: AgentCandidates, pinned: float | None, grid: int) -> Iterator[CandidateOffer]:
     cost = draws.nll + draws.time_nll
     for m in np.argsort(cost).tolist():
-        yield Offer(float(cost[m]), partial(ways, draws, m, float(cost[m]), pinned, grid))
+        yield CandidateOffer(float(cost[m]), partial(ways, draws, m, float(cost[m]), pinned, grid))
 
 
 def ways(
     draws: AgentCandidates, m: int, cost: float, pinned: float | None, grid: int
 ) -> tuple[Option, ...]:
     """One candidate, free to come at any moment at which it is seen for four seconds."""
-    ground, drawn = ground_of(PLACE), draws.build(m)
-    candidate = replace(drawn, path=ground.trimmed(drawn.path))
-    actor = Actor.unplaced(candidate, find_landmarks(candidate, ground=ground))
+    map_areas, drawn = ground_of(PLACE), draws.build(m)
+    candidate = replace(drawn, path=map_areas.trim(drawn.path))
+    actor = ScheduledAgent.unplaced(candidate, find_landmarks(candidate, map_areas=map_areas))
     steps = len(actor.motion.s)
     first, last = round(SEEN / STEP) - steps, round((SECONDS - SEEN) / STEP)
-    wish = int(np.clip(round((draws.arrival or 0.0) / STEP - steps / 2), first, last))
+    drawn_time = int(np.clip(round((draws.arrival or 0.0) / STEP - steps / 2), first, last))
     starts = np.arange(first, last + 1, dtype=np.int64)
     if pinned is not None:
-        starts = starts[np.abs(starts - wish) <= pinned / STEP]
-    return (Option(lambda: actor, m, starts[(starts - wish) % grid == 0], cost, wish),)
+        starts = starts[np.abs(starts - drawn_time) <= pinned / STEP]
+    return (Option(lambda: actor, m, starts[(starts - drawn_time) % grid == 0], cost, drawn_time),)
 
 
-def cost_of(chosen: Sequence[tuple[Invited, float]]) -> float:
+def cost_of(chosen: Sequence[tuple[AgentOffers, float]]) -> float:
     """Above everybody's cheapest [nats]."""
-    return sum(cost - guest.offers[0].cost for guest, cost in chosen)
+    return sum(cost - agent.offers[0].cost for agent, cost in chosen)
 
 
-def exactly(of: Party) -> tuple[float | None, Seating | str]:
-    seating = seat(of.guests, Table([]), of.wanted)
-    if isinstance(seating, str):
-        return None, seating
-    return cost_of([(g, seating.chosen[g.name][0].cost) for g in of.guests]), seating
+def exactly(of: Party) -> tuple[float | None, Assignment | str]:
+    assignment = assign_min_cost(of.agents, ConflictTable([]), of.wanted)
+    if isinstance(assignment, str):
+        return None, assignment
+    return cost_of([(g, assignment.chosen[g.name][0].cost) for g in of.agents]), assignment
 
 
 def greedily(of: Party) -> float | None:
     """Each in turn its cheapest candidate with room, at the moment nearest to its wish."""
-    present, chosen = Presence(), []
-    for guest in sorted(of.guests, key=lambda each: each.offers[0].cost):
-        for option in options(guest):
-            free = present.free(option.actor, option.starts, foreground=False)
+    present, chosen = ReservationTable(), []
+    for agent in sorted(of.agents, key=lambda each: each.offers[0].cost):
+        for option in options(agent):
+            free = present.find_free_times(option.actor, option.starts, foreground=False)
             if len(free):
-                start = free[np.argmin(np.abs(free - option.wish))]
+                start = free[np.argmin(np.abs(free - option.drawn_time))]
                 present.add(option.actor.shifted(STEP * int(start)), foreground=False)
-                chosen.append((guest, option.cost))
+                chosen.append((agent, option.cost))
                 break
-    return cost_of(chosen) if len(chosen) == len(of.guests) else None
+    return cost_of(chosen) if len(chosen) == len(of.agents) else None
 
 
 def pairs(of: Party) -> Iterator[tuple[tuple[int, int, int, int], list[tuple[int, int]]]]:
     """What every two options of two guests forbid of start_i - start_j [steps]."""
-    every = [options(guest) for guest in of.guests]
+    every = [options(agent) for agent in of.agents]
     for i in range(len(every)):
         for j in range(i):
             for (k, a), (m, b) in product(enumerate(every[i]), enumerate(every[j])):
-                yield (i, k, j, m), forbidden_offsets(b.actor, a.actor, strict=False)
+                yield (i, k, j, m), find_blocked_offsets(b.actor, a.actor, strict=False)
 
 
 def with_full_tables(of: Party) -> float | None:
     """CP-SAT over all pairs of options, computed up front."""
     from ortools.sat.python import cp_model
 
-    model, every = cp_model.CpModel(), [options(guest) for guest in of.guests]
+    model, every = cp_model.CpModel(), [options(agent) for agent in of.agents]
     takes = [[model.new_bool_var("") for _ in own] for own in every]
     starts = [
         model.new_int_var_from_domain(
@@ -188,8 +188,8 @@ def with_full_tables(of: Party) -> float | None:
             model.add_bool_or([~takes[i][k], ~takes[j][m], below, above])
     model.minimize(
         sum(
-            round(1e5 * cost_of([(guest, option.cost)])) * literal
-            for guest, own, take in zip(of.guests, every, takes, strict=True)
+            round(1e5 * cost_of([(agent, option.cost)])) * literal
+            for agent, own, take in zip(of.agents, every, takes, strict=True)
             for option, literal in zip(own, take, strict=True)
         )
     )
@@ -203,8 +203,8 @@ def with_full_tables(of: Party) -> float | None:
 def values(of: Party) -> list[list[tuple[int, int]]]:
     """Per guest, every option with every entry time."""
     return [
-        [(k, int(start)) for k, option in enumerate(options(guest)) for start in option.starts]
-        for guest in of.guests
+        [(k, int(start)) for k, option in enumerate(options(agent)) for start in option.starts]
+        for agent in of.agents
     ]
 
 
@@ -230,10 +230,10 @@ def by_toulbar2(of: Party) -> float | None:
 
     top = 1e6
     network = pytoulbar2.CFN(top, 5, verbose=-1)
-    for g, (guest, own) in enumerate(zip(of.guests, values(of), strict=True)):
+    for g, (agent, own) in enumerate(zip(of.agents, values(of), strict=True)):
         network.AddVariable(str(g), [f"v{n}" for n in range(len(own))])
-        ranked = options(guest)
-        network.AddFunction([g], [cost_of([(guest, ranked[k].cost)]) for k, _ in own])
+        ranked = options(agent)
+        network.AddFunction([g], [cost_of([(agent, ranked[k].cost)]) for k, _ in own])
     for (i, j), fits in apart(of).items():
         if not fits.all():
             network.AddFunction([i, j], np.where(fits, 0.0, top).ravel().tolist())
@@ -244,8 +244,8 @@ def by_toulbar2(of: Party) -> float | None:
 def by_brute_force(of: Party) -> float | None:
     own, fits, best = values(of), apart(of), None
     costs = [
-        [cost_of([(guest, options(guest)[k].cost)]) for k, _ in each]
-        for guest, each in zip(of.guests, own, strict=True)
+        [cost_of([(agent, options(agent)[k].cost)]) for k, _ in each]
+        for agent, each in zip(of.agents, own, strict=True)
     ]
     for choice in product(*(range(len(each)) for each in own)):
         cost = sum(costs[g][v] for g, v in enumerate(choice))
@@ -295,16 +295,16 @@ def compare(
     name: str, draw: Callable[[int], Party], n: int, rivals: dict[str, Callable[[Party], Any]]
 ) -> None:
     """Seats n parties exactly and by every rival, and prints how they did."""
-    seatings: list[Seating | str] = []
+    seatings: list[Assignment | str] = []
 
     def ours(of: Party) -> float | None:
-        cost, seating = exactly(of)
-        seatings.append(seating)
+        cost, assignment = exactly(of)
+        seatings.append(assignment)
         return cost
 
     parties = [draw(seed).built() for seed in range(n)]
     best = Tally.of(ours, parties)
-    found = [each for each in seatings if isinstance(each, Seating)]
+    found = [each for each in seatings if isinstance(each, Assignment)]
     why = [each for each in seatings if isinstance(each, str)]
     on_demand = Tally.of(lambda of: exactly(of)[0], [draw(seed) for seed in range(n)])
     print(f"{name}, n = {n}")

@@ -4,8 +4,8 @@
 
 ENVIRONMENT is a virtual environment with llama-cpp-python's server and a package that holds
 weights (*.gguf). The model is served on this machine and reached as any OpenAI-compatible endpoint
-is, with the real prompts, schemas and retry edges. Three things are asked of it: plans of labelled
-instructions, whole runs, and whole runs that builtin has planned. Every run must end in a scene
+is, with the real prompts, schemas and retry edges. Two things are asked of it: plans of labelled
+instructions, and whole runs. Every run must end in a scene
 that the checker confirms once more, with the labels that it finds, or in a refusal that names its
 reason; anything else is printed and fails. Without arguments nothing is run.
 """
@@ -195,9 +195,7 @@ def measured(url: str, options: argparse.Namespace) -> int:
     plans(rows, model)
     whole = runs(wanted, model, asked=TASKS)
     report("every question put to the model", whole)
-    rest = runs(wanted, model, asked=TASKS[1:])
-    report("planned by builtin, every later question put to the model", rest)
-    return 1 if whole.bad or rest.bad else 0
+    return 1 if whole.bad else 0
 
 
 def main() -> int:

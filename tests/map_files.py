@@ -77,7 +77,7 @@ def opendrive(file: Path, network: Path) -> Path:
     return file
 
 
-def lanelet2(file: Path, *, reverse=False, drop=()) -> Path:
+def lanelet2(file: Path, *, reverse=False, drop=(), scale=1.0) -> Path:
     """Four legs of one lane each way, straight and turning lanelets, a crosswalk in the north."""
     lat, lon = ORIGIN
     squeeze = 1 / math.cos(math.radians(lat))
@@ -88,8 +88,8 @@ def lanelet2(file: Path, *, reverse=False, drop=()) -> Path:
         for x, y in points:
             name = len(nodes) + 1
             nodes.append(
-                f'<node id="{name}" lat="{lat + y * _METRE:.9f}" '
-                f'lon="{lon + x * _METRE * squeeze:.9f}"/>'
+                f'<node id="{name}" lat="{lat + scale * y * _METRE:.9f}" '
+                f'lon="{lon + scale * x * _METRE * squeeze:.9f}"/>'
             )
             refs.append(f'<nd ref="{name}"/>')
         ways.append(f'<way id="{len(ways) + 5001}">{"".join(refs)}</way>')

@@ -74,8 +74,10 @@ class Rejected(ScenewrightError):
 
     Attributes:
         rejection: the value that the retried stage can act on.
+        kept: by channel, what the stage made before it refused and does not have to make again.
     """
 
-    def __init__(self, rejection: Rejection) -> None:
+    def __init__(self, rejection: Rejection, *, kept: Mapping[str, Any] | None = None) -> None:
         super().__init__(f"{rejection.stage}/{rejection.code}: {rejection.detail}")
         self.rejection = rejection
+        self.kept: Mapping[str, Any] = kept or {}

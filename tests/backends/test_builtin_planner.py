@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenewright.backends import Question
-from scenewright.backends.builtin.backend import BuiltinBackend
 from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
 from scenewright.backends.builtin.rows import plan_row
 from scenewright.errors import InputError
 from scenewright.evals.planning import compare, load, score
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Refusal, SocialGraph
+from scenewright.tools.dsl_validator.parse import format_program
+from scenewright.tools.dsl_validator.write import write_program
 
 
 def graph(text: str, previous: str | None = None) -> SocialGraph:
@@ -465,7 +465,7 @@ def clauses(**severity: float | str) -> list[str]:
         "target_pet": None, "target_ttc": None, "cause": None, **severity,
     }  # fmt: skip
     facts = {"relations": [relation], "agents": [], "violators": []}
-    program = BuiltinBackend().answer(Question("constraints", facts))["program"]
+    program = format_program(write_program(facts))
     return [line for line in program.splitlines() if "_gap" in line or "brakes" in line]
 
 

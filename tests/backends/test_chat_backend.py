@@ -23,6 +23,7 @@ from backends.misbehaving import (
     said,
     status,
 )
+from leaving import YIELD
 from scenewright import synthesize, verify
 from scenewright.backends import Question, Wording, load_backend
 from scenewright.backends.chat import ChatModel, Limits, chat_model, naming, patience, transport
@@ -33,9 +34,8 @@ from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import Scene
 from scenewright.nodes.schema import inlined
 
-YIELD = "A car from the south turning right yields to a pedestrian. Nobody else is around."
 ATTEMPTS = 3
-TASKS = ("plan", "constraints", "summary", "behavior")
+TASKS = ("plan", "constraints", "behavior")
 SLOW = ("timeout", "drips")
 
 
@@ -59,7 +59,7 @@ def asked(server: Server) -> list[str]:
     return [each["response_format"]["json_schema"]["name"] for each in server.requests]
 
 
-def test_all_four_questions_are_put_to_the_model(server: Server) -> None:
+def test_all_questions_are_put_to_the_model(server: Server) -> None:
     scene = made(server)
     assert asked(server) == list(TASKS)
     assert server.requests[0]["model"] == "m"
@@ -123,7 +123,7 @@ def test_a_reply_that_is_none_is_told_why_and_mended(server: Server, name: str) 
     server.faults = [fault]
     scene = made(server)
     assert asked(server) == ["plan", *TASKS]
-    assert [each["temperature"] for each in server.requests] == [0.0, 0.7, 0.0, 0.0, 0.0]
+    assert [each["temperature"] for each in server.requests] == [0.0, 0.7, 0.0, 0.0]
     [rejection] = scene.provenance["rejections"]
     assert (rejection["stage"], rejection["code"]) == ("scene_planner", "malformed_reply")
     assert words in rejection["detail"]
@@ -140,9 +140,10 @@ def test_every_stage_mends_its_own_reply(server: Server, name: str, task: str) -
     good = said(lambda text: text)
     server.faults = [good] * at + [fault]
     scene = made(server)
-    [rejection] = scene.provenance["rejections"]
+    rejection, *others = scene.provenance["rejections"]  # others are of samples
     stage = "waypoint_filter" if task == "constraints" else "event_reasoner"
     assert rejection["stage"] == stage
+    assert all(each["code"] != rejection["code"] for each in others)
     assert scene.provenance["models"][task]["requests"] == 2
 
 
@@ -159,26 +160,25 @@ def test_a_reply_that_never_is_one_is_given_up(server: Server, name: str) -> Non
 
 def test_a_model_that_never_reasons_well_is_given_up_within_the_caps(server: Server) -> None:
     good = said(lambda text: text)
-    server.faults, server.forever = [good, good, good, UNREADABLE["wrong schema"][0]], True
-    with pytest.raises(Unsatisfiable) as caught:
+    server.faults, server.forever = [good, good, UNREADABLE["wrong schema"][0]], True
+    with pytest.raises(InputError, match="cannot be part of a scene: 'pedestrian'"):
         made(server)
-    assert len(caught.value.rejections) <= 17
-    assert len(server.requests) <= 4 * 17
+    assert asked(server) == ["plan", "constraints", *["behavior"] * 3]
 
 
 @pytest.mark.parametrize("name", HARMLESS)
 def test_prose_and_fences_are_read_past(server: Server, name: str) -> None:
-    server.faults = [HARMLESS[name]] * 4
+    server.faults = [HARMLESS[name]] * 3
     assert made(server).provenance["rejections"] == []
     assert asked(server) == list(TASKS)
 
 
 def test_a_flaky_server_is_got_past(server: Server, pauses: list[float]) -> None:
     flaky = [PASSING["503"], PASSING["closed socket"], said(lambda text: text)]
-    server.faults = [*flaky, *flaky, *flaky, UNREADABLE["cut without a word"][0], *flaky]
+    server.faults = [*flaky, *flaky, UNREADABLE["cut without a word"][0], *flaky]
     scene = made(server)
-    assert sum(each["requests"] for each in scene.provenance["models"].values()) == 13
-    assert len(pauses) == 8
+    assert sum(each["requests"] for each in scene.provenance["models"].values()) == 10
+    assert len(pauses) == 6
 
 
 def test_a_server_that_knows_no_schemas_is_asked_in_words(server: Server) -> None:
@@ -260,7 +260,7 @@ def _slow(handler: Any, good: str) -> None:
 
 def test_one_model_per_stage(server: Server) -> None:
     names = {"planner": Prompted(Spoken(model(server)), server)}
-    scene = synthesize(YIELD, backend=names, seed=1, refiner="none")
+    scene = synthesize(YIELD, backend=names, seed=1, refiner="none", lenient=True)
     assert asked(server) == ["plan"]
     assert list(scene.provenance["models"]) == ["plan"]
     assert "constraints=builtin" in scene.provenance["backend"]
@@ -428,6 +428,7 @@ def test_what_a_run_has_cost_that_a_model_left_is_told(
                 {"id": "pedestrian-1", "type": "pedestrian"},
             ],
             "relations": [{"type": "yield_to", "from": "vehicle-1", "to": "pedestrian-1"}],
+            "said": ["A car = constraint vehicle-1", "Nobody else is around = background"],
         }
     )
     server.faults = [said(lambda text: text)] + [status(503, "overloaded")] * 4

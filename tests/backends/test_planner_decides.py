@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from scenewright.backends.builtin import planner
 from scenewright.backends.builtin.draft import Site
@@ -85,23 +86,26 @@ def test_any_text_is_planned_or_refused(text: str) -> None:
     assert isinstance(plan(text), SocialGraph | Refusal)
 
 
-def test_threads_plan_what_one_thread_plans() -> None:
-    texts = [
-        f"A car from the {a} {b} a bus" for a in ("north", "west") for b in ("hits", "follows")
-    ]
-    alone = [planner._plan(text, None, Site()) for text in texts]
-    found: list[list[Plan]] = []
+FIFTY = [
+    f"A {who} from the {side} {does}"
+    for who in ("car", "bus")
+    for side in ("north", "west", "south", "east", "north at 8 am")
+    for does in (
+        "hits a bus", "follows a truck", "narrowly misses a pedestrian", "yields to a pedestrian",
+        "rear-ends a truck",
+    )
+]  # fmt: skip
 
-    def work() -> None:
-        found.append([planner._plan(text, None, Site()) for text in texts])
 
-    threads = [threading.Thread(target=work) for _ in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(found) == 8
-    assert all(each == alone for each in found)
+def test_threads_plan_the_same_bytes_as_one_thread() -> None:
+    def plan_all(_: int) -> list[str]:
+        return [planner._plan(text, None, Site()).model_dump_json() for text in FIFTY]
+
+    alone = plan_all(0)
+    assert len(set(alone)) == len(FIFTY) == 50
+    # Eight threads with as many threads of BLAS each would wait for one another.
+    with threadpool_limits(1), ThreadPoolExecutor(8) as threads:
+        assert all(found == alone for found in threads.map(plan_all, range(8)))
 
 
 def test_both_readings_are_there_to_look_at() -> None:

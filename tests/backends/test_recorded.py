@@ -24,7 +24,7 @@ from scenewright.scene.edits import AgentView, Edits, Situation
 from scenewright.scene.social import SocialGraph
 
 YIELD = "A car from the south turning right yields to a pedestrian. Nobody else is around."
-TASKS: tuple[Task, ...] = ("plan", "constraints", "summary", "behavior")
+TASKS: tuple[Task, ...] = ("plan", "constraints", "behavior")
 
 
 def asked(seed: int = 0, words: str = "x") -> Question:
@@ -42,8 +42,24 @@ def test_a_run_is_replayed_bit_for_bit(tmp_path: Path) -> None:
     again = synthesize(YIELD, backend=f"recorded:{file}", seed=4, refiner="none")
     assert scene_bytes(again.record) == scene_bytes(live.record)
     assert again.proof == live.proof
-    assert list(again.provenance["models"]) == list(TASKS)
+    assert list(again.provenance["models"]) == ["plan"]
     assert again.provenance["models"]["plan"]["requests"] == 0
+
+
+def test_a_file_of_an_earlier_version_is_replayed_and_added_to(tmp_path: Path) -> None:
+    """It names who answers a question that is not asked any more, and holds unused answers."""
+    file = tmp_path / "answers.jsonl"
+    live = synthesize(YIELD, backend=load_backend(record=file), seed=4, refiner="none")
+    head, plan, *_ = map(json.loads, file.read_text().splitlines())
+    head["speakers"]["summary"] = head["speakers"]["behavior"]
+    others = [
+        {**plan, "task": task, "key": task} for task in ("constraints", "summary", "behavior")
+    ]
+    file.write_text("".join(json.dumps(each) + "\n" for each in (head, plan, *others)))
+    again = synthesize(YIELD, backend=f"recorded:{file}", seed=4, refiner="none")
+    assert scene_bytes(again.record) == scene_bytes(live.record)
+    synthesize(YIELD, backend=load_backend(record=file), seed=5, refiner="none")
+    assert len(file.read_text().splitlines()) == 6
 
 
 def test_a_reply_that_was_none_is_replayed_too(tmp_path: Path) -> None:

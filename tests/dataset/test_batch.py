@@ -29,6 +29,7 @@ from scenewright.dataset.batch.manifest import write_manifest
 from scenewright.dataset.batch.pool import Died, Overdue, spread
 from scenewright.dataset.batch.run import Request, run_batch, shard_of
 from scenewright.dataset.batch.worker import FILES, Options, Outcome, work
+from scenewright.dataset.tables.parquet import SceneFiles, parquet, rows_of
 from scenewright.errors import InputError
 
 OPTIONS = Options("amsterdam_120")
@@ -112,6 +113,55 @@ def test_the_tables_load_and_hold_every_row(whole: Path) -> None:
     agent = next(each for each in scene["agents"] if each["id"] == 1)
     assert track[["x", "y"]].to_numpy().tolist() == agent["trajectory"]
     assert math.isclose(track["time"].iloc[0], agent["spawn_time"])
+
+
+def test_the_account_of_words_is_a_table_with_the_checkers_evidence(whole: Path) -> None:
+    rows = parquet().read_table(whole / "tables" / "account.parquet").to_pylist()
+    proof = json.loads((whole / "follow" / "proof.json").read_bytes())
+    assert [each for each in rows if each["row"] == "follow"] == [
+        {"row": "follow", **entry} for entry in proof["said"]
+    ]
+    (follows,) = (e for e in rows if e["row"] == "follow" and e["became"] == "relation")
+    assert TEXTS["follow"][follows["start"] : follows["end"]] == follows["words"] == "follows"
+    assert (follows["agents"], follows["value"], follows["status"]) == (
+        [1, 2],
+        "follow",
+        "realised",
+    )
+    assert follows["evidence"].startswith("follow of 1 and 2 at ")
+    assert "pizza" not in {each["row"] for each in rows}
+
+
+def test_a_scene_of_an_earlier_version_has_no_rows_of_account(whole: Path) -> None:
+    scene, proof = (
+        json.loads((whole / "follow" / name).read_bytes()) for name in ("scene.json", "proof.json")
+    )
+    del scene["said"], proof["said"]
+    rows = rows_of(SceneFiles({"row": "follow"}, scene, proof, {}))
+    assert rows["account"] == []
+    assert rows["events"]
+
+
+def test_check_compares_the_tables_of_a_dataset_that_has_no_account(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(audit_module, "recheck", lambda _: None)
+
+    def forget(about: dict[str, Any]) -> None:
+        del about["files"]["tables/account.parquet"], about["tables"]["account"]
+
+    copy = tmp_path / "copy"
+    shutil.copytree(whole, copy)
+    (copy / "tables" / "account.parquet").unlink()
+    assert {each.where for each in audit(copy).faults} == {"tables/account.parquet"}
+    rewritten(copy, forget)
+    assert audit(copy).faults == ()
+
+    def miscount(about: dict[str, Any]) -> None:
+        about["tables"]["events"] = 99
+
+    rewritten(copy, miscount)
+    assert {each.where for each in audit(copy).faults} == {"tables/events.parquet"}
 
 
 def test_a_run_that_dies_between_rows_goes_on_to_the_same_bytes(
@@ -203,6 +253,8 @@ def test_lenient_makes_the_row_and_lists_the_words_that_it_leaves_out(tmp_path: 
     assert lenient.counts == {"made": 1}
     said = json.loads((tmp_path / "out" / "wet" / "scene.json").read_bytes())["said"]
     assert [each["words"] for each in said if each["status"] == "unrealised"] == ["In the rain"]
+    account = parquet().read_table(tmp_path / "out" / "tables" / "account.parquet").to_pylist()
+    assert [each["words"] for each in account if each["status"] == "unrealised"] == ["In the rain"]
     assert audit(tmp_path / "out").faults == ()
 
 
@@ -222,7 +274,7 @@ def test_check_finds_what_was_changed(whole: Path, tmp_path: Path) -> None:
 KINDS = (
     "calm/scene.json", "calm/proof.json", "calm/provenance.json", "manifest.json", "README.md",
     "figures/overview.png", "tables/scenes.parquet", "tables/agents.parquet",
-    "tables/tracks.parquet", "tables/events.parquet",
+    "tables/tracks.parquet", "tables/events.parquet", "tables/account.parquet",
 )  # fmt: skip
 
 
@@ -301,6 +353,8 @@ def test_the_card_names_licence_tables_and_counts(whole: Path) -> None:
     assert card.startswith("---\nlicense: apache-2.0\n")
     assert "path: tables/tracks.parquet" in card
     assert "| rows made | 3 |" in card
+    assert "path: tables/account.parquet" in card
+    assert "| `agents` | list of int16 | of whom it is said |" in card
     manifest = json.loads((whole / "manifest.json").read_bytes())
     assert manifest["rows"] == {"given": 4, "made": 3, "refused": 1, "failed": 0, "left": 0}
 

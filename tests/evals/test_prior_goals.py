@@ -122,7 +122,7 @@ def site(tmp_path):
     (tmp_path / "maps").mkdir()
     (tmp_path / SITE).mkdir()
     file = map_files.lanelet2(tmp_path / "maps" / f"{SITE}.osm")
-    line = np.asarray(import_map(file, name="k9").assembled.lines[ROUTE][0])
+    line = np.asarray(import_map(file, name="k9").route_lines[ROUTE][0])
     for number, beside in enumerate((0.2, 0.4, 1.0)):
         write(tmp_path / SITE, number, line, beside)
     return tmp_path, line

@@ -29,7 +29,7 @@ from scenewright.evals.tables.reading import Dataset, Given
 from scenewright.evals.tables.robustness import robustness
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import AgentRecord, SceneRecord
-from scenewright.tools.gmm_sampler import load_priors, sample_waypoints, waypoint_nll
+from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors, sample_waypoints
 
 PRIORS = load_priors("amsterdam_120")
 ROUTE = "vehicle:north>south:straight"
@@ -68,7 +68,7 @@ def between(points: np.ndarray, count: int = 2000) -> np.ndarray:
 def test_who_drives_its_route_to_the_end_has_the_likelihood_of_what_was_drawn() -> None:
     points = drawn()
     (score,), _ = score_scene(scene_of(agent(between(points), points)), PRIORS, number=0, group="x")
-    wanted = float(waypoint_nll(PRIORS.waypoints[ROUTE], points[None])[0])
+    wanted = float(compute_waypoint_nll(PRIORS.waypoints[ROUTE], points[None])[0])
     assert score.nll["path"] == pytest.approx(wanted, abs=0.05)
 
 

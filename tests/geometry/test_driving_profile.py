@@ -15,7 +15,7 @@ from scenewright.geometry.driving_profile import (
 )
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
-from solver_actors import NORTH, bend, candidate, law, straight
+from solver_agents import NORTH, bend, candidate, law, straight
 
 SMOOTHED = 0.4
 """Half the smoothing window [s]: by so much starts and ends of a standstill are rounded off."""
@@ -45,14 +45,14 @@ def test_a_stop_comes_and_goes_as_by_hand():
     standing = (times >= 12.0 + SMOOTHED) & (times <= 20.0 - SMOOTHED)
     assert motion.s[standing] == pytest.approx(100.0, abs=1e-9)
     for time, s in ((5.0, 50.0), (10.0, 95.0), (22.0, 104.0), (24.0, 116.0), (30.0, 175.0)):
-        assert motion.position(np.array([time])) == pytest.approx([s], abs=0.06)
+        assert motion.compute_positions(np.array([time])) == pytest.approx([s], abs=0.06)
     assert motion.s[times < 12.0 - SMOOTHED].max() < 100.0
     assert motion.s[times > 20.0 + SMOOTHED].min() > 100.0
 
 
 def test_a_stop_may_brake_harder_than_the_law():
     motion = compute_motion(candidate(ROAD), holds=(StopCommand(100.0, 20.0, braking=5.0),))
-    assert motion.position(np.array([8.5])) == pytest.approx([85.0], abs=0.01)
+    assert motion.compute_positions(np.array([8.5])) == pytest.approx([85.0], abs=0.01)
     assert accelerations(motion).min() == pytest.approx(-5.0, abs=0.01)
 
 
@@ -122,7 +122,7 @@ def test_lateral_acceleration_stays_comfortable(radius, speed, lateral):
 
 def test_a_slowing_reaches_its_speed_and_goes_on():
     motion = compute_motion(candidate(ROAD), slowings=(Slowing(100.0, 4.0, 3.0),))
-    at = motion.time_at(100.0)
+    at = motion.find_time_at(100.0)
     # 14 m and 2 s of braking from 10 m/s
     assert at == pytest.approx(8.6 + 2.0, abs=0.1)
     assert motion.speed.min() == pytest.approx(4.4, abs=0.1)
@@ -133,11 +133,13 @@ def test_a_slowing_reaches_its_speed_and_goes_on():
 @given(st.floats(0.5, 199.0))
 def test_time_at_and_position_are_inverse(s):
     motion = compute_motion(candidate(ROAD), holds=(StopCommand(80.0, 15.0),))
-    assert motion.position(np.array([motion.time_at(s)])) == pytest.approx([s], abs=1e-6)
+    assert motion.compute_positions(np.array([motion.find_time_at(s)])) == pytest.approx(
+        [s], abs=1e-6
+    )
 
 
 def test_what_is_never_reached_is_reached_at_no_time():
-    assert compute_motion(candidate(ROAD)).time_at(201.0) == float("inf")
+    assert compute_motion(candidate(ROAD)).find_time_at(201.0) == float("inf")
 
 
 def test_spawned_mid_route_the_track_begins_where_it_then_is():
@@ -165,4 +167,4 @@ def test_a_cut_motion_ends_where_it_was():
     motion = compute_motion(candidate(ROAD)).cut(50)
     assert motion.ended
     assert len(motion.s) == 51
-    assert motion.position(np.array([99.0])) == pytest.approx([50.0])
+    assert motion.compute_positions(np.array([99.0])) == pytest.approx([50.0])

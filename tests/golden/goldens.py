@@ -21,7 +21,6 @@ GOLDENS: dict[str, Callable[[], str]] = {
     "graph.mmd": graph_as_mermaid,
     "prompt_plan.txt": lambda: prompts.as_text(prompts.plan()),
     "prompt_constraints.txt": lambda: prompts.as_text(prompts.constraints()),
-    "prompt_summary.txt": lambda: prompts.as_text(prompts.summary()),
     "prompt_behavior.txt": lambda: prompts.as_text(prompts.behavior()),
     "prompt_edits.txt": lambda: prompts.as_text(prompts.edits()),
 }

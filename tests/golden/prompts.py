@@ -5,19 +5,24 @@ from __future__ import annotations
 import json
 
 from scenewright.backends import Wording
-from scenewright.nodes.event_reasoner.wording import worded_behavior, worded_summary
+from scenewright.nodes.event_reasoner.wording import worded_stops
 from scenewright.nodes.revision.wording import worded_edits
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.nodes.scene_planner.wording import worded_plan
-from scenewright.nodes.waypoint_filter.wording import worded_program
+from scenewright.nodes.waypoint_filter.wording import worded_clauses
 from scenewright.nodes.wording import Example
 from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
 from scenewright.scene.edits import AgentView, Situation
 from scenewright.scene.social import SocialGraph
+from scenewright.tools.event_summary import to_facts
 
 TEXT = (
     "Busy morning rush: a northbound van turning right breaks off its right turn for a woman who "
     'walks south on the east crosswalk, "PET" 1.5 s, with eight other cars around.'
+)
+LEFT = (
+    "A northbound van doing 30 km/h creeps forward, stops twice and yields to a woman who walks "
+    'south on the east crosswalk at "1.2 m/s".'
 )
 PLAN = {
     "agents": [{"id": "vehicle-1", "type": "vehicle", "entry": "south", "movement": "right"}],
@@ -39,16 +44,22 @@ RELATION = {
     "point_to": None,
 }
 FACTS = {
-    "instruction": TEXT,
-    "told": [
-        {"id": "vehicle-1", "movement": "right"},
-        {"id": "pedestrian-1", "movement": "crossing"},
+    "instruction": LEFT,
+    "words": [
+        {"number": 1, "words": "doing 30 km/h", "agents": ["vehicle-1"]},
+        {"number": 2, "words": 'at "1.2 m/s"', "agents": ["pedestrian-1"]},
+    ],
+    "agents": [
+        {"id": "vehicle-1", "type": "vehicle", "movement": "right"},
+        {"id": "pedestrian-1", "type": "pedestrian", "movement": "crossing"},
     ],
     "relations": [RELATION],
-    "violators": [],
+    "program": "min_length(vehicle-1) >= 30 m\ngives_way(vehicle-1, pedestrian-1)",
 }
-RELATIONS = ["vehicle-1 yield_to pedestrian-1"]
-OWED = {"vehicle-1": ["keep", "stop", "proceed"], "pedestrian-1": ["keep"]}
+WORDS = [
+    {"number": 1, "words": "creeps forward", "agents": ["vehicle-1"]},
+    {"number": 2, "words": "stops twice", "agents": ["vehicle-1"]},
+]
 
 
 def plan() -> Wording:
@@ -62,17 +73,17 @@ def plan() -> Wording:
 
 
 def constraints() -> Wording:
-    fault = "yield_to of vehicle-1 and pedestrian-1 lacks gives_way(vehicle-1, pedestrian-1)"
-    return worded_program(FACTS, ("north", "east", "south", "west"), rejections=(fault,))
-
-
-def summary() -> Wording:
-    return worded_summary(TEXT, _summary(), OWED, RELATIONS)
+    fault = "nothing is said of words 2; serve them, or list them under 'cannot'"
+    return worded_clauses(FACTS, ("north", "east", "south", "west"), rejections=(fault,))
 
 
 def behavior() -> Wording:
-    fault = "relation_not_realised: vehicle-1 never slows for pedestrian-1 (1 such)"
-    return worded_behavior(TEXT, _summary(), OWED, RELATIONS, rejections=(fault,))
+    fault = "vehicle-1 has no anchor 'south:line'"
+    facts = {
+        "instruction": LEFT, "words": WORDS, "relations": ["vehicle-1 yield_to pedestrian-1"],
+        **to_facts(_summary()),
+    }  # fmt: skip
+    return worded_stops(facts, _summary(), rejections=(fault,))
 
 
 def edits() -> Wording:
@@ -137,12 +148,8 @@ def _summary() -> EventSummary:
             "goal",
         ),
     )  # fmt: skip
-    others = tuple(
-        AgentSummary(agent=f"vehicle-{n}", enters=0.0, leaves=9.0, anchors=_anchors("goal 9.0"))
-        for n in range(2, 10)
-    )
     evidence = {"clause": "gives_way(vehicle-1, pedestrian-1)", "time": 16.431}
-    return EventSummary(duration=27.0, agents=(car, walker, *others), evidence=(evidence,))
+    return EventSummary(duration=27.0, agents=(car, walker), evidence=(evidence,))
 
 
 def _anchors(*told: str) -> tuple[Anchor, ...]:

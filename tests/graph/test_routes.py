@@ -12,6 +12,7 @@ from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets
 from scenewright.scene.refinement import AgentRefinement, Refinement
 from scenewright.scene.rejection import Rejection, RejectionCode, Stage
+from scenewright.scene.social import SocialGraph
 
 BUDGETS = Budgets(planner=2, filter=2, reasoner=2, generator=4)
 AFTER: dict[Stage, Any] = {
@@ -48,9 +49,12 @@ def test_what_is_not_refused_goes_on(stage: Stage, onwards: str, *, model: bool)
 
 
 @pytest.mark.parametrize("code", ["out_of_scope", "contradictory", "impossible"])
+@pytest.mark.parametrize("stage", ["scene_planner", "waypoint_filter", "event_reasoner"])
 @pytest.mark.parametrize("model", [False, True])
-def test_what_cannot_be_meant_is_not_asked_again(code: RejectionCode, *, model: bool) -> None:
-    assert led("scene_planner", [("scene_planner", code)], model=model) == "give_up"
+def test_what_cannot_be_meant_is_not_asked_again(
+    stage: Stage, code: RejectionCode, *, model: bool
+) -> None:
+    assert led(stage, [(stage, code)], model=model) == "give_up"
 
 
 def test_a_model_may_mend_a_plan_and_a_rule_may_not() -> None:
@@ -88,27 +92,56 @@ def test_what_finds_no_room_is_sampled_afresh_until_the_budget_is_spent(*, model
     assert led("waypoint_filter", [none] * (BUDGETS.generator + 1), model=model) == "give_up"
 
 
-@pytest.mark.parametrize(
-    ("stage", "code"),
-    [("event_reasoner", "unknown_anchor"), ("scene_verifier", "implausible_motion")],
-)
-def test_a_model_reasons_again_before_all_is_sampled_afresh(
-    stage: Stage, code: RejectionCode
-) -> None:
-    tries = [led(stage, [(stage, code)] * count, model=True) for count in range(1, 6)]
+def test_a_model_reasons_again_before_all_is_sampled_afresh() -> None:
+    stage: Stage = "event_reasoner"
+    wrong: tuple[Stage, RejectionCode] = (stage, "unknown_anchor")
+    tries = [led(stage, [wrong] * count, model=True) for count in range(1, 6)]
     assert tries == ["event_reasoner"] * 2 + ["agent_generator"] * 2 + ["give_up"]
-    assert led(stage, [(stage, code)], model=False) == "agent_generator"
+    assert led(stage, [wrong], model=False) == "agent_generator"
+
+
+@pytest.mark.parametrize("model", [False, True])
+def test_what_the_verifier_refuses_is_sampled_afresh(*, model: bool) -> None:
+    wrong: tuple[Stage, RejectionCode] = ("scene_verifier", "implausible_motion")
+    tries = [led("scene_verifier", [wrong] * count, model=model) for count in range(1, 6)]
+    assert tries == ["agent_generator"] * 4 + ["give_up"]
 
 
 def test_a_model_is_not_asked_to_mend_what_no_answer_could() -> None:
-    code: RejectionCode = "background_interferes"
+    code: RejectionCode = "segment_off_track"
     context = SimpleNamespace(backend=SimpleNamespace(deterministic=False), budgets=BUDGETS)
     onwards = []
     for repairable in (True, False):
-        refused = Rejection(stage="scene_verifier", code=code, detail="so", repairable=repairable)
+        refused = Rejection(stage="event_reasoner", code=code, detail="so", repairable=repairable)
         state: SceneState = {"refused": refused, "rejections": [refused]}
-        onwards.append(routes.after_scene_verifier(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
+        onwards.append(routes.after_event_reasoner(state, SimpleNamespace(context=context)))  # type: ignore[arg-type]
     assert onwards == ["event_reasoner", "agent_generator"]
+
+
+WRONG: tuple[Stage, RejectionCode] = ("scene_verifier", "wrong_braker")
+
+
+def test_a_model_that_names_the_wrong_braker_plans_anew_within_the_planners_budget() -> None:
+    for count in range(1, BUDGETS.planner + 1):
+        assert led("scene_verifier", [WRONG] * count, model=True) == "scene_planner"
+    assert led("scene_verifier", [WRONG] * (BUDGETS.planner + 1), model=True) == "give_up"
+    malformed: list[tuple[Stage, RejectionCode]] = [("scene_planner", "malformed_reply")] * 2
+    assert led("scene_verifier", [*malformed, WRONG], model=True) == "give_up"
+    other: list[tuple[Stage, RejectionCode]] = [("scene_verifier", "relation_not_realised")] * 2
+    assert led("scene_verifier", [*other, WRONG], model=True) == "scene_planner"
+
+
+def test_a_rule_that_names_the_wrong_braker_is_not_asked_for_another_plan() -> None:
+    assert led("scene_verifier", [WRONG], model=False) == "agent_generator"
+
+
+def test_a_settled_plan_is_not_made_anew() -> None:
+    """Nor is the reasoner asked, whose segments cannot mend it."""
+    found = Rejection(stage="scene_verifier", code="wrong_braker", detail="so", repairable=False)
+    settled = SocialGraph(agents=())
+    state: SceneState = {"refused": found, "rejections": [found], "planned": settled}
+    context = SimpleNamespace(backend=SimpleNamespace(deterministic=False), budgets=BUDGETS)
+    assert routes.after_scene_verifier(state, SimpleNamespace(context=context)) == "agent_generator"  # type: ignore[arg-type]
 
 
 def test_the_planners_refusals_cost_no_sample() -> None:
@@ -138,7 +171,7 @@ def test_refined_tracks_that_are_refused_are_refined_less_within_the_budget(*, m
         assert refused_after(tried, attempt, model=model) == "trajectory_refiner"
     spent = refinement(0.5, attempt=BUDGETS.refiner + 1, retries=BUDGETS.refiner)
     onwards = refused_after(spent, BUDGETS.refiner + 1, model=model)
-    assert onwards == ("event_reasoner" if model else "agent_generator")
+    assert onwards == "agent_generator"
 
 
 def test_where_nothing_was_refined_there_is_nothing_to_refine_less() -> None:

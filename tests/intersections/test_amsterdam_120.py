@@ -9,7 +9,7 @@ import shapely
 
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder, list_intersections, load_map
-from scenewright.tools.map_import.map_builder import build_map
+from scenewright.tools.map_import.four_leg_map import build_map
 
 LEFT = {"north": "east", "east": "south", "south": "west", "west": "north"}
 RIGHT = {"north": "west", "east": "north", "south": "east", "west": "south"}

@@ -52,6 +52,38 @@ def test_a_model_writes_its_account_in_short() -> None:
     ]  # fmt: skip
 
 
+def test_the_plan_says_what_exactly_the_words_became() -> None:
+    agents = [
+        {"id": "vehicle-1", "type": "vehicle", "entry": "north"},
+        {"id": "vehicle-2", "type": "vehicle", "entry": "east"},
+    ]
+    edges = [{"type": "near_miss", "from": "vehicle-1", "to": "vehicle-2"}]
+    said = [
+        {"words": "Two cars", "became": "entry", "agents": ["vehicle-1", "vehicle-2"]},
+        {"words": "crash", "became": "relation", "agents": ["vehicle-2"]},
+        {"words": "not at night", "became": "time_of_day"},
+        {"words": "in the rain", "became": "nothing"},
+    ]
+    context = {"time_of_day": "08:00"}
+    plan = {"agents": agents, "relations": edges, "context": context, "said": said}
+    found = account_for(SocialGraph.model_validate(plan), question())
+    assert [(each.became, each.agents, each.value) for each in found] == [
+        ("entry", ("vehicle-1",), "north"), ("entry", ("vehicle-2",), "east"),
+        ("relation", ("vehicle-1", "vehicle-2"), "near_miss"),
+        ("time_of_day", (), "08:00"), ("nothing", (), None),
+    ]  # fmt: skip
+
+
+def test_words_called_what_the_plan_lacks_are_asked_for_once() -> None:
+    claimed = graph(("Two cars", "agent"), ("crash", "movement"), ("not at night", "nothing"),
+                    ("in the rain", "nothing"))  # fmt: skip
+    with pytest.raises(Rejected, match=f"{UNSAID} 'crash'") as caught:
+        account_for(claimed, question())
+    said = account_for(claimed, question(caught.value.rejection.detail))
+    (crash,) = (each for each in said if each.words == "crash")
+    assert (crash.became, crash.note) == ("nothing", "the plan says nothing of it")
+
+
 def test_a_number_and_a_negation_left_out_are_asked_for_once() -> None:
     part = graph(("crash", "relation"), ("in the rain", "nothing"))
     with pytest.raises(Rejected, match=UNSAID) as caught:

@@ -18,13 +18,10 @@ from scenewright.intersections import load_map
 from scenewright.nodes.agent_generator import generate_agents
 from scenewright.nodes.ask import ask, earlier, latest
 from scenewright.nodes.context import RunContext
-from scenewright.nodes.event_reasoner import reason_events
 from scenewright.nodes.scene_planner import plan_scene
 from scenewright.nodes.scene_verifier import verify_scene
 from scenewright.nodes.scene_verifier.assemble import assemble, scene_id
 from scenewright.nodes.trajectory_refiner import refine_trajectories
-from scenewright.nodes.waypoint_filter import filter_waypoints
-from scenewright.nodes.waypoint_filter.wording import worded_program
 from scenewright.scene.behavior import BehaviorProgram, Segment
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
@@ -160,69 +157,6 @@ def test_a_plan_that_cannot_be_is_refused(reply, code):
     assert (rejection.stage, rejection.code) == ("scene_planner", code)
 
 
-def test_a_program_that_is_none_is_refused(run):
-    rejection = refused(filter_waypoints, run, Scripted({"program": "gives_way(vehicle-1)"}))
-    assert rejection.code == "malformed_program"
-    for reply in ({"clauses": {}}, {"clauses": [], "program": ""}, {}):
-        rejection = refused(filter_waypoints, run, Scripted(reply))
-        assert rejection.code == "malformed_reply"
-
-
-def test_a_program_about_somebody_who_is_not_there_is_refused(run):
-    for program in (f"contact({CAR}, vehicle-99)", "on_road(vehicle-99)"):
-        rejection = refused(filter_waypoints, run, Scripted({"program": program}))
-        assert rejection.code == "malformed_program"
-        assert rejection.detail == f"{program}: there is no vehicle-99 in the scene"
-
-
-def test_the_filter_names_agents_relations_and_patterns(run):
-    backend = Scripted({"program": f"gives_way({CAR}, {OTHER})"})
-    filter_waypoints(run, runtime=runtime(backend))
-    [question] = backend.asked
-    assert {"id": CAR, "type": "vehicle", "movement": "left"} in question.facts["agents"]
-    [relation] = question.facts["relations"]
-    assert (relation["from"], relation["to"], relation["type"]) == (CAR, OTHER, "yield_to")
-    assert relation["pattern"] == "left_turn_yields_to_oncoming"
-
-
-def segments_of(run, agent, *segments) -> dict[str, Any]:
-    own = {name: list(each) for name, each in run["behavior"].segments.items()}
-    own[agent] = [Segment(**dict(zip(FIELDS, each, strict=True))) for each in segments]
-    return BehaviorProgram(segments=own).model_dump(mode="json")
-
-
-FIELDS = ("start", "end", "anchor", "status")
-
-
-@pytest.mark.parametrize(
-    ("segments", "code", "detail"),
-    [
-        ([], "malformed_reply", "has no segments"),
-        ([(0, 5, "moon", "keep")], "unknown_anchor", "no anchor 'moon'"),
-        ([(0, 5, "contact", "stop")], "unknown_anchor", "no anchor 'contact'"),
-        ([(5, 4, "goal", "keep")], "times_not_increasing", "ends before 5 s"),
-        ([(0, 5, "goal", "keep"), (4, 9, "goal", "keep")], "times_not_increasing", "overlaps"),
-        ([(0, 0, "contact", "terminate")], "times_not_increasing", "before it has been seen"),
-    ],
-)
-def test_segments_that_cannot_be_edited_are_refused(run, segments, code, detail):
-    reply = segments_of(run, CAR, *segments)
-    rejection = refused(reason_events, run, Scripted(reply))
-    assert (rejection.stage, rejection.code) == ("event_reasoner", code)
-    assert rejection.agents == (CAR,)
-    assert detail in rejection.detail
-
-
-def test_the_reasoner_sees_anchors_and_stays(run):
-    backend = Scripted(run["behavior"].model_dump(mode="json"))
-    written = reason_events(run, runtime=runtime(backend))
-    assert written["behavior"] == run["behavior"]
-    [question] = backend.asked
-    car = next(each for each in question.facts["agents"] if each["agent"] == CAR)
-    assert car["stays"][0]["reason"] == "gives_way"
-    assert {"goal"} <= {anchor["id"] for anchor in car["anchors"]}
-
-
 def test_keep_stop_proceed_is_what_a_yield_becomes(run):
     assert [each.status for each in run["behavior"].segments[CAR]] == ["keep", "stop", "proceed"]
     assert [each.status for each in run["behavior"].segments[OTHER]] == ["keep"]
@@ -255,18 +189,6 @@ def test_the_verifier_refuses_what_is_not_the_scene_asked_for(run):
     assert rejection.code == "relation_not_realised"
     assert set(rejection.agents) == {CAR, OTHER}
     assert rejection.detail.endswith(f"1 is {CAR}; 2 is {OTHER})")
-    assert rejection.repairable
-
-
-def test_what_the_solvers_own_segments_got_wrong_only_another_layout_mends(run):
-    still = dict(run["refined"])
-    still[OTHER] = replace(still[OTHER], xy=still[OTHER].xy[:1].repeat(len(still[OTHER].xy), 0))
-    rejection = refused(verify_scene, run | {"refined": still}, load_backend("builtin"))
-    assert set(rejection.agents) >= {CAR, OTHER}
-    assert not rejection.repairable
-    backend = Scripted({"anchors": {}})
-    refused(reason_events, run | {"rejections": [rejection]}, backend)
-    assert [question.rejections for question in backend.asked] == [()]
 
 
 def test_a_record_holds_what_the_stages_made(run):
@@ -334,122 +256,16 @@ def test_an_agent_is_named_by_its_class():
     assert "an id begins with its type" in rejection.detail
 
 
-def test_the_verifiers_evidence_is_told_to_the_reasoner(run):
-    own = load_backend("builtin")
-    found = Rejection(stage="scene_verifier", code="relation_not_realised", detail="no yield seen")
-
-    class Asked(Scripted):
-        def answer(self, question: Question) -> Any:
-            self.asked.append(question)
-            return own.answer(question)
-
-    for told, rejections in ((("no yield seen",), [found]), ((), [found] * 3)):
-        backend = Asked(None)
-        reason_events({**run, "rejections": rejections}, runtime=runtime(backend))
-        assert [each.rejections for each in backend.asked] == [(), told]
-
-
-def test_a_program_that_brings_a_relation_not_about_is_refused(run):
-    rejection = refused(filter_waypoints, run, Scripted({"clauses": []}))
-    assert rejection.code == "malformed_program"
-    assert rejection.detail == f"yield_to of {CAR} and {OTHER} lacks gives_way({CAR}, {OTHER})"
-
-
-def test_agents_of_whom_nothing_is_said_keep_to_what_the_solver_found(run):
-    segments = {
-        name: [each.model_dump(mode="json") for each in segments]
-        for name, segments in run["behavior"].segments.items()
-        if name in (CAR, OTHER)
-    }
-    written = reason_events(run, runtime=runtime(Scripted({"segments": segments})))
-    assert written["behavior"] == run["behavior"]
-
-
-def test_a_segment_without_a_start_begins_where_the_one_before_it_ended(run):
-    segments = {
-        name: [each.model_dump(mode="json", exclude={"start"}) for each in segments]
-        for name, segments in run["behavior"].segments.items()
-    }
-    written = reason_events(run, runtime=runtime(Scripted({"segments": segments})))
-    assert written["behavior"] == run["behavior"]
-
-
-def test_segments_of_somebody_who_is_not_there_are_refused(run):
-    reply = run["behavior"].model_dump(mode="json")
-    reply["segments"]["vehicle-99"] = reply["segments"][CAR]
-    rejection = refused(reason_events, run, Scripted(reply))
-    assert rejection.detail == "vehicle-99 is not in the scene"
-
-
-@pytest.mark.parametrize(
-    ("places", "detail"),
-    [
-        ({CAR: []}, "has no anchors"),
-        ({CAR: ["moon"]}, "has no anchor 'moon'"),
-        ({CAR: ["goal"], "vehicle-99": ["goal"]}, "vehicle-99 is not asked about"),
-        ({CAR: ["goal"]}, "which is left out"),
-    ],
-)
-def test_a_summary_that_cannot_be_is_refused(run, places, detail):
-    class Summary(Scripted):
-        def answer(self, question: Question) -> Any:
-            return self.reply if question.task == "summary" else {}
-
-    reply = {"anchors": {OTHER: ["goal"], **places}}
-    rejection = refused(reason_events, run, Summary(reply))
-    assert rejection.stage == "event_reasoner"
-    assert rejection.detail.startswith("summary: ")
-    assert detail in rejection.detail
-
-
-def test_places_are_taken_once_and_in_the_order_of_the_way(run):
-    """The order is the map's: a model that mixes it up has still said which places matter."""
-
-    class Summary(Scripted):
-        def answer(self, question: Question) -> Any:
-            self.asked.append(question)
-            if question.task == "summary":
-                return self.reply
-            return load_backend("builtin").answer(question)
-
-    car = next(each for each in run["summary"].agents if each.agent == CAR)
-    order = [anchor.id for anchor in car.anchors]
-    backend = Summary({"anchors": {CAR: [*reversed(order), order[0]], OTHER: ["goal"]}})
-    reason_events(run, runtime=runtime(backend))
-    seen = next(e for e in backend.asked[1].facts["agents"] if e["agent"] == CAR)
-    assert [anchor["id"] for anchor in seen["anchors"]] == order
-
-
-LEFT_HAND = "Traffic drives on the left"
-
-
 @pytest.mark.parametrize("left_hand", [False, True])
 def test_a_model_is_told_where_people_drive_on_the_left(
     run: dict[str, Any], left_hand: bool
 ) -> None:
-    """Which turn leads across oncoming traffic is asked of it by two stages."""
-    here = MapAreas(GROUND.intersection_map.model_copy(update={"left_hand_traffic": left_hand}))
+    """Which turn leads across oncoming traffic is asked of the planner."""
     backend = Scripted({"note": "no answer"})
     runs_at = runtime(backend)
-    runs_at.context = replace(runs_at.context, ground=here)
-    for node in (plan_scene, filter_waypoints):
-        with pytest.raises(Rejected):
-            node({**run, "rejections": []}, runtime=runs_at)
-    plan, constraints = (question.wording().user for question in backend.asked)
-    assert (LEFT_HAND in plan) == left_hand
-    assert LEFT_HAND not in constraints  # nothing here speaks of turns
-    hits = worded_program(COLLIDES, ["north"], left_hand=left_hand).user
-    assert (LEFT_HAND in hits) == left_hand
-
-
-COLLIDES: dict[str, Any] = {
-    "instruction": "A car turning right hits an oncoming car",
-    "told": [{"id": CAR, "movement": "right"}, {"id": OTHER, "movement": "straight"}],
-    "relations": [
-        {"type": "collide_at", "from": CAR, "to": OTHER, "striker": CAR, "struck": OTHER,
-         "kind": "left_turn", "pattern": "left_turn_opposite_collision", "cause": None,
-         "target_pet": None, "target_ttc": None, "impact_speed": None,
-         "point_from": None, "point_to": None}
-    ],
-    "violators": [],
-}  # fmt: skip
+    intersection_map = GROUND.intersection_map.model_copy(update={"left_hand_traffic": left_hand})
+    runs_at.context = replace(runs_at.context, ground=MapAreas(intersection_map))
+    with pytest.raises(Rejected):
+        plan_scene({**run, "rejections": []}, runtime=runs_at)
+    [question] = backend.asked
+    assert ("Traffic drives on the left" in question.wording().user) == left_hand

@@ -11,7 +11,7 @@ from scenewright.backends.builtin.planner import plan
 from scenewright.errors import InputError
 from scenewright.scene.relations import Pattern, get_pattern, load_patterns
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.map_grounding.relation_files import checked_patterns
+from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 
 PAGE = Path(__file__).parents[2] / "docs" / "relations.md"
 EXAMPLE = PAGE.read_text("utf-8").split("```toml\n")[1].split("```")[0]
@@ -27,7 +27,7 @@ def refusal(folder: Path, text: str | bytes, name: str = "mine.toml") -> str:
     data = text.encode("utf-8") if isinstance(text, str) else text
     (folder / name).write_bytes(data)
     with pytest.raises(InputError) as caught:
-        checked_patterns()
+        load_checked_patterns()
     (line,) = str(caught.value).splitlines()
     return line
 

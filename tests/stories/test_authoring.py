@@ -17,9 +17,9 @@ from scenewright.backends import TASKS, Backend, Question, Task, load_backend
 from scenewright.backends.scripted import scripted
 from scenewright.backends.staged import Staged
 from scenewright.scene.behavior import Segment
-from scenewright.scene.yielding_behavior import Habits
+from scenewright.scene.yielding_behavior import YieldingModel
 from scenewright.tools.gmm_sampler import priors
-from scenewright.tools.gmm_sampler.behavior_files import load_manners
+from scenewright.tools.gmm_sampler.yielding_files import load_yielding_model
 
 YIELD = "A car from the north yields to a pedestrian on the east crosswalk at 5 am"
 
@@ -104,10 +104,12 @@ def stays(shown: Shown) -> list[Segment]:
 def rolling(monkeypatch: pytest.MonkeyPatch) -> None:
     """Everybody who gives way here slows down without standing."""
 
-    def rolls(folder: Path) -> Habits:
-        return {pair: replace(each, rolls=1.0) for pair, each in load_manners(folder).items()}
+    def rolls(folder: Path) -> YieldingModel:
+        return {
+            pair: replace(each, rolls=1.0) for pair, each in load_yielding_model(folder).items()
+        }
 
-    monkeypatch.setattr(priors, "load_manners", rolls)
+    monkeypatch.setattr(priors, "load_yielding_model", rolls)
     priors._load.cache_clear()
     monkeypatch.setattr(priors, "_load", priors._load.__wrapped__)
 

@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from leaving import YIELD as LEAVES
+from leaving import Leaving
 from scenewright import synthesize, verify
-from scenewright.backends import Question, Task, load_backend
+from scenewright.backends import Question, Task
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.graph.run import Scene, scene_bytes
 from scenewright.scene.record import SignalRecord
@@ -177,7 +179,7 @@ Answer = Callable[[Question], dict[str, Any]]
 
 
 class Scripted:
-    """A backend that gives the answers it is handed for a task, then those of the builtin one.
+    """A backend that gives the answers it is handed for a task, then right ones.
 
     The last answer is repeated if `forever`.
     """
@@ -187,7 +189,7 @@ class Scripted:
 
     def __init__(self, task: Task, *answers: Answer, forever: bool = False) -> None:
         self._task, self._answers, self._forever = task, list(answers), forever
-        self._builtin = load_backend("builtin")
+        self._right = Leaving()
         self.asked: list[Question] = []
 
     def answer(self, question: Question) -> dict[str, Any]:
@@ -197,20 +199,20 @@ class Scripted:
                 last = self._forever and len(self._answers) == 1
                 answer = self._answers[0] if last else self._answers.pop(0)
                 return answer(question)
-        return self._builtin.answer(question)
+        return self._right.answer(question)
 
 
 def nonsense(_: Question) -> dict[str, Any]:
     return {"agents": [{"id": "the blue one", "type": "vehicle"}]}
 
 
-def bad_program(_: Question) -> dict[str, Any]:
-    return {"program": "collide please(vehicle-1)"}
+def bad_clause(_: Question) -> dict[str, Any]:
+    return {"clauses": [{"words": 1, "clause": "runs_red", "agent": "vehicle-1"}], "cannot": []}
 
 
-def bad_segments(question: Question) -> dict[str, Any]:
-    segment = {"start": 0.0, "end": 4.0, "anchor": "the_moon", "status": "keep"}
-    return {"segments": {agent["agent"]: [segment] for agent in question.facts["agents"]}}
+def bad_stop(_: Question) -> dict[str, Any]:
+    stop = {"words": 1, "agent": "pedestrian-1", "place": "the_moon", "lasts": 1.0}
+    return {"stops": [stop], "cannot": []}
 
 
 def unreachable(_: Question) -> dict[str, Any]:
@@ -228,16 +230,16 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ("plan", nonsense, "scene_planner", "malformed_reply"),
         ("constraints", nonsense, "waypoint_filter", "malformed_reply"),
-        ("constraints", bad_program, "waypoint_filter", "malformed_program"),
+        ("constraints", bad_clause, "waypoint_filter", "malformed_program"),
         ("behavior", nonsense, "event_reasoner", "malformed_reply"),
-        ("behavior", bad_segments, "event_reasoner", "unknown_anchor"),
+        ("behavior", bad_stop, "event_reasoner", "unknown_anchor"),
     ],
 )
 def test_a_model_that_errs_once_is_told_and_mends_it(
     task: Task, wrong: Answer, stage: str, code: str
 ) -> None:
     backend = Scripted(task, wrong)
-    scene = synthesize(YIELD, backend=backend, seed=1)
+    scene = synthesize(LEAVES, backend=backend, seed=1)
     first = scene.provenance["rejections"][0]
     assert (first["stage"], first["code"]) == (stage, code)
     assert backend.asked[0].rejections == ()
@@ -245,28 +247,77 @@ def test_a_model_that_errs_once_is_told_and_mends_it(
     assert scene.proof.verified
 
 
+def test_a_model_that_never_mends_its_plan_is_given_up() -> None:
+    backend = Scripted("plan", nonsense, forever=True)
+    with pytest.raises(Unsatisfiable) as caught:
+        synthesize(LEAVES, backend=backend, seed=1)
+    assert len(backend.asked) == 3
+    assert [each.stage for each in caught.value.rejections] == ["scene_planner"] * 3
+
+
 @pytest.mark.parametrize(
-    ("task", "wrong", "stage", "asked"),
-    [
-        ("plan", nonsense, "scene_planner", 3),
-        ("constraints", bad_program, "waypoint_filter", 3),
-        ("behavior", bad_segments, "event_reasoner", 17),
-    ],
+    ("task", "wrong", "words"),
+    [("constraints", bad_clause, "A car"), ("behavior", bad_stop, "pedestrian")],
 )
-def test_a_model_that_never_mends_it_is_given_up(
-    task: Task, wrong: Answer, stage: str, asked: int
+def test_a_model_that_never_serves_the_words_leaves_them_refused(
+    task: Task, wrong: Answer, words: str
 ) -> None:
     backend = Scripted(task, wrong, forever=True)
+    with pytest.raises(InputError, match=f"cannot be part of a scene: '{words}'"):
+        synthesize(LEAVES, backend=backend, seed=1)
+    assert len(backend.asked) == 3
+
+
+CUT_OFF = "A van cuts off the oncoming car, which has to brake hard"
+
+
+def cut_off(braker: str | None = None, event: str = "near_miss") -> Answer:
+    """A plan of CUT_OFF whose account has the car brake, whatever its relation has."""
+    relation = {"type": event, "from": "vehicle-1", "to": "vehicle-2", "cause": "late_brake"}
+    plan = {
+        "agents": [{"id": "vehicle-1", "movement": "left"}, {"id": "vehicle-2"}],
+        "relations": [relation | ({} if braker is None else {"braker": braker})],
+        "ties": [{"agent": "vehicle-2", "of": "vehicle-1", "side": "opposite"}],
+        "said": ["cuts off = relation vehicle-1 vehicle-2", "has to brake hard = cause vehicle-2"],
+    }
+    return lambda _: plan
+
+
+def test_a_model_that_leaves_out_who_brakes_is_told_to_name_it() -> None:
+    backend = Scripted("plan", cut_off(), cut_off("vehicle-2"))
+    scene = synthesize(CUT_OFF, backend=backend, seed=1, refiner="none")
+    (refused,) = scene.provenance["rejections"]
+    assert (refused["stage"], refused["code"]) == ("scene_verifier", "wrong_braker")
+    assert backend.asked[1].rejections == (refused["detail"],)
+    assert "write cause late_brake and braker vehicle-2" in refused["detail"]
+    (event,) = scene.proof.events
+    assert event.evidence["late_brake"] == scene.record.relations[0].cause_agent == 2
+
+
+def test_a_model_that_has_the_struck_vehicle_brake_is_given_up_with_the_planners_budget() -> None:
+    backend = Scripted("plan", cut_off("vehicle-2", "collide_at"), forever=True)
     with pytest.raises(Unsatisfiable) as caught:
-        synthesize(YIELD, backend=backend, seed=1)
-    assert len(backend.asked) == asked
-    assert [each.stage for each in caught.value.rejections] == [stage] * asked
+        synthesize(CUT_OFF, backend=backend, seed=1, refiner="none")
+    assert len(backend.asked) == 3
+    last = caught.value.rejections[-1]
+    assert last.code == "wrong_braker"
+    assert "vehicle-1 brakes in the scene, the plan has vehicle-2 do so" in last.detail
+    assert "in a collision the one that strikes (from)" in backend.asked[1].rejections[0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_oncoming_car_that_is_cut_off_brakes(seed: int) -> None:
+    scene = synthesize(CUT_OFF, seed=seed, refiner="none")
+    van, car = (each for each in scene.record.agents if each.role == "foreground")
+    (event,) = scene.proof.events
+    assert (event.type, event.from_, event.to) == ("near_miss", van.id, car.id)
+    assert event.evidence["late_brake"] == scene.record.relations[0].cause_agent == car.id
 
 
 @pytest.mark.usefixtures("impatient")
 def test_a_backend_that_fails_once_is_asked_again() -> None:
     backend = Scripted("plan", unreachable)
-    assert synthesize(YIELD, backend=backend, seed=1).proof.verified
+    assert synthesize(LEAVES, backend=backend, seed=1).proof.verified
     assert len(backend.asked) == 2
 
 
@@ -274,7 +325,7 @@ def test_a_backend_that_fails_once_is_asked_again() -> None:
 def test_a_backend_that_keeps_failing_is_a_fault() -> None:
     backend = Scripted("plan", unreachable, forever=True)
     with pytest.raises(BackendFault, match="cannot be reached"):
-        synthesize(YIELD, backend=backend)
+        synthesize(LEAVES, backend=backend)
     assert len(backend.asked) == 3
 
 
@@ -283,4 +334,4 @@ def test_a_bug_in_a_backend_is_not_hidden() -> None:
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        synthesize(YIELD, backend=Scripted("plan", broken))
+        synthesize(LEAVES, backend=Scripted("plan", broken))

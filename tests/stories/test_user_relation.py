@@ -9,12 +9,10 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from scenewright import synthesize
-from scenewright.backends import Question, load_backend
 from scenewright.intersections import load_map
 from scenewright.scene.record import RelationRecord, SceneRecord
 from scenewright.tools.relation_checker import check
@@ -115,37 +113,3 @@ def test_a_severity_in_the_request_replaces_that_of_the_file() -> None:
     (seen,) = scene.proof.events
     assert seen.evidence["pet"] == pytest.approx(1.4, abs=0.15)
     assert scene.record.relations[0].within == {}
-
-
-class Forgetful:
-    """The builtin backend, which at first leaves one status out of every behaviour program."""
-
-    name = "forgetful"
-    deterministic = False
-
-    def __init__(self, status: str) -> None:
-        self._status, self._builtin = status, load_backend("builtin")
-
-    def answer(self, question: Question) -> dict[str, Any]:
-        reply = self._builtin.answer(question)
-        if question.task == "behavior" and not question.rejections:
-            for segments in reply["segments"].values():
-                segments[:] = [each for each in segments if each["status"] != self._status]
-        return reply
-
-
-@pytest.mark.parametrize(
-    ("text", "status", "agent"),
-    [
-        ("A car hits a bus.", "terminate", "vehicle-1"),
-        ("A car from the south yields to a pedestrian.", "stop", "vehicle-1"),
-    ],
-)
-def test_a_program_without_the_segments_of_a_role_is_told_so(
-    text: str, status: str, agent: str
-) -> None:
-    scene = synthesize(f"{text} Nobody else is around.", backend=Forgetful(status), seed=1)
-    first = scene.provenance["rejections"][0]
-    assert (first["stage"], first["agents"]) == ("event_reasoner", [agent])
-    assert first["detail"] == f"{agent} has no {status}, which its role demands"
-    assert scene.proof.verified

@@ -19,8 +19,8 @@ from scenewright.scene.behavior import Segment
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Slowing, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.event_summary import summarise
-from scenewright.tools.segment_editor import edit, terminated
-from solver_actors import (
+from scenewright.tools.segment_editor import edit, end_motion
+from solver_agents import (
     EAST,
     SOUTH,
     WALK_NORTH,
@@ -114,7 +114,10 @@ def test_proceed_resumes_the_deferred_remainder(case):
     hold = StopCommand(s, until - enters)
     motion = compute_motion(of, holds=(hold,))
     resumed = of.path.length - 40.0
-    delays = [motion.time_at(x) - prior.time_at(x) for x in np.linspace(resumed, resumed + 35, 9)]
+    delays = [
+        motion.find_time_at(x) - prior.find_time_at(x)
+        for x in np.linspace(resumed, resumed + 35, 9)
+    ]
     if s + 30.0 < resumed:
         assert np.ptp(delays) < 0.02
         assert delays[0] > until - start
@@ -186,8 +189,8 @@ def test_slowings_of_the_selection_are_kept():
 
 def test_terminated_is_cut_at_the_first_sample_not_before():
     motion = compute_motion(ROAD)
-    assert len(terminated(motion, 3.0).s) == 31
-    assert len(terminated(motion, 3.01).s) == 32
+    assert len(end_motion(motion, 3.0).s) == 31
+    assert len(end_motion(motion, 3.01).s) == 32
 
 
 SOUTHWARDS = candidate(straight((-4.95, 49.5), SOUTH, 99.0))
@@ -204,7 +207,7 @@ def summary_of(*agents, duration=20.0, events=()):
         cost=0.0,
         optimal=True,
     )
-    return summarise(selection, ground=GROUND)
+    return summarise(selection, map_areas=GROUND)
 
 
 def test_anchors_lie_in_order_and_are_timed_by_the_prior():
@@ -272,7 +275,7 @@ def test_who_started_before_the_scene_comes_from_its_stop_and_shows_none():
     stop = Stop("stop_line", 60.0, -8.0, -1.0, "red_light")
     agent = selected(ROAD, enters=-15.0, stops=(stop,))
     selection = Selection({agent.name: agent}, (), DURATION, None, 0.0, 0.0, optimal=False)
-    [summary] = summarise(selection, ground=GROUND).agents
+    [summary] = summarise(selection, map_areas=GROUND).agents
     segments = summary.suggest_segments(DURATION)
     assert [each.status for each in segments] == ["keep"]
     places = {anchor.id: anchor.s for anchor in summary.anchors}
@@ -285,7 +288,7 @@ def test_who_rolls_keeps_and_proceeds_without_a_stop():
     stop = Stop("yield_point", 80.0, 9.0, 9.0, "gives_way", None, 5.0, 2.0)
     agent = selected(ROAD, stops=(stop,))
     selection = Selection({agent.name: agent}, (), DURATION, None, 0.0, 0.0, optimal=False)
-    [summary] = summarise(selection, ground=GROUND).agents
+    [summary] = summarise(selection, map_areas=GROUND).agents
     segments = summary.suggest_segments(DURATION)
     assert [each.status for each in segments] == ["keep", "proceed"]
     places = {anchor.id: anchor.s for anchor in summary.anchors}

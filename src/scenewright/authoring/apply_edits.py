@@ -30,9 +30,9 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.gmm_sampler.frozen_agents import paced
+from scenewright.tools.gmm_sampler.frozen_agents import scale_speed
 from scenewright.tools.gmm_sampler.generate import DENSITIES
-from scenewright.tools.map_grounding.grounding import ground
+from scenewright.tools.map_grounding.grounding import ground_graph
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def revised(
         Rejected: an edit cannot be, or the map cannot serve the graph.
     """
     graph = apply_edits(before, edits)
-    grounding = ground(graph, intersection_map=intersection_map)
+    grounding = ground_graph(graph, intersection_map=intersection_map)
     amended, paces = _amended(earlier, edits, pace)
     touched, other = _touched(before, graph, edits)
     return Revision(
@@ -191,7 +191,7 @@ def _amended(
                 amended[edit.agent] = moved_time(agent, seconds)
             case SetPace(factor=factor):
                 paces[edit.agent] = paces.get(edit.agent, 1.0) * factor
-                law = paced(agent.candidate.time_law, factor)
+                law = scale_speed(agent.candidate.time_law, factor)
                 amended[edit.agent] = replace(
                     agent, candidate=replace(agent.candidate, time_law=law)
                 )

@@ -22,6 +22,7 @@ _ADVICE = {
     "no_surviving_combination": "Fewer others, fewer fixed directions or a gentler figure helps.",
     "background_interferes": "Fewer others may help.",
     "relation_not_realised": "A less exact request may help.",
+    "wrong_braker": "A less exact request may help.",
     "implausible_motion": "A gentler request may help.",
 }
 

@@ -15,8 +15,9 @@ from typing import Any, Literal, Protocol
 from scenewright.scene.rejection import Stage
 
 Task = Literal["plan", "constraints", "summary", "behavior", "edits"]
-TASKS: tuple[Task, ...] = ("plan", "constraints", "summary", "behavior")
-"""What a scene is asked for; what a turn of a conversation changes, whoever plans is asked."""
+TASKS: tuple[Task, ...] = ("plan", "constraints", "behavior")
+"""What a scene is asked for. `edits`, a turn of a conversation, goes to the backend that plans;
+`summary` was asked by earlier versions, and stands in their recorded answers."""
 
 STAGE_OF: dict[Task, Stage] = {
     "plan": "scene_planner",

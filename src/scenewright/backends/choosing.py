@@ -12,7 +12,7 @@ from scenewright.errors import InputError
 STAGES: dict[str, tuple[Task, ...]] = {
     "planner": ("plan",),
     "filter": ("constraints",),
-    "reasoner": ("summary", "behavior"),
+    "reasoner": ("behavior",),
 }
 DEFAULT = "builtin"
 

@@ -111,7 +111,7 @@ class Answers:
         except OSError as error:
             raise InputError(f"cannot write {path}: {error.strerror or error}") from error
         found = cls.read(path)
-        if found.head != head:
+        if _asked(found.head) != _asked(head):
             raise InputError(
                 f"{path} holds the answers of {_names(found.head)}, not of {_names(head)}; "
                 "name another file"
@@ -274,7 +274,7 @@ def _parsed(path: Path) -> tuple[Head | None, list[Answer]]:
             raise InputError(
                 f"{path}, line {number}: no recorded answer: {first['msg'][:120]}"
             ) from None
-    if head is not None and set(head.speakers) != set(TASKS):
+    if head is not None and not set(TASKS) <= set(head.speakers):
         raise InputError(f"{path}, line 1: does not say who answers {', '.join(TASKS)}")
     return head, answers
 
@@ -316,6 +316,11 @@ def _locked(file: IO[bytes]) -> Iterator[None]:
         yield
     finally:
         fcntl.flock(file, fcntl.LOCK_UN)
+
+
+def _asked(head: Head) -> dict[Task, Who]:
+    """Who answers the tasks that are still asked: files of earlier versions name one more."""
+    return {task: head.speakers[task] for task in TASKS}
 
 
 def _names(head: Head) -> str:

@@ -20,11 +20,15 @@ from scenewright.intersections import (
 )
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.fitting.custom_bundle import OwnBundle, open_own, write_own
-from scenewright.tools.fitting.derive_priors import derived_priors
-from scenewright.tools.fitting.fit_tracks import Lanes
+from scenewright.tools.fitting.custom_bundle import (
+    CustomBundle,
+    open_custom_bundle,
+    write_custom_bundle,
+)
+from scenewright.tools.fitting.derive_priors import derive_priors
+from scenewright.tools.fitting.fit_tracks import LaneOffsets
 from scenewright.tools.gmm_sampler.priors import Priors
-from scenewright.tools.map_import import Imported, import_map
+from scenewright.tools.map_import import ImportedMap, import_map
 from scenewright.tools.track_io import Recording
 
 Tell = Callable[[str, str], None]
@@ -71,28 +75,28 @@ def import_file(
         signals=signals,
     )
     tell("deriving", "priors from the map, nothing was seen there yet")
-    place, lines = made.assembled.place, made.assembled.lines
-    folder = write_own(
+    place, lines = made.intersection_map, made.route_lines
+    folder = write_custom_bundle(
         name,
         place,
         lines,
-        derived_priors(place, lines),
+        derive_priors(place, lines),
         provenance=_provenance(file, made),
         frame={"origin": made.origin, "offset": made.offset},
-        notes=made.assembled.notes,
+        notes=made.notes,
         licence=licence,
         force=force,
     )
     return {
         "name": name,
         "folder": str(folder),
-        "format": _FORMATS[made.kind],
+        "format": _FORMATS[made.map_format],
         "title": place.title,
         "legs": [{"name": leg.name, "road": leg.road} for leg in place.legs],
         "movements": len(place.movements),
         "crosswalks": len(place.crosswalks),
         "signals": place.signals is not None,
-        "notes": list(made.assembled.notes),
+        "notes": list(made.notes),
     }
 
 
@@ -105,18 +109,20 @@ def simulate_own(name: str, *, minutes: int, seed: int, train: bool, tell: Tell)
     Raises:
         InputError: no such imported intersection, SUMO not installed, a number that cannot be.
     """
-    from scenewright.tools.fitting.simulated_priors import fitted_priors, simulate_place
+    from scenewright.tools.fitting.simulated_priors import fit_simulated_priors, simulate_map
 
-    bundle = open_own(name)
-    made = simulate_place(
-        bundle.place,
-        bundle.ways,
+    bundle = open_custom_bundle(name)
+    made = simulate_map(
+        bundle.intersection_map,
+        bundle.route_lines,
         minutes=minutes,
         seed=seed,
         progress=lambda line: tell("simulating", line),
     )
     tell("fitting", f"priors on {len(made.trips)} trips")
-    priors = fitted_priors(bundle.place, bundle.ways, made.trips, made.present)
+    priors = fit_simulated_priors(
+        bundle.intersection_map, bundle.route_lines, made.trips, made.present
+    )
     extra: dict[str, bytes] = {}
     facts: dict[str, Any] = {}
     if train:
@@ -153,7 +159,7 @@ def _trained(
     """
     import tempfile
 
-    from scenewright.tools.fitting.path_frame import SHIPPED
+    from scenewright.intersections import SHIPPED
     from scenewright.tools.trajnet_refiner.bundle_training import CARD, train_bundle
     from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
@@ -202,10 +208,10 @@ def fit_own(
     Raises:
         InputError: no such imported intersection, or tracks or options that cannot be used.
     """
-    from scenewright.tools.fitting.fit_tracks import fit_tracks, read_hourly
+    from scenewright.tools.fitting.fit_tracks import FrameChange, fit_tracks, read_hourly_counts
     from scenewright.tools.track_io.track_files import read_track_files
 
-    bundle = open_own(name)
+    bundle = open_custom_bundle(name)
     tell("reading", f"{len(paths)} files or folders")
     files = read_track_files(
         paths, columns=None if columns is None else parsed_columns(columns), scale=scale
@@ -214,14 +220,16 @@ def fit_own(
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
     tell("fitting", f"{sum(len(file.tracks) for file in files)} tracks")
     fitted = fit_tracks(
-        bundle.place,
-        bundle.ways,
+        bundle.intersection_map,
+        bundle.route_lines,
         files,
-        origin=bundle.origin,
-        track_origin=None if origin is None else parsed_center(origin),
-        shift=None if shift is None else parsed_center(shift),
+        FrameChange(
+            bundle.origin,
+            None if origin is None else parsed_center(origin),
+            None if shift is None else parsed_center(shift),
+        ),
         begin=None if start is None else _parsed_clock(start),
-        hourly=None if counts is None else read_hourly(counts),
+        hourly=None if counts is None else read_hourly_counts(counts),
         elsewhere=elsewhere,
     )
     folder = _rewritten(
@@ -231,7 +239,7 @@ def fit_own(
          "track_files": sorted(file.name for file in files)[:50],
          "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
          "pool": ", ".join(told) or None},
-        {"seen.npz": seen_bytes(fitted.seen)},
+        {"seen.npz": seen_bytes(fitted.positions)},
     )  # fmt: skip
     return {
         "name": name,
@@ -239,30 +247,35 @@ def fit_own(
         "files": len(files),
         "cleaning": removed.format_lines(),
         "matched": fitted.matched,
-        "off": fitted.off,
-        "open": fitted.open_,
-        "notes": [*told, *fitted.lines],
+        "off": fitted.off_route,
+        "open": fitted.open_route,
+        "notes": [*told, *fitted.notes],
         "heldout": [
-            {"share": share, "tracks": n, "pooled_nll": pooled, "unpooled_nll": alone}
-            for share, n, pooled, alone in fitted.heldout
+            {
+                "share": row.share,
+                "tracks": row.tracks,
+                "pooled_nll": row.pooled,
+                "unpooled_nll": row.unpooled,
+            }
+            for row in fitted.heldout
         ],
     }
 
 
-def _elsewhere(paths: Sequence[str], scale: float | None) -> tuple[Lanes, list[str]]:
+def _elsewhere(paths: Sequence[str], scale: float | None) -> tuple[LaneOffsets, list[str]]:
     """How drivers of other places keep to their lanes, and a line on each file."""
-    from scenewright.tools.fitting.lane_keeping import kept_lanes, measured_scale
+    from scenewright.tools.fitting.lane_keeping import find_lane_offsets, measure_scale
     from scenewright.tools.track_io.track_files import read_track_files
 
     found: dict[str, list[FloatArray]] = {}
     told = []
     for file in read_track_files(paths, scale=scale) if paths else ():
         tracks = [track.xy for subtype, track in file.tracks if subtype != "pedestrian"]
-        lanes = kept_lanes(tracks)
+        lanes = find_lane_offsets(tracks)
         for turn, own in lanes.items():
             found.setdefault(turn, []).extend(own)
         count = sum(len(own) for lane in lanes.values() for own in lane)
-        wide = None if scale is None else measured_scale(tracks, scale)
+        wide = None if scale is None else measure_scale(tracks, scale)
         words = (
             f"{file.name}: {count} tracks on {sum(map(len, lanes.values()))} lanes, for the pool"
         )
@@ -294,7 +307,7 @@ def seen_bytes(tracks: Sequence[Any]) -> bytes:
 
 
 def _rewritten(
-    bundle: OwnBundle, priors: Priors, facts: Mapping[str, Any], extra: Mapping[str, bytes]
+    bundle: CustomBundle, priors: Priors, facts: Mapping[str, Any], extra: Mapping[str, bytes]
 ) -> str:
     """The bundle with new priors; its map's origin and its refiner stay, if not replaced."""
     header = bundle.header
@@ -304,10 +317,10 @@ def _rewritten(
         if (bundle.folder / file).is_file()
     }
     old = {k: v for k, v in header.get("provenance", {}).items() if k.startswith("map")}
-    folder = write_own(
+    folder = write_custom_bundle(
         bundle.folder.name,
-        bundle.place,
-        bundle.ways,
+        bundle.intersection_map,
+        bundle.route_lines,
         priors,
         provenance={**old, **facts},
         frame=header.get("frame", {}),
@@ -389,7 +402,7 @@ def _drawn(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
     """By route id, paths drawn from its prior; jaywalkers', who go anywhere, are left out."""
     import numpy as np
 
-    from scenewright.tools.gmm_sampler import load_priors, paths_of, sample_waypoints
+    from scenewright.tools.gmm_sampler import build_paths, load_priors, sample_waypoints
 
     if not (find_bundle_folder(name) / "priors.npz").is_file():
         return {}
@@ -397,7 +410,7 @@ def _drawn(name: str, place: IntersectionMap) -> dict[str, list[FloatArray]]:
     return {
         route.id: [
             path.xy
-            for path in paths_of(
+            for path in build_paths(
                 priors.waypoints[route.id],
                 sample_waypoints(priors.waypoints[route.id], rng, size=_SHOWN[route.type]),
             )
@@ -439,10 +452,10 @@ def parsed_center(text: str) -> tuple[float, float]:
     return first, second
 
 
-def _provenance(file: str, made: Imported) -> dict[str, Any]:
+def _provenance(file: str, made: ImportedMap) -> dict[str, Any]:
     return {
         "map": Path(file).name,
-        "map_format": _FORMATS[made.kind],
+        "map_format": _FORMATS[made.map_format],
         "map_sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest(),
         "priors": "derived from the map and the pool of amsterdam_120; nothing was seen there",
     }

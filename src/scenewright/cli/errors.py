@@ -25,6 +25,7 @@ _ADVICE = {
     "no_surviving_combination": "Another --seed, less traffic or fewer fixed directions may help.",
     "background_interferes": "Another --seed or less background traffic may help.",
     "relation_not_realised": "Another --seed or a less exact request may help.",
+    "wrong_braker": "Another --seed or a less exact request may help.",
     "implausible_motion": "Another --seed or a less severe event may help.",
 }
 

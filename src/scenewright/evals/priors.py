@@ -16,7 +16,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder
 from scenewright.scene.base import FloatArray
-from scenewright.tools.gmm_sampler import Priors, WaypointPrior, load_priors, waypoint_nll
+from scenewright.tools.gmm_sampler import Priors, WaypointPrior, compute_waypoint_nll, load_priors
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,8 @@ def _waypoint_rows(priors: Priors, held: _Held) -> Iterator[WaypointRow]:
     for i, route in enumerate(str(name) for name in held["routes"]):
         single = _single(route, held["gaussian_means"][i], held["gaussian_cholesky"][i])
         pair = (
-            waypoint_nll(priors.waypoints[route], tracks[i]),
-            waypoint_nll(single, tracks[i]),
+            compute_waypoint_nll(priors.waypoints[route], tracks[i]),
+            compute_waypoint_nll(single, tracks[i]),
         )
         for group in _groups(route):
             groups.setdefault(group, []).append(pair)

@@ -20,7 +20,7 @@ def sample_nodes(path: Path, spacing: float) -> FloatArray:
 
 
 @compiled
-def turned(poses: FloatArray) -> FloatArray:
+def to_cosines(poses: FloatArray) -> FloatArray:
     """[4, N] x, y, cosine and sine of the heading of poses [N, 3]."""
     rows = np.empty((4, len(poses)))
     for n in range(len(poses)):

@@ -78,11 +78,11 @@ class Motion:
         """[T] speed along the path [m/s]."""
         return np.gradient(self.s, STEP) if len(self.s) > 1 else np.zeros(1)
 
-    def time_at(self, s: float) -> float:
+    def find_time_at(self, s: float) -> float:
         """First time [s, local] at which the centre is at arc length `s`; inf if it never is."""
         return _time_at(self.s, s)
 
-    def position(self, times: FloatArray) -> FloatArray:
+    def compute_positions(self, times: FloatArray) -> FloatArray:
         """Arc length [m] at local times [s]; held at both ends."""
         return np.interp(times, STEP * np.arange(len(self.s)), self.s)
 

@@ -43,7 +43,7 @@ class Landmarks:
     steps_on: int = 1
     left_hand: bool = False
 
-    def off_crosswalks(self, s: float, *, own: str | None = None) -> float:
+    def move_off_crosswalks(self, s: float, *, own: str | None = None) -> float:
         """The last place up to `s` [m] to stand at and block no crosswalk.
 
         Args:
@@ -56,10 +56,10 @@ class Landmarks:
 
 
 @lru_cache(maxsize=512)
-def find_landmarks(candidate: Candidate, *, ground: MapAreas) -> Landmarks:
+def find_landmarks(candidate: Candidate, *, map_areas: MapAreas) -> Landmarks:
     """The landmarks on a candidate's path; candidates are known by identity."""
-    route, intersection_map = candidate.route, ground.intersection_map
-    visits = ground.find_crosswalk_visits(candidate.path.xy)
+    route, intersection_map = candidate.route, map_areas.intersection_map
+    visits = map_areas.find_crosswalk_visits(candidate.path.xy)
     crossed, group = _crosswalks(candidate, visits), intersection_map.signal_group_of(route)
     if route.type == "vehicle":
         line = _stop_line(candidate, intersection_map)

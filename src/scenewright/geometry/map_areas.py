@@ -52,7 +52,7 @@ class MapAreas:
         for area in (self._road, self._walkable):
             geos.prepare(area)
 
-    def trimmed(self, path: Path) -> Path:
+    def trim(self, path: Path) -> Path:
         """The path without the ends that lie beyond the edge of the map."""
         away = np.abs(path.xy)
         if away.max() <= self.intersection_map.extent:
@@ -64,11 +64,11 @@ class MapAreas:
         s = path.s[keep] - path.s[inside[0]]
         return Path(path.xy[keep], s, path.heading[keep], path.curvature[keep])
 
-    def road_share(self, xy: FloatArray) -> float:
+    def compute_road_share(self, xy: FloatArray) -> float:
         """Share of points [N, 2] on the road."""
         return _share(geos.contains_xy(self._road, xy))
 
-    def walkable_share(self, xy: FloatArray) -> float:
+    def compute_walkable_share(self, xy: FloatArray) -> float:
         """Share of points [N, 2] on walkable area or a crosswalk."""
         return _share(geos.contains_xy(self._walkable, xy))
 

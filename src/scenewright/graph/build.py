@@ -49,8 +49,7 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     graph.add_conditional_edges("event_reasoner", routes.after_event_reasoner)
     graph.add_edge("trajectory_refiner", "scene_verifier")
     ends: dict[Hashable, str] = {
-        name: name
-        for name in ("trajectory_refiner", "event_reasoner", "agent_generator", "give_up")
+        name: name for name in ("scene_planner", "trajectory_refiner", "agent_generator", "give_up")
     }
     graph.add_conditional_edges("scene_verifier", routes.after_scene_verifier, ends | {"end": END})
     graph.add_edge("give_up", END)
@@ -77,6 +76,6 @@ def _routed(node: NodeT) -> NodeT:
             return {**node(state, runtime=runtime), "refused": None}
         except Rejected as error:
             runtime.context.tell(error.rejection.stage, f"refused: {error.rejection.detail}")
-            return {"refused": error.rejection, "rejections": [error.rejection]}
+            return {**error.kept, "refused": error.rejection, "rejections": [error.rejection]}
 
     return run  # type: ignore[return-value]

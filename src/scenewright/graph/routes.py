@@ -9,7 +9,7 @@ from langgraph.runtime import Runtime
 from scenewright.backends import speaker
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import RunContext
-from scenewright.scene.rejection import Rejection, Stage
+from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
 
 _FINAL = ("out_of_scope", "contradictory", "impossible", "ungroundable")
 
@@ -37,6 +37,8 @@ def after_waypoint_filter(
     if refused is None:
         return "event_reasoner"
     budgets = runtime.context.budgets
+    if refused.code in _FINAL:
+        return "give_up"
     if refused.code in ("malformed_program", "malformed_reply"):
         malformed = _spent(state, "waypoint_filter", "malformed_program", "malformed_reply")
         rule = speaker(runtime.context.backend, "constraints").deterministic
@@ -48,39 +50,38 @@ def after_waypoint_filter(
 def after_event_reasoner(
     state: SceneState, runtime: Runtime[RunContext]
 ) -> Literal["trajectory_refiner", "event_reasoner", "agent_generator", "give_up"]:
-    """On to the refiner; else reason again; else sample afresh; else stop."""
-    if state.get("refused") is None:
+    """On to the refiner; else ask again, where that may mend it; else sample afresh; else stop."""
+    refused, context = state.get("refused"), runtime.context
+    if refused is None:
         return "trajectory_refiner"
-    return _reason_again(state, runtime.context, "event_reasoner")
+    if refused.code in _FINAL:
+        return "give_up"
+    idle = not refused.repairable or speaker(context.backend, "behavior").deterministic
+    if not idle and _spent(state, "event_reasoner") <= context.budgets.reasoner:
+        return "event_reasoner"
+    return _sample_afresh(state, context.budgets.generator)
 
 
 def after_scene_verifier(
     state: SceneState, runtime: Runtime[RunContext]
-) -> Literal["end", "trajectory_refiner", "event_reasoner", "agent_generator", "give_up"]:
-    """Done if proven; else refine less; else reason again; else sample afresh; else stop."""
-    if state.get("refused") is None:
-        return "end"
-    refinement = state.get("refinement")
-    if (
-        refinement is not None
-        and refinement.may_retry
-        and refinement.attempt <= runtime.context.budgets.refiner
-    ):
-        return "trajectory_refiner"
-    return _reason_again(state, runtime.context, "scene_verifier")
-
-
-def _reason_again(
-    state: SceneState, context: RunContext, stage: Stage
-) -> Literal["event_reasoner", "agent_generator", "give_up"]:
-    """A backend whose other answer may mend it is asked within its budget; else sample afresh."""
+) -> Literal["end", "trajectory_refiner", "agent_generator", "scene_planner", "give_up"]:
+    """Done if proven; else plan again where only that can mend it; else refine less; else sample
+    afresh; else stop."""
     refused = state.get("refused")
-    final = refused is not None and not refused.repairable
-    idle = final or speaker(context.backend, "behavior").deterministic
-    refined_less = _refined_less(state) if stage == "scene_verifier" else 0
-    if not idle and _spent(state, stage) - refined_less <= context.budgets.reasoner:
-        return "event_reasoner"
-    return _sample_afresh(state, context.budgets.generator)
+    if refused is None:
+        return "end"
+    refinement, budgets = state.get("refinement"), runtime.context.budgets
+    if refused.code in MISPLANNED and _plans_anew(state, runtime.context):
+        asked = _spent(state, "scene_planner") + _spent(state, "scene_verifier", *MISPLANNED)
+        return "scene_planner" if asked <= budgets.planner else "give_up"
+    if refinement is not None and refinement.may_retry and refinement.attempt <= budgets.refiner:
+        return "trajectory_refiner"
+    return _sample_afresh(state, budgets.generator)
+
+
+def _plans_anew(state: SceneState, context: RunContext) -> bool:
+    """Whether the planner, asked again, may give another plan."""
+    return state.get("planned") is None and not speaker(context.backend, "plan").deterministic
 
 
 def _sample_afresh(state: SceneState, budget: int) -> Literal["agent_generator", "give_up"]:

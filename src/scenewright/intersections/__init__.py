@@ -5,7 +5,7 @@ A bundle is a folder with `map.json` and, where priors were fitted, `priors.npz`
 one runs no code: JSON, TOML and plain arrays. A bundle of a newer layout, or one that was damaged
 or changed by hand, is refused with the reason.
 
-Shipped bundles lie beside this file. One's own lie in the folder that the environment variable
+Shipped bundles lie beside this file. The user's own lie in the folder that the environment variable
 SCENEWRIGHT_INTERSECTIONS names, else in the user's data folder (SCENEWRIGHT_DATA names another),
 and come first.
 """
@@ -26,47 +26,36 @@ from pydantic import ValidationError
 from scenewright.errors import InputError
 from scenewright.scene.map import IntersectionMap
 
-__all__ = [
-    "FORMAT",
-    "REFINER_WEIGHTS",
-    "bundle_folder",
-    "bundle_header",
-    "check_bundle",
-    "checked_name",
-    "data_folder",
-    "list_intersections",
-    "load_map",
-    "own_root",
-    "shipped_names",
-    "ships_refiner",
-]
-
 FORMAT = 1
 """Version of the layout of a bundle's folder that this program writes, and the newest it reads."""
+SHIPPED = "amsterdam_120"
+"""The shipped bundle whose data fill in where another has none."""
 REFINER_WEIGHTS = "refiner.safetensors"
 """The learned refiner's file in a bundle, where one was trained."""
-_SHIPPED = Path(__file__).parent
+_SHIPPED_ROOT = Path(__file__).parent
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
-_MOST_TOML, _MOST_MAP = 1_000_000, 200_000_000
+_MAX_TOML, _MAX_MAP = 1_000_000, 200_000_000
+"""Bytes."""
 
 
 def list_intersections() -> list[str]:
     """Names of every bundle that can be loaded, sorted."""
-    return sorted(_bundles())
+    return sorted({name for root in _list_roots() for name in _list_bundles(root)})
 
 
 def list_shipped() -> list[str]:
     """Names of the bundles that come with the package."""
-    return sorted(e.name for e in _SHIPPED.iterdir() if (e / "map.json").is_file())
+    return sorted(_list_bundles(_SHIPPED_ROOT))
 
 
 def find_bundle_folder(name: str) -> Path:
     """The folder of a bundle; InputError, listing what exists, where there is none so named."""
-    found = _bundle(name)
-    if found is None:
-        shown = name if len(name) <= 40 else name[:37] + "..."
-        raise InputError(f"no intersection {shown!r}; there are: {', '.join(list_intersections())}")
-    return found
+    # The name is compared with what there is and never joined into a path.
+    for root in _list_roots():
+        if name in _list_bundles(root):
+            return root / name
+    shown = name if len(name) <= 40 else name[:37] + "..."
+    raise InputError(f"no intersection {shown!r}; there are: {', '.join(list_intersections())}")
 
 
 def ships_refiner(name: str) -> bool:
@@ -75,7 +64,7 @@ def ships_refiner(name: str) -> bool:
 
 
 def check_name(name: str) -> str:
-    """A name that one's own bundle may have.
+    """The name, if a user's own bundle may have it.
 
     Raises:
         InputError: it could not be a folder's name everywhere, or a shipped bundle has it.
@@ -91,11 +80,9 @@ def check_name(name: str) -> str:
 
 
 def find_custom_root() -> Path:
-    """The folder of one's own bundles; it need not exist."""
+    """The folder of the user's own bundles; it need not exist."""
     named = os.environ.get("SCENEWRIGHT_INTERSECTIONS")
-    if named:
-        return Path(named)
-    return find_data_folder() / "intersections"
+    return Path(named) if named else find_data_folder() / "intersections"
 
 
 def find_data_folder() -> Path:
@@ -116,7 +103,12 @@ def find_data_folder() -> Path:
 
 def load_map(name: str) -> IntersectionMap:
     """The map of a bundle, read once per process; InputError where it is unknown or broken."""
-    return _read_map(find_bundle_folder(name))
+    folder = find_bundle_folder(name)
+    try:
+        stat = (folder / "map.json").stat()
+    except OSError as fault:
+        raise InputError(f"cannot read the map of {name!r}: {fault.strerror}") from None
+    return _parse_map(folder, stat.st_mtime_ns, stat.st_size)
 
 
 def read_bundle_header(folder: Path) -> dict[str, Any]:
@@ -129,7 +121,7 @@ def read_bundle_header(folder: Path) -> dict[str, Any]:
     if not file.is_file():
         return {}
     try:
-        if file.stat().st_size > _MOST_TOML:
+        if file.stat().st_size > _MAX_TOML:
             raise InputError(f"bundle.toml of {folder.name!r} is too large to be one")
         header = tomllib.loads(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
@@ -146,7 +138,7 @@ def read_bundle_header(folder: Path) -> dict[str, Any]:
 
 
 def check_bundle(folder: Path, *only: str) -> None:
-    """Holds a bundle's files against their checksums.
+    """Compare a bundle's files with their checksums.
 
     Args:
         only: names of the files to look at; all that bundle.toml lists if none is named.
@@ -174,7 +166,7 @@ def check_bundle(folder: Path, *only: str) -> None:
 
 
 def sign_bundle(folder: Path, *names: str) -> None:
-    """Brings the checksums of files up to date in the folder's bundle.toml, if it has one."""
+    """Update the checksums of files in the folder's bundle.toml, if it has one."""
     header = folder / "bundle.toml"
     if not header.is_file():
         return
@@ -192,63 +184,27 @@ def sign_bundle(folder: Path, *names: str) -> None:
     os.replace(draft, header)
 
 
-def _bundles() -> dict[str, Path]:
-    """Bundles by name."""
-    return {
-        entry.name: entry
-        for root in reversed(_roots())
-        for entry in _entries(root)
-        if _is_bundle(entry.name, entry)
-    }
+def _list_roots() -> list[Path]:
+    return [find_custom_root(), _SHIPPED_ROOT]
 
 
-def _bundle(name: str) -> Path | None:
-    """The bundle of a name, which is looked up here and never joined into a path."""
-    for root in _roots():
-        found = next((each for each in _names(root) if each == name), None)
-        if found is not None and _is_bundle(found, root / found):
-            return root / found
-    return None
-
-
-def _is_bundle(name: str, folder: Path) -> bool:
-    """Whether a folder holds a bundle; what is being written there has a name with a dot."""
-    return not name.startswith(".") and (folder / "map.json").is_file()
-
-
-def _entries(root: Path) -> list[Path]:
-    """What a folder of bundles holds."""
-    return [root / name for name in sorted(_names(root))]
-
-
-def _names(root: Path) -> list[str]:
+def _list_bundles(root: Path) -> list[str]:
+    """Names of the bundles in a folder; unfinished ones have a name with a dot."""
     try:
-        return os.listdir(root)
+        names = os.listdir(root)
     except (FileNotFoundError, NotADirectoryError):
         return []
     except OSError as fault:
         raise InputError(f"cannot read {root}: {fault.strerror or fault}") from None
-
-
-def _roots() -> list[Path]:
-    return [find_custom_root(), _SHIPPED]
-
-
-def _read_map(folder: Path) -> IntersectionMap:
-    file = folder / "map.json"
-    try:
-        stat = file.stat()
-    except OSError as fault:
-        raise InputError(f"cannot read the map of {folder.name!r}: {fault.strerror}") from None
-    return _parsed(folder, stat.st_mtime_ns, stat.st_size)
+    return [n for n in names if not n.startswith(".") and (root / n / "map.json").is_file()]
 
 
 @lru_cache(maxsize=16)
-def _parsed(folder: Path, _changed: int, size: int) -> IntersectionMap:
+def _parse_map(folder: Path, _changed: int, size: int) -> IntersectionMap:
     """The map as it is now: a bundle may be written anew while a process lives."""
     check_bundle(folder, "map.json")
     try:
-        if size > _MOST_MAP:
+        if size > _MAX_MAP:
             raise InputError(f"the map of {folder.name!r} is too large to be one")
         return IntersectionMap.model_validate_json((folder / "map.json").read_bytes())
     except (OSError, ValidationError) as fault:

@@ -20,6 +20,7 @@ from scenewright.scene.grounding import Grounding
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.refinement import Refinement
 from scenewright.scene.rejection import Rejection
+from scenewright.scene.remaining import AddedClauses, AddedStops
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
 from scenewright.scene.track import Track
@@ -34,6 +35,8 @@ class SceneState(TypedDict, total=False):
     Attributes:
         planned: a social graph that is settled, so that nobody is asked for one.
         pinned: agents of an earlier version that stay.
+        added_clauses, added_stops: what words that no field of the plan holds became; they outlast
+            a failed sample.
         rolled: what the network proposed for each agent, as [T] deviations from its edited prior
             in arc length [m].
     """
@@ -45,9 +48,11 @@ class SceneState(TypedDict, total=False):
     social_graph: SocialGraph
     grounding: Grounding
     candidates: CandidateSet
+    added_clauses: AddedClauses
     constraints: ConstraintProgram
     selection: Selection
     summary: EventSummary
+    added_stops: AddedStops
     behavior: BehaviorProgram
     edited: Tracks
     refined: Tracks

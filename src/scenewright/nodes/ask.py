@@ -9,7 +9,7 @@ from pydantic_core import ErrorDetails
 
 from scenewright.backends import Backend, Question
 from scenewright.errors import Rejected
-from scenewright.scene.rejection import Rejection, Stage
+from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
 
 ReplyT = TypeVar("ReplyT", bound=BaseModel)
 
@@ -41,8 +41,9 @@ def _begun(rejection: Rejection, of: str) -> Rejection:
 
 
 def earlier(rejections: list[Rejection], stage: Stage) -> tuple[str, ...]:
-    """What was wrong with this stage's answers so far."""
-    return tuple(each.detail for each in rejections if each.stage == stage)
+    """What was wrong with this stage's answers so far, wherever it was found."""
+    codes = MISPLANNED if stage == "scene_planner" else ()
+    return tuple(each.detail for each in rejections if each.stage == stage or each.code in codes)
 
 
 def latest(rejections: list[Rejection], *stages: Stage) -> tuple[Rejection, ...]:

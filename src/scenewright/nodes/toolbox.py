@@ -10,22 +10,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from langgraph.runtime import Runtime
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from scenewright.backends import Backend, Question, Task, load_backend
 from scenewright.errors import Rejected
 from scenewright.memory.state import SceneState
 from scenewright.nodes.agent_generator import generate_agents
 from scenewright.nodes.context import RunContext
-from scenewright.nodes.event_reasoner import reason_events
+from scenewright.nodes.event_reasoner import edit_segments, reason_events
 from scenewright.nodes.event_reasoner.reply import SegmentReply
 from scenewright.nodes.scene_planner import plan_scene
 from scenewright.nodes.scene_verifier import verify_scene
 from scenewright.nodes.trajectory_refiner import refine_trajectories
-from scenewright.nodes.waypoint_filter import filter_waypoints
+from scenewright.nodes.waypoint_filter import filter_waypoints, solve_program
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.map import Route
 from scenewright.scene.record import SceneRecord
@@ -43,8 +43,8 @@ Recorder = Callable[[SceneRecord, Proof], str]
 _CHANNELS: tuple[tuple[str, ...], ...] = (
     ("social_graph", "grounding"),
     ("candidates",),
-    ("constraints", "selection"),
-    ("summary", "behavior", "edited"),
+    ("added_clauses", "constraints", "selection"),
+    ("added_stops", "summary", "behavior", "edited"),
     ("refined", "refinement", "rolled"),
     ("scene", "proof"),
 )
@@ -112,7 +112,7 @@ class Workbench:
 
     Args:
         instruction: what shall happen, for the scene's prompt.
-        context: map, priors, seed; its backend answers what a tool is not told.
+        context: map, priors, seed; its backend answers what remaining words ask for.
         record: where a verified scene is kept.
     """
 
@@ -157,8 +157,8 @@ class Workbench:
 
     def solve(self, program: str | None = None) -> Facts:
         """DSL validator (paper 3.3, Eq. 4): candidates, times and standstills that serve."""
-        answer = None if program is None else {"program": program}
-        made = self._step("solve", filter_waypoints, {}, "constraints", answer)["selection"]
+        node = filter_waypoints if program is None else partial(solve_program, program)
+        made = self._step("solve", node)["selection"]
         return {
             "duration": made.duration,
             "events": [{"clause": e.clause, "time": round(e.time, 1)} for e in made.events],
@@ -176,11 +176,9 @@ class Workbench:
 
     def edit_segments(self, agents: list[AgentSegments] | None = None) -> Facts:
         """Segment editor (paper 3.4, 3.5, Eq. 6): keep, stop, proceed, terminate, at anchors."""
-        told = {
-            each.agent: [s.model_dump(mode="json") for s in each.segments] for each in agents or []
-        }
-        answer = {"segments": told} if told else None
-        made = self._step("edit_segments", reason_events, {}, "behavior", answer)
+        told = {each.agent: each.segments for each in agents or []}
+        node = partial(edit_segments, told) if told else reason_events
+        made = self._step("edit_segments", node)
         front = {each.id for each in self._state["social_graph"].agents}
         return {
             "agents": {
@@ -228,8 +226,6 @@ class Workbench:
         step: str,
         node: Callable[..., Any],
         told: Facts | None = None,
-        task: Task | None = None,
-        answer: Facts | None = None,
     ) -> dict[str, Any]:
         """Runs a stage on what is there; its products replace the old, and later ones go."""
         at = _STEPS.index(step)
@@ -237,12 +233,9 @@ class Workbench:
             # The segment editor and the refiner are one stage in the pipeline, and two tools here.
             if not set(names) - {"edited", "refinement", "rolled"} <= self._state.keys():
                 raise _too_early(step, before)
-        context = self._context
-        if task is not None and answer is not None:
-            context = _answering(context, task, answer)
         state: Any = {**self._state, **(told or {})}
         try:
-            made = node(state, runtime=Runtime(context=context))
+            made = node(state, runtime=Runtime(context=self._context))
         except Rejected as error:
             self._state["rejections"] = [*self._state["rejections"], error.rejection]
             raise
@@ -256,26 +249,6 @@ class Workbench:
 def _way(route: Route) -> str:
     crosswalk = f" on the {route.crosswalk} crosswalk" if route.crosswalk else ""
     return f"{route.movement} from {route.entry} to {route.exit}{crosswalk}"
-
-
-class _Told:
-    """A backend that has one answer, and asks the builtin one for the rest."""
-
-    name = "agent"
-    deterministic = True
-
-    def __init__(self, task: Task, answer: Facts, otherwise: Backend) -> None:
-        self._task, self._answer, self._otherwise = task, answer, otherwise
-
-    def answer(self, question: Question) -> Facts:
-        """The answer that was told (see `Backend`)."""
-        return self._answer if question.task == self._task else self._otherwise.answer(question)
-
-
-def _answering(context: RunContext, task: Task, answer: Facts) -> RunContext:
-    from dataclasses import replace
-
-    return replace(context, backend=_Told(task, answer, load_backend("builtin")))
 
 
 def _too_early(step: str, before: str) -> Rejected:

@@ -110,6 +110,15 @@ def traffic_told(left_hand: bool) -> str:
     return _LEFT_HAND if left_hand else ""
 
 
+def words_told(words: Sequence[Mapping[str, Any]]) -> str:
+    """Numbered words of the request, each quoted, with the agents of whom they are said."""
+    return ", ".join(
+        f"{each['number']} {quoted(each['words'], most=_LONGEST_FAULT)}"
+        + (f" ({', '.join(each['agents'])})" if each["agents"] else "")
+        for each in words
+    )
+
+
 def faults_told(rejections: Sequence[str]) -> str:
     """Why earlier answers were refused, the latest last."""
     if not rejections:

@@ -12,9 +12,14 @@ from scenewright.scene.base import Model
 Became = Literal[
     "agent", "entry", "exit", "movement", "crosswalk", "runs_red", "relation", "cause", "tie",
     "time_of_day", "density", "background", "normal", "denied", "measure", "impact_point",
-    "signals", "road", "retracted", "manner", "nothing",
+    "signals", "road", "retracted", "constraint", "behavior", "manner", "nothing",
 ]  # fmt: skip
-"""What words can become; `manner` has no effect on tracks, `nothing` cannot be realised."""
+"""What words can become.
+
+`constraint` and `behavior` are no field of the plan: the waypoint filter turns the former into
+clauses, the event reasoner the latter into standstills. `manner` has no effect on tracks, `nothing`
+cannot be realised.
+"""
 
 BECAME: tuple[str, ...] = get_args(Became)
 
@@ -28,7 +33,7 @@ class SaidSpan(Model):
         words: the words themselves.
         became: the part of the plan.
         agents: of whom it is said; two for relations and ties.
-        value: what exactly: a leg, a relation, a time, a number.
+        value: what exactly: a leg, a relation, a time, a number, a clause, standstills.
         note: why the words became nothing.
     """
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import Field
@@ -79,17 +78,10 @@ class EventSummary(Model):
     agents: tuple[AgentSummary, ...]
     evidence: tuple[dict[str, Any], ...] = ()
 
-    def keep_places(self, places: Mapping[str, Sequence[str]]) -> EventSummary:
-        """The summary with these anchors alone of the agents that are named."""
-        agents = tuple(
-            each.model_copy(
-                update={"anchors": tuple(a for a in each.anchors if a.id in places[each.agent])}
-            )
-            if each.agent in places
-            else each
-            for each in self.agents
-        )
-        return self.model_copy(update={"agents": agents})
+    def suggest_segments(self) -> BehaviorProgram:
+        """The behavior program that follows from it: what the solver found, for every agent."""
+        segments = {each.agent: each.suggest_segments(self.duration) for each in self.agents}
+        return BehaviorProgram(segments=segments)
 
 
 class Segment(Model):
@@ -105,23 +97,6 @@ class BehaviorProgram(Model):
     """Phi: the segments of every agent, in order of time."""
 
     segments: dict[str, tuple[Segment, ...]]
-
-    def is_as_suggested(self, summary: EventSummary) -> bool:
-        """Whether everybody stands and ends just where and when the solver found it."""
-        return all(
-            _moments(self.segments.get(agent.agent, ()))
-            == _moments(agent.suggest_segments(summary.duration))
-            for agent in summary.agents
-        )
-
-
-def _moments(segments: Sequence[Segment]) -> list[tuple[str, float, float, str]]:
-    """Standstills that last, and the end at a contact: where a motion may leave its prior."""
-    return [
-        (each.anchor, round(each.start, 2), round(each.end, 2), each.status)
-        for each in segments
-        if each.status == "terminate" or (each.status == "stop" and each.end > each.start)
-    ]
 
 
 def _segment(start: float, end: float, anchor: str, status: str) -> Segment:

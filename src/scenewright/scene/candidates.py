@@ -13,7 +13,7 @@ from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.grounding import RoleAssignment
 from scenewright.scene.map import Route
 from scenewright.scene.track import Shape
-from scenewright.scene.yielding_behavior import Habits
+from scenewright.scene.yielding_behavior import YieldingModel
 
 K = 10
 """Waypoints per candidate, at equal arc length (SEMANTICS section 6)."""
@@ -128,7 +128,7 @@ class AgentCandidates:
     build: Callable[[int], Candidate]
     arrival: float | None = None
     chance: float | None = None
-    spare: bool = False
+    reserve: bool = False
 
     @property
     def drawn(self) -> DrawnWaypoints:
@@ -154,11 +154,11 @@ class CandidateSet:
         cast: routes and patterns of the foreground.
         hour: time of day [h] that the numbers were drawn for.
         background: how many background agents of each class the scene shall have.
-        manners: how people give way here.
+        yielding_model: how agents yield at this intersection.
     """
 
     agents: Mapping[str, AgentCandidates]
     cast: RoleAssignment
     hour: float
     background: Mapping[AgentClass, int]
-    manners: Habits = field(default_factory=dict)
+    yielding_model: YieldingModel = field(default_factory=dict)

@@ -29,10 +29,15 @@ RejectionCode = Literal[
     "no_surviving_combination",
     "unknown_anchor",
     "times_not_increasing",
+    "segment_off_track",
     "relation_not_realised",
+    "wrong_braker",
     "background_interferes",
     "implausible_motion",
 ]
+
+MISPLANNED: tuple[RejectionCode, ...] = ("wrong_braker",)
+"""What a later stage finds and only another plan can mend."""
 
 
 class Rejection(Model):

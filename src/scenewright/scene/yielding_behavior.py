@@ -1,4 +1,4 @@
-"""How people give way: whether they stand, how far off and for how long, as quantiles."""
+"""How agents yield: whether they stand, how far off and for how long, as quantiles."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Quantiles = tuple[float, ...]
 
 @dataclass(frozen=True)
 class YieldingBehavior:
-    """What was seen of those of one class who gave way to those of another.
+    """How agents of one class yield to agents of another, as quantiles at LEVELS.
 
     Attributes:
-        rolls: share of those who slowed without standing.
-        pace: of these, lowest speed over approach speed; place: where it was driven, from the
+        rolls: share of those that slow without standing.
+        pace: of these, lowest speed over approach speed; place: where it is driven, from the
             centre to where the centre enters the zone [m]; margin: from the other's leaving the
             zone to its own entering [s].
-        gap: of those who stood, from the front to the zone or the stop line ahead, whichever is
+        gap: of those that stand, from the front to the zone or the stop line ahead, whichever is
             nearer [m]; stands: for how long [s]; reacts: from the other's leaving the zone to its
             own start [s].
     """
@@ -38,8 +38,8 @@ class YieldingBehavior:
     reacts: Quantiles
 
 
-Habits = Mapping[tuple[AgentClass, AgentClass], YieldingBehavior]
-"""By class of who gives way and of who is let pass."""
+YieldingModel = Mapping[tuple[AgentClass, AgentClass], YieldingBehavior]
+"""By the class that yields and the class that has the right of way."""
 
 
 def sample_quantiles(quantiles: Quantiles, rng: np.random.Generator) -> float:

@@ -11,12 +11,14 @@ from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.segment_editor import editing_of
+from scenewright.tools.segment_editor import get_motion_edits
 
 
-def summarise(selection: Selection, *, ground: MapAreas) -> EventSummary:
+def summarise(selection: Selection, *, map_areas: MapAreas) -> EventSummary:
     """What the selected tracks pass and when, and the stays that the solver found to work."""
-    agents = tuple(_agent(agent, selection.duration, ground) for agent in selection.agents.values())
+    agents = tuple(
+        _agent(agent, selection.duration, map_areas) for agent in selection.agents.values()
+    )
     evidence = tuple(
         {"clause": e.clause, "agents": list(e.agents), "time": e.time, "location": list(e.location)}
         for e in selection.events
@@ -24,25 +26,25 @@ def summarise(selection: Selection, *, ground: MapAreas) -> EventSummary:
     return EventSummary(duration=selection.duration, agents=agents, evidence=evidence)
 
 
-def anchor_name(stop: Stop, candidate: Candidate, *, ground: MapAreas) -> str:
+def name_anchor(stop: Stop, candidate: Candidate, *, map_areas: MapAreas) -> str:
     """The map entity of a stop, by name."""
     route = candidate.route
     if stop.anchor == "stop_line":
-        movement = ground.intersection_map.movement_of(route)
+        movement = map_areas.intersection_map.movement_of(route)
         return movement.stop_line if movement else "stop_line"
     if stop.anchor == "kerb":
         return f"{route.crosswalk}:kerb:{route.entry}"
     return f"{stop.anchor}@{stop.s:.1f}"
 
 
-def _agent(agent: SelectedAgent, duration: float, ground: MapAreas) -> AgentSummary:
-    editing = editing_of(agent)
+def _agent(agent: SelectedAgent, duration: float, map_areas: MapAreas) -> AgentSummary:
+    editing = get_motion_edits(agent)
     motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
     leaves = min(agent.enters + STEP * (len(motion.s) - 1), duration)
     leaves = leaves if agent.contact is None else min(leaves, agent.contact)
     stays = tuple(
         Stay(
-            anchor=anchor_name(stop, agent.candidate, ground=ground),
+            anchor=name_anchor(stop, agent.candidate, map_areas=map_areas),
             start=round(stop.start, 3),
             until=round(stop.until, 3),
             reason=stop.reason,
@@ -53,7 +55,7 @@ def _agent(agent: SelectedAgent, duration: float, ground: MapAreas) -> AgentSumm
         agent=agent.name,
         enters=agent.enters,
         leaves=round(leaves, 3),
-        anchors=_anchors(agent, compute_motion(agent.candidate), duration, ground),
+        anchors=_anchors(agent, compute_motion(agent.candidate), duration, map_areas),
         stays=stays,
         # 14.330000000000002 would be later than it leaves.
         contact=None if agent.contact is None else round(agent.contact, 9),
@@ -61,19 +63,19 @@ def _agent(agent: SelectedAgent, duration: float, ground: MapAreas) -> AgentSumm
 
 
 def _anchors(
-    agent: SelectedAgent, prior: Motion, duration: float, ground: MapAreas
+    agent: SelectedAgent, prior: Motion, duration: float, map_areas: MapAreas
 ) -> tuple[Anchor, ...]:
     """Every anchor on the path in order of arc length, timed by the unedited prior."""
-    marks = find_landmarks(agent.candidate, ground=ground)
+    landmarks = find_landmarks(agent.candidate, map_areas=map_areas)
     places: list[tuple[str, float]] = [
-        (anchor_name(stop, agent.candidate, ground=ground), stop.s) for stop in agent.stops
+        (name_anchor(stop, agent.candidate, map_areas=map_areas), stop.s) for stop in agent.stops
     ]
-    if marks.line is not None:
+    if landmarks.line is not None:
         walker = agent.candidate.route.type == "pedestrian"
-        line = Stop("kerb" if walker else "stop_line", marks.line, 0.0, 0.0, "")
-        name = anchor_name(line, agent.candidate, ground=ground)
-        places += [] if any(name == place[0] for place in places) else [(name, marks.line)]
-    for crosswalk, enters, leaves in marks.crosswalks:
+        line = Stop("kerb" if walker else "stop_line", landmarks.line, 0.0, 0.0, "")
+        name = name_anchor(line, agent.candidate, map_areas=map_areas)
+        places += [] if any(name == place[0] for place in places) else [(name, landmarks.line)]
+    for crosswalk, enters, leaves in landmarks.crosswalks:
         places += [(f"{crosswalk}:entry", enters), (f"{crosswalk}:exit", leaves)]
     places.append(("goal", agent.candidate.path.length))
     return tuple(
@@ -83,10 +85,10 @@ def _anchors(
 
 
 def _when(agent: SelectedAgent, prior: Motion, s: float, duration: float) -> float | None:
-    time = agent.enters + prior.time_at(s)
+    time = agent.enters + prior.find_time_at(s)
     return round(time, 3) if 0.0 <= time <= duration else None
 
 
-def facts_of(summary: EventSummary) -> dict[str, Any]:
+def to_facts(summary: EventSummary) -> dict[str, Any]:
     """The summary as plain JSON values, for whoever reasons on it."""
     return summary.model_dump(mode="json")

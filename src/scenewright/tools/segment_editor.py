@@ -24,7 +24,7 @@ _STAYS_ON = 5.0
 
 
 @dataclass(frozen=True)
-class Editing:
+class MotionEdits:
     """Edits in local time (0 = the agent enters the map)."""
 
     holds: tuple[StopCommand, ...]
@@ -32,16 +32,16 @@ class Editing:
     end: float | None
 
 
-def hold_of(stop: Stop, enters: float) -> StopCommand:
+def to_stop_command(stop: Stop, enters: float) -> StopCommand:
     """A stop in the time of an agent that enters then [s]."""
     return StopCommand(stop.s, stop.until - enters, stop.braking, stop.speed)
 
 
-def editing_of(agent: SelectedAgent) -> Editing:
+def get_motion_edits(agent: SelectedAgent) -> MotionEdits:
     """The edits that the solver found for a selected agent."""
-    holds = tuple(hold_of(stop, agent.enters) for stop in agent.stops)
+    holds = tuple(to_stop_command(stop, agent.enters) for stop in agent.stops)
     end = None if agent.contact is None else agent.contact - agent.enters
-    return Editing(holds, agent.slowings, end)
+    return MotionEdits(holds, agent.slowings, end)
 
 
 def edit(
@@ -59,11 +59,11 @@ def edit(
     Returns:
         The track; None if nothing of it falls into the scene.
     """
-    motion = edited_motion(agent, segments, anchors, duration=duration)
+    motion = compute_edited_motion(agent, segments, anchors, duration=duration)
     return sample_track(motion, enters=agent.enters, until=duration)
 
 
-def edited_motion(
+def compute_edited_motion(
     agent: SelectedAgent,
     segments: tuple[Segment, ...],
     anchors: dict[str, float],
@@ -73,10 +73,10 @@ def edited_motion(
     """The same as motion along the path, from where the agent enters the map to where it ends."""
     editing = _editing(agent, segments, anchors, duration)
     motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
-    return motion if editing.end is None else terminated(motion, editing.end)
+    return motion if editing.end is None else end_motion(motion, editing.end)
 
 
-def terminated(motion: Motion, time: float) -> Motion:
+def end_motion(motion: Motion, time: float) -> Motion:
     """The motion cut at the first sample not before local `time` [s]."""
     return motion.cut(int(np.ceil(time / STEP - 1e-6)))
 
@@ -86,12 +86,12 @@ def _editing(
     segments: tuple[Segment, ...],
     anchors: dict[str, float],
     duration: float,
-) -> Editing:
+) -> MotionEdits:
     braking = {round(stop.s, 1): stop.braking for stop in agent.stops}
     # Who has started before the scene began shows no stop in it, but comes from there; and who
     # rolls never stands.
     unseen = [stop for stop in agent.stops if stop.rolls or stop.until <= 0.0]
-    holds = [hold_of(stop, agent.enters) for stop in unseen]
+    holds = [to_stop_command(stop, agent.enters) for stop in unseen]
     rolls = {round(stop.s, 1) for stop in unseen if stop.rolls}
     end = None
     for segment in segments:
@@ -102,4 +102,4 @@ def _editing(
             holds.append(StopCommand(s, lasts - agent.enters, braking.get(round(s, 1))))
         if segment.status == "terminate":
             end = segment.start - agent.enters
-    return Editing(tuple(holds), agent.slowings, end)
+    return MotionEdits(tuple(holds), agent.slowings, end)

@@ -1,6 +1,7 @@
 """Priors of an imported intersection: derived, pooled in the moving frame, fitted on few tracks."""
 
 import json
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -9,13 +10,17 @@ import map_files
 from scenewright.errors import InputError
 from scenewright.intersections import FORMAT, check_bundle, find_bundle_folder, load_map
 from scenewright.scene.candidates import K
-from scenewright.tools.fitting.custom_bundle import open_own, write_own
-from scenewright.tools.fitting.derive_priors import derived_priors
-from scenewright.tools.fitting.fit_tracks import fit_tracks, read_hourly
-from scenewright.tools.fitting.partial_tracks import offset_nll, partial_prior
-from scenewright.tools.fitting.path_frame import centreline, moving_prior, shipped_pool
+from scenewright.tools.fitting.custom_bundle import open_custom_bundle, write_custom_bundle
+from scenewright.tools.fitting.derive_priors import derive_priors
+from scenewright.tools.fitting.fit_tracks import FrameChange, fit_tracks, read_hourly_counts
+from scenewright.tools.fitting.partial_tracks import compute_offset_nll, fit_partial_prior
+from scenewright.tools.fitting.path_frame import (
+    build_centreline,
+    build_pooled_prior,
+    load_shipped_pool,
+)
 from scenewright.tools.fitting.route_matching import Match, Matcher, Unmatched
-from scenewright.tools.gmm_sampler import load_priors, sample_waypoints, waypoint_nll
+from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors, sample_waypoints
 from scenewright.tools.map_import import import_map
 from scenewright.tools.track_io.track_files import read_track_files
 
@@ -28,20 +33,20 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def place(made):
-    return made.assembled.place
+    return made.intersection_map
 
 
 @pytest.fixture(scope="module")
 def ways(made):
-    return made.assembled.lines
+    return made.route_lines
 
 
 @pytest.fixture
 def bundle(made, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
-    place, ways = made.assembled.place, made.assembled.lines
-    return write_own(
-        "four", place, ways, derived_priors(place, ways),
+    place, ways = made.intersection_map, made.route_lines
+    return write_custom_bundle(
+        "four", place, ways, derive_priors(place, ways),
         provenance={"map": 'a "quoted" name\n'}, frame={"origin": made.origin}, notes=["a note"],
     )  # fmt: skip
 
@@ -64,37 +69,39 @@ def along(line, aside):
 
 
 def test_derived_priors_keep_people_where_they_belong(place, ways):
-    priors, rng = derived_priors(place, ways), np.random.default_rng(3)
+    priors, rng = derive_priors(place, ways), np.random.default_rng(3)
     assert set(priors.waypoints) == {each.id for each in place.routes}
     for each in place.routes:
         drawn = sample_waypoints(priors.waypoints[each.id], rng, size=50)
-        assert np.isfinite(waypoint_nll(priors.waypoints[each.id], drawn)).all()
+        assert np.isfinite(compute_waypoint_nll(priors.waypoints[each.id], drawn)).all()
         if each.movement != "jaywalking":
-            middle = centreline(ways[each.id][0]).knots
+            middle = build_centreline(ways[each.id][0]).knots
             assert np.abs(drawn.mean(axis=0) - middle).max() < 0.5
             assert np.abs(drawn - middle).max() < (3.0 if each.type == "vehicle" else 4.5)
 
 
 def test_turning_the_map_turns_the_prior(place, ways):
-    own, pool = route(place, STRAIGHT), shipped_pool()
+    own, pool = route(place, STRAIGHT), load_shipped_pool()
     c, s = np.cos(0.7), np.sin(0.7)
     turn = np.array([[c, -s], [s, c]])
     line = np.asarray(ways[STRAIGHT][0])
-    tracks = np.array([centreline(along(line, a)).knots for a in (0.2, 0.4, 0.3)])
-    straight = moving_prior(own, [line], tracks, pool=pool)
-    turned = moving_prior(own, [line @ turn.T], tracks @ turn.T, pool=pool)
+    tracks = np.array([build_centreline(along(line, a)).knots for a in (0.2, 0.4, 0.3)])
+    straight = build_pooled_prior(own, [line], tracks, pool=pool)
+    turned = build_pooled_prior(own, [line @ turn.T], tracks @ turn.T, pool=pool)
     assert np.allclose(
-        waypoint_nll(straight, tracks), waypoint_nll(turned, tracks @ turn.T), atol=1e-6
+        compute_waypoint_nll(straight, tracks),
+        compute_waypoint_nll(turned, tracks @ turn.T),
+        atol=1e-6,
     )
 
 
 def test_the_more_tracks_the_less_the_centreline_counts(place, ways):
-    own, line, pool = route(place, STRAIGHT), np.asarray(ways[STRAIGHT][0]), shipped_pool()
+    own, line, pool = route(place, STRAIGHT), np.asarray(ways[STRAIGHT][0]), load_shipped_pool()
     offsets = []
     for count in (0, 2, 20, 200):
         beside = np.full((count, K), 1.0)
-        prior = partial_prior(own, [line], [beside], pool=pool)
-        ready = centreline(line)
+        prior = fit_partial_prior(own, [line], [beside], pool=pool)
+        ready = build_centreline(line)
         deviation = ready.turn.T @ (prior.means[0] - ready.knots.ravel())
         offsets.append(float(deviation[1::2].mean()))
     assert offsets[0] == pytest.approx(0.0, abs=1e-9)
@@ -106,8 +113,8 @@ def test_a_part_of_the_way_tells_of_the_rest(place, ways):
     own, line = route(place, STRAIGHT), np.asarray(ways[STRAIGHT][0])
     beside = np.full((30, K), np.nan)
     beside[:, :4] = 0.6
-    prior = partial_prior(own, [line], [beside], pool=shipped_pool())
-    ready = centreline(line)
+    prior = fit_partial_prior(own, [line], [beside], pool=load_shipped_pool())
+    ready = build_centreline(line)
     left = (ready.turn.T @ (prior.means[0] - ready.knots.ravel()))[1::2]
     assert 0.25 < left[:4].mean() < 0.6
     assert 0.1 < left[8] <= left[:4].mean() + 0.01
@@ -115,16 +122,18 @@ def test_a_part_of_the_way_tells_of_the_rest(place, ways):
 
 def test_pooling_helps_where_tracks_are_few(place, ways):
     """Tracks of a known spread: two tracks and the pool foretell better than two tracks alone."""
-    from scenewright.tools.fitting.partial_tracks import unpooled_prior
+    from scenewright.tools.fitting.partial_tracks import fit_unpooled_prior
 
     own, line = route(place, STRAIGHT), np.asarray(ways[STRAIGHT][0])
     rng = np.random.default_rng(1)
-    factor = np.linalg.cholesky(shipped_pool()["straight"] + 0.01 * np.eye(2 * K))
+    factor = np.linalg.cholesky(load_shipped_pool()["straight"] + 0.01 * np.eye(2 * K))
     beside = (rng.standard_normal((202, 2 * K)) @ factor.T)[:, 1::2]
     few, test = beside[:2], beside[2:]
-    pooled = partial_prior(own, [line], [few], pool=shipped_pool(), predictive=True)
-    alone = unpooled_prior(own, [line], [few])
-    assert offset_nll(pooled, line, test).mean() < offset_nll(alone, line, test).mean()
+    pooled = fit_partial_prior(own, [line], [few], pool=load_shipped_pool(), predictive=True)
+    alone = fit_unpooled_prior(own, [line], [few])
+    assert (
+        compute_offset_nll(pooled, line, test).mean() < compute_offset_nll(alone, line, test).mean()
+    )
 
 
 def test_tracks_are_matched_to_routes_and_said_to_be_open_or_off(place, ways):
@@ -133,7 +142,7 @@ def test_tracks_are_matched_to_routes_and_said_to_be_open_or_off(place, ways):
     whole = matcher.match(along(line, 0.4), "vehicle")
     assert isinstance(whole, Match)
     assert whole.route == STRAIGHT
-    assert np.nanmean(whole.beside) == pytest.approx(0.4, abs=0.05)
+    assert np.nanmean(whole.offsets) == pytest.approx(0.4, abs=0.05)
     approach = matcher.match(along(line, 0.0)[:30], "vehicle")
     assert isinstance(approach, Unmatched)
     assert (approach.reason, approach.entry) == ("open", "north")
@@ -143,13 +152,13 @@ def test_tracks_are_matched_to_routes_and_said_to_be_open_or_off(place, ways):
 
 
 def test_a_bundle_comes_back_as_it_was_written(bundle, made):
-    own = open_own("four")
-    assert own.place == made.assembled.place
+    own = open_custom_bundle("four")
+    assert own.intersection_map == made.intersection_map
     assert own.origin == pytest.approx(made.origin)
     assert own.header["format"] == FORMAT
     assert own.header["provenance"]["map"] == 'a "quoted" name\n'
-    for name, lines in made.assembled.lines.items():
-        for one, other in zip(own.ways[name], lines, strict=True):
+    for name, lines in made.route_lines.items():
+        for one, other in zip(own.route_lines[name], lines, strict=True):
             assert np.allclose(one, other, atol=1e-4)
     assert load_priors("four").name == "four"
     check_bundle(bundle)
@@ -157,9 +166,9 @@ def test_a_bundle_comes_back_as_it_was_written(bundle, made):
 
 def test_the_same_map_gives_the_same_bytes(bundle, made, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "other"))
-    place, ways = made.assembled.place, made.assembled.lines
-    again = write_own(
-        "four", place, ways, derived_priors(place, ways),
+    place, ways = made.intersection_map, made.route_lines
+    again = write_custom_bundle(
+        "four", place, ways, derive_priors(place, ways),
         provenance={"map": 'a "quoted" name\n'}, frame={"origin": made.origin}, notes=["a note"],
     )  # fmt: skip
     for file in bundle.iterdir():
@@ -167,11 +176,11 @@ def test_the_same_map_gives_the_same_bytes(bundle, made, tmp_path, monkeypatch):
 
 
 def test_an_existing_bundle_is_replaced_only_on_request(bundle, made):
-    place, ways = made.assembled.place, made.assembled.lines
+    place, ways = made.intersection_map, made.route_lines
     rest = {"provenance": {}, "frame": {}, "notes": []}
     with pytest.raises(InputError, match="exists already"):
-        write_own("four", place, ways, derived_priors(place, ways), **rest)
-    write_own("four", place, ways, derived_priors(place, ways), **rest, force=True)
+        write_custom_bundle("four", place, ways, derive_priors(place, ways), **rest)
+    write_custom_bundle("four", place, ways, derive_priors(place, ways), **rest, force=True)
     assert "a note" not in (bundle / "bundle.toml").read_text()
     assert [each.name for each in bundle.parent.iterdir()] == ["four"]
 
@@ -179,9 +188,11 @@ def test_an_existing_bundle_is_replaced_only_on_request(bundle, made):
 @pytest.mark.parametrize("name", ["", "../x", "a/b", "A", "amsterdam_120", "x" * 41, ".x"])
 def test_names_that_cannot_be_are_refused(name, made, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path))
-    place, ways = made.assembled.place, made.assembled.lines
+    place, ways = made.intersection_map, made.route_lines
     with pytest.raises(InputError, match="name"):
-        write_own(name, place, ways, derived_priors(place, ways), provenance={}, frame={}, notes=[])
+        write_custom_bundle(
+            name, place, ways, derive_priors(place, ways), provenance={}, frame={}, notes=[]
+        )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -202,7 +213,7 @@ def test_newer_and_damaged_bundles_are_refused_with_the_reason(bundle, file, cha
 
 
 def test_damaged_priors_and_ways_are_refused(bundle):
-    for file, load in (("priors.npz", load_priors), ("ways.npz", open_own)):
+    for file, load in (("priors.npz", load_priors), ("ways.npz", open_custom_bundle)):
         data = bytearray((bundle / file).read_bytes())
         data[len(data) // 2] ^= 255
         (bundle / file).write_bytes(bytes(data))
@@ -313,34 +324,34 @@ def test_unusable_tracks_end_in_one_line(tmp_path, name, text, reason):
 
 def test_fitting_learns_where_people_drive_and_how_many(tmp_path, place, ways):
     files = read_track_files([write_csv(tmp_path / "a.csv", drives(ways))])
-    fitted = fit_tracks(place, ways, files, origin=None, begin=8.0)
+    fitted = fit_tracks(place, ways, files, FrameChange(), begin=8.0)
     assert fitted.matched == {STRAIGHT: 24}
     assert fitted.priors.waypoints[STRAIGHT].tracks == 24
     assert set(fitted.priors.waypoints) == {each.id for each in place.routes}
-    before = derived_priors(place, ways)
+    before = derive_priors(place, ways)
     others = "vehicle:south>north:straight"
     grown = [fitted.priors.frequency[n][8] / before.frequency[n][8] for n in (STRAIGHT, others)]
     assert grown[0] > grown[1]
-    assert all(np.isfinite(row).all() for row in fitted.heldout)
-    assert fitted.priors.time_laws[STRAIGHT].median[0] == pytest.approx(8.0, rel=0.2)
+    assert all(np.isfinite(row).all() for row in map(astuple, fitted.heldout))
+    assert fitted.priors.driving_profiles[STRAIGHT].median[0] == pytest.approx(8.0, rel=0.2)
 
 
 def test_tracks_in_another_frame_are_refused_until_it_is_named(tmp_path, place, ways):
     rows = [(t, n, c, x + 5000.0, y) for t, n, c, x, y in drives(ways, count=6)]
     files = read_track_files([write_csv(tmp_path / "a.csv", rows)])
     with pytest.raises(InputError, match="--origin"):
-        fit_tracks(place, ways, files, origin=None)
-    fitted = fit_tracks(place, ways, files, origin=None, shift=(-5000.0, 0.0))
+        fit_tracks(place, ways, files, FrameChange())
+    fitted = fit_tracks(place, ways, files, FrameChange(shift=(-5000.0, 0.0)))
     assert fitted.matched == {STRAIGHT: 6}
 
 
 def test_a_table_of_counts_sets_the_course_of_the_day(tmp_path, place, ways):
     table = write_csv(tmp_path / "c.csv", [(h, 100 + h) for h in range(24)], "hour,vehicles")
     files = read_track_files([write_csv(tmp_path / "a.csv", drives(ways, count=4))])
-    fitted = fit_tracks(place, ways, files, origin=None, hourly=read_hourly(table))
+    fitted = fit_tracks(place, ways, files, FrameChange(), hourly=read_hourly_counts(table))
     cars = [r.id for r in place.routes if r.type == "vehicle"]
     total = np.sum([fitted.priors.frequency[n] for n in cars], axis=0)
     assert total == pytest.approx(100 + np.arange(24))
     short = write_csv(tmp_path / "d.csv", [(1, 5)], "hour,vehicles")
     with pytest.raises(InputError, match="lacks 23"):
-        read_hourly(short)
+        read_hourly_counts(short)

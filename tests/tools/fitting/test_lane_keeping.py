@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenewright.errors import InputError
-from scenewright.tools.fitting.lane_keeping import kept_lanes, measured_scale
+from scenewright.tools.fitting.lane_keeping import find_lane_offsets, measure_scale
 from scenewright.tools.track_io.track_files import read_track_files
 
 VTP = os.environ.get("SCENEWRIGHT_VTP_TL")
@@ -29,7 +29,7 @@ def turning(aside, sign):
 def test_tracks_abreast_are_lanes_and_their_mean_is_the_middle():
     offsets = [-0.3, 0.0, 0.1, 0.2]
     tracks = [straight(lane + offset) for lane in (0.0, 3.3) for offset in offsets]
-    found = kept_lanes(
+    found = find_lane_offsets(
         [*tracks, *(turning(o, 1) for o in offsets), *(turning(o, -1) for o in offsets)]
     )
     assert {turn: [len(x) for x in lanes] for turn, lanes in found.items()} == {
@@ -41,7 +41,7 @@ def test_tracks_abreast_are_lanes_and_their_mean_is_the_middle():
 
 
 def test_a_lane_of_two_and_short_pieces_say_nothing():
-    assert kept_lanes([straight(0.0), straight(0.2), straight(9.0)[:20]]) == {}
+    assert find_lane_offsets([straight(0.0), straight(0.2), straight(9.0)[:20]]) == {}
 
 
 @pytest.mark.parametrize("guess", [0.06, 0.07])
@@ -49,10 +49,8 @@ def test_the_width_of_lanes_tells_the_scale_of_pixels(guess):
     pixels = [
         straight(y) / 0.065 for lane in (0.0, 3.25, 6.5) for y in (lane - 0.1, lane, lane + 0.1)
     ]
-    assert measured_scale([guess * each for each in pixels], guess) == pytest.approx(
-        0.065, rel=0.02
-    )
-    assert measured_scale([guess * each for each in pixels[:3]], guess) is None
+    assert measure_scale([guess * each for each in pixels], guess) == pytest.approx(0.065, rel=0.02)
+    assert measure_scale([guess * each for each in pixels[:3]], guess) is None
 
 
 def vtp(file, rows):
@@ -86,5 +84,5 @@ def test_a_torn_row_is_named(tmp_path):
 def test_real_tracks_in_pixels_are_lanes_a_lane_apart():
     for file in read_track_files([Path(str(VTP))], scale=0.065):
         tracks = [track.xy for _, track in file.tracks]
-        assert sum(len(lane) for lanes in kept_lanes(tracks).values() for lane in lanes) > 30
-        assert measured_scale(tracks, 0.065) == pytest.approx(0.075, abs=0.012)
+        assert sum(len(lane) for lanes in find_lane_offsets(tracks).values() for lane in lanes) > 30
+        assert measure_scale(tracks, 0.065) == pytest.approx(0.075, abs=0.012)

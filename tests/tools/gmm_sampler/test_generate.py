@@ -19,12 +19,12 @@ from scenewright.scene.social import (
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.gmm_sampler.generate import (
     amplify,
-    background_counts,
-    cast_foreground,
-    hour_of,
+    assign_foreground,
+    choose_hour,
+    draw_background_counts,
 )
-from scenewright.tools.gmm_sampler.maneuver import drift
-from scenewright.tools.map_grounding.grounding import ground
+from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
+from scenewright.tools.map_grounding.grounding import ground_graph
 
 ON = load_map("amsterdam_120")
 PRIORS = load_priors("amsterdam_120")
@@ -45,14 +45,19 @@ def graph_of(relation="near_miss", *, kind=None, **context) -> SocialGraph:
 
 def pool_of(graph, *, seed=0, hour=12.0, size=6):
     rng = np.random.default_rng(seed)
-    cast = cast_foreground(
-        graph, ground(graph, intersection_map=ON), PRIORS, intersection_map=ON, hour=hour, rng=rng
+    cast = assign_foreground(
+        graph,
+        ground_graph(graph, intersection_map=ON),
+        PRIORS,
+        intersection_map=ON,
+        hour=hour,
+        rng=rng,
     )
     return amplify(graph, cast, PRIORS, intersection_map=ON, hour=hour, size=size, rng=rng)
 
 
 def counts(graph, seed, hour=12.0):
-    return background_counts(graph, PRIORS, hour=hour, rng=np.random.default_rng(seed))
+    return draw_background_counts(graph, PRIORS, hour=hour, rng=np.random.default_rng(seed))
 
 
 @given(st.sampled_from(sorted(WORDS)), SEEDS, st.floats(0.0, 23.9))
@@ -100,7 +105,7 @@ def test_names_never_collide_and_spares_come_on_top(seed):
             for each in pool.agents.values()
             if each.role == "background" and each.route.type == kind
         ]
-        assert [each.spare for each in crowd] == [n >= count for n in range(len(crowd))]
+        assert [each.reserve for each in crowd] == [n >= count for n in range(len(crowd))]
         for part in (crowd[:count], crowd[count:]):  # whoever comes first is first in its queue
             assert [each.arrival for each in part] == sorted(each.arrival for each in part)
         assert all(each.name.startswith(f"{kind}-") for each in crowd)
@@ -174,15 +179,15 @@ def test_no_red_light_is_run_by_those_who_go_together():
 
 def test_the_hour_is_as_asked():
     rng = np.random.default_rng(0)
-    assert hour_of(SceneContext(time_of_day="08:30"), PRIORS, rng) == 8.5
-    assert 0 <= hour_of(SceneContext(), PRIORS, rng) < 24
+    assert choose_hour(SceneContext(time_of_day="08:30"), PRIORS, rng) == 8.5
+    assert 0 <= choose_hour(SceneContext(), PRIORS, rng) < 24
 
 
 @given(st.integers(0, 1439), st.integers(1, 600), SEEDS)
 def test_an_hour_within_a_range_stays_in_it(start, lasts, seed):
     end = (start + lasts) % 1440
     text = f"{start // 60:02d}:{start % 60:02d}-{end // 60:02d}:{end % 60:02d}"
-    hour = hour_of(SceneContext(time_of_day=text), PRIORS, np.random.default_rng(seed))
+    hour = choose_hour(SceneContext(time_of_day=text), PRIORS, np.random.default_rng(seed))
     assert 0 <= hour < 24
     assert (hour * 60 - start + 1e-6) % 1440 <= lasts + 1e-5
 
@@ -191,11 +196,11 @@ def test_a_lane_change_begins_on_its_own_lane_and_ends_on_the_others():
     t = np.linspace(0.0, 1.0, 10)
     own = np.stack([np.column_stack([100 * t, np.zeros(10)])] * 3)
     other = np.stack([np.column_stack([100 * t, np.full(10, 3.3)])] * 3)
-    changed = drift(own, other, np.random.default_rng(0), reverse=False)
+    changed = sample_lane_departures(own, other, np.random.default_rng(0), reverse=False)
     assert changed[:, 0] == pytest.approx(own[:, 0], abs=1e-9)
     assert changed[:, -1] == pytest.approx(other[:, -1], abs=1e-9)
     assert ((changed[..., 1] > -1e-9) & (changed[..., 1] < 3.3 + 1e-9)).all()
-    back = drift(own, other[:, ::-1], np.random.default_rng(0), reverse=True)
+    back = sample_lane_departures(own, other[:, ::-1], np.random.default_rng(0), reverse=True)
     assert back[:, -1] == pytest.approx(other[:, -1], abs=1e-9)
 
 

@@ -14,12 +14,12 @@ from scenewright.scene.map import Route
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
 from scenewright.tools.map_grounding.grounding import (
-    casts,
-    green_together,
-    ground,
-    meets,
-    patterns_for,
-    serves,
+    can_serve,
+    find_assignments,
+    find_patterns,
+    ground_graph,
+    have_conflict,
+    share_green,
 )
 
 ON = load_map("amsterdam_120")
@@ -40,13 +40,13 @@ def edge(relation, first, second, **more) -> RelationEdge:
 
 
 def open_to(agent) -> set[str]:
-    grounding = ground(SocialGraph(agents=(agent,)), intersection_map=ON)
+    grounding = ground_graph(SocialGraph(agents=(agent,)), intersection_map=ON)
     return {route.id for route in grounding.routes[agent.id]}
 
 
 def drawn(graph, count=40, seed=0):
-    grounding = ground(graph, intersection_map=ON)
-    found = casts(graph, grounding, intersection_map=ON, rng=np.random.default_rng(seed))
+    grounding = ground_graph(graph, intersection_map=ON)
+    found = find_assignments(graph, grounding, intersection_map=ON, rng=np.random.default_rng(seed))
     return list(islice(found, count))
 
 
@@ -114,7 +114,7 @@ def test_no_such_way_is_told_in_words():
 )
 def test_routes_that_cannot_meet_so_are_told(agents, relation, words):
     with pytest.raises(Rejected) as refused:
-        ground(SocialGraph(agents=agents, relations=(relation,)), intersection_map=ON)
+        ground_graph(SocialGraph(agents=agents, relations=(relation,)), intersection_map=ON)
     rejection = refused.value.rejection
     assert rejection.code == "ungroundable"
     assert rejection.agents == (relation.from_, relation.to)
@@ -130,7 +130,7 @@ def test_relations_possible_alone_but_not_together_are_told():
     )
     both = (edge("yield_to", CAR, WALKER), edge("yield_to", OTHER, WALKER))
     with pytest.raises(Rejected, match="does not fit together with the other relations"):
-        ground(SocialGraph(agents=agents, relations=both), intersection_map=ON)
+        ground_graph(SocialGraph(agents=agents, relations=both), intersection_map=ON)
 
 
 def test_one_unplayable_relation_among_many_is_found_at_once():
@@ -139,7 +139,7 @@ def test_one_unplayable_relation_among_many_is_found_at_once():
     relations = [edge("near_miss", f"vehicle-{n}", f"vehicle-{n + 1}") for n in (1, 3, 5)]
     relations.append(edge("near_miss", "pedestrian-1", "pedestrian-2"))
     with pytest.raises(Rejected, match="pedestrian-1 near miss pedestrian-2"):
-        ground(
+        ground_graph(
             SocialGraph(agents=(*cars, *walkers), relations=tuple(relations)), intersection_map=ON
         )
 
@@ -164,7 +164,7 @@ def test_every_cast_keeps_to_the_grounding_and_to_its_pattern():
         agents=(vehicle(), vehicle(OTHER, entry="east"), pedestrian()),
         relations=(edge("near_miss", CAR, OTHER), edge("yield_to", OTHER, WALKER)),
     )
-    grounding = ground(graph, intersection_map=ON)
+    grounding = ground_graph(graph, intersection_map=ON)
     by_id = {pattern.id: pattern for pattern in load_patterns()}
     for cast in drawn(graph):
         assert all(route in grounding.routes[name] for name, route in cast.routes.items())
@@ -172,9 +172,9 @@ def test_every_cast_keeps_to_the_grounding_and_to_its_pattern():
             pattern = by_id[played.pattern]
             assert pattern.relation == relation.type
             a, b = cast.routes[played.from_], cast.routes[played.to]
-            assert serves(pattern, a, b, intersection_map=ON)
+            assert can_serve(pattern, a, b, intersection_map=ON)
             assert {played.from_, played.to} == {relation.from_, relation.to}
-            if not green_together(a, b, intersection_map=ON) and pattern.violator:
+            if not share_green(a, b, intersection_map=ON) and pattern.violator:
                 assert played.violator is not None
 
 
@@ -191,14 +191,14 @@ def test_roles_of_a_directed_relation_are_never_swapped():
 
 def test_likelier_routes_come_first_more_often():
     graph = SocialGraph(agents=(vehicle(),))
-    grounding = ground(graph, intersection_map=ON)
+    grounding = ground_graph(graph, intersection_map=ON)
 
     def weight(route: Route) -> float:
         return 50.0 if route.movement == "straight" else 1.0
 
     first = Counter(
         next(
-            casts(
+            find_assignments(
                 graph,
                 grounding,
                 intersection_map=ON,
@@ -226,7 +226,7 @@ def test_a_named_kind_of_collision_restricts_the_patterns(kind):
     graph = SocialGraph(
         agents=(vehicle(), vehicle(OTHER)), relations=(edge("collide_at", CAR, OTHER, kind=kind),)
     )
-    found = patterns_for(graph.relations[0], graph)
+    found = find_patterns(graph.relations[0], graph)
     assert found
     assert {pattern.kind for pattern in found} == {kind}
 
@@ -235,14 +235,16 @@ def test_patterns_fit_relation_and_classes():
     graph = SocialGraph(
         agents=(vehicle(), pedestrian()), relations=(edge("yield_to", WALKER, CAR),)
     )
-    for pattern in patterns_for(graph.relations[0], graph):
+    for pattern in find_patterns(graph.relations[0], graph):
         assert pattern.relation == "yield_to"
         assert {pattern.from_.type, pattern.to.type} == {"vehicle", "pedestrian"}
 
 
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_every_pattern_can_be_played_on_the_shipped_map(pattern):
-    assert any(serves(pattern, a, b, intersection_map=ON) for a, b in product(ON.routes, repeat=2))
+    assert any(
+        can_serve(pattern, a, b, intersection_map=ON) for a, b in product(ON.routes, repeat=2)
+    )
 
 
 @pytest.mark.parametrize(
@@ -257,8 +259,8 @@ def test_every_pattern_can_be_played_on_the_shipped_map(pattern):
     ],
 )
 def test_green_together_is_read_off_the_programme(a, b, together):
-    assert green_together(ROUTES[a], ROUTES[b], intersection_map=ON) is together
-    assert green_together(ROUTES[b], ROUTES[a], intersection_map=ON) is together
+    assert share_green(ROUTES[a], ROUTES[b], intersection_map=ON) is together
+    assert share_green(ROUTES[b], ROUTES[a], intersection_map=ON) is together
 
 
 @pytest.mark.parametrize(
@@ -273,8 +275,8 @@ def test_green_together_is_read_off_the_programme(a, b, together):
     ],
 )
 def test_meets_is_whether_the_ways_cross(a, b, expected):
-    assert meets(ROUTES[a], ROUTES[b], intersection_map=ON) is expected
-    assert meets(ROUTES[b], ROUTES[a], intersection_map=ON) is expected
+    assert have_conflict(ROUTES[a], ROUTES[b], intersection_map=ON) is expected
+    assert have_conflict(ROUTES[b], ROUTES[a], intersection_map=ON) is expected
 
 
 def test_signals_and_movements_of_routes():
@@ -286,7 +288,7 @@ def test_signals_and_movements_of_routes():
     assert ON.movement_of(walk) is None
     unsignalised = ON.model_copy(update={"signals": None})
     assert unsignalised.signal_group_of(left) is None
-    assert green_together(left, ROUTES["vehicle:east>west:straight"], intersection_map=unsignalised)
+    assert share_green(left, ROUTES["vehicle:east>west:straight"], intersection_map=unsignalised)
 
 
 MINE = """
@@ -319,7 +321,7 @@ def test_a_file_more_is_a_pattern_more(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path))
     graph = SocialGraph(agents=(vehicle(), vehicle(OTHER)), relations=(edge("follow", CAR, OTHER),))
     assert "two_right_turns_follow" in {
-        pattern.id for pattern in patterns_for(graph.relations[0], graph)
+        pattern.id for pattern in find_patterns(graph.relations[0], graph)
     }
     casting = [drawn(graph, 1, seed)[0] for seed in range(20)]
     mine = [cast for cast in casting if cast.patterns[0].pattern == "two_right_turns_follow"]
@@ -335,9 +337,17 @@ def test_a_pattern_that_the_edge_names_is_the_only_one_and_keeps_its_roles():
     assert played == {("straight_crossing_collision", CAR)}
 
 
+def test_who_is_on_foot_cannot_brake() -> None:
+    late = edge("near_miss", CAR, WALKER, cause="late_brake", braker=WALKER)
+    with pytest.raises(Rejected, match=f"{WALKER} has no brakes; as braker write the vehicle"):
+        ground_graph(
+            SocialGraph(agents=(vehicle(), pedestrian()), relations=(late,)), intersection_map=ON
+        )
+
+
 def test_late_braking_needs_a_collision_or_a_near_miss() -> None:
     late = edge("yield_to", CAR, WALKER, cause="late_brake")
     with pytest.raises(Rejected, match="late_brake goes with collide_at or near_miss"):
-        ground(
+        ground_graph(
             SocialGraph(agents=(vehicle(), pedestrian()), relations=(late,)), intersection_map=ON
         )

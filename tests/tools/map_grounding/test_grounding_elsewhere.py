@@ -11,9 +11,9 @@ from scenewright import synthesize
 from scenewright.errors import Rejected
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import AgentNode, SceneContext, SocialGraph
-from scenewright.tools.fitting.custom_bundle import write_own
-from scenewright.tools.fitting.derive_priors import derived_priors
-from scenewright.tools.map_grounding.grounding import ground, serves
+from scenewright.tools.fitting.custom_bundle import write_custom_bundle
+from scenewright.tools.fitting.derive_priors import derive_priors
+from scenewright.tools.map_grounding.grounding import can_serve, ground_graph
 from scenewright.tools.map_import import import_map
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 
@@ -21,7 +21,7 @@ from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_le
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     file = map_files.lanelet2(tmp_path_factory.mktemp("map") / "four.osm")
-    return import_map(file, name="four").assembled.place
+    return import_map(file, name="four").intersection_map
 
 
 def route(place, name):
@@ -36,15 +36,15 @@ def test_in_left_hand_traffic_the_turn_across_oncoming_traffic_is_the_right_one(
         turn: route(place, f"vehicle:north>{to}:{turn}")
         for turn, to in (("left", "east"), ("right", "west"))
     }
-    assert serves(pattern, turns["left"], oncoming, intersection_map=place)
-    assert not serves(pattern, turns["left"], oncoming, intersection_map=left_hand)
+    assert can_serve(pattern, turns["left"], oncoming, intersection_map=place)
+    assert not can_serve(pattern, turns["left"], oncoming, intersection_map=left_hand)
 
 
 def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
     pattern = get_pattern("follow_on_approach")
     ahead = route(place, "vehicle:north>south:straight")
     turning = route(place, "vehicle:north>east:left")
-    assert serves(pattern, turning, ahead, intersection_map=place)
+    assert can_serve(pattern, turning, ahead, intersection_map=place)
     lanes = tuple(
         m.model_copy(update={"lanelets": tuple(f"other:{x}" for x in m.lanelets)})
         if m.id == "north>east:left"
@@ -52,7 +52,7 @@ def test_lanes_that_part_before_the_stop_line_are_not_one_lane(place):
         for m in place.movements
     )
     parted = place.model_copy(update={"movements": lanes})
-    assert not serves(pattern, turning, ahead, intersection_map=parted)
+    assert not can_serve(pattern, turning, ahead, intersection_map=parted)
 
 
 needs_sumo = pytest.mark.skipif(
@@ -63,7 +63,7 @@ needs_sumo = pytest.mark.skipif(
 @needs_sumo
 def test_on_five_legs_a_turn_goes_where_the_map_leads(tmp_path):
     net = map_files.sumo_net(tmp_path / "five.net.xml", (0, 45, 90, 180, 270))
-    five = import_map(net, name="five").assembled.place
+    five = import_map(net, name="five").intersection_map
     graph = SocialGraph(
         agents=(
             AgentNode(id="vehicle-1", type="vehicle", entry="south", exit="west", movement="left"),
@@ -71,27 +71,27 @@ def test_on_five_legs_a_turn_goes_where_the_map_leads(tmp_path):
         relations=(),
         context=SceneContext(),
     )
-    assert ground(graph, intersection_map=five).routes["vehicle-1"]
+    assert ground_graph(graph, intersection_map=five).routes["vehicle-1"]
     gone = five.model_copy(
         update={"routes": tuple(r for r in five.routes if r.id != "vehicle:south>west:left")}
     )
     if any(r.entry == "south" and r.movement == "left" for r in gone.routes):
-        assert ground(graph, intersection_map=gone).routes["vehicle-1"]
+        assert ground_graph(graph, intersection_map=gone).routes["vehicle-1"]
     else:
         with pytest.raises(Rejected):
-            ground(graph, intersection_map=gone)
+            ground_graph(graph, intersection_map=gone)
 
 
 @needs_sumo
 def test_the_lane_that_a_track_is_on_tells_its_leg_on_five_legs(tmp_path):
     net = map_files.sumo_net(tmp_path / "five.net.xml", (0, 45, 90, 180, 270))
-    made = import_map(net, name="five").assembled
-    for each in made.place.routes:
+    made = import_map(net, name="five")
+    for each in made.intersection_map.routes:
         if each.type == "vehicle":
-            for line in made.lines[each.id]:
-                seen = driven(np.asarray(line), made.place.extent)
-                assert find_entry_leg(seen, made.place) == each.entry
-                assert find_exit_leg(seen, made.place) == each.exit
+            for line in made.route_lines[each.id]:
+                seen = driven(np.asarray(line), made.intersection_map.extent)
+                assert find_entry_leg(seen, made.intersection_map) == each.entry
+                assert find_exit_leg(seen, made.intersection_map) == each.exit
 
 
 def test_where_a_road_bends_the_lane_decides_and_not_the_direction(place):
@@ -111,9 +111,11 @@ def test_in_left_hand_traffic_a_right_turn_across_the_path_is_made_and_proven(
 ):
     monkeypatch.setenv("SCENEWRIGHT_INTERSECTIONS", str(tmp_path / "own"))
     net = map_files.sumo_net(tmp_path / "left.net.xml", (0, 90, 180, 270), left_hand=True)
-    made = import_map(net, name="left").assembled
-    priors = derived_priors(made.place, made.lines)
-    write_own("left", made.place, made.lines, priors, provenance={}, frame={}, notes=[])
+    made = import_map(net, name="left")
+    priors = derive_priors(made.intersection_map, made.route_lines)
+    write_custom_bundle(
+        "left", made.intersection_map, made.route_lines, priors, provenance={}, frame={}, notes=[]
+    )
     text = "A car turning right hits an oncoming car with nobody else around"
     scene = synthesize(text, intersection="left", seed=1, refiner="none")
     assert scene.proof.verified

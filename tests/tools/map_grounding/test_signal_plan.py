@@ -13,10 +13,10 @@ from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.tools.map_grounding.signal_plan import (
     Demand,
     SignalClock,
+    build_signal_records,
     feasible_offsets,
-    plan_records,
-    red_for,
-    shows,
+    get_red_duration,
+    is_showing,
 )
 
 COLOURS = st.sampled_from(["green", "yellow", "red"])
@@ -82,7 +82,7 @@ def test_how_long_it_has_been_red_is_since_the_last_green(phases, half_seconds):
     back = np.arange(0.0, running.cycle, 0.5)
     greens = [k for k in back if written_out(phases, offset - k) == "green"]
     expected = greens[0] if greens else running.cycle
-    [found] = red_for(running, "g", np.array([offset]))
+    [found] = get_red_duration(running, "g", np.array([offset]))
     assert found == expected
 
 
@@ -90,13 +90,13 @@ def test_how_long_it_has_been_red_is_since_the_last_green(phases, half_seconds):
 def test_shows_agrees_with_the_clock(phases, time):
     running = program(phases)
     colour = SignalClock(running, 0.0).colour("g", time)
-    assert shows(running, "g", np.array([time]), (colour,)).all()
+    assert is_showing(running, "g", np.array([time]), (colour,)).all()
 
 
 @given(st.integers(0, 147).map(lambda n: n / 2), st.integers(20, 30))
 def test_the_plan_covers_the_scene_without_gaps_and_says_what_the_clock_says(offset, until):
     clock = SignalClock(ON.signals, offset)
-    records = plan_records(clock, intersection_map=ON, until=float(until))
+    records = build_signal_records(clock, intersection_map=ON, until=float(until))
     heads = {line.id for line in ON.stop_lines} | {each.id for each in ON.crosswalks}
     assert {r.stop_line or r.crosswalk for r in records} == heads
     group_of = {c: g.id for g in ON.signals.groups for c in g.crosswalks}

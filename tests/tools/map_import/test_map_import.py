@@ -13,7 +13,7 @@ import shapely
 import map_files
 from scenewright.errors import InputError
 from scenewright.tools.map_import import import_map
-from scenewright.tools.map_import.legs import compass_bearing, turn_by_name
+from scenewright.tools.map_import.compass import compute_bearing, name_turn
 
 needs_sumo = pytest.mark.skipif(
     importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
@@ -53,7 +53,7 @@ def area(polygons):
 
 def check_is_whole(made):
     """What every map must have, wherever it comes from."""
-    place = made.assembled.place
+    place = made.intersection_map
     names = [leg.name for leg in place.legs]
     assert len(set(names)) == len(names)
     road, walkable = area(place.road), area(place.walkable)
@@ -67,14 +67,14 @@ def check_is_whole(made):
         assert np.abs(line).max() <= place.extent + 1e-6
         assert np.abs(line[[0, -1]]).max(axis=1) == pytest.approx(place.extent, abs=1.0)
         assert shapely.contains_xy(road, line).mean() > 0.99
-        assert turn_by_name(movement.entry, movement.exit) == movement.turn
+        assert name_turn(movement.entry, movement.exit) == movement.turn
     for walk in place.crosswalks:
         line = shapely.LineString(walk.centreline)
         assert line.intersection(road).length > 0.9 * line.length
     ground = shapely.union_all([walkable, *(shapely.Polygon(c.polygon) for c in place.crosswalks)])
     for route in place.routes:
         if route.side is not None:
-            [line] = made.assembled.lines[route.id]
+            [line] = made.route_lines[route.id]
             assert shapely.contains_xy(ground.buffer(0.3), line).mean() > 0.98
     if place.signals is not None:
         greens = {g for p in place.signals.phases for g, c in p.colours.items() if c == "green"}
@@ -83,34 +83,34 @@ def check_is_whole(made):
 
 def test_a_lanelet2_junction_is_whole(lanelets):
     check_is_whole(lanelets)
-    place = lanelets.assembled.place
-    assert lanelets.kind == "lanelet2"
+    place = lanelets.intersection_map
+    assert lanelets.map_format == "lanelet2"
     assert {leg.name for leg in place.legs} == {"north", "east", "south", "west"}
     assert len(place.movements) == 12
     assert lanelets.origin == pytest.approx(map_files.ORIGIN, abs=1e-6)
 
 
 def test_a_mapped_crosswalk_stays_where_it_is_and_derived_ones_are_reported(lanelets):
-    north = next(c for c in lanelets.assembled.place.crosswalks if c.leg == "north")
+    north = next(c for c in lanelets.intersection_map.crosswalks if c.leg == "north")
     assert np.array(north.centreline)[:, 1] == pytest.approx([16.5, 16.5], abs=0.3)
-    assert any("no crosswalk" in line and "north" not in line for line in lanelets.assembled.notes)
+    assert any("no crosswalk" in line and "north" not in line for line in lanelets.notes)
 
 
 def test_a_bound_drawn_backwards_changes_nothing(folder, lanelets):
     file = map_files.lanelet2(folder / "turned.osm", reverse=True)
     turned = import_map(file, name="four", title="Four")
-    assert turned.assembled.place == lanelets.assembled.place
+    assert turned.intersection_map == lanelets.intersection_map
 
 
 def test_importing_twice_gives_the_same_map(folder, lanelets):
     again = import_map(map_files.lanelet2(folder / "four.osm"), name="four", title="Four")
-    assert again.assembled.place.model_dump_json() == lanelets.assembled.place.model_dump_json()
+    assert again.intersection_map.model_dump_json() == lanelets.intersection_map.model_dump_json()
 
 
 @needs_sumo
 def test_an_openstreetmap_t_junction_is_whole(three):
     check_is_whole(three)
-    place = three.assembled.place
+    place = three.intersection_map
     assert [leg.name for leg in place.legs] == ["east", "north", "west"]
     assert {leg.road for leg in place.legs} == {"Street 1", "Street 2", "Street 3"}
     assert len(place.movements) == 6
@@ -120,11 +120,11 @@ def test_an_openstreetmap_t_junction_is_whole(three):
 @needs_sumo
 def test_a_five_leg_junction_names_every_leg_and_lights_every_group(five):
     check_is_whole(five)
-    place = five.assembled.place
+    place = five.intersection_map
     assert len(place.legs) == 5
     assert place.signals is not None
     for leg in place.legs:
-        off = abs(math.remainder(leg.bearing - compass_bearing(leg.name), math.tau))
+        off = abs(math.remainder(leg.bearing - compute_bearing(leg.name), math.tau))
         assert off < math.radians(60)
 
 
@@ -134,8 +134,8 @@ def test_opendrive_gives_the_same_ways_as_the_network_it_was_made_from(folder):
     drive = import_map(map_files.opendrive(folder / "four.xodr", net), name="x")
     direct = import_map(net, name="x")
     check_is_whole(drive)
-    assert {m.id for m in drive.assembled.place.movements} == {
-        m.id for m in direct.assembled.place.movements
+    assert {m.id for m in drive.intersection_map.movements} == {
+        m.id for m in direct.intersection_map.movements
     }
 
 
@@ -144,9 +144,9 @@ def test_left_hand_traffic_drives_in_on_the_left(folder):
     net = map_files.sumo_net(folder / "left.net.xml", FOUR, left_hand=True)
     made = import_map(net, name="left")
     check_is_whole(made)
-    assert made.assembled.place.left_hand_traffic
+    assert made.intersection_map.left_hand_traffic
     entering = next(
-        x for x in made.assembled.place.lanelets if x.kind == "approach" and x.leg == "south"
+        x for x in made.intersection_map.lanelets if x.kind == "approach" and x.leg == "south"
     )
     assert np.array(entering.centreline)[:, 0].max() < 0  # northwards, west of the middle
 
@@ -160,7 +160,7 @@ def test_of_several_junctions_one_is_chosen_by_id_or_centre_and_else_they_are_li
     lat, lon = map_files.ORIGIN
     assert by_id.origin[1] > lon + 0.01
     by_place = import_map(file, name="two", center=by_id.origin)
-    assert by_place.assembled.place == by_id.assembled.place
+    assert by_place.intersection_map == by_id.intersection_map
     with pytest.raises(InputError, match="no junction 'nowhere'"):
         import_map(file, name="two", junction="nowhere")
     with pytest.raises(InputError, match="m away"):
@@ -169,7 +169,7 @@ def test_of_several_junctions_one_is_chosen_by_id_or_centre_and_else_they_are_li
 
 def test_a_programme_is_assumed_on_request_and_never_crosses_straight_ways(folder):
     file = map_files.lanelet2(folder / "lit.osm")
-    place = import_map(file, name="lit", signals="assume").assembled.place
+    place = import_map(file, name="lit", signals="assume").intersection_map
     assert place.signals is not None
     for phase in place.signals.phases:
         for leg, beside in (("north", "east"), ("south", "west")):
@@ -207,6 +207,12 @@ def test_a_huge_file_is_refused_unread(tmp_path):
         stream.truncate(101_000_000)
     with pytest.raises(InputError, match="101 MB"):
         import_map(file, name="x")
+
+
+def test_a_junction_too_wide_for_one_map_is_refused(tmp_path):
+    file = map_files.lanelet2(tmp_path / "wide.osm", scale=20.0)
+    with pytest.raises(InputError, match="--center"):
+        import_map(file, name="wide")
 
 
 def test_lanelets_without_bounds_are_refused(tmp_path):

@@ -69,3 +69,54 @@ def test_words_without_effect_and_words_left_out_are_told_apart() -> None:
     proof = proof_of(entry("manner", 1), entry("nothing"))
     assert proof.verified
     assert [each.status for each in proof.said] == ["manner", "unrealised"]
+
+
+def proof_of_asked(became: str, value: str, words: str = "said") -> Proof:
+    """A car of 10 m/s that stands from 5.4 to 9.0 s for a walker of 1.4 m/s."""
+    record = scene([yielding_car(), crossing_walker()], ("yielding", 1, 2))
+    named = [each.model_copy(update={"name": f"{each.type}-1"}) for each in record.agents]
+    said = entry(became, 1, value=value).model_copy(update={"words": words})
+    return check(record.model_copy(update={"agents": tuple(named), "said": (said,)}), MAP)
+
+
+@pytest.mark.parametrize(
+    ("became", "value", "words"),
+    [
+        ("constraint", "speed(vehicle-1) in [9.5, 10.5] m/s", "at 10 m/s"),
+        ("constraint", "speed(pedestrian-1) in [1.3, 1.5] m/s", "at 1.4 m/s"),
+        ("constraint", "before(pedestrian-1, vehicle-1)", "first"),
+        ("constraint", "near(vehicle-1, pedestrian-1) <= 0.5 m", "close"),
+        ("constraint", "passes_through(vehicle-1, junction)", "through the middle"),
+        ("behavior", "vehicle-1 stands 5.4-9.0 s", "waits"),
+        ("behavior", "vehicle-1 stands 5.4-9.0 s", "stops once"),
+    ],
+)
+def test_clauses_and_standstills_are_measured(became: str, value: str, words: str) -> None:
+    proof = proof_of_asked(became, value, words)
+    assert proof.verified
+    assert proof.said[0].status == "realised"
+
+
+@pytest.mark.parametrize(
+    ("became", "value", "words"),
+    [
+        ("constraint", "speed(vehicle-1) in [7.5, 8.5] m/s", "at 8 m/s"),
+        ("constraint", "speed(vehicle-2) in [1, 19] m/s", "somebody else"),
+        ("constraint", "before(vehicle-1, pedestrian-1)", "first"),
+        ("constraint", "time_gap(vehicle-1, pedestrian-1) in [0.1, 0.2] s", "just behind"),
+        ("constraint", "headway(vehicle-1, pedestrian-1) in [1, 2] s", "behind"),
+        ("constraint", "speed(vehicle-1) in [9.5, 10.5] m/s; nonsense", "at 10 m/s"),
+        ("behavior", "vehicle-1 stands 1.0-2.5 s", "hesitates"),
+        ("behavior", "vehicle-1 stands 5.4-9.6 s", "waits for 4.2 s"),
+        ("behavior", "vehicle-1 stands 5.4-9.0 s", "stops twice"),
+        ("behavior", "pedestrian-1 stands 5.4-9.0 s", "stands"),
+    ],
+)
+def test_those_that_the_tracks_lack_break_the_proof(became: str, value: str, words: str) -> None:
+    proof = proof_of_asked(became, value, words)
+    assert not proof.verified
+    assert [each.rule for each in proof.missing] == ["said_not_realised"]
+
+
+def test_clauses_that_say_nothing_are_not_realised() -> None:
+    assert not proof_of(entry("constraint", 1), entry("behavior", 1)).verified

@@ -10,21 +10,21 @@ from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.track import STEP, Track, vehicle_shape
-from scenewright.tools.map_import.map_builder import PLANS
+from scenewright.tools.map_import.four_leg_map import PLANS
 from scenewright.tools.simulation.corpus import (
     Trip,
-    cleaned_trip,
-    footways_of,
-    hour_seeds,
-    raw_hour,
-    split_of,
+    assign_split,
+    build_footways,
+    clean_trip,
+    simulate_raw_hour,
+    spawn_hour_seeds,
 )
 from scenewright.tools.simulation.corpus_recordings import (
-    flows_until,
+    build_track,
+    find_jam_time,
     record_hour,
     record_traffic,
     spread_hours,
-    track_of_trip,
 )
 from scenewright.tools.simulation.demand import read_demand
 from scenewright.tools.simulation.sumo_run import HOUR, WARM_UP
@@ -37,16 +37,16 @@ NAME = "amsterdam_120"
 def test_every_split_gets_hours_of_its_own_over_the_day(count):
     hours = spread_hours(count)
     assert len(set(hours)) == count
-    splits = Counter(split_of(*each) for each in hours)
+    splits = Counter(assign_split(*each) for each in hours)
     assert set(splits) == {"fit", "validation", "test"}
     assert splits["fit"] >= splits["test"] >= splits["validation"]
     for split, n in splits.items():
-        own = sorted(hour for day, hour in hours if split_of(day, hour) == split)
+        own = sorted(hour for day, hour in hours if assign_split(day, hour) == split)
         assert max(np.diff([*own, own[0] + 24])) <= 24 / n + 1
 
 
 def test_fifteen_hours_have_four_to_test_on():
-    assert Counter(split_of(*each) for each in spread_hours(15))["test"] == 4
+    assert Counter(assign_split(*each) for each in spread_hours(15))["test"] == 4
 
 
 @pytest.mark.parametrize("count", [2, 73])
@@ -63,7 +63,7 @@ def test_an_unknown_place_is_refused(tmp_path):
 def test_a_trip_is_where_its_progress_says():
     path = np.column_stack([np.zeros(41), np.arange(41) * 0.5])
     trip = Trip("vehicle:r", "car", path, np.array([0.0, 1.0, 1.0, 20.0]), 7.3)
-    track = track_of_trip(trip)
+    track = build_track(trip)
     assert track.start == 7.3
     assert track.xy[:, 1].tolist() == [0.0, 1.0, 1.0, 20.0]
     assert track.heading == pytest.approx(np.pi / 2)
@@ -78,9 +78,9 @@ def standing(seconds, *, start=100.0):
 
 
 def test_traffic_flows_until_somebody_is_stuck():
-    assert flows_until([standing(100.0), standing(30.0)]) == HOUR
-    assert flows_until([standing(100.0), standing(400.0)]) == pytest.approx(105.0, abs=0.3)
-    assert flows_until([]) == HOUR
+    assert find_jam_time([standing(100.0), standing(30.0)]) == HOUR
+    assert find_jam_time([standing(100.0), standing(400.0)]) == pytest.approx(105.0, abs=0.3)
+    assert find_jam_time([]) == HOUR
 
 
 @pytest.fixture(scope="module")
@@ -89,15 +89,15 @@ def quiet_hour():
     pytest.importorskip("sumo")
     plan, place = PLANS[NAME], load_map(NAME)
     demand = read_demand(find_bundle_folder(NAME) / "demand.json")
-    seed = hour_seeds(0)[2, 3]
-    options = {"plan": plan, "place": place, "demand": demand}
+    seed = spawn_hour_seeds(0)[2, 3]
+    options = {"plan": plan, "intersection_map": place, "demand": demand}
     made = record_hour(2, 3, rng=np.random.default_rng(seed), **options)
     rng = np.random.default_rng(seed)
-    raw, _ = raw_hour(3, rng=rng, **options)
+    raw, _ = simulate_raw_hour(3, rng=rng, **options)
     trips = []
     for track in raw:
         half = plan.extent if track.subtype else plan.pedestrian_extent
-        trips += cleaned_trip(track, half, footways_of(place), rng)
+        trips += clean_trip(track, half, build_footways(place), rng)
     return made, trips
 
 

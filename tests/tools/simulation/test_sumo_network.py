@@ -7,9 +7,9 @@ import pytest
 import shapely
 
 from scenewright.scene.map import Route
-from scenewright.tools.map_import.map_builder import AMSTERDAM_120, build_map
+from scenewright.tools.map_import.four_leg_map import AMSTERDAM_120, build_map
 from scenewright.tools.simulation.sumo_network import write_network
-from scenewright.tools.simulation.sumo_run import sidewalk_edge
+from scenewright.tools.simulation.sumo_run import find_sidewalk_edge
 
 pytest.importorskip("sumo")
 
@@ -75,8 +75,8 @@ def test_walkers_use_the_sidewalks_that_their_route_names():
         )
 
     along = route("north", "west", "east", "along>along")
-    assert sidewalk_edge(along, at_entry=True) == "west_out"
-    assert sidewalk_edge(along, at_entry=False) == "east_in"
+    assert find_sidewalk_edge(along, at_entry=True) == "west_out"
+    assert find_sidewalk_edge(along, at_entry=False) == "east_in"
     leg = route("north", "west", "east", "leg>leg")
-    assert sidewalk_edge(leg, at_entry=True) == "north_in"
-    assert sidewalk_edge(leg, at_entry=False) == "north_out"
+    assert find_sidewalk_edge(leg, at_entry=True) == "north_in"
+    assert find_sidewalk_edge(leg, at_entry=False) == "north_out"

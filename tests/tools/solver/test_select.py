@@ -18,10 +18,10 @@ from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.grounding import RoleAssignment
 from scenewright.tools.dsl_validator.parse import parse
 from scenewright.tools.map_grounding.signal_plan import SignalClock
-from scenewright.tools.segment_editor import editing_of
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.segment_editor import get_motion_edits
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.select import select
-from solver_actors import (
+from solver_agents import (
     NORTH,
     SOUTH,
     SOUTHBOUND,
@@ -59,16 +59,18 @@ def pool(*agents, background=None) -> CandidateSet:
 
 
 def chosen(program, of, *, mode="map", seed=0):
-    return select(parse(program), of, ground=GROUND, rng=np.random.default_rng(seed), mode=mode)
+    return select(parse(program), of, map_areas=GROUND, rng=np.random.default_rng(seed), mode=mode)
 
 
-def placed(selection, name) -> Actor:
+def placed(selection, name) -> ScheduledAgent:
     """A selected agent in scene time."""
     agent = selection.agents[name]
-    editing = editing_of(agent)
+    editing = get_motion_edits(agent)
     motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
-    marks = find_landmarks(agent.candidate, ground=GROUND)
-    return Actor(agent.candidate, marks, agent.enters, motion, compute_motion(agent.candidate))
+    landmarks = find_landmarks(agent.candidate, map_areas=GROUND)
+    return ScheduledAgent(
+        agent.candidate, landmarks, agent.enters, motion, compute_motion(agent.candidate)
+    )
 
 
 NLL = st.lists(st.floats(0.0, 20.0), min_size=4, max_size=4)
@@ -122,8 +124,8 @@ def test_lights_are_obeyed_by_all_but_who_is_to_run_them(seed):
     clock = SignalClock(GROUND.intersection_map.signals, selection.signal_offset)
     for name, colour in (("vehicle-1", "red"), ("vehicle-2", "green")):
         actor = placed(selection, name)
-        crosses = actor.enters + actor.motion.time_at(actor.marks.line)
-        assert clock.colour(actor.marks.group, crosses) == colour
+        crosses = actor.enters + actor.motion.find_time_at(actor.landmarks.line)
+        assert clock.colour(actor.landmarks.group, crosses) == colour
         assert selection.agents[name].violates == (colour == "red")
 
 
@@ -196,7 +198,7 @@ def test_background_keeps_its_distance_and_its_number():
             [westbound(0.1 * n), westbound(speed=8.0 + 0.1 * n)],
             role="background",
             arrival=arrival,
-            spare=n > 5,
+            reserve=n > 5,
         )
         for n, arrival in zip(range(3, 8), (4.0, 11.0, 16.0, 22.0, 27.0), strict=True)
     ]

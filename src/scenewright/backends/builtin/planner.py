@@ -18,6 +18,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
     plan_reading,
     read_plan,
 )
+from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.edits import still_holds
@@ -43,10 +44,7 @@ _TAKEN_BACK = re.compile(
     r"second thoughts?|should have said|misspoke)\b|[,.] no[,:]",
     re.IGNORECASE,
 )
-_DENIED = re.compile(
-    r"\b(?:not|never|nobody|neither|nor|without|except|instead|all but|either)\b|n['’]t\b",
-    re.IGNORECASE,
-)
+_DENIED = compile_negations("nor", "instead", "all but", "either")
 MOST_OFFERS = 3
 
 _KNOWN: RecentCache[tuple[str, str | None, Site], Plan] = RecentCache(most=256)

@@ -19,7 +19,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.map_grounding.grounding import casts, ground
+from scenewright.tools.map_grounding.grounding import find_assignments, ground_graph
 
 TRIES = 6
 """Wordings of one story that are read back before another story is told."""
@@ -112,7 +112,7 @@ def _read_back(reader: Backend, text: str, intersection_map: IntersectionMap) ->
         return None
     graph = SocialGraph.model_validate(reply)
     try:
-        ground(graph, intersection_map=intersection_map)
+        ground_graph(graph, intersection_map=intersection_map)
     except Rejected:
         return None
     return graph
@@ -120,10 +120,10 @@ def _read_back(reader: Backend, text: str, intersection_map: IntersectionMap) ->
 
 def _always_plays(graph: SocialGraph, leaf: str, intersection_map: IntersectionMap) -> bool:
     """Whether the text leaves no other pattern to be drawn, so that patterns come out even."""
-    grounding = ground(graph, intersection_map=intersection_map)
+    grounding = ground_graph(graph, intersection_map=intersection_map)
     draws = (
         next(
-            casts(
+            find_assignments(
                 graph, grounding, intersection_map=intersection_map, rng=np.random.default_rng(k)
             ),
             None,
@@ -232,7 +232,7 @@ class Spoken:
             BackendFault: the model cannot be reached at all, as without its key.
         """
         manner, seed = _MANNERS[asked.turn % len(_MANNERS)], int(rng.integers(2**31))
-        facts = {"story": facts_of(story), "manner": manner, "not again": list(asked.avoid)}
+        facts = {"story": to_facts(story), "manner": manner, "not again": list(asked.avoid)}
         faults: list[str] = []
         while len(faults) < ASKED:
             try:
@@ -272,7 +272,7 @@ class Spoken:
         return misread(self._reader, text, story, intersection_map=self._on, strict=asked.grammar)
 
 
-def facts_of(story: Story) -> dict[str, Any]:
+def to_facts(story: Story) -> dict[str, Any]:
     """A story as plain facts, without what is not told."""
     roles = ("who does it", "to whom")
     found: dict[str, Any] = {"event": story.event, "time": story.clock, "density": story.density}

@@ -58,7 +58,7 @@ _LAYOUT = """## What lies where
 
 - `<row>/scene.json`, `proof.json`, `provenance.json`: one folder per row, named by the row's id
   where that is a plain file name (column `folder` of the table `scenes` has the name);
-- `tables/*.parquet`: all of it as four tables, joined by the column `row`;
+- `tables/*.parquet`: all of it as five tables, joined by the column `row`;
 - `manifest.json`: the SHA-256 of every file. `scenewright dataset check FOLDER` recomputes them,
   and runs the checker over every scene again.
 
@@ -107,7 +107,7 @@ def _counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str
 
 def _schema(name: str, rows: int) -> str:
     lines = [f"### Table `{name}`: {rows} rows", "", "| column | type | meaning |", "|---|---|---|"]
-    kinds = {"list": "list of string"}
+    kinds = {"list": "list of string", "ids": "list of int16"}
     for column, (kind, meaning) in SCHEMAS[name].items():
         lines.append(f"| `{column}` | {kinds.get(kind, kind)} | {meaning} |")
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Scenes as four Parquet tables: scenes, agents, tracks, events.
+"""Scenes as five Parquet tables: scenes, agents, tracks, events, account.
 
 Rows are written in the order in which scenes are added, in groups of the same size whoever adds
 them, so the same scenes give the same bytes (for one version of pyarrow). pyarrow loads on first
@@ -15,8 +15,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-TABLES = ("scenes", "agents", "tracks", "events")
-_GROUP = {"scenes": 2_000, "agents": 10_000, "tracks": 120_000, "events": 10_000}
+TABLES = ("scenes", "agents", "tracks", "events", "account")
+_GROUP = {
+    "scenes": 2_000, "agents": 10_000, "tracks": 120_000, "events": 10_000, "account": 10_000,
+}  # fmt: skip
 """Rows of a row group: what is held in memory before it is written."""
 
 Fields = Mapping[str, tuple[str, str]]
@@ -94,6 +96,21 @@ SCHEMAS: Mapping[str, Fields] = {
         "incidental": ("bool", "allowed though unasked: queueing traffic, for instance"),
         "evidence": ("string", "what the checker measured, as JSON"),
     },
+    "account": {
+        "row": ("string", "id of the row"),
+        "words": ("string", "words of the instruction"),
+        "start": ("int32", "their first character in `text` of `scenes`, counted from 0"),
+        "end": ("int32", "the character after their last"),
+        "became": (
+            "string",
+            "what they became: agent, entry, relation, measure, manner, nothing, …",
+        ),
+        "agents": ("ids", "of whom it is said"),
+        "value": ("string", "which leg, relation, time or number"),
+        "note": ("string", "why the words became nothing"),
+        "status": ("string", "realised, manner or unrealised, as the checker finds it"),
+        "evidence": ("string", "what the tracks show of it"),
+    },
 }
 """All tables with their columns."""
 
@@ -116,13 +133,21 @@ class SceneFiles:
 def rows_of(files: SceneFiles) -> dict[str, Any]:
     """Rows of each table for one row of the dataset; those of `tracks` as lists by column."""
     if files.scene is None or files.proof is None:
-        return {"scenes": [dict(files.about)], "agents": [], "tracks": {}, "events": []}
+        return {
+            "scenes": [dict(files.about)],
+            "agents": [],
+            "tracks": {},
+            "events": [],
+            "account": [],
+        }
     row, scene = files.about["row"], files.scene
     return {
         "scenes": [_scene_row(files)],
         "agents": [_agent_row(row, agent, scene["meta"]["step"]) for agent in scene["agents"]],
         "tracks": _track_rows(row, scene),
         "events": list(_event_rows(row, scene, files.proof)),
+        # Proofs of earlier versions have no account.
+        "account": [{"row": row, **entry} for entry in files.proof.get("said", ())],
     }
 
 
@@ -231,7 +256,7 @@ def _json(value: Any) -> str:
 
 
 class TableWriter:
-    """Writes the four tables to a folder, group by group."""
+    """Writes the tables to a folder, group by group."""
 
     def __init__(self, folder: Path) -> None:
         self._parts = {name: _Part(folder / f"{name}.parquet", name) for name in TABLES}
@@ -305,8 +330,10 @@ def arrow_schema(name: str) -> Any:
     types = {
         "string": pa.string(),
         "list": pa.list_(pa.string()),
+        "ids": pa.list_(pa.int16()),
         "float64": pa.float64(),
         "int64": pa.int64(),
+        "int32": pa.int32(),
         "int16": pa.int16(),
         "bool": pa.bool_(),
     }

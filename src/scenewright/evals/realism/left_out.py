@@ -14,16 +14,11 @@ from scenewright.evals.realism.prior_goals import Way, WayOf
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.fitting.derive_priors import Lines
-from scenewright.tools.fitting.fit_tracks import (
-    Fitted,
-    fit_tracks,
-    foretelling,
-    frame_shift,
-)
+from scenewright.tools.fitting.fit_tracks import FittedTracks, FrameChange, WaypointFit, fit_tracks
 from scenewright.tools.fitting.route_matching import Match, Matcher
 from scenewright.tools.gmm_sampler import Priors, WaypointPrior
 from scenewright.tools.map_import import import_map
+from scenewright.tools.map_import.map_parts import RouteLines
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.track_io.track_files import FileTracks, read_track_files
 
@@ -32,7 +27,7 @@ class _Site(NamedTuple):
     """One intersection: its map, with the latitude and longitude of its origin, and its tracks."""
 
     place: IntersectionMap
-    lines: Lines
+    lines: RouteLines
     origin: tuple[float, float] | None
     files: tuple[FileTracks, ...]
 
@@ -40,7 +35,7 @@ class _Site(NamedTuple):
 def left_out_ways(folder: Path) -> WayOf:
     """Ways of TAF-BW's recordings, each from priors fitted on all others at the same intersection.
 
-    The priors of `intersections fit`, as they foretell another recording: the map, the other
+    The priors of `intersections fit`, as they predict another recording: the map, the other
     recordings' tracks, the pool for the rest. The map is the newest `<site>_<date>.osm`.
 
     Raises:
@@ -80,7 +75,7 @@ def _read(folder: Path, site: str, sessions: Sequence[Path]) -> _Site:
     if len(files) == 1:
         raise InputError(f"{files[0].name} is the only recording of {site}: none is left to fit on")
     made = import_map(maps[-1], name=site, signals="none")
-    return _Site(made.assembled.place, made.assembled.lines, made.origin, tuple(files))
+    return _Site(made.intersection_map, made.route_lines, made.origin, tuple(files))
 
 
 def _name(file: FileTracks) -> str:
@@ -92,13 +87,15 @@ def _ways(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Way | None
     """The ways of a recording's agents; which route each took is told by its whole track."""
     others = [each for each in site.files if each is not file]
     fitted = _fitted(site, file, others)
-    priors = replace(fitted.priors, waypoints=foretelling(site.place, site.lines, fitted.matches))
+    fit = WaypointFit(site.place, site.lines, fitted.matches)
+    priors = replace(fitted.priors, waypoints=fit.fit_priors(predictive=True))
+    frame = FrameChange(site.origin)
     registered = [
-        fitted.moved[each.name] - frame_shift(each, site.origin)
+        fitted.shifts[each.name] - frame.compute_shift(each)
         for each in others
         if each.session == file.session
     ]
-    moved = frame_shift(file, site.origin) + (registered[0] if registered else 0.0)
+    moved = frame.compute_shift(file) + (registered[0] if registered else 0.0)
     matcher = Matcher(site.place, site.lines)
     routes = {route.id: route for route in site.place.routes}
 
@@ -111,9 +108,9 @@ def _ways(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Way | None
     return way
 
 
-def _fitted(site: _Site, file: FileTracks, others: Sequence[FileTracks]) -> Fitted:
+def _fitted(site: _Site, file: FileTracks, others: Sequence[FileTracks]) -> FittedTracks:
     try:
-        return fit_tracks(site.place, site.lines, others, origin=site.origin)
+        return fit_tracks(site.place, site.lines, others, FrameChange(site.origin))
     except InputError:
         raise InputError(
             f"no track of the other recordings lies on the map of {site.place.name}, so there is "

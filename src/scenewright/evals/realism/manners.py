@@ -22,8 +22,12 @@ from scenewright.intersections import load_map, sign_bundle
 from scenewright.scene.base import AgentClass
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.yielding_behavior import LEVELS, Habits, Quantiles, YieldingBehavior
-from scenewright.tools.gmm_sampler.behavior_files import Pace, Paces, to_json
+from scenewright.scene.yielding_behavior import LEVELS, Quantiles, YieldingBehavior, YieldingModel
+from scenewright.tools.gmm_sampler.yielding_files import (
+    AccelerationProfile,
+    AccelerationProfiles,
+    format_yielding_model,
+)
 from scenewright.tools.relation_checker import Trajectory, observe
 from scenewright.tools.track_io import load_recordings
 
@@ -43,7 +47,7 @@ class Case:
     Attributes:
         stood_at: when its standstill began [s]; None if it never stood.
         alone: it stood for one other alone.
-        starts, brakes: how it set off and braked [m/s^2], as `Pace` has it.
+        starts, brakes: how it set off and braked [m/s^2], as `AccelerationProfile` has it.
     """
 
     pair: tuple[AgentClass, AgentClass]
@@ -140,23 +144,23 @@ def _rate(kind: AgentClass, most: float | None, mean: float | None) -> float | N
     return (most + mean) / 2.0
 
 
-def habits(seen: Sequence[Case]) -> Habits:
+def habits(seen: Sequence[Case]) -> YieldingModel:
     """The quantiles of every pair of classes that gives way often enough."""
     pairs = sorted({each.pair for each in seen})
     of = {pair: [each for each in seen if each.pair == pair] for pair in pairs}
     return {pair: _manners(found) for pair, found in of.items() if len(found) >= FEWEST}
 
 
-def paces(seen: Sequence[Case]) -> Paces:
+def paces(seen: Sequence[Case]) -> AccelerationProfiles:
     """How briskly those of each class set off and brake who gave way often enough."""
     kinds: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
-    found: dict[AgentClass, Pace] = {}
+    found: dict[AgentClass, AccelerationProfile] = {}
     for kind in kinds:
         own = [each for each in seen if each.pair[0] == kind]
         starts = [each.starts for each in own if each.starts is not None]
         brakes = [each.brakes for each in own if each.brakes is not None]
         if min(len(starts), len(brakes)) >= FEWEST:
-            found[kind] = Pace(_lognormal(starts), _lognormal(brakes))
+            found[kind] = AccelerationProfile(_lognormal(starts), _lognormal(brakes))
     return found
 
 
@@ -211,7 +215,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         found = habits(seen)
         if not found:
             raise InputError(f"{told.corpus} shows too few yields in its fit hours: {len(seen)}")
-        write_atomically(told.out, to_json(found, paces(seen)).encode("utf-8"))
+        write_atomically(told.out, format_yielding_model(found, paces(seen)).encode("utf-8"))
         sign_bundle(told.out.parent, told.out.name)
     except InputError as fault:
         print(fault, file=sys.stderr)

@@ -16,6 +16,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.geometry.along import sample_poses
 from scenewright.geometry.driving_profile import compute_motion
+from scenewright.geometry.spline import SPACING, build_even_path
 from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate, DrivingProfile, K, Path
@@ -29,9 +30,8 @@ from scenewright.tools.gmm_sampler import (
     sample_driving_profiles,
     sample_waypoints,
 )
-from scenewright.tools.gmm_sampler.conditional import given
-from scenewright.tools.gmm_sampler.sample import nll_and_component
-from scenewright.tools.gmm_sampler.spline import SPACING, even_path, path_of
+from scenewright.tools.gmm_sampler.condition_prior import condition_prior
+from scenewright.tools.gmm_sampler.sample import build_path, compute_nll_and_component
 from scenewright.tools.track_io import RecordedAgent, Recording
 from scenewright.tools.track_io.windows import TRAJNET_EVERY
 
@@ -83,9 +83,9 @@ def abreast(way: Way, seen: FloatArray, xy: FloatArray) -> FloatArray:
     Args:
         seen: [m, 2] the beginning of the track [m].
     """
-    rest = given(way.prior, seen)
+    rest = condition_prior(way.prior, seen)
     likeliest = int(rest.weights.argmax())
-    path = path_of(rest, rest.means[likeliest].reshape(K, 2), likeliest)
+    path = build_path(rest, rest.means[likeliest].reshape(K, 2), likeliest)
     return sample_poses(path, _along(path, xy))[:, :2]
 
 
@@ -100,14 +100,14 @@ def driven(
     Args:
         seen: [m, 2] the beginning of the track, every 0.4 s [m].
     """
-    rest = given(way.prior, seen)
+    rest = condition_prior(way.prior, seen)
     waypoints = sample_waypoints(rest, rng, size=size)
-    _, component = nll_and_component(rest, waypoints)
+    _, component = compute_nll_and_component(rest, waypoints)
     laws = sample_driving_profiles(way.priors, way.route.id, rng, size=size)
     speed = float(np.hypot(*(seen[-1] - seen[-2]))) / (TRAJNET_EVERY * STEP)
     drawn = np.full((size, steps, 2), np.nan)
     for k in range(size):
-        path = path_of(rest, waypoints[k], int(component[k]))
+        path = build_path(rest, waypoints[k], int(component[k]))
         s = _onward(way.route, path, laws[k], float(_along(path, seen[-1:])[0]), speed)
         places = sample_poses(path, s[:steps])[:, :2]
         drawn[k, : len(places)] = places
@@ -120,7 +120,7 @@ def _onward(
     """Arc length [m] at the next steps of 0.4 s, from a place and speed on until the path ends."""
     if begin > path.length - 2 * SPACING:
         return np.zeros(0)
-    rest = even_path(
+    rest = build_even_path(
         sample_poses(path, np.append(np.arange(begin, path.length, SPACING), path.length))[:, :2]
     )
     candidate = Candidate(route, np.zeros((K, 2)), rest, 0.0, law, 0.0, _ANYBODY, None)

@@ -18,7 +18,7 @@ from scenewright.graph.run import load_scene, synthesize
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord, SignalRecord
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.map_grounding.signal_plan import SignalClock, plan_records
+from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 from scenewright.tools.relation_checker import RoadUser, read_users
 from scenewright.tools.track_io import Recording, RecordingWindow, cut_windows
 
@@ -132,7 +132,7 @@ def _played(
     if intersection_map.signals is not None and recording.signal_time is not None:
         offset = (recording.signal_time + window.start) % intersection_map.signals.cycle
         until = window.step * (window.present.shape[1] - 1)
-        signals = plan_records(
+        signals = build_signal_records(
             SignalClock(intersection_map.signals, offset),
             intersection_map=intersection_map,
             until=until,

@@ -26,7 +26,12 @@ from numpy.typing import NDArray
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.record import AgentRecord, SceneRecord
-from scenewright.tools.gmm_sampler import Priors, WaypointPrior, sample_waypoints, waypoint_nll
+from scenewright.tools.gmm_sampler import (
+    Priors,
+    WaypointPrior,
+    compute_waypoint_nll,
+    sample_waypoints,
+)
 
 Reading = Literal["track", "path", "drawn"]
 READINGS: tuple[Reading, ...] = ("track", "path")
@@ -107,7 +112,7 @@ def score_scene(
             left += Left(standing=1)
             continue
         both = np.stack([driven, passed_waypoints(agent)])
-        values = waypoint_nll(prior, both)
+        values = compute_waypoint_nll(prior, both)
         nll: dict[Reading, float] = dict(zip(READINGS, map(float, values), strict=True))
         scores.append(AgentScore(number, group, agent.role, agent.type, nll))
     return scores, left
@@ -121,7 +126,7 @@ def score_drawn(
         prior = priors.waypoints.get(agent.route)
         if prior is None or prior.tracks == 0 or len(agent.waypoints) != K:
             continue
-        nll = float(waypoint_nll(prior, np.array(agent.waypoints)[None])[0])
+        nll = float(compute_waypoint_nll(prior, np.array(agent.waypoints)[None])[0])
         drawn: dict[Reading, float] = {"drawn": nll}
         yield AgentScore(number, group, agent.role, agent.type, drawn, _expected(prior))
 
@@ -130,7 +135,7 @@ def score_drawn(
 def _expected(prior: WaypointPrior) -> float:
     """The mean NLL of draws from a prior [nats]."""
     drawn = sample_waypoints(prior, np.random.default_rng(0), size=_EXPECTED_OF)
-    return float(waypoint_nll(prior, drawn).mean())
+    return float(compute_waypoint_nll(prior, drawn).mean())
 
 
 def waypoints_of(xy: FloatArray) -> FloatArray | None:

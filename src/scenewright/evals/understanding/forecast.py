@@ -32,7 +32,7 @@ from scenewright.intersections import load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, SignalProgram
-from scenewright.tools.map_grounding.signal_plan import shows
+from scenewright.tools.map_grounding.signal_plan import is_showing
 
 BoolArray = NDArray[np.bool_]
 
@@ -319,7 +319,7 @@ def _sample_offsets(
             continue
         times = np.arange(light.start + 0.05, max(light.end - 0.05, light.start + 0.06), 0.4)
         times = np.append(times, max(light.end - 0.05, light.start + 0.05))
-        good &= shows(program, group, tried[:, None] + times, (light.colour,)).all(axis=1)
+        good &= is_showing(program, group, tried[:, None] + times, (light.colour,)).all(axis=1)
     fits = tried[good]
     return _seed_rng(fits).choice(fits, size=SIZE) if len(fits) else None
 
@@ -369,7 +369,7 @@ def _stop_at_red(
         if name is None:
             continue
         mine = np.array([group == name for group in groups])
-        green = shows(program, name, moment, ("green",))
+        green = is_showing(program, name, moment, ("green",))
         at_red = mine & before & ~green & np.isfinite(reaches)
         place = np.where(at_red, np.maximum(drive.line - gap, drive.begins), place)
         release = np.where(at_red, reaches + _wait_for_green(program, name, moment) + lag, release)
@@ -379,7 +379,7 @@ def _stop_at_red(
 def _wait_for_green(program: SignalProgram, group: str, times: FloatArray) -> FloatArray:
     """[K] time until green from moments of the programme [s]."""
     grid = np.arange(0.0, program.cycle, 0.25)
-    green = np.tile(shows(program, group, grid, ("green",)), 2)
+    green = np.tile(is_showing(program, group, grid, ("green",)), 2)
     index = np.where(green, np.arange(len(green)), len(green))
     following = np.minimum.accumulate(index[::-1])[::-1][: len(grid)]
     at = (times % program.cycle / 0.25).astype(np.intp) % len(grid)

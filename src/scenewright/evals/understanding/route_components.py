@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from scenewright.geometry.landmarks import find_landmarks
 from scenewright.geometry.map_areas import MapAreas
+from scenewright.geometry.spline import build_even_path, compute_spline_matrix
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Candidate, DrivingProfile, K
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.track import PEDESTRIAN, vehicle_shape
 from scenewright.tools.gmm_sampler import Priors, load_priors
 from scenewright.tools.gmm_sampler.priors import HOURS, DrivingProfilePrior
-from scenewright.tools.gmm_sampler.spline import even_path, spline_matrix
 
 _SPREAD = (-1.2, 0.0, 1.2)
 """Driving profiles tried lie so many standard deviations off the median."""
@@ -93,15 +93,18 @@ def _build_components(routes: list[Route], priors: Priors, ground: MapAreas) -> 
     owners = [route for route, each in zip(routes, sets, strict=True) for _ in each.weights]
     curve = np.concatenate([each.base for each in sets])[:, ::_THIN]
     cholesky = np.concatenate([each.cholesky for each in sets])
-    knots = spline_matrix()[::_THIN]
+    knots = compute_spline_matrix()[::_THIN]
     s, heading = measure_arc_length(curve), measure_headings(curve)
     curvature = np.stack(
-        [np.interp(s[c], path.s, path.curvature) for c, path in enumerate(map(even_path, curve))]
+        [
+            np.interp(s[c], path.s, path.curvature)
+            for c, path in enumerate(map(build_even_path, curve))
+        ]
     )
     normal = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
     rows = np.einsum("pk,cpd->cpkd", knots, normal).reshape(*curve.shape[:2], 2 * K)
     across = np.einsum("cpi,cij->cpj", rows, cholesky)
-    profiles = [priors.time_laws[route.id] for route in owners]
+    profiles = [priors.driving_profiles[route.id] for route in owners]
     marks = [_find_stop(route, curve[c], ground) for c, route in enumerate(owners)]
     weights = np.concatenate([each.weights for each in sets])
     rates = [np.asarray(priors.frequency.get(r.id, np.zeros(HOURS))) for r in owners]
@@ -173,11 +176,11 @@ def _limit_speed(
 
 def _find_stop(route: Route, curve: FloatArray, ground: MapAreas) -> tuple[float, str | None]:
     """Arc length of stop line or kerb [m] for a vehicle of length 0, and its signal group."""
-    path = even_path(curve)
+    path = build_even_path(curve)
     shape = PEDESTRIAN if route.type == "pedestrian" else vehicle_shape()
     law = DrivingProfile(1.0, 1.0, 1.0, 1.0)
     probe = Candidate(route, path.xy[:K], path, 0.0, law, 0.0, shape, None)
-    marks = find_landmarks(probe, ground=ground)
+    marks = find_landmarks(probe, map_areas=ground)
     if marks.line is None:
         return np.inf, None
     return marks.line + (shape.length / 2 if route.type == "vehicle" else 0.0), marks.group

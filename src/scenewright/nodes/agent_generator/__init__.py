@@ -12,8 +12,8 @@ from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph
-from scenewright.tools.gmm_sampler.frozen_agents import pinned_pool
-from scenewright.tools.gmm_sampler.generate import amplify, cast_foreground, hour_of
+from scenewright.tools.gmm_sampler.frozen_agents import build_candidates_with_frozen
+from scenewright.tools.gmm_sampler.generate import amplify, assign_foreground, choose_hour
 
 _CROWD_DRAWS = 4
 """Candidates of a background agent where the first that has room is taken (`draw`)."""
@@ -41,8 +41,8 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
     if pins is not None:
         return _around(pins, state, context)
     rng = context.rng("agent_generator", state.get("rejections", []))
-    hour = hour_of(graph.context, context.priors, context.rng("agent_generator", []))
-    cast = cast_foreground(
+    hour = choose_hour(graph.context, context.priors, context.rng("agent_generator", []))
+    cast = assign_foreground(
         graph,
         state["grounding"],
         context.priors,
@@ -57,7 +57,7 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
         intersection_map=context.intersection,
         hour=hour,
         size=context.draws,
-        crowd_size=_CROWD_DRAWS if context.selection == "draw" else None,
+        background_size=_CROWD_DRAWS if context.selection == "draw" else None,
         rng=rng,
     )
     wanted = sum(pool.background.values())
@@ -67,14 +67,14 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
 
 def _around(pins: FrozenAgents, state: GeneratorReads, context: RunContext) -> GeneratorWrites:
     """The same around agents of an earlier version."""
-    pool = pinned_pool(
+    pool = build_candidates_with_frozen(
         state["social_graph"],
         state["grounding"],
         pins,
         context.priors,
         intersection_map=context.intersection,
         size=context.draws,
-        crowd_size=_CROWD_DRAWS if context.selection == "draw" else None,
+        background_size=_CROWD_DRAWS if context.selection == "draw" else None,
         rng=context.rng("agent_generator", state.get("rejections", [])),
     )
     context.tell("agent_generator", f"{len(pins.same)} agents stay as they were")

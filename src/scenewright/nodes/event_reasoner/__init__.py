@@ -1,131 +1,177 @@
-"""Stage 4, event reasoner: event summary and behavior program (paper 3.4, Eq. 5)."""
+"""Stage 4, event reasoner: event summary and behavior program (paper 3.4, Eq. 5).
+
+Summary and segments follow from the selection and are written by rule. The backend is asked only
+for words that name a way of moving, once a run: the standstills that it adds outlast a failed
+sample.
+"""
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+from collections.abc import Mapping, Sequence
+from typing import Any, NotRequired, TypedDict
 
 from langgraph.runtime import Runtime
 
 from scenewright.backends import Question
+from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, latest
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.event_reasoner.reply import (
-    SUMMARY,
-    BehaviorReply,
-    SummaryReply,
+    SegmentReply,
+    StopsReply,
+    chain_segments,
     check_segments,
-    places_of,
+    check_track,
 )
-from scenewright.nodes.event_reasoner.wording import bound, worded_behavior, worded_summary
+from scenewright.nodes.event_reasoner.wording import worded_stops
+from scenewright.nodes.remaining import (
+    Left,
+    is_last_answer,
+    leave_all,
+    list_remaining,
+    refuse_unrealised,
+    words_as_facts,
+)
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import RoleAssignment
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
+from scenewright.scene.remaining import AddedStops
 from scenewright.scene.selection import Selection
-from scenewright.tools.event_summary import facts_of, summarise
+from scenewright.scene.social import SocialGraph
+from scenewright.tools.added_stops import place_stops
+from scenewright.tools.event_summary import summarise, to_facts
 
 
 class ReasonerReads(TypedDict):
-    """Channels read."""
+    """Channels read; the last one when a sample with it has failed."""
 
     instruction: str
+    social_graph: SocialGraph
     candidates: CandidateSet
     selection: Selection
     pinned: FrozenAgents | None
     rejections: list[Rejection]
+    added_stops: NotRequired[AddedStops]
 
 
 class ReasonerWrites(TypedDict):
-    """Channels written."""
+    """Channels written; the selection with the standstills that words ask for."""
 
+    added_stops: AddedStops
+    selection: Selection
     summary: EventSummary
     behavior: BehaviorProgram
 
 
 def reason_events(state: ReasonerReads, *, runtime: Runtime[RunContext]) -> ReasonerWrites:
-    """Summarises the selected priors and asks which segments realise the relations."""
+    """Summarises the selected priors and writes the segments that realise the relations."""
     context = runtime.context
-    summary = summarise(state["selection"], ground=context.ground)
+    added = _added(state, context)
+    placed, selection = place_stops(added, state["selection"], map_areas=context.ground)
+    summary = summarise(selection, map_areas=context.ground)
+    program = _as_before(summary.suggest_segments(), state)
+    return _written(placed, selection, summary, program, state, context)
+
+
+def edit_segments(
+    told: Mapping[str, Sequence[SegmentReply]],
+    state: ReasonerReads,
+    *,
+    runtime: Runtime[RunContext],
+) -> ReasonerWrites:
+    """The same with segments that an agent has written itself, checked against the tracks."""
+    context, selection = runtime.context, state["selection"]
+    summary = summarise(selection, map_areas=context.ground)
+    own = chain_segments(told, summary)
+    program = BehaviorProgram(segments={**summary.suggest_segments().segments, **own})
+    for each in summary.agents:
+        if each.agent in own:
+            check_track(each, own[each.agent], selection.agents[each.agent], selection.duration)
+    return _written(AddedStops(), selection, summary, program, state, context)
+
+
+def _written(
+    added: AddedStops,
+    selection: Selection,
+    summary: EventSummary,
+    program: BehaviorProgram,
+    state: ReasonerReads,
+    context: RunContext,
+) -> ReasonerWrites:
     owed = _owed(state["candidates"].cast)
-    seen = _summarised(summary, owed, state, context)
-    program = _as_before(_reasoned(summary, seen, owed, state, context), state)
     for agent in summary.agents:
         check_segments(agent, program.segments.get(agent.agent), owed.get(agent.agent, []))
     stops = sum(s.status == "stop" for each in program.segments.values() for s in each)
     context.tell("event_reasoner", f"{stops} stops among {len(program.segments)} agents")
-    return {"summary": summary, "behavior": program}
+    return {
+        "added_stops": added, "selection": selection, "summary": summary, "behavior": program,
+    }  # fmt: skip
 
 
-def _summarised(
-    summary: EventSummary, owed: dict[str, list[str]], state: ReasonerReads, context: RunContext
-) -> EventSummary:
-    """The summary that is reasoned on: of those whom relations bind, the places that matter."""
-    agents = bound(summary, owed)
-    if not agents:
-        return summary
-    instruction, relations = state["instruction"], _relations(state["candidates"].cast)
-    told = tuple(each for each in _told(state, context) if each.startswith(SUMMARY))
-    question = Question(
-        task="summary",
-        facts={
-            "instruction": instruction,
-            **facts_of(summary.model_copy(update={"agents": agents})),
-        },
-        rejections=told,
-        seed=context.seed,
-        wording=lambda: worded_summary(instruction, summary, owed, relations, rejections=told),
-        account=context.account,
-    )
-    reply = ask(context.backend, question, SummaryReply, stage="event_reasoner", of=SUMMARY)
-    return summary.keep_places(places_of(reply.anchors, agents))
+def _added(state: ReasonerReads, context: RunContext) -> AddedStops:
+    """The standstills of the remaining words, as known from an earlier sample or asked for.
+
+    Raises:
+        Rejected: with `kept` where another sample may serve them, else the backend may mend it;
+            `out_of_scope`: words stay unserved, and nobody allowed to leave them out.
+    """
+    graph, rejections = state["social_graph"], state.get("rejections", [])
+    left = list_remaining(graph, "behavior")
+    if not left:
+        return AddedStops()
+    known = state.get("added_stops")
+    try:
+        added = known or _asked(left, state, context)
+        _try_out(added, state, context, known=known is not None)
+    except Rejected as error:
+        if not error.rejection.repairable or not is_last_answer(
+            context.backend, "behavior", rejections, budget=context.budgets.reasoner
+        ):
+            raise
+        added = AddedStops(unserved=leave_all(left, error.rejection.detail))
+    if not context.lenient:
+        refuse_unrealised(graph, {e.entry: e.note for e in added.unserved}, "event_reasoner")
+    return added
 
 
-def _reasoned(
-    summary: EventSummary,
-    seen: EventSummary,
-    owed: dict[str, list[str]],
-    state: ReasonerReads,
-    context: RunContext,
-) -> BehaviorProgram:
-    """The segments; without a relation there is nothing to reason on."""
-    if not bound(summary, owed):
-        return BehaviorReply(segments={}).read(summary)
-    instruction, relations = state["instruction"], _relations(state["candidates"].cast)
-    told = tuple(each for each in _told(state, context) if not each.startswith(SUMMARY))
-    facts: dict[str, Any] = {"instruction": instruction, "owed": owed, **facts_of(seen)}
+def _try_out(added: AddedStops, state: ReasonerReads, context: RunContext, *, known: bool) -> None:
+    """Rejected, with the answer kept, where these tracks have no room for what others may have."""
+    try:
+        place_stops(added, state["selection"], map_areas=context.ground)
+    except Rejected as error:
+        if not known and error.rejection.repairable:
+            raise
+        rejection = error.rejection.model_copy(update={"repairable": False})
+        raise Rejected(rejection, kept={"added_stops": added}) from error
+
+
+def _asked(left: list[Left], state: ReasonerReads, context: RunContext) -> AddedStops:
+    told = tuple(each.detail for each in latest(state.get("rejections", []), "event_reasoner"))
+    summary = summarise(state["selection"], map_areas=context.ground)
+    front = state["candidates"].cast.routes
+    agents = tuple(each for each in summary.agents if each.agent in front)
+    seen = summary.model_copy(update={"agents": agents})
+    segments = seen.suggest_segments().model_dump(mode="json")["segments"]
+    facts: dict[str, Any] = {
+        "instruction": state["instruction"],
+        "words": words_as_facts(left, state["social_graph"]),
+        "relations": _relations(state["candidates"].cast),
+        "segments": segments,
+        **to_facts(seen),
+    }
     question = Question(
         task="behavior",
         facts=facts,
         rejections=told,
         seed=context.seed,
-        wording=lambda: worded_behavior(
-            instruction,
-            seen,
-            owed,
-            relations,
-            rejections=told,
-            examples=context.recall("behavior", instruction),
-        ),
+        wording=lambda: worded_stops(facts, seen, rejections=told),
         account=context.account,
     )
-    reply = ask(context.backend, question, BehaviorReply, stage="event_reasoner")
-    return reply.read(summary)
-
-
-def _told(state: ReasonerReads, context: RunContext) -> tuple[str, ...]:
-    """Why the last segments were refused, here or by the verifier; none after a fresh sample.
-
-    Once the budget is spent every refusal leads to a fresh sample (graph/routes.py), of which
-    nothing has been said yet.
-    """
-    found = latest(state.get("rejections", []), "event_reasoner", "scene_verifier")
-    if found and sum(each.stage == found[-1].stage for each in state["rejections"]) > (
-        context.budgets.reasoner
-    ):
-        return ()
-    return tuple(each.detail for each in found)
+    reply = ask(context.backend, question, StopsReply, stage="event_reasoner")
+    return reply.read([entry for entry, _ in left], agents)
 
 
 def _relations(cast: RoleAssignment) -> list[str]:

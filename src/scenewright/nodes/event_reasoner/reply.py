@@ -1,37 +1,35 @@
-"""What the reasoner may be told: reply models and their schemas for a scene, and what they must be.
+"""What the reasoner may be told: reply models, their schema for a scene, and what they must be.
 
-A summary names places that the map has. Segments end at such places, in
-order of time, and hold what the relation files want of each role.
+Standstills are told for words that ask for them. Segments end at places of the map, in order of
+time, fit the selected tracks, and hold what the relation files want of each role.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import get_args
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from scenewright.errors import Rejected
-from scenewright.nodes.schema import Schema, closed, listed, one_of, shared
-from scenewright.scene.behavior import AgentSummary, BehaviorProgram, EventSummary, Segment
+from scenewright.geometry.driving_profile import Motion
+from scenewright.nodes.remaining import refuse_numbers
+from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared, whole
+from scenewright.scene.behavior import AgentSummary, EventSummary, Segment
 from scenewright.scene.record import SegmentStatus
 from scenewright.scene.rejection import Rejection, RejectionCode
+from scenewright.scene.remaining import AddedStop, AddedStops, Unserved
+from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.track import STEP
-
-SUMMARY = "summary: "
-"""How refusals of a summary begin, to tell them from those of the segments."""
+from scenewright.tools.segment_editor import compute_edited_motion
 
 _LATEST = 3600.0
-_MOST_SEGMENTS = 8
-
-
-class SummaryReply(BaseModel):
-    """By agent: the places that matter, in the order of its way."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    anchors: dict[str, tuple[str, ...]]
+_MOST_STOPS = 8
+_SOON, _NEAR = 0.5, 1.0
+"""How far a segment may be off its track: in time [s], and on the way [m]."""
+_THERE = 0.1
+"""So near its place an agent has come to stand [m]."""
 
 
 class SegmentReply(BaseModel):
@@ -45,29 +43,94 @@ class SegmentReply(BaseModel):
     end: float = Field(ge=0.0, le=_LATEST)
 
 
-class BehaviorReply(BaseModel):
-    """By agent: its segments, in order of time."""
+class StopReply(BaseModel):
+    """A standstill and the number of the words that ask for it."""
 
     model_config = ConfigDict(extra="forbid")
 
-    segments: dict[str, tuple[SegmentReply, ...]]
+    words: int
+    agent: str
+    place: str
+    ahead: float = Field(default=0.0, ge=0.0, le=30.0)
+    lasts: float = Field(ge=1.0, le=10.0)
 
-    def read(self, summary: EventSummary) -> BehaviorProgram:
-        """The program; agents of whom nothing is said keep to what the solver found.
+
+class StopsReply(BaseModel):
+    """Standstills for the remaining words; `cannot` has the numbers of those that none shows."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    stops: tuple[StopReply, ...] = Field(default=(), max_length=_MOST_STOPS)
+    cannot: tuple[int, ...] = Field(default=(), max_length=40)
+
+    def read(self, entries: Sequence[int], agents: Sequence[AgentSummary]) -> AddedStops:
+        """The standstills by entry of the account.
+
+        Args:
+            entries: of the words, in the order of their numbers.
+            agents: those that the request tells of.
 
         Raises:
-            Rejected: `malformed_reply` for an agent that is not there.
+            Rejected: `malformed_reply`, `unknown_anchor`: words of no number or of which nothing
+                is said, an agent or a place that is not there.
         """
-        agents = {each.agent: each for each in summary.agents}
-        for name in self.segments:
-            if name not in agents:
-                raise refused("malformed_reply", name, "is not in the scene")
-        told = {name: _chained(each, agents[name]) for name, each in self.segments.items()}
-        found = {
-            name: told[name] if name in told else agent.suggest_segments(summary.duration)
-            for name, agent in agents.items()
-        }
-        return BehaviorProgram(segments=found)
+        served = [each.words for each in self.stops]
+        refuse_numbers([*served, *self.cannot], len(entries), stage="event_reasoner")
+        known = {each.agent: [anchor.id for anchor in each.anchors] for each in agents}
+        for each in self.stops:
+            if each.agent not in known:
+                raise refused("malformed_reply", each.agent, "is not asked about")
+            if each.place not in known[each.agent]:
+                raise refused("unknown_anchor", each.agent, f"has no anchor {each.place!r}")
+        return AddedStops(
+            stops=tuple(
+                AddedStop(entry=entries[each.words - 1], **each.model_dump(exclude={"words"}))
+                for each in self.stops
+            ),
+            unserved=tuple(
+                Unserved(entry=entries[number - 1], note="no standstill shows this")
+                for number in dict.fromkeys(self.cannot)
+                if number not in served
+            ),
+        )
+
+
+def stops_schema(agents: Sequence[AgentSummary], count: int) -> Schema:
+    """The reply's schema: each agent has its own places.
+
+    Args:
+        count: of the words, which are numbered from 1.
+    """
+    forms = [_stop_of(each) for each in agents if each.anchors]
+    stops = listed(forms[0] if len(forms) == 1 else {"anyOf": forms}, most=_MOST_STOPS)
+    keys = {"stops": stops, "cannot": listed(shared("words"), most=count)}
+    return closed(keys, required=keys, defs={"words": whole(1, count)})
+
+
+def _stop_of(agent: AgentSummary) -> Schema:
+    keys = {
+        "words": shared("words"),
+        "agent": one_of((agent.agent,)),
+        "place": one_of(anchor.id for anchor in agent.anchors),
+        "ahead": number(0, 30),
+        "lasts": number(1, 10),
+    }
+    return closed(keys, required=keys)
+
+
+def chain_segments(
+    told: Mapping[str, Sequence[SegmentReply]], summary: EventSummary
+) -> dict[str, tuple[Segment, ...]]:
+    """By agent the segments told; one without a start begins where the one before it ends.
+
+    Raises:
+        Rejected: `malformed_reply` for an agent that is not there.
+    """
+    agents = {each.agent: each for each in summary.agents}
+    for name in told:
+        if name not in agents:
+            raise refused("malformed_reply", name, "is not in the scene")
+    return {name: _chained(each, agents[name]) for name, each in told.items()}
 
 
 def _chained(told: Sequence[SegmentReply], agent: AgentSummary) -> tuple[Segment, ...]:
@@ -79,72 +142,50 @@ def _chained(told: Sequence[SegmentReply], agent: AgentSummary) -> tuple[Segment
     return tuple(found)
 
 
-def summary_schema(agents: Sequence[AgentSummary]) -> Schema:
-    """The reply's schema: each agent has its own places."""
-    lists = {each.agent: _places_of(each) for each in agents}
-    return closed({"anchors": closed(lists, required=lists)}, required=("anchors",))
+def check_track(
+    summary: AgentSummary, segments: tuple[Segment, ...], agent: SelectedAgent, duration: float
+) -> None:
+    """A Stop stands at its place in its time, and a Terminate ends where the agent then is.
 
-
-def _places_of(agent: AgentSummary) -> Schema:
-    names = [anchor.id for anchor in agent.anchors]
-    return listed(one_of(names), least=1, most=max(len(names), 1))
-
-
-def behavior_schema(agents: Sequence[AgentSummary], duration: float) -> Schema:
-    """The reply's schema: each agent has its own places and times (paper Eq. 5)."""
-    lists = {each.agent: _segments_of(each, duration) for each in agents}
-    shown = closed(lists, required=lists)
-    defs = {"status": one_of(get_args(SegmentStatus))}
-    return closed({"segments": shown}, required=("segments",), defs=defs)
-
-
-def _segments_of(agent: AgentSummary, duration: float) -> Schema:
-    places = [anchor.id for anchor in agent.anchors]
-    places += [] if agent.contact is None else ["contact"]
-    segment = {
-        "anchor": one_of(places),
-        "status": shared("status"),
-        "end": {"type": "number", "enum": _times_of(agent, duration)},
-    }
-    return listed(closed(segment, required=segment), least=1, most=_MOST_SEGMENTS)
-
-
-def _times_of(agent: AgentSummary, duration: float) -> list[float]:
-    """Every time at which its segments may end [s]: places alone are passed within one."""
-    times = {agent.leaves, agent.contact}
-    times |= {time for stay in agent.stays for time in (stay.start, min(stay.until, agent.leaves))}
-    found = sorted(time for time in times if time is not None and 0.0 <= time <= duration)
-    return found or [duration]
-
-
-def places_of(
-    told: Mapping[str, Sequence[str]], agents: Sequence[AgentSummary]
-) -> dict[str, tuple[str, ...]]:
-    """By agent the places told, each once and in the order of its way, which is known.
+    Args:
+        duration: of the scene [s].
 
     Raises:
-        Rejected: with code, agent and reason: of every agent asked about there are places, among
-            them those at which it stands.
+        Rejected: `segment_off_track`, with the time at which the agent gets there. Segments at
+            anchors that are not there are left to `check_segments`.
     """
-    known = {each.agent: each for each in agents}
-    for name in told:
-        if name not in known:
-            raise refused("malformed_reply", name, "is not asked about", of=SUMMARY)
-    return {each.agent: _its_places(each, told.get(each.agent, ())) for each in agents}
+    places = {anchor.id: anchor.s for anchor in summary.anchors}
+    if any(each.status == "stop" and each.anchor not in places for each in segments):
+        return
+    motion = compute_edited_motion(agent, segments, places, duration=duration)
+    for each in segments:
+        if each.status == "stop" and each.end > each.start:
+            comes = agent.enters + motion.find_time_at(places[each.anchor] - _THERE)
+            # A stay that began before the scene is clamped to its beginning.
+            if abs(max(comes, 0.0) - each.start) > _SOON:
+                what = f"stands at {each.anchor} from {each.start:g} s, but comes at {comes:.1f} s"
+                raise refused("segment_off_track", summary.agent, what)
+        if each.status == "terminate":
+            _check_end(each, summary, places, motion, agent)
 
 
-def _its_places(agent: AgentSummary, places: Sequence[str]) -> tuple[str, ...]:
-    order = [anchor.id for anchor in agent.anchors]
-    if not places:
-        raise refused("malformed_reply", agent.agent, "has no anchors", of=SUMMARY)
-    for place in places:
-        if place not in order:
-            raise refused("unknown_anchor", agent.agent, f"has no anchor {place!r}", of=SUMMARY)
-    for stay in agent.stays:
-        if stay.anchor not in places:
-            what = f"stands at {stay.anchor}, which is left out"
-            raise refused("malformed_reply", agent.agent, what, of=SUMMARY)
-    return tuple(sorted(set(places), key=order.index))
+def _check_end(
+    segment: Segment,
+    summary: AgentSummary,
+    places: Mapping[str, float],
+    motion: Motion,
+    agent: SelectedAgent,
+) -> None:
+    if segment.anchor == "contact" and summary.contact is not None:
+        if abs(segment.start - summary.contact) > 2 * STEP:
+            what = f"ends at {segment.start:g} s, but its contact is at {summary.contact:g} s"
+            raise refused("segment_off_track", summary.agent, what)
+    elif segment.anchor in places:
+        is_at = float(motion.compute_positions(np.array(segment.start - agent.enters)))
+        if abs(is_at - places[segment.anchor]) > _NEAR:
+            away = abs(is_at - places[segment.anchor])
+            what = f"ends at {segment.anchor} at {segment.start:g} s, but is {away:.1f} m away then"
+            raise refused("segment_off_track", summary.agent, what)
 
 
 def check_segments(
@@ -189,8 +230,8 @@ def _excused(status: str, statuses: Sequence[str], agent: AgentSummary) -> bool:
     return status == "keep" and statuses[0] == "stop"
 
 
-def refused(code: RejectionCode, agent: str, what: str, *, of: str = "") -> Rejected:
+def refused(code: RejectionCode, agent: str, what: str) -> Rejected:
     """A refusal that names an agent."""
     return Rejected(
-        Rejection(stage="event_reasoner", code=code, agents=(agent,), detail=f"{of}{agent} {what}")
+        Rejection(stage="event_reasoner", code=code, agents=(agent,), detail=f"{agent} {what}")
     )

@@ -11,17 +11,17 @@ from scenewright.backends import Backend, Question, load_backend, speaker
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, earlier
 from scenewright.nodes.context import RunContext
+from scenewright.nodes.remaining import refuse_unrealised
 from scenewright.nodes.scene_planner.account import account_for
 from scenewright.nodes.scene_planner.reply import PlanReply, completed
 from scenewright.nodes.scene_planner.wording import worded_plan
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
-from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.rejection import Rejection, RejectionCode
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
-from scenewright.tools.map_grounding.grounding import ground
+from scenewright.tools.map_grounding.grounding import ground_graph
 
 
 class PlannerReads(TypedDict):
@@ -62,7 +62,7 @@ def plan_scene(state: PlannerReads, *, runtime: Runtime[RunContext]) -> PlannerW
     context = runtime.context
     plan = state.get("planned") or _asked(state, context)
     context.tell("scene_planner", _summary(plan))
-    grounding, pins = ground(plan, intersection_map=context.intersection), state.get("pinned")
+    grounding, pins = ground_graph(plan, intersection_map=context.intersection), state.get("pinned")
     if pins is not None:
         grounding = restrict_grounding(plan, grounding, pins, intersection_map=context.intersection)
     return {"social_graph": plan, "grounding": grounding}
@@ -96,23 +96,13 @@ def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
     if isinstance(plan, Refusal):
         raise Rejected(Rejection(stage="scene_planner", code=_CODES[plan.code], detail=plan.reason))
     if not context.lenient:
-        _refuse_unrealised(plan)
+        left_out = {
+            n: each.note or "not modelled"
+            for n, each in enumerate(plan.said)
+            if each.became == "nothing"
+        }
+        refuse_unrealised(plan, left_out, "scene_planner")
     return plan
-
-
-def _refuse_unrealised(plan: SocialGraph) -> None:
-    """Words that nothing in a scene can stand for are refused, not dropped (SEMANTICS 8)."""
-    left_out = [each for each in plan.said if each.became == "nothing"]
-    if left_out:
-        words = "; ".join(f"'{each.words}' ({each.note or 'not modelled'})" for each in left_out)
-        raise Rejected(
-            Rejection(
-                stage="scene_planner",
-                code="out_of_scope",
-                detail=f"This cannot be part of a scene: {words}. Allow to leave it out with "
-                f"--lenient, or say: '{describe_graph(plan)}'",
-            )
-        )
 
 
 def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescription]) -> Plan:
@@ -128,8 +118,8 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescr
         return plan
     _refuse_emptied(plan, question)
     _refuse_unknown_sides(plan, ways)
-    said = account_for(plan, question)
-    return completed(plan.model_copy(update={"said": said}), ways)
+    plan = completed(plan, ways)
+    return plan.model_copy(update={"said": account_for(plan, question)})
 
 
 def _refuse_emptied(plan: SocialGraph, question: Question) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import chain
 
 from scenewright.backends import Question
 from scenewright.errors import Rejected
@@ -13,6 +14,9 @@ from scenewright.scene.social import SocialGraph
 
 UNSAID = "said leaves out"
 """How the rejection of an incomplete account begins."""
+
+_UNPLANNED = ("nothing", "constraint", "behavior")
+"""What words became that no field of the plan holds."""
 
 _CONTENT = re.compile(
     r"\b(?:\d[\w.:/%]*|not|no|never|nobody|none|neither|nor|without|n't|both|either|each|every|all|"
@@ -26,18 +30,27 @@ def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
     """The account of a model's plan, with the words that it leaves out.
 
     A model that gives no account at all is not asked for one: the words that nothing in a scene
-    can stand for are then those in which the offline planner sees such a thing.
+    can stand for, or that are left to later stages, are then those in which the offline planner
+    sees such a thing.
 
     Raises:
         Rejected: `malformed_reply`, once, for an account that leaves out a number, a negation, a
-            quantifier or words that nothing in a scene can stand for.
+            quantifier or words that nothing in a scene can stand for, or that calls words a part
+            of the plan which the plan lacks.
     """
     text = str(question.facts["instruction"])
-    said = tuple(_locate(plan.said, text))
+    located = tuple(_locate(plan.said, text))
+    said = tuple(chain.from_iterable(_fill_values(each, plan) for each in located))
     read = _read_offline(question)
-    if not said:
-        return tuple(each for each in read if each.became in ("nothing", "manner"))
-    left_out = [*_uncovered_content(text, said), *_uncovered_spans(read, said)]
+    if not located:
+        kept = (each for each in read if each.became in ("manner", *_UNPLANNED))
+        return tuple(_with_agents_of(plan, each) for each in kept)
+    left_out = [
+        *(_left_out(each.start, each.end, each.words) for each in said if each.value == _LACKING),
+        *_uncovered_content(text, said),
+        *_uncovered_spans(read, said, plan),
+    ]
+    said = tuple(each for each in said if each.value != _LACKING)
     if left_out and not any(UNSAID in each for each in question.rejections):
         words = ", ".join(f"'{each.words}'" for each in left_out)
         raise _malformed(f"{UNSAID} {words}; add what they became, or nothing")
@@ -60,18 +73,64 @@ def _locate(said: Sequence[SaidSpan], text: str) -> Iterator[SaidSpan]:
         yield each.model_copy(update={"start": start, "end": start + len(words)})
 
 
+def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
+    """The entry with its value, which a model leaves to the plan; one for each agent or relation.
+
+    Where the plan has no such value, it is `_LACKING`.
+    """
+    agents = [each for each in plan.agents if not entry.agents or each.id in entry.agents]
+    found: list[tuple[tuple[str, ...], str | None]]
+    match entry.became:
+        case _ if entry.value is not None:
+            found = [(entry.agents, entry.value)]
+        case "entry" | "exit" | "movement" | "crosswalk":
+            told = [each for each in agents if getattr(each, entry.became) is not None]
+            found = [((each.id,), getattr(each, entry.became)) for each in told]
+        case "runs_red":
+            found = [((each.id,), None) for each in agents if each.runs_red]
+        case "relation":
+            found = [
+                ((edge.from_, edge.to), edge.type)
+                for edge in plan.relations
+                if {edge.from_, edge.to}.issuperset(entry.agents)
+            ]
+        case "time_of_day":
+            time = plan.context.time_of_day
+            found = [] if time is None else [((), time)]
+        case "density":
+            found = [((), plan.context.density)]
+        case _:
+            found = [(entry.agents, None)]
+    for who, value in found or [(entry.agents, _LACKING)]:
+        yield entry.model_copy(update={"agents": who, "value": value})
+
+
+_LACKING = "?"
+"""The value of an entry of whose part of the plan there is none."""
+
+
 def _uncovered_content(text: str, said: Sequence[SaidSpan]) -> Iterator[SaidSpan]:
     for match in _CONTENT.finditer(text):
         if not any(each.start <= match.start() < each.end for each in said):
             yield _left_out(match.start(), match.end(), match[0])
 
 
-def _uncovered_spans(read: Sequence[SaidSpan], said: Sequence[SaidSpan]) -> Iterator[SaidSpan]:
-    """Words that nothing can stand for, as the offline planner sees it, and no entry covers."""
+def _uncovered_spans(
+    read: Sequence[SaidSpan], said: Sequence[SaidSpan], plan: SocialGraph
+) -> Iterator[SaidSpan]:
+    """Words that no field of a plan holds, as the offline planner sees it, and no entry covers."""
     for each in read:
         overlaps = any(other.start < each.end and each.start < other.end for other in said)
         if each.became == "nothing" and not overlaps:
             yield _left_out(each.start, each.end, each.words)
+        elif each.became in _UNPLANNED and not overlaps:
+            yield _with_agents_of(plan, each)
+
+
+def _with_agents_of(plan: SocialGraph, entry: SaidSpan) -> SaidSpan:
+    """The entry of another reading, with those of its agents that the plan names alike."""
+    known = {agent.id for agent in plan.agents}
+    return entry.model_copy(update={"agents": tuple(n for n in entry.agents if n in known)})
 
 
 def _left_out(start: int, end: int, words: str) -> SaidSpan:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from scenewright.backends import Wording
@@ -64,7 +64,7 @@ def worded_plan(
     told = patterns_told(instruction, left_hand=left_hand)
     values = {
         "crosswalks": crosswalks_told(ways),
-        "ways": ways_told(ways),
+        "ways": ways_told(ways) + _uturns_told(ways),
         "traffic": traffic_told(left_hand),
         "patterns": _patterns(told),
         "times": times_told(f"{instruction} {previous or ''}"),
@@ -96,11 +96,24 @@ def ways_told(ways: Sequence[RouteDescription]) -> str:
     return ", ".join(f"{leg} ({', '.join(found) or 'none'})" for leg, found in by_entry.items())
 
 
+def _uturns_told(ways: Sequence[RouteDescription]) -> str:
+    """Where vehicles may turn round, if anywhere."""
+    legs = {side for way in ways for side in (way.entry, way.exit)}
+    turns = [way.entry for way in ways if way.movement == "uturn"]
+    return f"; uturn {_legs_told(turns, legs)}" if turns else ""
+
+
 def crosswalks_told(ways: Sequence[RouteDescription]) -> str:
     """The legs that have one."""
     legs = {side for way in ways for side in (way.entry, way.exit)}
-    found = dict.fromkeys(way.crosswalk for way in ways if way.crosswalk is not None)
-    return "on all" if legs == found.keys() else ", ".join(found) or "none"
+    found = [way.crosswalk for way in ways if way.crosswalk is not None]
+    return _legs_told(found, legs) or "none"
+
+
+def _legs_told(found: Iterable[str], legs: Collection[str]) -> str:
+    """Each of the legs once, or that it is all of them."""
+    each = dict.fromkeys(found)
+    return "on all" if set(legs) == each.keys() else ", ".join(each)
 
 
 def _patterns(told: Sequence[Pattern]) -> str:

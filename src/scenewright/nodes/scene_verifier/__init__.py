@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from langgraph.runtime import Runtime
 
 from scenewright.errors import Rejected
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext
+from scenewright.nodes.remaining import close_account
 from scenewright.nodes.scene_verifier.assemble import assemble
-from scenewright.scene.behavior import BehaviorProgram, EventSummary
+from scenewright.nodes.scene_verifier.braking import find_wrong_braker
+from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.rejection import Rejection, RejectionCode
+from scenewright.scene.remaining import AddedClauses, AddedStops
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
 from scenewright.tools.relation_checker import check
@@ -30,10 +33,11 @@ class VerifierReads(TypedDict):
     social_graph: SocialGraph
     candidates: CandidateSet
     selection: Selection
-    summary: EventSummary
     behavior: BehaviorProgram
     refined: Tracks
     pinned: FrozenAgents | None
+    added_clauses: NotRequired[AddedClauses]
+    added_stops: NotRequired[AddedStops]
 
 
 class VerifierWrites(TypedDict):
@@ -48,7 +52,7 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
     context = runtime.context
     scene = assemble(
         state["instruction"],
-        state["social_graph"],
+        _accounted(state),
         state["candidates"],
         state["selection"],
         state["behavior"],
@@ -59,21 +63,18 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
     )
     proof = check(scene, context.intersection)
     if not proof.verified:
-        found = _rejection(proof, scene)
-        raise Rejected(found.model_copy(update={"repairable": _repairable(found, state)}))
+        misplanned = find_wrong_braker(state["social_graph"], scene, proof)
+        raise Rejected(misplanned or _rejection(proof, scene))
     context.tell("scene_verifier", f"verified: {len(proof.events)} events")
     return {"scene": with_events(scene, proof), "proof": proof}
 
 
-def _repairable(found: Rejection, state: VerifierReads) -> bool:
-    """Whether other segments could mend it.
-
-    They cannot where the segments are the solver's own, nor where it concerns nobody that a
-    relation binds: of the others nobody is asked.
-    """
-    bound = {name for edge in state["social_graph"].relations for name in (edge.from_, edge.to)}
-    concerns = not found.agents or not bound.isdisjoint(found.agents)
-    return concerns and not state["behavior"].is_as_suggested(state["summary"])
+def _accounted(state: VerifierReads) -> SocialGraph:
+    """The social graph, its account with what later stages made of the words left to them."""
+    graph = state["social_graph"]
+    clauses = state.get("added_clauses", AddedClauses())
+    stops = state.get("added_stops", AddedStops())
+    return graph.model_copy(update={"said": close_account(graph.said, clauses, stops)})
 
 
 def with_events(scene: SceneRecord, proof: Proof) -> SceneRecord:

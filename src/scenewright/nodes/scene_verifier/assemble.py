@@ -26,7 +26,7 @@ from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.social import RelationEdge, SocialGraph
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.map_grounding.signal_plan import SignalClock, plan_records
+from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 
 
 def assemble(
@@ -200,4 +200,4 @@ def _signals(selection: Selection, intersection_map: IntersectionMap) -> tuple[S
     if intersection_map.signals is None or selection.signal_offset is None:
         return ()
     clock = SignalClock(intersection_map.signals, selection.signal_offset)
-    return plan_records(clock, intersection_map=intersection_map, until=selection.duration)
+    return build_signal_records(clock, intersection_map=intersection_map, until=selection.duration)

@@ -24,7 +24,7 @@ from scenewright.scene.refinement import AgentRefinement, Refinement
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import Selection
 from scenewright.scene.track import Track
-from scenewright.tools.segment_editor import edited_motion
+from scenewright.tools.segment_editor import compute_edited_motion
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.guided import Guide
@@ -95,7 +95,7 @@ def _edited(state: RefinerReads) -> tuple[dict[str, Motion], dict[str, Track]]:
         for agent in state["summary"].agents
     }
     motions = {
-        name: edited_motion(
+        name: compute_edited_motion(
             agent, program.segments[name], anchors[name], duration=selection.duration
         )
         for name, agent in selection.agents.items()

@@ -1,111 +1,179 @@
-"""Stage 3, waypoint filter: constraint program and the surviving combination (paper 3.3)."""
+"""Stage 3, waypoint filter: constraint program and the surviving combination (paper 3.3).
+
+The program that follows from the plan is written by rule. The backend is asked only for words that
+no field of the plan holds, once a run: what it adds outlasts a failed sample.
+"""
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from langgraph.runtime import Runtime
 
 from scenewright.backends import Question
+from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, latest
 from scenewright.nodes.context import RunContext
+from scenewright.nodes.remaining import (
+    Left,
+    is_last_answer,
+    leave_all,
+    list_remaining,
+    refuse_unrealised,
+    words_as_facts,
+)
 from scenewright.nodes.waypoint_filter.reply import (
-    ProgramReply,
+    ClausesReply,
+    about,
+    extended,
     on_the_ground,
     refuse_strangers,
     refuse_unserved,
 )
-from scenewright.nodes.waypoint_filter.wording import worded_program
+from scenewright.nodes.waypoint_filter.wording import worded_clauses
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.rejection import Rejection
+from scenewright.scene.remaining import AddedClauses
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
+from scenewright.tools.dsl_validator.parse import format_program, parse
+from scenewright.tools.dsl_validator.write import write_program
 from scenewright.tools.solver.select import select
 
 _STRICT_ATTEMPTS = 4
 
 
 class FilterReads(TypedDict):
-    """Channels read."""
+    """Channels read; the last one when a sample with it has failed."""
 
     instruction: str
     social_graph: SocialGraph
     candidates: CandidateSet
     pinned: FrozenAgents | None
     rejections: list[Rejection]
+    added_clauses: NotRequired[AddedClauses]
 
 
 class FilterWrites(TypedDict):
     """Channels written."""
 
+    added_clauses: AddedClauses
     constraints: ConstraintProgram
     selection: Selection
 
 
 def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> FilterWrites:
-    """Asks for the constraint program and solves it."""
-    context = runtime.context
-    rejections = state.get("rejections", [])
-    program = _asked(state, context)
+    """Writes the constraint program, with what the remaining words add, and solves it."""
+    facts = _facts(state)
+    program = write_program(facts)
+    added = _added(state, facts, program, runtime.context)
+    whole = extended(program, [each.clause for each in added.clauses])
+    try:
+        return _solved(whole, added, facts, state, runtime.context)
+    except Rejected as error:
+        raise Rejected(error.rejection, kept={"added_clauses": added}) from error
+
+
+def solve_program(text: str, state: FilterReads, *, runtime: Runtime[RunContext]) -> FilterWrites:
+    """Solves a constraint program that an agent has written itself, in its text form."""
+    return _solved(parse(text), AddedClauses(), _facts(state), state, runtime.context)
+
+
+def _solved(
+    program: ConstraintProgram,
+    added: AddedClauses,
+    facts: dict[str, Any],
+    state: FilterReads,
+    context: RunContext,
+) -> FilterWrites:
+    rejections, pool = state.get("rejections", []), state["candidates"]
+    refuse_strangers(program, pool)
+    refuse_unserved(program, facts["relations"])
+    program = on_the_ground(program, pool)
     selection = select(
         program,
-        state["candidates"],
-        ground=context.ground,
+        pool,
+        map_areas=context.ground,
         rng=context.rng("waypoint_filter", rejections),
         mode=context.selection,
         lenient=len(rejections) >= _STRICT_ATTEMPTS,
-        pins=state.get("pinned"),
+        frozen=state.get("pinned"),
     )
     tried = int(selection.figures["tuples"])
     context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")
-    return {"constraints": program, "selection": selection}
+    return {"added_clauses": added, "constraints": program, "selection": selection}
 
 
-def _asked(state: FilterReads, context: RunContext) -> ConstraintProgram:
-    """The program that the backend gives, and what goes without saying."""
-    instruction, pool = state["instruction"], state["candidates"]
-    if not pool.cast.routes:  # nobody is named of whom anything could be said
-        return on_the_ground(ConstraintProgram(), pool)
-    facts = _facts(instruction, state["social_graph"], pool)
-    told = _told(state.get("rejections", []))
+def _added(
+    state: FilterReads, facts: dict[str, Any], program: ConstraintProgram, context: RunContext
+) -> AddedClauses:
+    """The clauses of the remaining words, as known from an earlier sample or asked for.
+
+    Raises:
+        Rejected: `malformed_program`, `malformed_reply`: the backend may mend it; `out_of_scope`:
+            words stay without a clause, and nobody allowed to leave them out.
+    """
+    graph, rejections = state["social_graph"], state.get("rejections", [])
+    left = list_remaining(graph, "constraint")
+    if not left:
+        return AddedClauses()
+    if "added_clauses" in state:
+        return state["added_clauses"]
+    try:
+        added = _asked(left, state, facts, program, context)
+    except Rejected as error:
+        if not is_last_answer(
+            context.backend, "constraints", rejections, budget=context.budgets.filter
+        ):
+            raise
+        added = AddedClauses(unserved=leave_all(left, error.rejection.detail))
+    if not context.lenient:
+        notes = {each.entry: each.note for each in added.unserved}
+        refuse_unrealised(graph, notes, "waypoint_filter")
+    return added
+
+
+def _asked(
+    left: list[Left],
+    state: FilterReads,
+    facts: dict[str, Any],
+    program: ConstraintProgram,
+    context: RunContext,
+) -> AddedClauses:
+    told = tuple(each.detail for each in latest(state.get("rejections", []), "waypoint_filter"))
+    asked = {
+        "instruction": state["instruction"],
+        "words": words_as_facts(left, state["social_graph"]),
+        "agents": facts["told"],
+        "relations": facts["relations"],
+        "program": format_program(about(program, facts["told"])),
+    }
     question = Question(
         task="constraints",
-        facts=facts,
+        facts=asked,
         rejections=told,
         seed=context.seed,
-        wording=lambda: worded_program(
-            facts,
+        wording=lambda: worded_clauses(
+            asked,
             [leg.name for leg in context.intersection.legs],
-            left_hand=context.intersection.left_hand_traffic,
             rejections=told,
-            examples=context.recall("constraints", instruction),
         ),
         account=context.account,
     )
-    program = ask(context.backend, question, ProgramReply, stage="waypoint_filter").read()
-    refuse_strangers(program, pool)
-    refuse_unserved(program, facts["relations"])
-    return on_the_ground(program, pool)
+    reply = ask(context.backend, question, ClausesReply, stage="waypoint_filter")
+    return reply.read([entry for entry, _ in left], asked["agents"], facts["relations"])
 
 
-def _told(rejections: list[Rejection]) -> tuple[str, ...]:
-    """What was wrong with the program. That a sample did not serve is no fault of it, unless one
-    of its clauses never held."""
-    return tuple(
-        each.detail
-        for each in latest(rejections, "waypoint_filter")
-        if each.code in ("malformed_program", "malformed_reply") or each.missed is not None
-    )
-
-
-def _facts(instruction: str, graph: SocialGraph, pool: CandidateSet) -> dict[str, Any]:
+def _facts(state: FilterReads) -> dict[str, Any]:
+    """The plan as it is played by the candidates: agents, relations with patterns, violators."""
+    graph, pool = state["social_graph"], state["candidates"]
     played = pool.cast.patterns
     return {
-        "instruction": instruction,
         "told": [
-            {"id": name, "movement": route.movement} for name, route in pool.cast.routes.items()
+            {"id": name, "type": route.type, "movement": route.movement}
+            for name, route in pool.cast.routes.items()
         ],
         "agents": [
             {"id": name, "type": draws.route.type, "movement": draws.route.movement}

@@ -1,28 +1,27 @@
-"""What the filter may be told: the reply model, its schema for a scene, and what it must hold."""
+"""What the filter may be told of remaining words: the reply, its schema, what it must hold."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
-from typing import Any, Self, get_args
+from collections.abc import Set as AbstractSet
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from scenewright.errors import Rejected
-from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared
+from scenewright.nodes.remaining import refuse_numbers
+from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared, whole
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import (
     Clause,
     ConstraintProgram,
-    Contact,
     OnRoad,
     OnWalkable,
     UnaryClause,
 )
 from scenewright.scene.rejection import Rejection
-from scenewright.scene.relations import Pattern
-from scenewright.scene.social import CollisionKind, ImpactPoint
-from scenewright.tools.dsl_validator.parse import MAX_CLAUSES, format_clause, parse
+from scenewright.scene.remaining import AddedClause, AddedClauses, Unserved
+from scenewright.tools.dsl_validator.parse import MAX_CLAUSES, format_clause
 
 _SERVES: dict[str, tuple[str, ...]] = {
     "collide_at": ("contact",),
@@ -33,178 +32,177 @@ _SERVES: dict[str, tuple[str, ...]] = {
 """By relation: the clauses of which one must bind its two agents."""
 
 _DIRECTED = frozenset({"gives_way", "headway"})
-_EITHER_STRIKES = frozenset({"rear_end", "sideswipe", "head_on"})
-"""Kinds of contact whose pattern says who plays which role."""
-
 _GROUND = (OnRoad, OnWalkable)
 
 
-class ProgramReply(BaseModel):
-    """A constraint program, as clauses or in its text form."""
+_OFFERED: dict[str, tuple[str, ...]] = {
+    "collide_at": ("near",),
+    "near_miss": ("before", "time_gap", "near"),
+    "yield_to": ("before", "time_gap", "near"),
+    "follow": ("headway", "near"),
+}
+"""By relation: the clauses about its two agents that words may ask for beside its pattern."""
+
+_ALONE = ("speed", "passes_through")
+_RANGED = frozenset({"speed", "time_gap", "headway", "near"})
+"""A bound that is told takes the place of the one that the pattern has."""
+
+
+class ServingClause(BaseModel):
+    """A clause and the number of the words that ask for it; both stand side by side in a reply."""
 
     model_config = ConfigDict(extra="forbid")
 
-    program: str | None = None
-    clauses: tuple[Clause, ...] | None = Field(default=None, max_length=MAX_CLAUSES)
+    words: int
+    clause: Clause
 
-    @model_validator(mode="after")
-    def _one_form(self) -> Self:
-        if (self.program is None) == (self.clauses is None):
-            raise ValueError("expected 'clauses', a list")
-        return self
+    @model_validator(mode="before")
+    @classmethod
+    def _side_by_side(cls, value: Any) -> Any:
+        if not isinstance(value, Mapping) or isinstance(value.get("clause"), Mapping):
+            return value
+        rest = {key: each for key, each in value.items() if key != "words"}
+        return {"clause": rest, **({"words": value["words"]} if "words" in value else {})}
 
-    def read(self) -> ConstraintProgram:
-        """The program.
+
+class ClausesReply(BaseModel):
+    """Clauses for the remaining words; `cannot` has the numbers of those that none can hold."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    clauses: tuple[ServingClause, ...] = Field(default=(), max_length=MAX_CLAUSES)
+    cannot: tuple[int, ...] = Field(default=(), max_length=MAX_CLAUSES)
+
+    def read(
+        self,
+        entries: Sequence[int],
+        agents: Sequence[Mapping[str, str]],
+        relations: Sequence[Mapping[str, Any]],
+    ) -> AddedClauses:
+        """The clauses by entry of the account.
+
+        Args:
+            entries: of the words, in the order of their numbers.
+            agents, relations: those that the request tells of.
 
         Raises:
-            Rejected: `malformed_program`; says where the text leaves the language.
+            Rejected: `malformed_program`: a clause that is not offered, words of no number, or
+                words of which the reply says nothing.
         """
-        if self.program is not None:
-            return parse(self.program)
-        return ConstraintProgram(clauses=self.clauses or ())
+        served = [each.words for each in self.clauses]
+        refuse_numbers([*served, *self.cannot], len(entries), stage="waypoint_filter")
+        for each in self.clauses:
+            _refuse_unoffered(each.clause, {agent["id"] for agent in agents}, relations)
+        return AddedClauses(
+            clauses=tuple(
+                AddedClause(entry=entries[each.words - 1], clause=each.clause)
+                for each in self.clauses
+            ),
+            unserved=tuple(
+                Unserved(entry=entries[number - 1], note="no clause can hold this")
+                for number in dict.fromkeys(self.cannot)
+                if number not in served
+            ),
+        )
 
 
-_SPEED_TOLD = re.compile(r"\bkm|kmh|mph|kph|m/s|per (hour|second)", re.IGNORECASE)
+def _refuse_unoffered(
+    clause: Clause, agents: AbstractSet[str], relations: Sequence[Mapping[str, Any]]
+) -> None:
+    named = (clause.agent,) if isinstance(clause, UnaryClause) else (clause.first, clause.second)
+    for name in named:
+        if name not in agents:
+            who = ", ".join(sorted(agents))
+            raise _refused((), f"{format_clause(clause)}: agents are {who}")
+    kinds = {
+        kind
+        for each in relations
+        if {each["from"], each["to"]} == set(named)
+        for kind in _OFFERED[each["type"]]
+    }
+    if clause.clause not in (_ALONE if isinstance(clause, UnaryClause) else kinds):
+        raise _refused(tuple(map(str, named)), f"{format_clause(clause)} is not offered")
+
+
 _AGENT: dict[str, Schema] = {"agent": shared("agent")}
-_PAIR: dict[str, Schema] = {"first": shared("agent"), "second": shared("agent")}
 _RANGE = {"low": number(0, 20), "high": number(0.1, 20)}
-_METRES = {"metres": number(0.1, 200)}
-_CONTACT: dict[str, Schema] = {
-    "kind": one_of(get_args(CollisionKind)),
-    "speed": number(0.1, 20),
-    "point_first": shared("point"),
-    "point_second": shared("point"),
-    "cause": one_of(("late_brake",)),
-}
 _KEYS: dict[str, dict[str, Schema]] = {
-    "min_length": _AGENT | _METRES,
     "speed": _AGENT | _RANGE,
     "passes_through": _AGENT | {"region": one_of(("crosswalk", "leg")), "leg": shared("leg")},
-    "runs_red": _AGENT,
-    "near": _PAIR | _METRES,
-    "same_lane": _PAIR | _METRES,
-    "headway": _PAIR | _RANGE,
-    "before": _PAIR,
-    "time_gap": _PAIR | _RANGE,
-    "contact": _PAIR | _CONTACT,
-    "gives_way": _PAIR,
-    "brakes_for": _PAIR | _RANGE,
-    "no_interaction": _PAIR,
+    "before": {},
+    "time_gap": _RANGE,
+    "headway": _RANGE,
+    "near": {"metres": number(0.1, 200)},
 }
-"""By clause: its keys."""
-
-Offer = Mapping[str, tuple[str, ...]]
-"""Clauses that a program may hold, each with its keys."""
+"""By clause: its keys, but for the agents of a pair."""
 
 
-def offered(
-    relations: Sequence[Mapping[str, Any]], *, violators: Sequence[str], instruction: str
-) -> Offer:
-    """What a program for these relations may need; a model need not hear of anything else.
-
-    Args:
-        relations: with the severity asked for, and under "wants" the clauses of their patterns.
-    """
-    wanted = [clause for each in relations for clause in each["wants"]]
-    found = {clause["clause"] for clause in wanted}
-    for each in relations:
-        found |= set(_SERVES[each["type"]][:1])
-        if "target_pet" in each:
-            found.add("time_gap")
-        if "target_ttc" in each or (each["type"] == "near_miss" and "cause" in each):
-            found.add("brakes_for")
-    found |= {"runs_red"} if violators else set()
-    found |= {"speed"} if _SPEED_TOLD.search(instruction) else set()
-    keys = {kind: tuple(_KEYS[kind]) for kind in _KEYS if kind in found}
-    if "contact" in keys:
-        keys["contact"] = (*_PAIR, *(key for key in _CONTACT if _told(key, wanted, relations)))
-    return keys
+def offered(relations: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, ...]]:
+    """The clauses that words may ask for in a scene of these relations, each with its keys."""
+    pair = dict.fromkeys(kind for each in relations for kind in _OFFERED[each["type"]])
+    keys = {kind: tuple(_KEYS[kind]) for kind in _ALONE}
+    return keys | {kind: ("first", "second", *_KEYS[kind]) for kind in pair}
 
 
-def _told(
-    key: str, wanted: Sequence[Mapping[str, Any]], relations: Sequence[Mapping[str, Any]]
-) -> bool:
-    """Whether a contact is to be closer described by this key."""
-    if any(clause["clause"] == "contact" and key in clause for clause in wanted):
-        return True
-    match key:
-        case "speed":
-            return any("impact_speed" in each for each in relations)
-        case "cause":
-            return any(each.get("cause") == "late_brake" for each in relations)
-        case "point_first" | "point_second":
-            return any("point_from" in each or "point_to" in each for each in relations)
-    return False
-
-
-def program_schema(
+def clauses_schema(
     agents: Sequence[Mapping[str, str]],
     legs: Sequence[str],
-    offer: Offer,
-    relations: Sequence[Mapping[str, Any]] = (),
+    relations: Sequence[Mapping[str, Any]],
+    count: int,
 ) -> Schema:
-    """The reply's schema: agents and legs are those there are, clauses those that are offered.
-
-    Clauses with the same keys are one alternative; of two agents, with each relation's own.
+    """The reply's schema: agents and legs are those there are, pairs those of the relations.
 
     Args:
-        relations: as for `offered`.
+        count: of the words, which are numbered from 1.
     """
-    alike: dict[tuple[str, ...], list[str]] = {}
-    for kind, keys in (offer or {"min_length": tuple(_KEYS["min_length"])}).items():
-        alike.setdefault((kind,) if kind == "contact" else keys, []).append(kind)
-    forms = [
-        form | {"properties": {**form["properties"], **pair}}
-        for kinds in alike.values()
-        for form in (_form(kinds, offer),)
-        for pair in (_pairs(kinds, relations) if "first" in form["properties"] else ({},))
-    ]
-    named = {key for keys in offer.values() for key in keys}
-    defs = {"agent": one_of(agent["id"] for agent in agents)}
-    defs |= {"leg": one_of(legs)} if "leg" in named else {}
-    defs |= {"point": one_of(get_args(ImpactPoint))} if "point_first" in named else {}
-    # A weak model leaves a list empty where it may.
-    least = 1 if relations else 0
-    clauses = listed(forms[0] if len(forms) == 1 else {"anyOf": forms}, least=least, most=40)
-    return closed({"clauses": clauses}, required=("clauses",), defs=defs)
-
-
-def _pairs(kinds: Sequence[str], relations: Sequence[Mapping[str, Any]]) -> list[Schema]:
-    """Who may be first and second: the two of a relation, one way round where it has but one."""
-    found: list[Schema] = []
+    words = {"words": shared("words")}
+    forms = [_form((kind,), words | _KEYS[kind]) for kind in _ALONE]
     for each in relations:
-        ways = [(each["from"], each["to"])]
-        wants = [c for c in each["wants"] if c["clause"] in kinds and "first" in c]
-        ways += [(c["first"], c["second"]) for c in wants]
-        if not _DIRECTED.issuperset(kinds):
-            ways.append((each["to"], each["from"]))
-        ends = {key: one_of(way[at] for way in ways) for at, key in enumerate(_PAIR)}
-        found += [] if ends in found else [ends]
-    return found or [dict(_PAIR)]
+        ends = one_of((each["from"], each["to"]))
+        for kinds in _alike(_OFFERED[each["type"]]):
+            pair = {"first": ends, "second": ends, **_KEYS[kinds[0]]}
+            forms.append(_form(kinds, words | pair))
+    defs = {
+        "words": whole(1, count),
+        "agent": one_of(agent["id"] for agent in agents),
+        "leg": one_of(legs),
+    }
+    clauses = listed({"anyOf": forms}, most=2 * count + 4)
+    keys = {"clauses": clauses, "cannot": listed(shared("words"), most=count)}
+    return closed(keys, required=("clauses", "cannot"), defs=defs)
 
 
-def _form(kinds: Sequence[str], offer: Offer) -> Schema:
-    known = _KEYS[kinds[0]]
-    keys = {key: known[key] for key in offer.get(kinds[0], known)}
-    return closed(
-        {"clause": one_of(kinds), **keys},
-        required=("clause", *(key for key in keys if key not in _CONTACT)),
-    )
+def _alike(kinds: Sequence[str]) -> list[tuple[str, ...]]:
+    """The clauses, those of the same keys together."""
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for kind in kinds:
+        alike.setdefault(tuple(_KEYS[kind]), []).append(kind)
+    return [tuple(each) for each in alike.values()]
 
 
-def wanted_by(
-    pattern: Pattern, *, from_: str, to: str, striker: str, struck: str
-) -> list[dict[str, Any]]:
-    """The clauses of a relation file about two agents, as plain values; the ground is left out."""
-    program = parse("\n".join(pattern.filled(line, from_=from_, to=to) for line in pattern.clauses))
-    found = []
-    for clause in program.clauses:
-        if isinstance(clause, Contact) and clause.kind not in _EITHER_STRIKES:
-            clause = clause.model_copy(update={"first": striker, "second": struck})  # noqa: PLW2901
-        if not isinstance(clause, _GROUND):
-            told = clause.model_dump(mode="json", exclude_none=True)
-            found.append({"clause": clause.clause, **told})
-    return found
+def _form(kinds: Sequence[str], keys: Mapping[str, Schema]) -> Schema:
+    return closed({"clause": one_of(kinds), **keys}, required=("clause", *keys))
+
+
+def extended(program: ConstraintProgram, added: Sequence[Clause]) -> ConstraintProgram:
+    """The program with clauses added; a bound that is told replaces the written one."""
+    told = {_about(each) for each in added if each.clause in _RANGED}
+    kept = [each for each in program.clauses if _about(each) not in told]
+    kept += [each for each in added if each not in kept]
+    return ConstraintProgram(clauses=tuple(kept)) if added else program
+
+
+def about(program: ConstraintProgram, agents: Sequence[Mapping[str, str]]) -> ConstraintProgram:
+    """The clauses about these agents, but for those that keep them on their ground."""
+    names = {each["id"] for each in agents}
+    kept = (c for c in program.clauses if not isinstance(c, _GROUND) and _about(c)[1] <= names)
+    return ConstraintProgram(clauses=tuple(kept))
+
+
+def _about(clause: Clause) -> tuple[str, frozenset[str]]:
+    if isinstance(clause, UnaryClause):
+        return clause.clause, frozenset({clause.agent})
+    return clause.clause, frozenset({clause.first, clause.second or clause.first})
 
 
 def on_the_ground(program: ConstraintProgram, pool: CandidateSet) -> ConstraintProgram:

@@ -26,10 +26,10 @@ _JUNCTION_RADIUS = 6.0
 
 
 def check(
-    candidate: Candidate, clause: UnaryClause, *, marks: Landmarks, ground: MapAreas
+    candidate: Candidate, clause: UnaryClause, *, landmarks: Landmarks, map_areas: MapAreas
 ) -> tuple[Rejection, ...]:
     """Empty if the candidate satisfies the clause, else why it does not."""
-    problem = _problem(candidate, clause, marks, ground)
+    problem = _problem(candidate, clause, landmarks, map_areas)
     if problem is None:
         return ()
     return (
@@ -43,37 +43,41 @@ def check(
 
 
 def _problem(
-    candidate: Candidate, clause: UnaryClause, marks: Landmarks, ground: MapAreas
+    candidate: Candidate, clause: UnaryClause, landmarks: Landmarks, map_areas: MapAreas
 ) -> str | None:
     xy = candidate.path.xy
     match clause:
         case OnRoad():
-            return _below(ground.road_share(xy), _ON_ROAD, "of its path on the road")
+            return _below(map_areas.compute_road_share(xy), _ON_ROAD, "of its path on the road")
         case OnWalkable():
-            strays = [name for name, _, _ in marks.crosswalks if name != marks.own_crosswalk]
+            strays = [
+                name for name, _, _ in landmarks.crosswalks if name != landmarks.own_crosswalk
+            ]
             if strays:
                 return f"strays onto the {strays[0]}"
-            if marks.steps_on > 1:
+            if landmarks.steps_on > 1:
                 return "steps onto its crosswalk more than once"
-            return _below(ground.walkable_share(xy), _ON_WALKABLE, "of its path on walkable area")
+            return _below(
+                map_areas.compute_walkable_share(xy), _ON_WALKABLE, "of its path on walkable area"
+            )
         case MinLength():
             return _below(candidate.path.length, clause.metres, "m of path")
         case SpeedBetween():
             inside = clause.low <= candidate.time_law.speed <= clause.high
             return None if inside else f"free speed {candidate.time_law.speed:.1f} m/s"
         case PassesThrough():
-            return None if _passes(candidate, clause, marks) else "does not pass there"
+            return None if _passes(candidate, clause, landmarks) else "does not pass there"
         case RunsRed():
-            return None if marks.group else "there is no red light on its way to run"
+            return None if landmarks.group else "there is no red light on its way to run"
 
 
 def _below(value: float, limit: float, what: str) -> str | None:
     return None if value >= limit else f"only {value:.3g} {what}, at least {limit:g}"
 
 
-def _passes(candidate: Candidate, clause: PassesThrough, marks: Landmarks) -> bool:
+def _passes(candidate: Candidate, clause: PassesThrough, landmarks: Landmarks) -> bool:
     if clause.region == "crosswalk":
-        return any(name == f"{clause.leg}:crosswalk" for name, _, _ in marks.crosswalks)
+        return any(name == f"{clause.leg}:crosswalk" for name, _, _ in landmarks.crosswalks)
     if clause.region == "leg":
         route = candidate.route
         return clause.leg in (route.entry, route.exit, route.crosswalk)

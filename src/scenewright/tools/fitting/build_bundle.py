@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +11,18 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.intersections import find_bundle_folder
+from scenewright.tools.fitting.custom_bundle import find_version
 from scenewright.tools.fitting.fit_priors import (
-    FLOOR,
     SHRINKAGE,
     WINDOW,
-    counts_of,
+    count_present,
     fit_priors,
     fit_waypoints,
-    trips_by_route,
+    group_trips_by_route,
 )
-from scenewright.tools.gmm_sampler.priors import HOURS, checksum, save_priors
-from scenewright.tools.map_import.map_builder import PLANS, FourLegPlan, write_map
+from scenewright.tools.fitting.path_frame import FLOOR
+from scenewright.tools.gmm_sampler.priors import HOURS, compute_checksum, save_priors
+from scenewright.tools.map_import.four_leg_map import PLANS, FourLegPlan, write_map
 from scenewright.tools.simulation.corpus import (
     DAYS,
     SPLITS,
@@ -77,12 +77,12 @@ def build_bundle(
         derive_demand(counts) if counts else read_demand(find_bundle_folder(name) / "demand.json")
     )
     try:
-        place = write_map(out, plan)
+        intersection_map = write_map(out, plan)
         (out / "demand.json").write_text(demand.model_dump_json(indent=1) + "\n", encoding="utf-8")
         hours = build_corpus(
             corpus or out / "corpus",
             plan=plan,
-            place=place,
+            intersection_map=intersection_map,
             demand=demand,
             seed=seed,
             days=days,
@@ -90,9 +90,9 @@ def build_bundle(
         )
         if progress is not None:
             progress("fitting the priors")
-        save_priors(out / "priors.npz", fit_priors(place, hours))
+        save_priors(out / "priors.npz", fit_priors(intersection_map, hours))
         save_heldout(out / "heldout.npz", hours)
-        _describe(out, plan, demand, seed=seed, days=days, hours=hours)
+        _write_header(out, plan, demand, seed=seed, days=days, hours=hours)
     except OSError as fault:
         raise InputError(f"cannot write to {out}: {fault.strerror}") from None
     return out
@@ -101,30 +101,32 @@ def build_bundle(
 def save_heldout(file: Path, corpus: Sequence[CorpusHour]) -> None:
     """The test hours' waypoints and counts, and the baselines fitted on the other hours.
 
-    With it anybody can recompute the held-out likelihoods without simulating.
+    With it the held-out likelihoods can be recomputed without simulating.
     """
-    fit = trips_by_route(hour for hour in corpus if hour.split == "fit")
-    test = trips_by_route(hour for hour in corpus if hour.split == "test")
+    fit = group_trips_by_route(hour for hour in corpus if hour.split == "fit")
+    test = group_trips_by_route(hour for hour in corpus if hour.split == "test")
     routes = sorted(fit)
     single = [fit_waypoints(r, [t.path for t in fit[r]], most=1) for r in routes]
-    ways = [np.array([trip.waypoints() for trip in test[r]]).reshape(-1, 10, 2) for r in routes]
+    waypoints = [np.array([t.waypoints for t in test[r]]).reshape(-1, 10, 2) for r in routes]
     save: Any = np.savez_compressed
     save(
         file,
         routes=np.array(routes),
-        test_tracks=np.array([len(way) for way in ways]),
-        waypoints=np.concatenate(ways).astype(np.float32),
+        test_tracks=np.array([len(each) for each in waypoints]),
+        waypoints=np.concatenate(waypoints).astype(np.float32),
         gaussian_means=np.array([g.means[0] for g in single]),
         gaussian_cholesky=np.array([g.cholesky[0] for g in single]),
-        **_heldout_counts(corpus),
+        **_pack_heldout_counts(corpus),
     )
 
 
-def _heldout_counts(corpus: Sequence[CorpusHour]) -> dict[str, Any]:
+def _pack_heldout_counts(corpus: Sequence[CorpusHour]) -> dict[str, Any]:
     """Test windows [24, n, 2], and mean counts of the other hours [24, 2] for a Poisson."""
-    test = {h.hour: counts_of(h, WINDOW) for h in corpus if h.split == "test"}
+    test = {h.hour: count_present(h, WINDOW) for h in corpus if h.split == "test"}
     rates = [
-        np.concatenate([counts_of(h, WINDOW) for h in corpus if h.hour == n and h.split != "test"])
+        np.concatenate(
+            [count_present(h, WINDOW) for h in corpus if h.hour == n and h.split != "test"]
+        )
         for n in range(HOURS)
     ]
     return {
@@ -133,7 +135,7 @@ def _heldout_counts(corpus: Sequence[CorpusHour]) -> dict[str, Any]:
     }
 
 
-def _describe(
+def _write_header(
     out: Path,
     plan: FourLegPlan,
     demand: Demand,
@@ -152,9 +154,9 @@ def _describe(
         "",
         "[provenance]",
         f"sources = {json.dumps(demand.sources, indent=2)}",
-        f"simulator = {json.dumps('Eclipse SUMO ' + _version('eclipse-sumo') + ' (EPL-2.0)')}",
-        f"scenewright = {json.dumps(_version('scenewright'))}",
-        f"scikit_learn = {json.dumps(_version('scikit-learn'))}",
+        f"simulator = {json.dumps('Eclipse SUMO ' + find_version('eclipse-sumo') + ' (EPL-2.0)')}",
+        f"scenewright = {json.dumps(find_version('scenewright'))}",
+        f"scikit_learn = {json.dumps(find_version('scikit-learn'))}",
         f"seed = {seed}",
         f"days = {days}",
         *(f"{split}_trips = {count}" for split, count in trips.items()),
@@ -163,14 +165,10 @@ def _describe(
         f"count_window = {WINDOW}",
         "",
         "[sha256]",
-        *(f"{json.dumps(name)} = {json.dumps(checksum(out / name))}" for name in _DESCRIBED),
+        *(
+            f"{json.dumps(name)} = {json.dumps(compute_checksum(out / name))}"
+            for name in _DESCRIBED
+        ),
     ]
     (out / "LICENSE").write_text(_LICENCE_NOTE, encoding="utf-8")
     (out / "bundle.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "unknown"

@@ -1,4 +1,4 @@
-"""One's own bundles: writing an imported map with its priors, and reading its ways back."""
+"""A user's own bundles: an imported map with its priors and the middles of its routes."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.geometry.geographic import LatLon
 from scenewright.intersections import (
     FORMAT,
     check_bundle,
@@ -26,64 +27,63 @@ from scenewright.intersections import (
 )
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap
-from scenewright.tools.gmm_sampler.priors import Priors, checksum, save_priors
+from scenewright.tools.gmm_sampler.priors import Priors, compute_checksum, save_priors
+from scenewright.tools.map_import.map_parts import RouteLines
 
 _UNSTATED = "unstated; that of the map and the tracks it was made from"
-
-Ways = Mapping[str, Sequence[FloatArray]]
+_LINES = "ways.npz"
 
 
 @dataclass(frozen=True, eq=False)
-class OwnBundle:
+class CustomBundle:
     """An imported intersection with what a map does not hold.
 
     Attributes:
-        ways: by route id, the middles of the ways that it may take, [P, 2] each [m].
+        route_lines: the middles of the paths that routes may take.
         header: what bundle.toml says.
     """
 
     folder: Path
-    place: IntersectionMap
-    ways: Ways
+    intersection_map: IntersectionMap
+    route_lines: RouteLines
     header: Mapping[str, Any]
 
     @property
-    def origin(self) -> tuple[float, float] | None:
+    def origin(self) -> LatLon | None:
         """Latitude and longitude of the map's origin [deg]."""
         found = self.header.get("frame", {}).get("origin")
         return None if found is None else (float(found[0]), float(found[1]))
 
 
-def open_own(name: str) -> OwnBundle:
+def open_custom_bundle(name: str) -> CustomBundle:
     """An imported bundle.
 
     Raises:
         InputError: unknown, damaged, or none that was imported.
     """
     folder = find_bundle_folder(name)
-    place = load_map(name)
-    file = folder / "ways.npz"
-    if not file.is_file():
+    intersection_map = load_map(name)
+    if not (folder / _LINES).is_file():
         raise InputError(
             f"{name!r} was not imported, so it cannot be fitted anew; import a map of your own "
             "with scenewright intersections import"
         )
-    check_bundle(folder, "ways.npz")
+    check_bundle(folder, _LINES)
     try:
-        with np.load(file, allow_pickle=False) as stored:
+        with np.load(folder / _LINES, allow_pickle=False) as stored:
             pieces = np.split(stored["points"].astype(float), np.cumsum(stored["lengths"])[:-1])
-            ways: dict[str, list[FloatArray]] = {}
+            lines: dict[str, list[FloatArray]] = {}
             for route, piece in zip(stored["routes"], pieces, strict=True):
-                ways.setdefault(str(route), []).append(piece)
+                lines.setdefault(str(route), []).append(piece)
     except (OSError, ValueError, KeyError) as fault:
         raise InputError(f"cannot read the ways of {name!r}: {fault}") from None
-    return OwnBundle(folder, place, ways, read_bundle_header(folder))
+    return CustomBundle(folder, intersection_map, lines, read_bundle_header(folder))
 
 
-def write_own(
+def write_custom_bundle(
     name: str,
-    place: IntersectionMap,
-    ways: Ways,
+    intersection_map: IntersectionMap,
+    route_lines: RouteLines,
     priors: Priors,
     *,
     provenance: Mapping[str, Any],
@@ -102,39 +102,38 @@ def write_own(
     target = root / check_name(name)
     if target.exists() and not force:
         raise InputError(f"intersection {name!r} exists already; --force replaces it")
+    draft = root
     try:
         root.mkdir(parents=True, exist_ok=True)
-        made = Path(tempfile.mkdtemp(prefix=f".{name}.", dir=root))
-    except OSError as fault:
-        raise InputError(f"cannot write to {root}: {fault.strerror or fault}") from None
-    try:
-        (made / "map.json").write_text(place.model_dump_json() + "\n", encoding="utf-8")
-        _save_ways(made / "ways.npz", ways)
-        save_priors(made / "priors.npz", priors)
+        draft = Path(tempfile.mkdtemp(prefix=f".{name}.", dir=root))
+        (draft / "map.json").write_text(intersection_map.model_dump_json() + "\n", encoding="utf-8")
+        _save_lines(draft / _LINES, route_lines)
+        save_priors(draft / "priors.npz", priors)
         for file, content in (extra or {}).items():
-            (made / Path(file).name).write_bytes(content)
-        _describe(made, place, provenance, frame, notes, licence)
-        made.chmod(0o755)
-        _moved(made, target)
+            (draft / Path(file).name).write_bytes(content)
+        _write_header(draft, intersection_map, provenance, frame, notes, licence)
+        draft.chmod(0o755)
+        _replace_folder(draft, target)
     except OSError as fault:
         raise InputError(f"cannot write to {root}: {fault.strerror or fault}") from None
     finally:
-        shutil.rmtree(made, ignore_errors=True)
+        if draft != root:
+            shutil.rmtree(draft, ignore_errors=True)
     return target
 
 
-def _moved(made: Path, target: Path) -> None:
+def _replace_folder(draft: Path, target: Path) -> None:
     """The new folder in the place of the old one, which is there until the last moment."""
     old = target.with_name(f".{target.name}.old")
     shutil.rmtree(old, ignore_errors=True)
     if target.exists():
         os.replace(target, old)
-    os.replace(made, target)
+    os.replace(draft, target)
     shutil.rmtree(old, ignore_errors=True)
 
 
-def _save_ways(file: Path, ways: Ways) -> None:
-    pairs = [(route, line) for route, lines in ways.items() for line in lines]
+def _save_lines(file: Path, route_lines: RouteLines) -> None:
+    pairs = [(route, line) for route, lines in route_lines.items() for line in lines]
     save: Any = np.savez_compressed
     save(
         file,
@@ -144,46 +143,49 @@ def _save_ways(file: Path, ways: Ways) -> None:
     )
 
 
-def _describe(
+def _write_header(
     folder: Path,
-    place: IntersectionMap,
+    intersection_map: IntersectionMap,
     provenance: Mapping[str, Any],
     frame: Mapping[str, Any],
     notes: Sequence[str],
     licence: str | None,
 ) -> None:
     """`bundle.toml`: what this is, what it was made from, where it lies, what was assumed."""
-    listed = sorted(each.name for each in folder.iterdir())
-    lines = [
-        f"name = {_toml(place.name)}",
-        f"title = {_toml(place.title)}",
-        f"licence = {_toml(licence or _UNSTATED)}",
-        f"format = {FORMAT}",
-        f"notes = {_toml(list(notes))}",
-        "",
-        "[provenance]",
-        *(f"{key} = {_toml(value)}" for key, value in provenance.items() if value is not None),
-        f"scenewright = {_toml(_version('scenewright'))}",
-        "",
-        "[frame]",
-        *(f"{key} = {_toml(value)}" for key, value in frame.items() if value is not None),
-        "",
-        "[sha256]",
-        *(f"{_toml(name)} = {_toml(checksum(folder / name))}" for name in listed),
-    ]
+    files = sorted(each.name for each in folder.iterdir())
+    top = {
+        "name": intersection_map.name,
+        "title": intersection_map.title,
+        "licence": licence or _UNSTATED,
+        "format": FORMAT,
+        "notes": list(notes),
+    }
+    tables = {
+        "provenance": {**provenance, "scenewright": find_version("scenewright")},
+        "frame": frame,
+        "sha256": {_format_toml(name): compute_checksum(folder / name) for name in files},
+    }
+    lines = _format_table(top)
+    for name, table in tables.items():
+        lines += ["", f"[{name}]", *_format_table(table)]
     (folder / "bundle.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _toml(value: Any) -> str:
-    """A string, number or list of them; JSON's way of writing these is TOML's."""
+def _format_table(table: Mapping[str, Any]) -> list[str]:
+    return [f"{key} = {_format_toml(value)}" for key, value in table.items() if value is not None]
+
+
+def _format_toml(value: Any) -> str:
+    """A string, number or list of them; JSON's syntax for these is TOML's."""
     if isinstance(value, float):
         return repr(round(value, 7))
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_toml(each) for each in value) + "]"
+        return "[" + ", ".join(_format_toml(each) for each in value) + "]"
     return json.dumps(value, ensure_ascii=True)
 
 
-def _version(package: str) -> str:
+def find_version(package: str) -> str:
+    """The installed version of a package, or `unknown`."""
     try:
         return version(package)
     except PackageNotFoundError:

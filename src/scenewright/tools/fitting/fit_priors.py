@@ -1,4 +1,4 @@
-"""Fitting the priors on a corpus: p_wp by route, p_tod by hour (paper 3.2). Needs scikit-learn.
+"""Priors fitted on a corpus: p_wp by route, p_tod by hour (paper 3.2). Needs scikit-learn.
 
 Settings that touch a likelihood are fixed here and named in the docs: the covariance floor, the
 shrinkage, the smallest component, the largest number of components.
@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.geometry.spline import DENSE, PER_INTERVAL
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.tools.fitting.fit_driving_profiles import fit_time_laws
-from scenewright.tools.gmm_sampler.jaywalking import jaywalk_prior
+from scenewright.tools.fitting.fit_driving_profiles import fit_driving_profiles
+from scenewright.tools.fitting.path_frame import FLOOR
+from scenewright.tools.gmm_sampler.jaywalking import build_jaywalking_prior
 from scenewright.tools.gmm_sampler.priors import (
     DIMENSIONS,
     HOURS,
@@ -26,51 +28,51 @@ from scenewright.tools.gmm_sampler.priors import (
     Priors,
     WaypointPrior,
 )
-from scenewright.tools.gmm_sampler.spline import DENSE, PER_INTERVAL
-from scenewright.tools.simulation.corpus import CorpusHour, Trip, at_equal_length
+from scenewright.tools.simulation.corpus import CorpusHour, Trip, resample_path
 
-FLOOR = 0.10
-"""Standard deviation that every waypoint coordinate has at least [m]."""
 SHRINKAGE = 10.0
 """How many tracks the smooth target covariance weighs as much as."""
 SMOOTHNESS = 2.0
 """Correlation length of the target covariance [waypoints]."""
 MOST_COMPONENTS = 8
 MOST_DIRECTIONS = 6
-"""In which components are told apart at most."""
+"""In which components are distinguished at most."""
 LEAST_TRACKS = 25
 """A component with fewer tracks is not trusted."""
 WINDOW = 30.0
 """Length of a scene for p_tod [s]."""
 JAYWALK_SHARE = 0.01
-"""Jaywalkers per person who uses the crosswalk; assumed."""
+"""Jaywalkers per pedestrian on the crosswalk; assumed."""
 NEIGHBOURS = 6
 """p_tod of an hour also sees every so many-th window of its neighbours (chosen on validation)."""
 _COUNT_FLOOR = 0.15
 _MOST_COUNT_COMPONENTS = 4
 
 
-def fit_priors(place: IntersectionMap, corpus: Sequence[CorpusHour]) -> Priors:
+def fit_priors(intersection_map: IntersectionMap, corpus: Sequence[CorpusHour]) -> Priors:
     """All priors of an intersection, from the fit hours (p_tod: fit and validation hours)."""
     fit_hours = [hour for hour in corpus if hour.split == "fit"]
-    trips = trips_by_route(fit_hours)
+    trips = group_trips_by_route(fit_hours)
     known = [hour for hour in corpus if hour.split != "test"]
     return Priors(
-        name=place.name,
-        waypoints={route.id: _route_prior(place, route, trips) for route in place.routes},
-        counts=tuple(_hour_prior(known, h, WINDOW) for h in range(HOURS)),
-        instants=tuple(_hour_prior(known, h, 0.0) for h in range(HOURS)),
-        time_laws=fit_time_laws(place, trips),
-        frequency=_frequency(place, corpus),
+        name=intersection_map.name,
+        waypoints={
+            route.id: _fit_route(intersection_map, route, trips)
+            for route in intersection_map.routes
+        },
+        counts=tuple(_fit_hour(known, h, WINDOW) for h in range(HOURS)),
+        instants=tuple(_fit_hour(known, h, 0.0) for h in range(HOURS)),
+        driving_profiles=fit_driving_profiles(intersection_map, trips),
+        frequency=_compute_frequency(intersection_map, corpus),
         subtypes={
-            route.id: _subtype_shares(trips[route.id])
-            for route in place.routes
+            route.id: _compute_subtype_shares(trips[route.id])
+            for route in intersection_map.routes
             if route.type == "vehicle"
         },
     )
 
 
-def trips_by_route(hours: Iterable[CorpusHour]) -> Mapping[str, list[Trip]]:
+def group_trips_by_route(hours: Iterable[CorpusHour]) -> Mapping[str, list[Trip]]:
     """Every trip of some hours by route id; an unseen route has none."""
     trips: dict[str, list[Trip]] = defaultdict(list)
     for hour in hours:
@@ -79,11 +81,11 @@ def trips_by_route(hours: Iterable[CorpusHour]) -> Mapping[str, list[Trip]]:
     return trips
 
 
-def _route_prior(
-    place: IntersectionMap, route: Route, trips: Mapping[str, list[Trip]]
+def _fit_route(
+    intersection_map: IntersectionMap, route: Route, trips: Mapping[str, list[Trip]]
 ) -> WaypointPrior:
     if route.movement == "jaywalking":
-        return jaywalk_prior(place, route)
+        return build_jaywalking_prior(intersection_map, route)
     if len(trips[route.id]) < LEAST_TRACKS:
         raise InputError(f"only {len(trips[route.id])} tracks on {route.id}: simulate more days")
     return fit_waypoints(route.id, [trip.path for trip in trips[route.id]])
@@ -93,47 +95,48 @@ def fit_waypoints(
     route: str, paths: Sequence[FloatArray], *, most: int = MOST_COMPONENTS
 ) -> WaypointPrior:
     """A mixture over the waypoints of paths [P, 2]; components by BIC, covariances shrunk."""
-    data = np.array([at_equal_length(path).ravel() for path in paths])
-    share = _responsibilities(data, most)
+    data = np.array([resample_path(path).ravel() for path in paths])
+    share = _fit_responsibilities(data, most)
     weights = share.mean(axis=0)
     means = (share.T @ data) / share.sum(axis=0)[:, None]
     factors = [
-        np.linalg.cholesky(_covariance(data, share[:, c], means[c])) for c in range(len(weights))
+        np.linalg.cholesky(_compute_covariance(data, share[:, c], means[c]))
+        for c in range(len(weights))
     ]
-    dense = np.array([at_equal_length(path, DENSE) for path in paths])
+    dense = np.array([resample_path(path, DENSE) for path in paths])
     return WaypointPrior(
         route=route,
         weights=weights,
         means=means,
         cholesky=np.array(factors),
-        base=_bases(dense, share, means),
+        base=_compute_bases(dense, share, means),
         tracks=len(paths),
     )
 
 
-def _responsibilities(data: FloatArray, most: int) -> FloatArray:
+def _fit_responsibilities(data: FloatArray, most: int) -> FloatArray:
     """[N, C] share of each component in each track, for the best number of components.
 
-    Components are told apart in the directions in which tracks really differ. In all twenty
+    Components are distinguished in the directions in which tracks really differ. In all twenty
     coordinates BIC would charge each component for 230 numbers, most of them the floor's, and
     blend two lanes into one path between them.
     """
-    reduced = _telling_directions(data)
-    models = [_mixture(reduced, count, FLOOR**2) for count in range(1, most + 1)]
+    reduced = _reduce(data)
+    models = [_fit_mixture(reduced, count, FLOOR**2) for count in range(1, most + 1)]
     usable = [m for m in models if m is models[0] or (m.weights_.min() * len(data) >= LEAST_TRACKS)]
     best = min(usable, key=lambda model: float(model.bic(reduced)))
     return np.asarray(best.predict_proba(reduced))
 
 
-def _telling_directions(data: FloatArray) -> FloatArray:
+def _reduce(data: FloatArray) -> FloatArray:
     """[N, D] the tracks in the principal directions that vary by more than the floor."""
     away = data - data.mean(axis=0)
     variance, directions = np.linalg.eigh(away.T @ away / len(data))
-    telling = max(int((variance > FLOOR**2).sum()), 1)
-    return np.asarray(away @ directions[:, -min(telling, MOST_DIRECTIONS) :])
+    varying = max(int((variance > FLOOR**2).sum()), 1)
+    return np.asarray(away @ directions[:, -min(varying, MOST_DIRECTIONS) :])
 
 
-def _mixture(data: FloatArray, count: int, floor: float) -> Any:
+def _fit_mixture(data: FloatArray, count: int, floor: float) -> Any:
     from sklearn import mixture
     from sklearn.exceptions import ConvergenceWarning
 
@@ -146,17 +149,17 @@ def _mixture(data: FloatArray, count: int, floor: float) -> Any:
         return model.fit(data)
 
 
-def _covariance(data: FloatArray, share: FloatArray, mean: FloatArray) -> FloatArray:
+def _compute_covariance(data: FloatArray, share: FloatArray, mean: FloatArray) -> FloatArray:
     """Sample covariance, pulled towards a smooth one where tracks are few, plus the floor."""
     away = data - mean
     count = share.sum()
     sample = (share[:, None] * away).T @ away / count
     pull = SHRINKAGE / (SHRINKAGE + count)
     floor = FLOOR**2 * np.eye(DIMENSIONS)
-    return np.asarray((1 - pull) * sample + pull * _smooth_target(sample) + floor)
+    return np.asarray((1 - pull) * sample + pull * _build_smooth_target(sample) + floor)
 
 
-def _smooth_target(sample: FloatArray) -> FloatArray:
+def _build_smooth_target(sample: FloatArray) -> FloatArray:
     """The same variances, x and y independent, neighbouring waypoints alike."""
     index, axis = np.divmod(np.arange(DIMENSIONS), 2)
     alike = np.exp(-0.5 * (np.subtract.outer(index, index) / SMOOTHNESS) ** 2)
@@ -165,14 +168,14 @@ def _smooth_target(sample: FloatArray) -> FloatArray:
     return np.asarray(alike * np.outer(spread, spread))
 
 
-def _bases(dense: FloatArray, share: FloatArray, means: FloatArray) -> FloatArray:
+def _compute_bases(dense: FloatArray, share: FloatArray, means: FloatArray) -> FloatArray:
     """[C, DENSE, 2] mean dense path of each component, through its mean waypoints."""
     bases = np.einsum("nc,npd->cpd", share, dense) / share.sum(axis=0)[:, None, None]
     bases[:, ::PER_INTERVAL] = means.reshape(-1, K, 2)
     return np.asarray(bases)
 
 
-def counts_of(hour: CorpusHour, window: float) -> FloatArray:
+def count_present(hour: CorpusHour, window: float) -> FloatArray:
     """[n, 2] vehicles and pedestrians present in successive windows of an hour."""
     begins = np.arange(0.0, 3600.0 - window, WINDOW)
     kind, first, last = hour.presence.T
@@ -180,43 +183,46 @@ def counts_of(hour: CorpusHour, window: float) -> FloatArray:
     return np.stack([(present & (kind == c)).sum(axis=1) for c in (0, 1)], axis=1).astype(float)
 
 
-def _hour_prior(hours: Sequence[CorpusHour], hour: int, window: float) -> CountPrior:
+def _fit_hour(hours: Sequence[CorpusHour], hour: int, window: float) -> CountPrior:
     """p_tod of an hour, from its windows and a few of the hours before and after.
 
-    An hour of a few days knows too little of how days differ; its neighbours help.
+    An hour of a few days shows too little of how days differ; its neighbours help.
     """
     every = {hour: 1, (hour - 1) % HOURS: NEIGHBOURS, (hour + 1) % HOURS: NEIGHBOURS}
     return fit_counts(
-        np.concatenate([counts_of(h, window)[:: every[h.hour]] for h in hours if h.hour in every])
+        np.concatenate(
+            [count_present(h, window)[:: every[h.hour]] for h in hours if h.hour in every]
+        )
     )
 
 
 def fit_counts(counts: FloatArray) -> CountPrior:
     """A mixture over (vehicles, pedestrians) [n, 2]; components by BIC."""
-    models = [_mixture(counts, n, _COUNT_FLOOR) for n in range(1, _MOST_COUNT_COMPONENTS + 1)]
+    models = [_fit_mixture(counts, n, _COUNT_FLOOR) for n in range(1, _MOST_COUNT_COMPONENTS + 1)]
     best = min(models, key=lambda model: float(model.bic(counts)))
     return CountPrior(best.weights_, best.means_, best.covariances_)
 
 
-def _frequency(place: IntersectionMap, corpus: Sequence[CorpusHour]) -> dict[str, FloatArray]:
+def _compute_frequency(
+    intersection_map: IntersectionMap, corpus: Sequence[CorpusHour]
+) -> dict[str, FloatArray]:
     """Mean trips per hour of each route; of jaywalking an assumed share of its crosswalk's."""
-    total = {route.id: np.zeros(HOURS) for route in place.routes}
+    total = {route.id: np.zeros(HOURS) for route in intersection_map.routes}
     days = np.zeros(HOURS)
     for hour in corpus:
         days[hour.hour] += 1
-        for route, count in Counter(trip.route for trip in hour.trips).items():
-            total[route][hour.hour] += count
+        for name, count in Counter(trip.route for trip in hour.trips).items():
+            total[name][hour.hour] += count
     rates = {route: counts / np.maximum(days, 1) for route, counts in total.items()}
-    return {route.id: _or_jaywalking(route, rates) for route in place.routes}
+    found = dict(rates)
+    for route in intersection_map.routes:
+        if route.movement == "jaywalking":
+            crossing = route.id.rsplit(":", 1)[0] + ":"
+            same = (rate for name, rate in rates.items() if name.startswith(crossing))
+            found[route.id] = np.asarray(JAYWALK_SHARE * sum(same))
+    return found
 
 
-def _or_jaywalking(route: Route, rates: Mapping[str, FloatArray]) -> FloatArray:
-    if route.movement != "jaywalking":
-        return rates[route.id]
-    same = route.id.rsplit(":", 1)[0] + ":"
-    return np.asarray(JAYWALK_SHARE * sum(r for name, r in rates.items() if name.startswith(same)))
-
-
-def _subtype_shares(trips: Sequence[Trip]) -> dict[str, float]:
+def _compute_subtype_shares(trips: Sequence[Trip]) -> dict[str, float]:
     seen = Counter(trip.subtype or "car" for trip in trips)
     return {name: round(seen[name] / sum(seen.values()), 4) for name in sorted(seen)}

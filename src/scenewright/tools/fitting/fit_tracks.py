@@ -1,8 +1,8 @@
 """Priors of an imported intersection from recorded tracks, few or many.
 
-The tracks are put in the map's frame, matched to routes, and what they tell is mixed with what the
-map and the pool tell: nothing needs to be complete. What they tell of p_wp is measured on tracks
-held out by recording, with and without pooling.
+The tracks are moved to the map's frame and matched to routes, and what they show is combined with
+the map and the pool: nothing needs to be complete. Their value for p_wp is measured on tracks held
+out by recording, with and without pooling.
 """
 
 from __future__ import annotations
@@ -11,375 +11,383 @@ import csv
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.geometry.geographic import LatLon, project_to_metres
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.fitting.derive_priors import (
-    Lines,
-    assumed_frequency,
-    derived_counts,
-    derived_priors,
-)
+from scenewright.tools.fitting.derive_priors import assume_frequency, derive_counts, derive_priors
 from scenewright.tools.fitting.partial_tracks import (
-    kept,
-    offset_nll,
-    partial_prior,
-    pooled_partial,
-    unpooled_prior,
+    compute_offset_nll,
+    fit_partial_prior,
+    fit_unpooled_prior,
+    keep_on_line,
+    pool_partial_tracks,
 )
-from scenewright.tools.fitting.path_frame import Pool, kind_of, narrow_to_route, shipped_pool
+from scenewright.tools.fitting.path_frame import (
+    Pool,
+    classify_route,
+    load_shipped_pool,
+    scale_pool,
+)
 from scenewright.tools.fitting.route_matching import Match, Matcher
 from scenewright.tools.gmm_sampler.priors import HOURS, DrivingProfilePrior, Priors, WaypointPrior
+from scenewright.tools.map_import.map_parts import RouteLines
 from scenewright.tools.track_io.track_files import FileTracks
 
-_EARTH = 6_378_137.0
 _RATE_WEIGHT = 4.0
 """How many trips the assumed demand of a route weighs as much as."""
-_LAW_WEIGHT = 10.0
-"""How many tracks a borrowed time law weighs as much as."""
+_PROFILE_WEIGHT = 10.0
+"""How many tracks a borrowed driving profile weighs as much as."""
 _SHARES = (0.1, 0.25, 0.5, 1.0)
 _FLOWING = {"vehicle": 2.5, "pedestrian": 0.4}
-_MOST_COUNT = 100_000.0
-_LEAST_OFFSETS = 30
-_FARTHEST_SHIFT = 3.0
+_MAX_COUNT = 100_000.0
+_MIN_OFFSETS = 60
+_MAX_SHIFT = 3.0
 
-Matched = Mapping[str, Mapping[int, list[FloatArray]]]
-"""Offsets [K] of tracks, by route and line."""
-Lanes = Mapping[str, Sequence[FloatArray]]
+LaneOffsets = Mapping[str, Sequence[FloatArray]]
 """By turn, for each lane of a place without a map [n, K] offsets from its middle [m]."""
+_Pair = tuple[Match, Track]
+_Offsets = Mapping[str, Sequence[FloatArray]]
+"""By route, for each line [n, K] offsets of the tracks that keep to it [m]."""
+
+
+@dataclass(frozen=True)
+class FrameChange:
+    """How positions of files get to the map's frame.
+
+    Attributes:
+        origin: of the map; track_origin: of the tracks, where their files do not state it.
+        shift: added to the tracks' positions instead [m].
+    """
+
+    origin: LatLon | None = None
+    track_origin: LatLon | None = None
+    shift: tuple[float, float] | None = None
+
+    def compute_shift(self, file: FileTracks) -> FloatArray:
+        """[2] what is added to positions of a file [m]."""
+        if self.shift is not None:
+            return np.array(self.shift)
+        own = self.track_origin or file.origin
+        if own is None or self.origin is None:
+            return np.zeros(2)
+        return project_to_metres(self.origin, own)
+
+
+@dataclass(frozen=True)
+class HeldOutRow:
+    """p_wp on tracks held out by recording, fitted on a share of the others.
+
+    Attributes:
+        tracks: fitted on; pooled, unpooled: nats per waypoint observed.
+    """
+
+    share: float
+    tracks: int
+    pooled: float
+    unpooled: float
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
-    """What recorded tracks gave.
+class FittedTracks:
+    """Priors fitted on recorded tracks, and how.
 
     Attributes:
-        priors: the whole set; matched: tracks by route id; off, open_: tracks on no route, and
-            tracks that end before their way parts from others.
-        heldout: rows of (share of the tracks, tracks, pooled, unpooled) of p_wp, in nats per
-            waypoint seen; empty where there were too few.
-        lines: what was done, for people.
-        seen: [T, 2] positions of the matched tracks in the map's frame [m].
-        matches: of the same tracks.
-        moved: [2] what took each file's positions to the map's frame [m], by the file's name.
+        off_route, open_route: tracks on no route, and those that end before routes part.
+        heldout: empty where there were too few tracks.
+        notes: what was done, one fact a line.
+        positions: [T, 2] of the matched tracks in the map's frame [m]; matches: of the same.
+        shifts: [2] what took each file's positions to the map's frame [m], by the file's name.
     """
 
     priors: Priors
-    matched: Mapping[str, int]
-    off: int
-    open_: int
-    heldout: tuple[tuple[float, int, float, float], ...]
-    lines: tuple[str, ...]
-    seen: tuple[FloatArray, ...]
+    off_route: int
+    open_route: int
+    heldout: tuple[HeldOutRow, ...]
+    notes: tuple[str, ...]
+    positions: tuple[FloatArray, ...]
     matches: tuple[Match, ...]
-    moved: Mapping[str, FloatArray]
+    shifts: Mapping[str, FloatArray]
+
+    @property
+    def matched(self) -> dict[str, int]:
+        """Tracks by route id."""
+        return dict(Counter(match.route for match in self.matches))
 
 
 def fit_tracks(
-    place: IntersectionMap,
-    ways: Lines,
+    intersection_map: IntersectionMap,
+    route_lines: RouteLines,
     files: Sequence[FileTracks],
+    frame: FrameChange,
     *,
-    origin: tuple[float, float] | None,
-    track_origin: tuple[float, float] | None = None,
-    shift: tuple[float, float] | None = None,
     begin: float | None = None,
     hourly: Mapping[str, FloatArray] | None = None,
-    elsewhere: Lanes | None = None,
-) -> Fitted:
+    elsewhere: LaneOffsets | None = None,
+) -> FittedTracks:
     """Priors from recorded tracks.
 
     Args:
-        origin: latitude and longitude of the map's origin [deg]; track_origin: of the tracks'.
-        shift: added to the tracks' positions instead [m].
         begin: time of day of recordings that state none [h].
         hourly: [24] vehicles (and pedestrians) an hour, counted elsewhere.
-        elsewhere: how drivers of another place keep to their lanes, for the pool.
+        elsewhere: how vehicles of another place keep to their lanes, for the pool.
 
     Raises:
         InputError: no track lies on the map.
     """
-    matcher = Matcher(place, ways)
-    lines: list[str] = []
-    sessions: dict[str, list[FileTracks]] = defaultdict(list)
-    for file in files:
-        sessions[file.session].append(file)
-    base = {
-        name: _registered(name, own, matcher, origin, track_origin, shift, lines)
-        for name, own in sessions.items()
-    }
-    kinds = {route.id: route.type for route in place.routes}
-    moved = {
-        file.name: frame_shift(file, origin, track_origin, shift) + base[file.session]
-        for file in files
-    }
-    by_file: list[tuple[FileTracks, list[tuple[Match, Track]]]] = []
-    reasons: Counter[str] = Counter()
-    for file in files:
-        found = []
-        for subtype, track in file.tracks:
-            if subtype == "bicycle":
-                reasons["bicycle"] += 1
-                continue
-            kind = "pedestrian" if subtype == "pedestrian" else "vehicle"
-            xy = track.xy + moved[file.name]
-            result = matcher.match(xy, kind)
-            if isinstance(result, Match):
-                found.append((result, Track(xy, track.heading, track.start)))
-            else:
-                reasons[result.reason] += 1
-        by_file.append((file, found))
-    every = [pair for _, found in by_file for pair in found]
-    if not every:
+    notes: list[str] = []
+    matcher = Matcher(intersection_map, route_lines)
+    shifts = _register_files(files, matcher, frame, notes)
+    recordings, reasons = _match_files(files, matcher, shifts)
+    pairs = [pair for recording in recordings for pair in recording]
+    if not pairs:
         raise InputError(
             "no track lies on a way through the map; are they in its frame? give --origin LAT,LON "
             "of the tracks, or --shift X,Y"
         )
-    matched = Counter(match.route for match, _ in every)
-    lines.append(_counted(every, reasons))
-    priors = _priors(place, ways, _grouped(m for m, _ in every), elsewhere)
-    frequency = _frequency(place, by_file, begin, hourly, lines)
-    counts, instants = derived_counts(place, frequency, stay=_stay(every, kinds))
-    laws = _laws(place, every, priors.time_laws)
-    priors = replace(priors, frequency=frequency, counts=counts, instants=instants, time_laws=laws)
-    heldout = tuple(heldout_table(place, ways, [found for _, found in by_file], elsewhere))
-    return Fitted(
-        priors,
-        dict(matched),
-        reasons["off"],
-        reasons["open"],
-        heldout,
-        tuple(lines),
-        tuple(track.xy for _, track in every),
-        tuple(match for match, _ in every),
-        moved,
+    matches = tuple(match for match, _ in pairs)
+    notes.append(_describe_matches(matches, reasons))
+    fit = WaypointFit(intersection_map, route_lines, matches, elsewhere)
+    derived = derive_priors(intersection_map, route_lines)
+    frequency = _fit_frequency(intersection_map, files, recordings, begin, hourly, notes)
+    stay = _estimate_stay(intersection_map, pairs)
+    counts, instants = derive_counts(intersection_map, frequency, stay=stay)
+    priors = replace(
+        derived,
+        waypoints={**derived.waypoints, **fit.fit_priors(predictive=False)},
+        frequency=frequency,
+        counts=counts,
+        instants=instants,
+        driving_profiles=_fit_profiles(intersection_map, pairs, derived.driving_profiles),
+    )
+    return FittedTracks(
+        priors=priors,
+        off_route=reasons["off"],
+        open_route=reasons["open"],
+        heldout=tuple(_evaluate_heldout(intersection_map, route_lines, recordings, elsewhere)),
+        notes=tuple(notes),
+        positions=tuple(track.xy for _, track in pairs),
+        matches=matches,
+        shifts=shifts,
     )
 
 
-def _registered(
-    name: str,
-    files: Sequence[FileTracks],
-    matcher: Matcher,
-    origin: tuple[float, float] | None,
-    track_origin: tuple[float, float] | None,
-    shift: tuple[float, float] | None,
-    lines: list[str],
+def _register_files(
+    files: Sequence[FileTracks], matcher: Matcher, frame: FrameChange, notes: list[str]
+) -> dict[str, FloatArray]:
+    """By file, [2] what is added to its positions: as stated, and a small shift by session."""
+    sessions: dict[str, list[FileTracks]] = defaultdict(list)
+    for file in files:
+        sessions[file.session].append(file)
+    moved = {}
+    for name, own in sessions.items():
+        moved[name] = shift = _register_session(own, matcher, frame)
+        if shift.any():
+            notes.append(
+                f"{name}: moved by {shift[0]:+.2f} m east, {shift[1]:+.2f} m north, on to the lanes"
+            )
+    return {file.name: frame.compute_shift(file) + moved[file.session] for file in files}
+
+
+def _register_session(
+    files: Sequence[FileTracks], matcher: Matcher, frame: FrameChange
 ) -> FloatArray:
     """The small shift [m] under which tracks of vehicles lie on the lanes best, on the median.
 
-    Origins are stated to a metre or so, and maps are drawn from pictures. A shift of up to
-    _FARTHEST_SHIFT is looked for, in a few steps of weighted least squares.
+    Origins are stated to a metre or so, and maps are drawn from pictures. A small shift is found
+    in a few steps of weighted least squares; none if it is too large or hardly any.
     """
+    tracks = [
+        (frame.compute_shift(file), track.xy)
+        for file in files
+        for subtype, track in file.tracks
+        if subtype not in ("pedestrian", "bicycle")
+    ]
     moved = np.zeros(2)
     for _ in range(4):
-        normals, offsets = [], []
-        for file in files:
-            own = frame_shift(file, origin, track_origin, shift) + moved
-            for subtype, track in file.tracks:
-                found = (
-                    matcher.match(track.xy + own, "vehicle")
-                    if subtype not in ("pedestrian", "bicycle")
-                    else None
-                )
-                if isinstance(found, Match):
-                    seen = np.isfinite(found.beside)
-                    normals += list(matcher.normals(found)[seen])
-                    offsets += list(found.beside[seen])
-        if len(offsets) < 2 * _LEAST_OFFSETS:
+        found = (matcher.match(xy + (stated + moved), "vehicle") for stated, xy in tracks)
+        matches = [match for match in found if isinstance(match, Match)]
+        seen = [np.isfinite(match.offsets) for match in matches]
+        offsets = [match.offsets[own] for match, own in zip(matches, seen, strict=True)]
+        if sum(map(len, offsets)) < _MIN_OFFSETS:
             return np.zeros(2)
-        n, d = np.array(normals), np.array(offsets)
+        normals = [matcher.compute_normals(m)[own] for m, own in zip(matches, seen, strict=True)]
+        n, d = np.concatenate(normals), np.concatenate(offsets)
         weight = 1.0 / np.maximum(np.abs(d), 0.2)
         step = np.linalg.lstsq(n * weight[:, None], -d * weight, rcond=None)[0]
         moved = moved + step
-        if float(np.hypot(*moved)) > _FARTHEST_SHIFT:
+        if float(np.hypot(*moved)) > _MAX_SHIFT:
             return np.zeros(2)
         if float(np.hypot(*step)) < 0.02:
             break
-    if float(np.hypot(*moved)) < 0.1:
-        return np.zeros(2)
-    lines.append(
-        f"{name}: moved by {moved[0]:+.2f} m east, {moved[1]:+.2f} m north, on to the lanes"
-    )
-    return moved
+    return moved if float(np.hypot(*moved)) >= 0.1 else np.zeros(2)
 
 
-def _counted(every: Sequence[tuple[Match, Track]], reasons: Counter[str]) -> str:
-    away = float(np.median([match.away for match, _ in every]))
+def _match_files(
+    files: Sequence[FileTracks], matcher: Matcher, shifts: Mapping[str, FloatArray]
+) -> tuple[list[list[_Pair]], Counter[str]]:
+    """By file the matched tracks in the map's frame, and why how many others are left out."""
+    recordings: list[list[_Pair]] = []
+    reasons: Counter[str] = Counter()
+    for file in files:
+        recordings.append([])
+        for subtype, track in file.tracks:
+            if subtype == "bicycle":
+                reasons["bicycle"] += 1
+                continue
+            xy = track.xy + shifts[file.name]
+            found = matcher.match(xy, "pedestrian" if subtype == "pedestrian" else "vehicle")
+            if isinstance(found, Match):
+                recordings[-1].append((found, Track(xy, track.heading, track.start)))
+            else:
+                reasons[found.reason] += 1
+    return recordings, reasons
+
+
+def _describe_matches(matches: Sequence[Match], reasons: Counter[str]) -> str:
+    away = float(np.median([match.distance for match in matches]))
     return (
-        f"{len(every)} tracks on routes (median {away:.2f} m from the middle), "
+        f"{len(matches)} tracks on routes (median {away:.2f} m from the middle), "
         f"{reasons['open']} end before their way parts from others, {reasons['off']} on none, "
         f"{reasons['bicycle']} bicycles left out"
     )
 
 
-def frame_shift(
-    file: FileTracks,
-    origin: tuple[float, float] | None,
-    track_origin: tuple[float, float] | None = None,
-    shift: tuple[float, float] | None = None,
-) -> FloatArray:
-    """What is stated to take positions of a file to the map's frame [m]; see `fit_tracks`."""
-    if shift is not None:
-        return np.array(shift)
-    own = track_origin or file.origin
-    if own is None or origin is None:
-        return np.zeros(2)
-    east = _EARTH * math.cos(math.radians(origin[0])) * math.radians(own[1] - origin[1])
-    return np.array([east, _EARTH * math.radians(own[0] - origin[0])])
+@dataclass(frozen=True, eq=False)
+class WaypointFit:
+    """Matched tracks of an intersection, and the pools that they and others make.
 
-
-def _grouped(matches: Iterable[Match]) -> dict[str, dict[int, list[FloatArray]]]:
-    groups: dict[str, dict[int, list[FloatArray]]] = defaultdict(lambda: defaultdict(list))
-    for match in matches:
-        groups[match.route][match.line].append(match.beside)
-    return groups
-
-
-def _stacked(groups: Matched, route: str, count: int) -> list[FloatArray]:
-    """By line, [n, K] offsets of the tracks that keep to it."""
-    own = groups.get(route, {})
-    return [kept(np.array(own.get(n, [])).reshape(-1, K)) for n in range(count)]
-
-
-def pools_of(
-    place: IntersectionMap, ways: Lines, groups: Matched, elsewhere: Lanes | None = None
-) -> dict[str, FloatArray]:
-    """The pools of every kind of route from all the tracks of that kind.
-
-    Args:
-        elsewhere: by turn, for each lane of another place [n, K] offsets from its middle [m].
+    Attributes:
+        offsets: of the tracks that keep to their line.
+        pools: of every kind of route, from all the tracks of that kind.
     """
-    shipped = shipped_pool()
-    by_kind: dict[str, list[FloatArray]] = defaultdict(list)
-    base: dict[str, FloatArray] = {}
-    for route in place.routes:
-        if route.movement != "jaywalking":
-            by_kind[kind_of(route)] += _stacked(groups, route.id, len(ways[route.id]))
-            base[kind_of(route)] = narrow_to_route(route, shipped)
-    for turn, lanes in (elsewhere or {}).items():
-        by_kind[turn] += lanes
-        base.setdefault(turn, shipped[turn])
-    return {**shipped, **{kind: pooled_partial(t, base[kind]) for kind, t in by_kind.items()}}
+
+    intersection_map: IntersectionMap
+    route_lines: RouteLines
+    matches: Sequence[Match]
+    elsewhere: LaneOffsets | None = None
+    offsets: _Offsets = field(init=False)
+    pools: Pool = field(init=False)
+
+    def __post_init__(self) -> None:
+        groups: dict[str, dict[int, list[FloatArray]]] = defaultdict(lambda: defaultdict(list))
+        for match in self.matches:
+            groups[match.route][match.line].append(match.offsets)
+        offsets = {
+            route.id: [
+                keep_on_line(np.array(groups[route.id][n]).reshape(-1, K))
+                for n in range(len(self.route_lines[route.id]))
+            ]
+            for route in self.intersection_map.routes
+            if route.movement != "jaywalking"
+        }
+        object.__setattr__(self, "offsets", offsets)
+        object.__setattr__(self, "pools", self._pool_tracks())
+
+    def _pool_tracks(self) -> Pool:
+        shipped = load_shipped_pool()
+        by_kind: dict[str, list[FloatArray]] = defaultdict(list)
+        base: dict[str, FloatArray] = {}
+        for route in self.intersection_map.routes:
+            if route.movement != "jaywalking":
+                by_kind[classify_route(route)] += self.offsets[route.id]
+                base[classify_route(route)] = scale_pool(route, shipped)
+        for turn, lanes in (self.elsewhere or {}).items():
+            by_kind[turn] += lanes
+            base.setdefault(turn, shipped[turn])
+        return {**shipped, **{k: pool_partial_tracks(t, base[k]) for k, t in by_kind.items()}}
+
+    def fit_priors(self, *, predictive: bool) -> dict[str, WaypointPrior]:
+        """By route id, p_wp of all routes but jaywalking ones.
+
+        Args:
+            predictive: for tracks of another recording than the matched ones, where recordings
+                differ and the map may be off (`fit_partial_prior`); not for drawing scenes.
+        """
+        return {
+            route.id: fit_partial_prior(
+                route, self.route_lines[route.id], self.offsets[route.id], pool=self.pools,
+                predictive=predictive,
+            )
+            for route in self.intersection_map.routes
+            if route.movement != "jaywalking"
+        }  # fmt: skip
 
 
-def _priors(
-    place: IntersectionMap, ways: Lines, groups: Matched, elsewhere: Lanes | None
-) -> Priors:
-    pools = pools_of(place, ways, groups, elsewhere)
-    derived = derived_priors(place, ways)
-    fitted = _waypoints(place, ways, groups, pools, predictive=False)
-    return replace(derived, waypoints={**derived.waypoints, **fitted})
-
-
-def _waypoints(
-    place: IntersectionMap, ways: Lines, groups: Matched, pools: Pool, *, predictive: bool
-) -> dict[str, WaypointPrior]:
-    """By route id, p_wp of those that were matched or could have been."""
-    return {
-        route.id: partial_prior(
-            route,
-            ways[route.id],
-            _stacked(groups, route.id, len(ways[route.id])),
-            pool=pools,
-            predictive=predictive,
-        )
-        for route in place.routes
-        if route.movement != "jaywalking"
-    }
-
-
-def heldout_table(
-    place: IntersectionMap,
-    ways: Lines,
-    recordings: Sequence[Sequence[tuple[Match, Track]]],
-    elsewhere: Lanes | None = None,
-) -> list[tuple[float, int, float, float]]:
-    """p_wp on tracks held out by recording (one recording: by time), as fewer tracks are fitted on.
-
-    Rows of (share, tracks fitted on, pooled, unpooled) in nats per waypoint seen; None if the
-    tracks are too few to hold any out.
-    """
-    folds = _folds(recordings)
-    if folds is None:
-        return []
-    rows = []
-    for share in _SHARES:
-        pooled_nll: list[float] = []
-        own_nll: list[float] = []
+def _evaluate_heldout(
+    intersection_map: IntersectionMap,
+    route_lines: RouteLines,
+    recordings: Sequence[Sequence[_Pair]],
+    elsewhere: LaneOffsets | None,
+) -> Iterable[HeldOutRow]:
+    """p_wp on held-out tracks as fewer tracks are fitted on; nothing where they are too few."""
+    folds = _split_folds(recordings)
+    for share in _SHARES if folds else ():
+        pooled: list[float] = []
+        unpooled: list[float] = []
         sizes = []
-        for n in range(len(folds)):
-            train = [pair for k, fold in enumerate(folds) if k != n for pair in fold]
+        for n, test in enumerate(folds):
+            train = [match for k, fold in enumerate(folds) if k != n for match in fold]
             train = train[:: max(round(1.0 / share), 1)]
             sizes.append(len(train))
-            groups = _grouped(m for m, _ in train)
-            pools = pools_of(place, ways, groups, elsewhere)
-            for route in place.routes:
-                tests = [m for m, _ in folds[n] if m.route == route.id]
-                if not tests:
-                    continue
-                lines = ways[route.id]
-                beside = _stacked(groups, route.id, len(lines))
-                both = (
-                    partial_prior(route, lines, beside, pool=pools, predictive=True),
-                    unpooled_prior(route, lines, beside),
-                )
-                for match in tests:
-                    if not len(kept(match.beside[None])):
-                        continue
-                    row = match.beside[None]
-                    line = lines[match.line]
-                    only = [_one(prior, match.line) for prior in both]
-                    pooled_nll.append(float(offset_nll(only[0], line, row)[0]))
-                    own_nll.append(float(offset_nll(only[1], line, row)[0]))
-        if pooled_nll:
-            rows.append(
-                (share, int(np.mean(sizes)), float(np.mean(pooled_nll)), float(np.mean(own_nll)))
-            )
-    return rows
+            fit = WaypointFit(intersection_map, route_lines, train, elsewhere)
+            tested = {match.route for match in test}
+            own = {
+                r.id: fit_unpooled_prior(r, route_lines[r.id], fit.offsets[r.id])
+                for r in intersection_map.routes
+                if r.id in tested
+            }
+            pooled += _compute_nlls(fit.fit_priors(predictive=True), route_lines, test)
+            unpooled += _compute_nlls(own, route_lines, test)
+        if pooled:
+            means = float(np.mean(pooled)), float(np.mean(unpooled))
+            yield HeldOutRow(share, int(np.mean(sizes)), *means)
 
 
-def foretelling(
-    place: IntersectionMap, ways: Lines, matches: Sequence[Match]
-) -> dict[str, WaypointPrior]:
-    """By route id, p_wp for tracks of another recording than the matched ones.
-
-    Unlike the priors that scenes are drawn from, these know that recordings differ and that a map
-    may be off (`partial_prior`).
-    """
-    groups = _grouped(matches)
-    return _waypoints(place, ways, groups, pools_of(place, ways, groups), predictive=True)
-
-
-def foretold(
-    place: IntersectionMap, ways: Lines, matches: Sequence[Match], *, pool: Pool
+def compute_cross_validated_nll(
+    intersection_map: IntersectionMap,
+    route_lines: RouteLines,
+    matches: Sequence[Match],
+    *,
+    pool: Pool,
 ) -> list[float]:
-    """How a pool foretells the tracks of a place none of which it has seen [nats per waypoint].
+    """-log p_wp under a pool of the tracks of a place that it has not seen [nats per waypoint].
 
     Each track's line is known; lower is better.
     """
+    priors = {
+        route.id: fit_partial_prior(
+            route, lines, [np.zeros((0, K))] * len(lines), pool=pool, predictive=True
+        )
+        for route in intersection_map.routes
+        if (lines := route_lines.get(route.id)) and any(m.route == route.id for m in matches)
+    }
+    return _compute_nlls(priors, route_lines, matches)
+
+
+def _compute_nlls(
+    priors: Mapping[str, WaypointPrior], route_lines: RouteLines, matches: Sequence[Match]
+) -> list[float]:
+    """Of each track that keeps to its line, which is known, by route [nats per waypoint]."""
     found = []
-    for route in place.routes:
-        mine = [m for m in matches if m.route == route.id and len(kept(m.beside[None]))]
-        if not mine:
-            continue
-        lines = ways[route.id]
-        nothing = [np.zeros((0, K))] * len(lines)
-        prior = partial_prior(route, lines, nothing, pool=pool, predictive=True)
-        for match in mine:
-            only, row = _one(prior, match.line), match.beside[None]
-            found.append(float(offset_nll(only, lines[match.line], row)[0]))
+    for route, prior in priors.items():
+        for match in matches:
+            offsets = match.offsets[None]
+            if match.route == route and len(keep_on_line(offsets)):
+                line, own = route_lines[route][match.line], _select_component(prior, match.line)
+                found.append(float(compute_offset_nll(own, line, offsets)[0]))
     return found
 
 
-def _one(prior: WaypointPrior, line: int) -> WaypointPrior:
-    """The component of one line alone: which line a track keeps to is known here."""
+def _select_component(prior: WaypointPrior, line: int) -> WaypointPrior:
+    """The component of one line alone."""
     return replace(
         prior,
         weights=np.ones(1),
@@ -389,138 +397,140 @@ def _one(prior: WaypointPrior, line: int) -> WaypointPrior:
     )
 
 
-def _folds(
-    recordings: Sequence[Sequence[tuple[Match, Track]]],
-) -> list[list[tuple[Match, Track]]] | None:
-    """Four groups of recordings, or of stretches of time of the only one."""
-    full = [list(r) for r in recordings if r]
+def _split_folds(recordings: Sequence[Sequence[_Pair]]) -> list[list[Match]]:
+    """Four groups of recordings, or of stretches of time of the only one; none of few tracks."""
+    full = [[match for match, _ in recording] for recording in recordings if recording]
     if len(full) >= 4:
-        return [[pair for r in full[n::4] for pair in r] for n in range(4)]
+        return [[match for recording in full[n::4] for match in recording] for n in range(4)]
     if len(full) >= 2:
         return full
-    tracks = sorted(full[0], key=lambda pair: pair[1].start) if full else []
-    if len(tracks) < 16:
-        return None
-    return [list(part) for part in np.array_split(np.array(tracks, dtype=object), 4)]
+    pairs = [pair for recording in recordings for pair in recording]
+    ordered = [match for match, _ in sorted(pairs, key=lambda pair: pair[1].start)]
+    if len(ordered) < 16:
+        return []
+    parts = np.array_split(np.arange(len(ordered)), 4)
+    return [[ordered[i] for i in part] for part in parts]
 
 
-def _stay(every: Sequence[tuple[Match, Track]], kinds: Mapping[str, str]) -> float | None:
-    """How long vehicles are on the map [s], from those seen along most of their way."""
-    seen = [
-        len(track.xy) * STEP / max(float(np.isfinite(match.beside).mean()), 0.1)
-        for match, track in every
-        if kinds[match.route] == "vehicle" and np.isfinite(match.beside).mean() > 0.3
-    ]
+def _estimate_stay(intersection_map: IntersectionMap, pairs: Sequence[_Pair]) -> float | None:
+    """How long vehicles are on the map [s], from those observed along most of their path."""
+    kinds = {route.id: route.type for route in intersection_map.routes}
+    shares = [(track, float(np.isfinite(match.offsets).mean())) for match, track in pairs
+              if kinds[match.route] == "vehicle"]  # fmt: skip
+    seen = [len(track.xy) * STEP / max(share, 0.1) for track, share in shares if share > 0.3]
     return float(np.clip(np.mean(seen), 8.0, 90.0)) if len(seen) >= 5 else None
 
 
-def _frequency(
-    place: IntersectionMap,
-    by_file: Sequence[tuple[FileTracks, list[tuple[Match, Track]]]],
+def _fit_frequency(
+    intersection_map: IntersectionMap,
+    files: Sequence[FileTracks],
+    recordings: Sequence[Sequence[_Pair]],
     begin: float | None,
     hourly: Mapping[str, FloatArray] | None,
-    lines: list[str],
+    notes: list[str],
 ) -> dict[str, FloatArray]:
     """[24] trips an hour by route: the assumed demand, scaled by what was counted."""
-    frequency = assumed_frequency(place)
+    frequency = assume_frequency(intersection_map)
     if hourly is not None:
-        frequency = _to_table(place, frequency, hourly)
-        lines.append("how many come by at which hour: from the table")
+        frequency = _scale_to_table(intersection_map, frequency, hourly)
+        notes.append("how many come by at which hour: from the table")
     expected: dict[str, float] = dict.fromkeys(frequency, 0.0)
     seen: Counter[str] = Counter()
     seconds = 0.0
-    for file, found in by_file:
-        at = file.begin if file.begin is not None else begin
-        if at is None:
-            continue
-        hour = int(at) % HOURS
-        seconds += file.span
-        for route, rate in frequency.items():
-            expected[route] += float(rate[hour]) * file.span / 3600.0
-        seen.update(match.route for match, _ in found)
+    for file, recording in zip(files, recordings, strict=True):
+        start = file.begin if file.begin is not None else begin
+        if start is not None:
+            seconds += file.span
+            for route, rate in frequency.items():
+                expected[route] += float(rate[int(start) % HOURS]) * file.span / 3600.0
+            seen.update(match.route for match, _ in recording)
     if not seconds:
-        lines.append("no recording states its time of day (--start HH:MM): p_tod keeps the demand")
+        notes.append("no recording states its time of day (--start HH:MM): p_tod keeps the demand")
         return frequency
-    scale = {
-        route: (seen[route] + _RATE_WEIGHT) / (expected[route] + _RATE_WEIGHT)
-        for route in frequency
+    notes.append(f"p_tod scaled by {sum(seen.values())} trips in {seconds / 60:.1f} min")
+    return {
+        route: rate * ((seen[route] + _RATE_WEIGHT) / (expected[route] + _RATE_WEIGHT))
+        for route, rate in frequency.items()
     }
-    lines.append(f"p_tod scaled by {sum(seen.values())} trips in {seconds / 60:.1f} min")
-    return {route: rate * scale[route] for route, rate in frequency.items()}
 
 
-def _to_table(
-    place: IntersectionMap, frequency: Mapping[str, FloatArray], hourly: Mapping[str, FloatArray]
+def _scale_to_table(
+    intersection_map: IntersectionMap,
+    frequency: Mapping[str, FloatArray],
+    hourly: Mapping[str, FloatArray],
 ) -> dict[str, FloatArray]:
     result = dict(frequency)
     for kind, wanted in hourly.items():
-        own = [r.id for r in place.routes if r.type == kind]
+        own = [r.id for r in intersection_map.routes if r.type == kind]
         total = np.maximum(np.sum([frequency[name] for name in own], axis=0), 1e-9)
-        for name in own:
-            result[name] = frequency[name] / total * wanted
+        result |= {name: frequency[name] / total * wanted for name in own}
     return result
 
 
-def read_hourly(file: str | Path) -> dict[str, FloatArray]:
+def read_hourly_counts(file: str | Path) -> dict[str, FloatArray]:
     """[24] vehicles and pedestrians an hour from a CSV with columns hour, vehicles[, pedestrians].
 
     Raises:
         InputError: unreadable, an hour missing or twice, a count that is none.
     """
-    found: dict[str, FloatArray] = {}
     try:
         with Path(file).open(encoding="utf-8-sig", newline="") as stream:
             rows = list(csv.DictReader(stream))
     except (OSError, UnicodeDecodeError, csv.Error) as fault:
-        raise InputError(
-            f"cannot read {file}: {getattr(fault, 'strerror', None) or fault}"
-        ) from None
-    for column, kind in (("vehicles", "vehicle"), ("pedestrians", "pedestrian")):
-        if not rows or column not in rows[0]:
-            continue
-        counts = np.full(HOURS, np.nan)
-        for number, row in enumerate(rows, start=2):
-            try:
-                hour, count = int(row["hour"] or ""), float(row[column] or "")
-            except (KeyError, ValueError):
-                raise InputError(f"{file}, line {number}: hour and {column} are numbers") from None
-            if not (0 <= hour < HOURS and 0 <= count < _MOST_COUNT and math.isnan(counts[hour])):
-                raise InputError(f"{file}, line {number}: each hour 0 to 23 once, counts from 0")
-            counts[hour] = count
-        if np.isnan(counts).any():
-            raise InputError(f"{file} lacks {int(np.isnan(counts).sum())} of the 24 hours")
-        found[kind] = counts
+        reason = getattr(fault, "strerror", None) or fault
+        raise InputError(f"cannot read {file}: {reason}") from None
+    found = {
+        kind: _read_column(file, rows, column)
+        for column, kind in (("vehicles", "vehicle"), ("pedestrians", "pedestrian"))
+        if rows and column in rows[0]
+    }
     if not found:
         raise InputError(f"{file} has no column vehicles or pedestrians beside hour")
     return found
 
 
-def _laws(
-    place: IntersectionMap,
-    every: Sequence[tuple[Match, Track]],
+def _read_column(file: str | Path, rows: Sequence[dict[str, str]], column: str) -> FloatArray:
+    counts = np.full(HOURS, np.nan)
+    for number, row in enumerate(rows, start=2):
+        try:
+            hour, count = int(row["hour"] or ""), float(row[column] or "")
+        except (KeyError, ValueError):
+            raise InputError(f"{file}, line {number}: hour and {column} are numbers") from None
+        if not (0 <= hour < HOURS and 0 <= count < _MAX_COUNT and math.isnan(counts[hour])):
+            raise InputError(f"{file}, line {number}: each hour 0 to 23 once, counts from 0")
+        counts[hour] = count
+    if missing := int(np.isnan(counts).sum()):
+        raise InputError(f"{file} lacks {missing} of the 24 hours")
+    return counts
+
+
+def _fit_profiles(
+    intersection_map: IntersectionMap,
+    pairs: Sequence[_Pair],
     borrowed: Mapping[str, DrivingProfilePrior],
 ) -> dict[str, DrivingProfilePrior]:
-    """Borrowed time laws whose free speed leans on the speeds that were seen, by class and turn."""
+    """Borrowed driving profiles, their free speeds pulled to those observed, by class and turn."""
     speeds: dict[str, list[float]] = defaultdict(list)
-    routes = {route.id: route for route in place.routes}
-    for match, track in every:
+    routes = {route.id: route for route in intersection_map.routes}
+    for match, track in pairs:
         route = routes[match.route]
         speed = np.hypot(*(track.xy[5:] - track.xy[:-5]).T) / (5 * STEP)
         if len(speed) and float(speed.min()) > _FLOWING[route.type]:
-            speeds[kind_of(route)].append(float(np.quantile(speed, 0.9)))
+            speeds[classify_route(route)].append(float(np.quantile(speed, 0.9)))
     return {
-        route.id: _leaning(borrowed[route.id], speeds[kind_of(route)]) for route in place.routes
+        name: _pull_speed(borrowed[name], speeds[classify_route(route)])
+        for name, route in routes.items()
     }
 
 
-def _leaning(law: DrivingProfilePrior, speeds: Sequence[float]) -> DrivingProfilePrior:
+def _pull_speed(profile: DrivingProfilePrior, speeds: Sequence[float]) -> DrivingProfilePrior:
     if not speeds:
-        return law
-    logs = np.log(np.clip(speeds, law.low[0], law.high[0]))
-    share = len(logs) / (len(logs) + _LAW_WEIGHT)
-    median, spread = law.median.copy(), law.spread.copy()
+        return profile
+    logs = np.log(np.clip(speeds, profile.low[0], profile.high[0]))
+    share = len(logs) / (len(logs) + _PROFILE_WEIGHT)
+    median, spread = profile.median.copy(), profile.spread.copy()
     median[0] = math.exp(share * float(np.median(logs)) + (1 - share) * math.log(median[0]))
     own = float(1.4826 * np.median(np.abs(logs - np.median(logs))))
     spread[0] = max(share * own + (1 - share) * spread[0], 0.05)
-    median[0] = float(np.clip(median[0], law.low[0], law.high[0]))
-    return DrivingProfilePrior(median, spread, law.low, law.high, len(speeds))
+    median[0] = float(np.clip(median[0], profile.low[0], profile.high[0]))
+    return DrivingProfilePrior(median, spread, profile.low, profile.high, len(speeds))

@@ -1,7 +1,7 @@
-"""p_wp from tracks that show a part of their way: what was not seen is taken as the pool has it.
+"""p_wp from tracks that show a part of their path: the rest is estimated with the pool.
 
 One step of expectation maximisation with the pool as the model: each track's missing deviations
-are what the pool expects given those that were seen, and their uncertainty counts as spread.
+are what the pool expects given those that were observed, and their uncertainty counts as spread.
 """
 
 from __future__ import annotations
@@ -14,50 +14,44 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import Route
 from scenewright.tools.fitting.path_frame import (
+    FLOOR,
     SPREAD_WEIGHT,
     Pool,
-    centreline,
-    kind_of,
+    build_centreline,
+    build_prior,
+    classify_route,
 )
-from scenewright.tools.fitting.path_frame import prior_of as made_prior
 from scenewright.tools.gmm_sampler.priors import DIMENSIONS, WaypointPrior
 
-FLOOR = 0.10
-"""Standard deviation of every coordinate at least [m]."""
-MAP_ERROR = 0.6
+_MAP_ERROR = 0.6
 """How far the middle of a mapped lane is from the middle of the traffic on it [m]; assumed."""
-SESSION = 0.5
-"""How far the tracks of one recording lie beside those of another of the same lane [m]; chosen on
+_SESSION_ERROR = 0.5
+"""How far the tracks of one recording lie offsets those of another of the same lane [m]; chosen on
 one intersection (K733 of TAF-BW)."""
-ASTRAY = 2.2
-"""Farther beside the usual offset of its line, a track changes lanes or is none of it [m]."""
+_MAX_OFFSET = 2.2
+"""Farther offsets the usual offset of its line, a track changes lanes or is none of it [m]."""
 _LEFT = np.arange(DIMENSIONS) % 2 == 1
 
 
-def usual_offset(beside: FloatArray) -> float:
-    """Of tracks [n, K], the median distance to the left of their line [m]; 0 for none."""
-    seen = beside[np.isfinite(beside)]
-    return float(np.median(seen)) if len(seen) else 0.0
-
-
-def kept(beside: FloatArray) -> FloatArray:
+def keep_on_line(offsets: FloatArray) -> FloatArray:
     """The tracks [n, K] that keep to their line."""
-    if not len(beside):
-        return beside
-    away = np.abs(beside - usual_offset(beside))
+    if not len(offsets):
+        return offsets
+    seen = offsets[np.isfinite(offsets)]
+    away = np.abs(offsets - (float(np.median(seen)) if len(seen) else 0.0))
     worst = np.where(np.isfinite(away), away, 0.0).max(axis=1)
-    return np.asarray(beside[(worst < ASTRAY) & np.isfinite(beside).any(axis=1)])
+    return np.asarray(offsets[(worst < _MAX_OFFSET) & np.isfinite(offsets).any(axis=1)])
 
 
-def statistics(beside: FloatArray, pool: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+def _summarize(offsets: FloatArray, pool: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     """(n, mean [20], scatter [20, 20]) of deviations of tracks [n, K], parts of them unseen.
 
     Each track weighs as much as the share of its waypoints that were seen. The scatter is about
     the mean, the uncertainty of what was not seen included.
     """
     weight, total, second = 0.0, np.zeros(DIMENSIONS), np.zeros((DIMENSIONS, DIMENSIONS))
-    for row in beside:
-        expected, uncertain = _completed(row, pool)
+    for row in offsets:
+        expected, uncertain = _complete(row, pool)
         share = float(np.isfinite(row).mean())
         weight += share
         total += share * expected
@@ -68,8 +62,8 @@ def statistics(beside: FloatArray, pool: FloatArray) -> tuple[float, FloatArray,
     return weight, mean, np.asarray(second / weight - np.outer(mean, mean))
 
 
-def _completed(row: FloatArray, pool: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Expected deviations [20] given the offsets that were seen, and their covariance."""
+def _complete(row: FloatArray, pool: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Expected deviations [20] given the offsets that were observed, and their covariance."""
     seen = np.zeros(DIMENSIONS, dtype=bool)
     seen[_LEFT] = np.isfinite(row)
     values = row[np.isfinite(row)]
@@ -81,10 +75,10 @@ def _completed(row: FloatArray, pool: FloatArray) -> tuple[FloatArray, FloatArra
     return expected, np.asarray(pool - gain @ pool[seen])
 
 
-def partial_prior(
+def fit_partial_prior(
     route: Route,
     lines: Sequence[FloatArray],
-    beside: Sequence[FloatArray],
+    offsets: Sequence[FloatArray],
     *,
     pool: Pool,
     predictive: bool = False,
@@ -92,53 +86,55 @@ def partial_prior(
     """p_wp of a route from partial tracks, shrunk to the pool.
 
     Args:
-        predictive: whether it is to foretell tracks of another recording: then recordings differ,
+        predictive: whether it is to predict tracks of another recording: then recordings differ,
             and a line without tracks is as uncertain as its map. For generation neither counts;
-            people are kept in the middle of their lane.
+            agents are kept in the middle of their lane.
         lines: [P, 2] middles of the ways that it may take [m].
-        beside: for each line, [n, K] offsets of the tracks that keep to it [m], NaN where unseen.
+        offsets: for each line, [n, K] offsets of the tracks that keep to it [m], NaN where unseen.
     """
-    own = np.asarray(pool[kind_of(route)])
+    own = np.asarray(pool[classify_route(route)])
     means, spreads, weights = [], [], []
-    for tracks in beside:
-        count, mean, spread = statistics(tracks, own)
+    for tracks in offsets:
+        count, mean, spread = _summarize(tracks, own)
         pull = SPREAD_WEIGHT / (SPREAD_WEIGHT + count)
         within = (1 - pull) * spread + pull * own
-        centre, doubt = _centre(mean, within, count)
+        centre, doubt = _estimate_centre(mean, within, count)
         means.append(centre)
-        spreads.append(within + doubt + session_error() if predictive else within)
+        spreads.append(within + doubt + _compute_session_error() if predictive else within)
         weights.append(len(tracks) + 1.0)
-    return made_prior(
+    return build_prior(
         route,
-        [centreline(line) for line in lines],
+        [build_centreline(line) for line in lines],
         np.array(weights) / sum(weights),
         means,
         spreads,
-        tracks=sum(len(tracks) for tracks in beside),
+        tracks=sum(len(tracks) for tracks in offsets),
     )
 
 
-def _centre(mean: FloatArray, within: FloatArray, count: float) -> tuple[FloatArray, FloatArray]:
-    """Where people drive beside the map's middle, given the mean of so many tracks, and how sure.
+def _estimate_centre(
+    mean: FloatArray, within: FloatArray, count: float
+) -> tuple[FloatArray, FloatArray]:
+    """The mean offset from the map's middle given that of so many tracks, and its covariance.
 
-    The map's middle may be off (MAP_ERROR); so is the mean of few tracks, and a recording's
-    (SESSION). All are Gaussian.
+    The map's middle may be off (_MAP_ERROR); so is the mean of few tracks, and a recording's
+    (_SESSION_ERROR). All are Gaussian.
     """
-    prior = map_error()
+    prior = _compute_map_error()
     if count <= 0.0:
         return np.zeros(DIMENSIONS), prior
-    noise = (within + FLOOR**2 * np.eye(DIMENSIONS)) / count + session_error()
+    noise = (within + FLOOR**2 * np.eye(DIMENSIONS)) / count + _compute_session_error()
     gain = np.linalg.solve(prior + noise, prior).T
     return np.asarray(gain @ mean), np.asarray(prior - gain @ prior)
 
 
-def session_error() -> FloatArray:
-    """[20, 20] covariance of how far all tracks of one recording lie beside the truth [m^2]."""
-    return np.asarray((SESSION / MAP_ERROR) ** 2 * map_error())
+def _compute_session_error() -> FloatArray:
+    """[20, 20] covariance of how far all tracks of one recording lie offsets the truth [m^2]."""
+    return np.asarray((_SESSION_ERROR / _MAP_ERROR) ** 2 * _compute_map_error())
 
 
-def map_error() -> FloatArray:
-    """[20, 20] covariance of how far the map's middle is from where people drive [m^2].
+def _compute_map_error() -> FloatArray:
+    """[20, 20] covariance of how far the map's middle is from where traffic drives [m^2].
 
     Half of it is the same all along a way (a shift of the map), half of it comes and goes along it
     (a curve drawn differently).
@@ -146,24 +142,24 @@ def map_error() -> FloatArray:
     index = np.arange(K)
     near = np.exp(-0.5 * (np.subtract.outer(index, index) / 1.5) ** 2)
     result = np.zeros((DIMENSIONS, DIMENSIONS))
-    result[np.ix_(_LEFT, _LEFT)] = MAP_ERROR**2 * (0.5 + 0.5 * near)
+    result[np.ix_(_LEFT, _LEFT)] = _MAP_ERROR**2 * (0.5 + 0.5 * near)
     return result
 
 
-def pooled_partial(groups: Sequence[FloatArray], pool: FloatArray) -> FloatArray:
+def pool_partial_tracks(groups: Sequence[FloatArray], pool: FloatArray) -> FloatArray:
     """[20, 20] pool of one kind from the tracks of several lines, leaning on another pool."""
     count, scatter = 0.0, np.zeros_like(pool)
     for tracks in groups:
-        n, _, spread = statistics(tracks, pool)
+        n, _, spread = _summarize(tracks, pool)
         count, scatter = count + n, scatter + n * spread
     return np.asarray((scatter + SPREAD_WEIGHT * pool) / (count + SPREAD_WEIGHT))
 
 
-def offset_nll(prior: WaypointPrior, line: FloatArray, beside: FloatArray) -> FloatArray:
+def compute_offset_nll(prior: WaypointPrior, line: FloatArray, offsets: FloatArray) -> FloatArray:
     """[n] -log density of the offsets that were seen of tracks [n, K], per waypoint seen [nats]."""
-    ready = centreline(line)
+    ready = build_centreline(line)
     result = []
-    for row in beside:
+    for row in offsets:
         seen = np.zeros(DIMENSIONS, dtype=bool)
         seen[_LEFT] = np.isfinite(row)
         logs = []
@@ -179,26 +175,23 @@ def offset_nll(prior: WaypointPrior, line: FloatArray, beside: FloatArray) -> Fl
     return np.array(result)
 
 
-def unpooled_prior(
-    route: Route, lines: Sequence[FloatArray], beside: Sequence[FloatArray]
+def fit_unpooled_prior(
+    route: Route, lines: Sequence[FloatArray], offsets: Sequence[FloatArray]
 ) -> WaypointPrior:
     """For comparison: a Gaussian of the route's own tracks alone, 0.5 m wide without any."""
-    wide = 0.25 * np.eye(DIMENSIONS)
     means, spreads, weights = [], [], []
-    for tracks in beside:
-        centre = [
-            float(np.nanmean(column)) if np.isfinite(column).any() else 0.0 for column in tracks.T
-        ] if len(tracks) else [0.0] * K  # fmt: skip
-        mean, spread = np.zeros(DIMENSIONS), wide.copy()
-        mean[_LEFT] = centre
-        for k, column in enumerate(tracks.T if len(tracks) else np.zeros((K, 0))):
+    for tracks in offsets:
+        mean, variance = np.zeros(DIMENSIONS), np.full(DIMENSIONS, 0.25)
+        for k, column in enumerate(tracks.T):
             values = column[np.isfinite(column)]
+            if len(values):
+                mean[2 * k + 1] = float(np.mean(values))
             if len(values) >= 2:
-                spread[2 * k + 1, 2 * k + 1] = float(np.var(values, ddof=1)) + FLOOR**2
+                variance[2 * k + 1] = float(np.var(values, ddof=1)) + FLOOR**2
         means.append(mean)
-        spreads.append(spread)
+        spreads.append(np.diag(variance))
         weights.append(len(tracks) + 1.0)
-    return made_prior(
-        route, [centreline(line) for line in lines], np.array(weights) / sum(weights), means,
-        spreads, tracks=sum(len(tracks) for tracks in beside),
+    return build_prior(
+        route, [build_centreline(line) for line in lines], np.array(weights) / sum(weights), means,
+        spreads, tracks=sum(len(tracks) for tracks in offsets),
     )  # fmt: skip

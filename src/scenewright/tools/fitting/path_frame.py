@@ -1,6 +1,6 @@
-"""p_wp in the frame that moves along a movement's centreline: what carries from place to place.
+"""p_wp in the frame that moves along a movement's centreline: what carries over between places.
 
-How far people keep from the middle of their way, and how that changes along it, differs little
+How far agents keep from the middle of their path, and how that changes along it, differs little
 from one movement to another. In the moving frame (ahead, to the left) it can therefore be pooled:
 over the movements of one intersection, and from an intersection with many tracks to one with few
 or none. A route's prior is then its own centreline, its own tracks as far as there are any, and
@@ -15,28 +15,23 @@ from functools import cache
 
 import numpy as np
 
-from scenewright.intersections import load_map
+from scenewright.geometry.polyline import compute_tangents, resample_to_count
+from scenewright.geometry.spline import DENSE, PER_INTERVAL
+from scenewright.intersections import SHIPPED, load_map
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.tools.gmm_sampler.priors import (
-    DIMENSIONS,
-    WaypointPrior,
-    load_priors,
-)
+from scenewright.tools.gmm_sampler.priors import DIMENSIONS, WaypointPrior, load_priors
 from scenewright.tools.gmm_sampler.sample import sample_waypoints
-from scenewright.tools.gmm_sampler.spline import DENSE, PER_INTERVAL, tangents
 
-SHIPPED = "amsterdam_120"
-"""The intersection whose tracks fill the pool where one's own do not."""
 MEAN_WEIGHT = 3.0
 """How many tracks the centreline weighs as much as, for the mean."""
 SPREAD_WEIGHT = 12.0
 """How many tracks the pool weighs as much as, for the covariance."""
-_FLOOR = 0.10
-"""As in `fit`: the standard deviation that every coordinate has at least [m]."""
-_ASTRAY = 1.4
-"""Whoever is farther from every centreline changes lanes, and says nothing of keeping one [m]."""
+FLOOR = 0.10
+"""Standard deviation that every waypoint coordinate has at least [m]."""
+_MAX_OFFSETS = {"vehicle": 1.4, "pedestrian": 3.0}
+"""A track farther from every centreline changes lanes [m]."""
 _DRAWS = 300
 _SEED = 20_260
 _NARROWER = {"vehicle": 1.0, "pedestrian": 0.7}
@@ -48,7 +43,7 @@ Pool = Mapping[str, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Centreline:
-    """A reference line made ready.
+    """A reference line with its waypoints and frames.
 
     Attributes:
         dense: [DENSE, 2] points evenly along it; knots: [K, 2] its waypoints.
@@ -60,31 +55,26 @@ class Centreline:
     turn: FloatArray
 
 
-def centreline(line: FloatArray) -> Centreline:
+def build_centreline(line: FloatArray) -> Centreline:
     """A polyline [P, 2] as a reference line."""
-    dense = at_equal_length(line, DENSE)
+    dense = resample_to_count(line, DENSE)
     knots = dense[::PER_INTERVAL]
     turn = np.zeros((DIMENSIONS, DIMENSIONS))
-    for k, (c, s) in enumerate(tangents(dense)[::PER_INTERVAL]):
+    for k, (c, s) in enumerate(compute_tangents(dense)[::PER_INTERVAL]):
         turn[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = ((c, -s), (s, c))
     return Centreline(dense, knots, turn)
 
 
-def at_equal_length(line: FloatArray, count: int) -> FloatArray:
-    """[count, 2] points at equal arc length along a polyline."""
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    wanted = np.linspace(0.0, s[-1], count)
-    return np.stack([np.interp(wanted, s, line[:, axis]) for axis in (0, 1)], axis=1)
-
-
-def kind_of(route: Route) -> str:
-    """Which part of the pool a route belongs to: its turn, or walking."""
+def classify_route(route: Route) -> str:
+    """The part of the pool that a route belongs to: its turn, or walking."""
     if route.type == "vehicle" or route.movement == "jaywalking":
         return route.movement
     return "walking"
 
 
-def deviations(waypoints: FloatArray, lines: Sequence[Centreline]) -> tuple[FloatArray, FloatArray]:
+def compute_deviations(
+    waypoints: FloatArray, lines: Sequence[Centreline]
+) -> tuple[FloatArray, FloatArray]:
     """[n, 20] deviations (ahead, left) of waypoints [n, K, 2], and [n] which line is nearest."""
     flat = waypoints.reshape(-1, DIMENSIONS)
     own = np.stack([(flat - line.knots.ravel()) @ line.turn for line in lines])
@@ -92,8 +82,10 @@ def deviations(waypoints: FloatArray, lines: Sequence[Centreline]) -> tuple[Floa
     return own[nearest, np.arange(len(flat))], nearest
 
 
-def pooled(groups: Mapping[str, Sequence[FloatArray]], fallback: Pool) -> dict[str, FloatArray]:
-    """The pool of one's own deviations, leaning on another one where they are few.
+def pool_deviations(
+    groups: Mapping[str, Sequence[FloatArray]], fallback: Pool
+) -> dict[str, FloatArray]:
+    """The pool of a place's own deviations, pulled towards another one where they are few.
 
     Args:
         groups: by kind of route, [n, 20] deviations of whole tracks, centred by route.
@@ -101,11 +93,11 @@ def pooled(groups: Mapping[str, Sequence[FloatArray]], fallback: Pool) -> dict[s
     made = dict(fallback)
     for kind, parts in groups.items():
         data = np.concatenate([np.zeros((0, DIMENSIONS)), *parts])
-        made[kind] = blended(data, fallback[kind])
+        made[kind] = blend_covariance(data, fallback[kind])
     return made
 
 
-def blended(centred: FloatArray, pool: FloatArray) -> FloatArray:
+def blend_covariance(centred: FloatArray, pool: FloatArray) -> FloatArray:
     """[20, 20] covariance of deviations [n, 20] about their mean, pulled towards the pool's."""
     pull = SPREAD_WEIGHT / (SPREAD_WEIGHT + len(centred))
     sample = centred.T @ centred / max(len(centred), 1)
@@ -113,45 +105,40 @@ def blended(centred: FloatArray, pool: FloatArray) -> FloatArray:
 
 
 @cache
-def shipped_pool() -> Pool:
+def load_shipped_pool() -> Pool:
     """The pool of the shipped intersection, from its priors about its lanes' middles."""
-    place, priors = load_map(SHIPPED), load_priors(SHIPPED)
+    shipped, priors = load_map(SHIPPED), load_priors(SHIPPED)
     rng = np.random.default_rng(_SEED)
     found: dict[str, list[FloatArray]] = {}
-    for route in place.routes:
+    for route in shipped.routes:
         if route.movement == "jaywalking":
             continue
         drawn = sample_waypoints(priors.waypoints[route.id], rng, size=_DRAWS)
-        lines = _reference(place, route, drawn)
-        away, _ = deviations(drawn, lines)
-        kept = away[np.abs(away[:, 1::2]).max(axis=1) < _limit(route)]
-        found.setdefault(kind_of(route), []).append(kept - kept.mean(axis=0))
-    pools = {kind: _second_moment(np.concatenate(parts)) for kind, parts in found.items()}
+        lines = _build_reference(shipped, route, drawn)
+        away, _ = compute_deviations(drawn, lines)
+        kept = away[np.abs(away[:, 1::2]).max(axis=1) < _MAX_OFFSETS[route.type]]
+        found.setdefault(classify_route(route), []).append(kept - kept.mean(axis=0))
+    joined = {kind: np.concatenate(parts) for kind, parts in found.items()}
+    pools = {kind: np.asarray(data.T @ data / len(data)) for kind, data in joined.items()}
     return pools | {"uturn": pools["left"]}
 
 
-def _limit(route: Route) -> float:
-    return _ASTRAY if route.type == "vehicle" else 3.0
-
-
-def _second_moment(data: FloatArray) -> FloatArray:
-    return np.asarray(data.T @ data / len(data))
-
-
-def _reference(place: IntersectionMap, route: Route, drawn: FloatArray) -> list[Centreline]:
-    """Lane middles of a vehicle's route on a built map; a walker's mean way."""
+def _build_reference(
+    intersection_map: IntersectionMap, route: Route, drawn: FloatArray
+) -> list[Centreline]:
+    """Lane middles of a vehicle's route on a built map; the mean path of a pedestrian's."""
     if route.type == "pedestrian":
-        return [centreline(drawn.mean(axis=0))]
-    lanelets = {each.id: each for each in place.lanelets}
-    movement = next(m for m in place.movements if m.id == route.movement_id)
+        return [build_centreline(drawn.mean(axis=0))]
+    lanelets = {each.id: each for each in intersection_map.lanelets}
+    movement = next(m for m in intersection_map.movements if m.id == route.movement_id)
     lines = []
     for first in range(0, len(movement.lanelets), 3):
         way = [lanelets[name].centreline for name in movement.lanelets[first : first + 3]]
-        lines.append(centreline(np.array([point for part in way for point in part])))
+        lines.append(build_centreline(np.array([point for part in way for point in part])))
     return lines
 
 
-def moving_prior(
+def build_pooled_prior(
     route: Route,
     lines: Sequence[FloatArray],
     tracks: FloatArray,
@@ -164,34 +151,38 @@ def moving_prior(
         lines: [P, 2] middles of the ways it may take [m].
         tracks: [n, K, 2] waypoints of whole tracks; n may be 0.
     """
-    ready = [centreline(line) for line in lines]
-    base = narrow_to_route(route, pool)
-    away, nearest = deviations(tracks, ready) if len(tracks) else (np.zeros((0, DIMENSIONS)), None)
+    ready = [build_centreline(line) for line in lines]
+    base = scale_pool(route, pool)
+    away, nearest = (
+        compute_deviations(tracks, ready) if len(tracks) else (np.zeros((0, DIMENSIONS)), None)
+    )
     weights, means, spreads = [], [], []
     for c in range(len(ready)):
         own = away if nearest is None else away[nearest == c]
         weights.append((len(own) + 1.0) / (len(away) + len(ready)))
-        own = _faithful(own, route)
+        own = _drop_lane_changes(own, route)
         means.append(own.sum(axis=0) / (len(own) + MEAN_WEIGHT))
-        spreads.append(blended(own - own.mean(axis=0) if len(own) else own, base))
-    return prior_of(route, ready, np.array(weights), means, spreads, tracks=len(tracks))
+        spreads.append(blend_covariance(own - own.mean(axis=0) if len(own) else own, base))
+    return build_prior(route, ready, np.array(weights), means, spreads, tracks=len(tracks))
 
 
-def narrow_to_route(route: Route, pool: Pool) -> FloatArray:
+def scale_pool(route: Route, pool: Pool) -> FloatArray:
     """The pool's covariance for a route, on sidewalks as wide as derived ones."""
     narrow = np.where(np.arange(DIMENSIONS) % 2 == 1, _NARROWER[route.type], 1.0)
-    return np.asarray(pool[kind_of(route)] * np.outer(narrow, narrow))
+    return np.asarray(pool[classify_route(route)] * np.outer(narrow, narrow))
 
 
-def _faithful(own: FloatArray, route: Route) -> FloatArray:
+def _drop_lane_changes(own: FloatArray, route: Route) -> FloatArray:
     """Without tracks that leave their line for another lane."""
     if len(own) < 4:
         return own
     usual = np.median(own, axis=0)
-    return np.asarray(own[np.abs((own - usual)[:, 1::2]).max(axis=1) < 1.5 * _limit(route)])
+    return np.asarray(
+        own[np.abs((own - usual)[:, 1::2]).max(axis=1) < 1.5 * _MAX_OFFSETS[route.type]]
+    )
 
 
-def prior_of(
+def build_prior(
     route: Route,
     lines: Sequence[Centreline],
     weights: FloatArray,
@@ -204,7 +195,7 @@ def prior_of(
     centres = [
         line.knots.ravel() + line.turn @ mean for line, mean in zip(lines, means, strict=True)
     ]
-    floor = _FLOOR**2 * np.eye(DIMENSIONS)
+    floor = FLOOR**2 * np.eye(DIMENSIONS)
     factors = [
         np.linalg.cholesky(line.turn @ spread @ line.turn.T + floor)
         for line, spread in zip(lines, spreads, strict=True)
@@ -215,13 +206,13 @@ def prior_of(
         means=np.array(centres),
         cholesky=np.array(factors),
         base=np.array(
-            [_bent(line, mean.reshape(K, 2)) for line, mean in zip(lines, centres, strict=True)]
+            [_bend(line, mean.reshape(K, 2)) for line, mean in zip(lines, centres, strict=True)]
         ),
         tracks=tracks,
     )
 
 
-def _bent(line: Centreline, knots: FloatArray) -> FloatArray:
+def _bend(line: Centreline, knots: FloatArray) -> FloatArray:
     """The dense line shifted so that it passes through other waypoints."""
     at = np.linspace(0.0, K - 1.0, DENSE)
     shift = knots - line.knots

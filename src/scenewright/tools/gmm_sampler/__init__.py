@@ -3,6 +3,10 @@
 At run time only numpy is needed; fitting and the corpus load scikit-learn, shapely and SUMO.
 """
 
+from scenewright.tools.gmm_sampler.driving_profile_prior import (
+    compute_profile_nll,
+    sample_driving_profiles,
+)
 from scenewright.tools.gmm_sampler.priors import (
     CountPrior,
     DrivingProfilePrior,
@@ -11,16 +15,12 @@ from scenewright.tools.gmm_sampler.priors import (
     load_priors,
 )
 from scenewright.tools.gmm_sampler.sample import (
-    count_nll,
+    build_paths,
+    compute_count_nll,
+    compute_total_mass,
+    compute_waypoint_nll,
     sample_count,
     sample_waypoints,
-    total_mass,
-    waypoint_nll,
-)
-from scenewright.tools.gmm_sampler.spline import paths_of, spline_path
-from scenewright.tools.gmm_sampler.time_law_prior import (
-    compute_profile_nll,
-    sample_driving_profiles,
 )
 
 __all__ = [
@@ -28,14 +28,13 @@ __all__ = [
     "DrivingProfilePrior",
     "Priors",
     "WaypointPrior",
+    "build_paths",
+    "compute_count_nll",
     "compute_profile_nll",
-    "count_nll",
+    "compute_total_mass",
+    "compute_waypoint_nll",
     "load_priors",
-    "paths_of",
     "sample_count",
     "sample_driving_profiles",
     "sample_waypoints",
-    "spline_path",
-    "total_mass",
-    "waypoint_nll",
 ]

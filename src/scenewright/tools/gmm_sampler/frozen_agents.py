@@ -19,13 +19,13 @@ from scenewright.scene.candidates import (
     DrivingProfile,
 )
 from scenewright.scene.frozen_agents import FrozenAgents
-from scenewright.scene.grounding import Grounding, RoleAssignment
+from scenewright.scene.grounding import Grounding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import Background, SocialGraph
 from scenewright.scene.track import STEP
-from scenewright.tools.gmm_sampler.generate import amplify, cast_foreground
+from scenewright.tools.gmm_sampler.generate import amplify, assign_foreground
 from scenewright.tools.gmm_sampler.priors import Priors
 
 
@@ -41,20 +41,20 @@ def restrict_grounding(
     Raises:
         Rejected: `ungroundable`, as the settled routes do not allow what the graph asks for.
     """
-    from scenewright.tools.map_grounding.grounding import casts
+    from scenewright.tools.map_grounding.grounding import find_assignments
 
     routes = {
         name: tuple(each for each in open_ if each == pins.routes.get(name, each))
         for name, open_ in grounding.routes.items()
     }
     narrow = Grounding(routes=routes)
-    found = casts(
-        as_played(graph, pins),
+    assignments = find_assignments(
+        _settle_patterns(graph, pins),
         narrow,
         intersection_map=intersection_map,
         rng=np.random.default_rng(0),
     )
-    if not all(routes.values()) or next(found, None) is None:
+    if not all(routes.values()) or next(assignments, None) is None:
         names = tuple(name for name in grounding.routes if name in pins.routes)
         detail = f"this cannot be done as long as {', '.join(names)} keep their ways"
         raise Rejected(
@@ -63,7 +63,7 @@ def restrict_grounding(
     return narrow
 
 
-def as_played(graph: SocialGraph, pins: FrozenAgents) -> SocialGraph:
+def _settle_patterns(graph: SocialGraph, pins: FrozenAgents) -> SocialGraph:
     """The graph in which relations that stay name their pattern, in the roles as played."""
     edges = list(graph.relations)
     for index, played in pins.patterns.items():
@@ -72,7 +72,7 @@ def as_played(graph: SocialGraph, pins: FrozenAgents) -> SocialGraph:
     return graph.model_copy(update={"relations": tuple(edges)})
 
 
-def pinned_pool(
+def build_candidates_with_frozen(
     graph: SocialGraph,
     grounding: Grounding,
     pins: FrozenAgents,
@@ -80,102 +80,84 @@ def pinned_pool(
     *,
     intersection_map: IntersectionMap,
     size: int,
-    crowd_size: int | None,
+    background_size: int | None,
     rng: np.random.Generator,
 ) -> CandidateSet:
-    """Candidates of everybody, those of an earlier version first (see `amplify`)."""
-    cast = _cast(graph, grounding, pins, priors, intersection_map=intersection_map, rng=rng)
+    """Candidates of all agents, those of an earlier version first (see `amplify`)."""
+    assignment = assign_foreground(
+        _settle_patterns(graph, pins), grounding, priors,
+        intersection_map=intersection_map, hour=pins.hour, rng=rng,
+    )  # fmt: skip
+    patterns = tuple(pins.patterns.get(each.edge, each) for each in assignment.patterns)
     counts = Background(
         vehicles=pins.background["vehicle"], pedestrians=pins.background["pedestrian"]
     )
     context = graph.context.model_copy(update={"background": counts})
     fresh = amplify(
         graph.model_copy(update={"context": context}),
-        cast,
+        assignment.model_copy(update={"patterns": patterns}),
         priors,
         intersection_map=intersection_map,
         hour=pins.hour,
         size=size,
-        crowd_size=crowd_size,
+        background_size=background_size,
         rng=rng,
     )
-    return replace(fresh, agents=_agents(graph, fresh.agents, pins))
+    return replace(fresh, agents=_merge_agents(graph, fresh.agents, pins))
 
 
-def _cast(
-    graph: SocialGraph,
-    grounding: Grounding,
-    pins: FrozenAgents,
-    priors: Priors,
-    *,
-    intersection_map: IntersectionMap,
-    rng: np.random.Generator,
-) -> RoleAssignment:
-    played = as_played(graph, pins)
-    cast = cast_foreground(
-        played, grounding, priors, intersection_map=intersection_map, hour=pins.hour, rng=rng
-    )
-    patterns = tuple(pins.patterns.get(each.edge, each) for each in cast.patterns)
-    return cast.model_copy(update={"patterns": patterns})
-
-
-def _agents(
+def _merge_agents(
     graph: SocialGraph, fresh: Mapping[str, AgentCandidates], pins: FrozenAgents
 ) -> dict[str, AgentCandidates]:
-    """The foreground, then who was in the background already, then others."""
-    foreground = {node.id for node in graph.agents}
-    found = {name: _with_earlier(fresh[name], pins) for name in foreground_order(graph)}
+    """The foreground in the order of the graph, earlier background agents, then fresh ones."""
+    found = {node.id: _prefer_earlier(fresh[node.id], pins) for node in graph.agents}
+    foreground = set(found)
     for name, agent in pins.known.items():
         if name not in foreground:
-            found[name] = _only(agent, fresh_like=None)
+            found[name] = _offer_only(agent, fresh=None)
     taken = {*found, *pins.earlier.agents}
-    for name, draws in fresh.items():
+    for name, candidates in fresh.items():
         if name not in foreground:
-            new = _unused(draws.route.type, taken)
+            new = _find_free_name(candidates.route.type, taken)
             taken.add(new)
-            found[new] = replace(draws, name=new)
+            found[new] = replace(candidates, name=new)
     return found
 
 
-def _unused(kind: AgentClass, taken: set[str]) -> str:
-    """A name that nobody in this version or the one before has."""
+def _find_free_name(kind: AgentClass, taken: set[str]) -> str:
+    """A name that no agent of this version or the one before has."""
     return next(name for n in itertools.count(1) if (name := f"{kind}-{n}") not in taken)
 
 
-def foreground_order(graph: SocialGraph) -> list[str]:
-    """Names of the foreground in the order of the graph."""
-    return [node.id for node in graph.agents]
-
-
-def _with_earlier(draws: AgentCandidates, pins: FrozenAgents) -> AgentCandidates:
-    """What was drawn, at the pace told, behind the candidate of the earlier version."""
-    draws = _paced(draws, pins.pace.get(draws.name, 1.0))
-    settled = {**pins.placed, **pins.fixed}.get(draws.name)
+def _prefer_earlier(candidates: AgentCandidates, pins: FrozenAgents) -> AgentCandidates:
+    """The candidate of the earlier version, alone or first, and fresh ones at the asked speed."""
+    candidates = _scale_speeds(candidates, pins.pace.get(candidates.name, 1.0))
+    settled = {**pins.placed, **pins.fixed}.get(candidates.name)
     if settled is not None:
-        return _only(settled, fresh_like=draws)
-    offered = pins.offered.get(draws.name)
-    return draws if offered is None else _first(offered, draws)
+        return _offer_only(settled, fresh=candidates)
+    offered = pins.offered.get(candidates.name)
+    return candidates if offered is None else _offer_first(offered, candidates)
 
 
-def _only(agent: SelectedAgent, *, fresh_like: AgentCandidates | None) -> AgentCandidates:
+def _offer_only(agent: SelectedAgent, *, fresh: AgentCandidates | None) -> AgentCandidates:
     """Nothing but the candidate that the agent has."""
     candidate = agent.candidate
-    drawn = _drawn(candidate)
+    drawn = _to_drawn(candidate)
     return AgentCandidates(
         name=agent.name,
-        role="background" if fresh_like is None else fresh_like.role,
+        role="background" if fresh is None else fresh.role,
         route=candidate.route,
         shape=candidate.shape,
         subtype=candidate.subtype,
         draw=lambda: drawn,
         build=lambda _m: candidate,
-        arrival=_middle(agent),
+        arrival=_estimate_arrival(agent),
     )
 
 
-def _first(agent: SelectedAgent, fresh: AgentCandidates) -> AgentCandidates:
+def _offer_first(agent: SelectedAgent, fresh: AgentCandidates) -> AgentCandidates:
     """The candidate that the agent has, then fresh ones."""
-    candidate, own = agent.candidate, _drawn(agent.candidate)
+    candidate, own = agent.candidate, _to_drawn(agent.candidate)
 
     @cache
     def draw() -> DrawnWaypoints:
@@ -197,29 +179,29 @@ def _first(agent: SelectedAgent, fresh: AgentCandidates) -> AgentCandidates:
         subtype=candidate.subtype,
         draw=draw,
         build=build,
-        arrival=_middle(agent),
+        arrival=_estimate_arrival(agent),
         chance=None,
     )
 
 
-def _paced(draws: AgentCandidates, pace: float) -> AgentCandidates:
-    """The same with every free speed multiplied."""
-    if pace == 1.0:
-        return draws
+def _scale_speeds(candidates: AgentCandidates, factor: float) -> AgentCandidates:
+    """The same candidates with every free speed multiplied."""
+    if factor == 1.0:
+        return candidates
 
     def build(m: int) -> Candidate:
-        drawn = draws.build(m)
-        return replace(drawn, time_law=paced(drawn.time_law, pace))
+        built = candidates.build(m)
+        return replace(built, time_law=scale_speed(built.time_law, factor))
 
-    return replace(draws, build=build)
-
-
-def paced(law: DrivingProfile, pace: float) -> DrivingProfile:
-    """The time law with its free speed multiplied."""
-    return replace(law, speed=law.speed * pace)
+    return replace(candidates, build=build)
 
 
-def _drawn(candidate: Candidate) -> DrawnWaypoints:
+def scale_speed(profile: DrivingProfile, factor: float) -> DrivingProfile:
+    """The driving profile with its free speed multiplied."""
+    return replace(profile, speed=profile.speed * factor)
+
+
+def _to_drawn(candidate: Candidate) -> DrawnWaypoints:
     return DrawnWaypoints(
         candidate.waypoints[None],
         np.array([candidate.nll]),
@@ -229,7 +211,7 @@ def _drawn(candidate: Candidate) -> DrawnWaypoints:
     )
 
 
-def _middle(agent: SelectedAgent) -> float:
+def _estimate_arrival(agent: SelectedAgent) -> float:
     """When [s] it was about half-way, at its free speed."""
     seconds = agent.candidate.path.length / max(agent.candidate.time_law.speed, 0.5)
     return agent.enters + round(seconds / 2 / STEP) * STEP

@@ -7,7 +7,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -19,50 +19,54 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
-from scenewright.tools.gmm_sampler.maneuver import drift
-from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
-from scenewright.tools.gmm_sampler.sample import (
-    nll_and_component,
-    sample_count,
-    sample_waypoints,
-)
-from scenewright.tools.gmm_sampler.spline import path_of
-from scenewright.tools.gmm_sampler.time_law_prior import (
+from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
     sample_driving_profiles,
+)
+from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
+from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
+from scenewright.tools.gmm_sampler.sample import (
+    build_path,
+    compute_nll_and_component,
+    sample_count,
+    sample_waypoints,
 )
 
 DENSITIES: dict[str, tuple[int, int]] = {"low": (1, 4), "medium": (5, 10), "high": (11, 20)}
 """Background agents by density word (SEMANTICS section 5)."""
 
-_MOST_BACKGROUND = 20
-_TRAFFIC_SHARE = (0.55, 0.8)
-"""Vehicles among the background where the text speaks of how dense the traffic is."""
-
+_MAX_BACKGROUND = 20
+_VEHICLE_SHARE = (0.55, 0.8)
+"""Of the background where the text names a traffic density."""
 _QUEUES = 28.0
 """In the corpus 1 - exp(-v / 28) of the standing vehicles stand behind another, where v vehicles
 are seen in 30 s: 0.19 of them at v = 5.9, 0.34 at 11.3, 0.48 at 18.1, 0.55 at 20.0."""
-
-_BEHIND = (1.0, 4.0)
-"""How much earlier or later one comes who comes close to another [s]."""
-
+_HEADWAY = (1.0, 4.0)
+"""Of a vehicle that arrives close to another [s]."""
 _SECONDS = 30.0
-_CASTS = 6
+_ASSIGNMENTS = 6
+
+_Role = Literal["foreground", "background"]
 
 
-def hour_of(context: SceneContext, priors: Priors, rng: np.random.Generator) -> float:
+def choose_hour(context: SceneContext, priors: Priors, rng: np.random.Generator) -> float:
     """Time of day [h]: as asked, within the range asked, or drawn by how busy the hours are."""
     if context.time_of_day is None:
         return float(rng.choice(HOURS, p=priors.busyness))
     start, _, end = context.time_of_day.partition("-")
     if not end:
-        return _hours(start)
-    span = (_hours(end) - _hours(start)) % 24.0
+        return _parse_clock(start)
+    span = (_parse_clock(end) - _parse_clock(start)) % 24.0
     quarter = round(rng.uniform(0.0, span) * 4) / 4
-    return float((_hours(start) + min(quarter, span)) % 24.0)
+    return float((_parse_clock(start) + min(quarter, span)) % 24.0)
 
 
-def cast_foreground(
+def _parse_clock(clock: str) -> float:
+    hours, minutes = clock.split(":")
+    return int(hours) + int(minutes) / 60.0
+
+
+def assign_foreground(
     graph: SocialGraph,
     grounding: Grounding,
     priors: Priors,
@@ -72,157 +76,142 @@ def cast_foreground(
     rng: np.random.Generator,
 ) -> RoleAssignment:
     """Routes and patterns of the foreground; no red light is run where that can be avoided."""
-    from scenewright.tools.map_grounding.grounding import at_odds, casts
+    from scenewright.tools.map_grounding.grounding import count_signal_conflicts, find_assignments
 
     weights = {
-        route.id: math.sqrt(_rate(priors, route, hour)) + 1e-3
+        route.id: math.sqrt(_get_rate(priors, route, hour)) + 1e-3
         for open_ in grounding.routes.values()
         for route in open_
     }
 
-    def weight(route: Route) -> float:
+    def weigh(route: Route) -> float:
         return weights[route.id]
 
+    def count_faults(assignment: RoleAssignment) -> tuple[Any, int]:
+        violators = {each.violator for each in assignment.patterns if each.violator is not None}
+        return count_signal_conflicts(assignment, intersection_map=intersection_map), len(violators)
+
     drawn = [
-        next(casts(graph, grounding, intersection_map=intersection_map, rng=rng, weight=weight))
-        for _ in range(_CASTS)
+        next(
+            find_assignments(
+                graph, grounding, intersection_map=intersection_map, rng=rng, weight=weigh
+            )
+        )
+        for _ in range(_ASSIGNMENTS)
     ]
-    return min(
-        drawn,
-        key=lambda cast: (at_odds(cast, intersection_map=intersection_map), len(_violators(cast))),
-    )
-
-
-def _violators(cast: RoleAssignment) -> set[str]:
-    return {each.violator for each in cast.patterns if each.violator is not None}
+    return min(drawn, key=count_faults)
 
 
 def amplify(
     graph: SocialGraph,
-    cast: RoleAssignment,
+    assignment: RoleAssignment,
     priors: Priors,
     *,
     intersection_map: IntersectionMap,
     hour: float,
     size: int,
     rng: np.random.Generator,
-    crowd_size: int | None = None,
+    background_size: int | None = None,
 ) -> CandidateSet:
     """Candidates of every agent: those of the social graph, then the background and spares.
 
     Args:
-        size: M, candidates of each agent; crowd_size: of each in the background, if fewer.
+        size: M, candidates of each agent; background_size: of each in the background, if fewer.
     """
-    agents = {
-        node.id: _draws(
-            node.id, "foreground", cast.routes[node.id], node.subtype, priors, size, rng
+    agents = {}
+    for node in graph.agents:
+        route = assignment.routes[node.id]
+        agents[node.id] = _draw_agent(
+            node.id, "foreground", route, priors, size, rng, subtype=node.subtype
         )
-        for node in graph.agents
-    }
-    _maneuvers(agents, cast, priors, rng=rng)
-    counts = background_counts(graph, priors, hour=hour, rng=rng)
+    _draw_lane_departures(agents, assignment, priors, rng=rng)
+    counts = draw_background_counts(graph, priors, hour=hour, rng=rng)
     for kind, count in counts.items():
-        names = _names(graph, kind, count + _spares(count))
-        routes = _background_routes(
-            kind, len(names), priors, intersection_map=intersection_map, hour=hour, rng=rng
+        spares = 2 + count // 2 if count else 0
+        routes, arrivals = _draw_background(
+            kind, count, spares, priors, intersection_map=intersection_map, hour=hour, rng=rng
         )
-        arrivals = _arrivals(len(names), rng)
-        if kind == "vehicle":
-            _queued(routes, arrivals, priors, intersection_map=intersection_map, hour=hour, rng=rng)
-        routes, arrivals = _in_order(routes, arrivals, count)
+        names = _list_free_names(graph, kind, count + spares)
         for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
-            agents[name] = _draws(
-                name, "background", route, None, priors, crowd_size or size, rng,
-                arrival, spare=n >= count,
+            agents[name] = _draw_agent(
+                name, "background", route, priors, background_size or size, rng,
+                arrival=arrival, reserve=n >= count,
             )  # fmt: skip
     return CandidateSet(
-        agents=agents, cast=cast, hour=hour, background=counts, manners=priors.manners
-    )
+        agents=agents, cast=assignment, hour=hour, background=counts,
+        yielding_model=priors.yielding_model,
+    )  # fmt: skip
 
 
-def background_counts(
+def draw_background_counts(
     graph: SocialGraph, priors: Priors, *, hour: float, rng: np.random.Generator
 ) -> dict[AgentClass, int]:
     """How many background agents of each class: as asked, by density, or N - |V| of p_tod."""
     vehicles, pedestrians = sample_count(priors, rng, hour=int(hour) % HOURS, instant=True)
-    present = len(graph.agents)
-    asked = graph.context.background
     share = (vehicles + 1.0) / (vehicles + pedestrians + 2.0)
     if graph.context.density is not None:
         low, high = DENSITIES[graph.context.density]
         total = int(rng.integers(low, high + 1))
-        share = float(np.clip(share, *_TRAFFIC_SHARE))
+        share = float(np.clip(share, *_VEHICLE_SHARE))
     else:
-        total = int(np.clip(vehicles + pedestrians - present, 0, _MOST_BACKGROUND))
-    drawn_vehicles = int(np.clip(round(total * share), 0, total))
-    counts: dict[AgentClass, int] = {
-        "vehicle": drawn_vehicles,
-        "pedestrian": total - drawn_vehicles,
+        total = int(np.clip(vehicles + pedestrians - len(graph.agents), 0, _MAX_BACKGROUND))
+    drawn = int(np.clip(round(total * share), 0, total))
+    asked = graph.context.background
+    if asked is None:
+        return {"vehicle": drawn, "pedestrian": total - drawn}
+    return {
+        "vehicle": drawn if asked.vehicles is None else asked.vehicles,
+        "pedestrian": total - drawn if asked.pedestrians is None else asked.pedestrians,
     }
-    if asked is not None:
-        counts["vehicle"] = counts["vehicle"] if asked.vehicles is None else asked.vehicles
-        free = asked.pedestrians is None
-        counts["pedestrian"] = counts["pedestrian"] if free else int(asked.pedestrians or 0)
-    return counts
 
 
-def _draws(
+def _draw_agent(
     name: str,
-    role: Literal["foreground", "background"],
+    role: _Role,
     route: Route,
-    subtype: str | None,
     priors: Priors,
     size: int,
     rng: np.random.Generator,
-    arrival: float | None = None,
     *,
-    spare: bool = False,
+    subtype: str | None = None,
+    arrival: float | None = None,
+    reserve: bool = False,
 ) -> AgentCandidates:
-    """What the priors offer, with a random generator of the agent's own: drawn on demand."""
+    """Candidates of an agent, drawn on demand with a random generator of its own."""
     seed: Any = rng.bit_generator.seed_seq
     [own] = seed.spawn(1)
-    subtype, shape = _shape(route, subtype, priors, rng)
+    subtype, shape = _draw_shape(route, subtype, priors, rng)
     prior = priors.waypoints[route.id]
-    made: list[DrawnWaypoints] = []
 
+    @cache
     def draw() -> DrawnWaypoints:
-        if not made:
-            made.append(_drawn(prior, priors, np.random.default_rng(own), size))
-        return made[0]
+        own_rng = np.random.default_rng(own)
+        waypoints = sample_waypoints(prior, own_rng, size=size)
+        profiles = sample_driving_profiles(priors, route.id, own_rng, size=size)
+        profile_nll = compute_profile_nll(priors, route.id, profiles)
+        nll, component = compute_nll_and_component(prior, waypoints)
+        return DrawnWaypoints(waypoints, nll, component, tuple(profiles), profile_nll)
 
-    return _offered(name, role, route, subtype, shape, draw, prior, arrival, spare=spare)
-
-
-def _drawn(
-    prior: WaypointPrior, priors: Priors, rng: np.random.Generator, size: int
-) -> DrawnWaypoints:
-    waypoints = sample_waypoints(prior, rng, size=size)
-    laws = sample_driving_profiles(priors, prior.route, rng, size=size)
-    time_nll = compute_profile_nll(priors, prior.route, laws)
-    nll, component = nll_and_component(prior, waypoints)
-    return DrawnWaypoints(waypoints, nll, component, tuple(laws), time_nll)
+    build = _make_builder(route, shape, subtype, draw, prior)
+    chance = None if arrival is None else arrival / _SECONDS
+    return AgentCandidates(name, role, route, shape, subtype, draw, build, arrival, chance, reserve)
 
 
-def _offered(
-    name: str,
-    role: Literal["foreground", "background"],
+def _make_builder(
     route: Route,
-    subtype: str | None,
     shape: Shape,
+    subtype: str | None,
     draw: Callable[[], DrawnWaypoints],
     prior: WaypointPrior,
-    arrival: float | None = None,
-    *,
-    spare: bool = False,
-) -> AgentCandidates:
-    """The draws and how to make candidates of them."""
+) -> Callable[[int], Candidate]:
+    """A function that builds the candidate of an index from what was drawn."""
 
     def build(m: int) -> Candidate:
         drawn = draw()
         return Candidate(
             route=route,
             waypoints=drawn.waypoints[m],
-            path=path_of(prior, drawn.waypoints[m], int(drawn.component[m])),
+            path=build_path(prior, drawn.waypoints[m], int(drawn.component[m])),
             nll=float(drawn.nll[m]),
             time_law=drawn.time_laws[m],
             time_nll=float(drawn.time_nll[m]),
@@ -230,47 +219,43 @@ def _offered(
             subtype=subtype,
         )
 
-    chance = None if arrival is None else arrival / _SECONDS
-    return AgentCandidates(
-        name, role, route, shape, subtype, draw, build, arrival, chance, spare
-    )  # fmt: skip
+    return build
 
 
-def _maneuvers(
+def _draw_lane_departures(
     agents: dict[str, AgentCandidates],
-    cast: RoleAssignment,
+    assignment: RoleAssignment,
     priors: Priors,
     *,
     rng: np.random.Generator,
 ) -> None:
-    """Lane changes and drifts over the centre line: waypoints that lead onto another's way."""
-    for played in cast.patterns:
+    """Lane changes and drifts over the centre line: waypoints that lead onto another's path."""
+    for played in assignment.patterns:
         geometry = get_pattern(played.pattern).geometry
         if geometry not in ("lane_change", "opposing"):
             continue
         own, other = agents[played.from_], agents[played.to]
         prior = priors.waypoints[own.route.id]
-        waypoints = drift(
+        waypoints = sample_lane_departures(
             own.drawn.waypoints, other.drawn.waypoints, rng, reverse=geometry == "opposing"
         )
-        nll, component = nll_and_component(prior, waypoints)
-        drawn = replace(own.drawn, waypoints=waypoints, nll=nll, component=component)
-        agents[own.name] = _offered(
-            own.name,
-            own.role,
-            own.route,
-            own.subtype,
-            own.shape,
-            partial(_same, drawn),
-            prior,
+        nll, component = compute_nll_and_component(prior, waypoints)
+        agents[own.name] = _replace_drawn(
+            own, replace(own.drawn, waypoints=waypoints, nll=nll, component=component), prior
         )
 
 
-def _same(drawn: DrawnWaypoints) -> DrawnWaypoints:
-    return drawn
+def _replace_drawn(
+    agent: AgentCandidates, drawn: DrawnWaypoints, prior: WaypointPrior
+) -> AgentCandidates:
+    def draw() -> DrawnWaypoints:
+        return drawn
+
+    build = _make_builder(agent.route, agent.shape, agent.subtype, draw, prior)
+    return replace(agent, draw=draw, build=build)
 
 
-def _shape(
+def _draw_shape(
     route: Route, subtype: str | None, priors: Priors, rng: np.random.Generator
 ) -> tuple[str | None, Shape]:
     if route.type == "pedestrian":
@@ -282,85 +267,78 @@ def _shape(
     return subtype, vehicle_shape(subtype)
 
 
-def _background_routes(
+def _draw_background(
     kind: AgentClass,
     count: int,
+    spares: int,
     priors: Priors,
     *,
     intersection_map: IntersectionMap,
     hour: float,
     rng: np.random.Generator,
-) -> list[Route]:
-    """Routes of background agents, drawn by how busy they are at that hour."""
+) -> tuple[list[Route], list[float]]:
+    """Routes and arrivals [s] of background agents as they arrive, then those of the spares.
+
+    Routes are drawn by how busy they are at that hour.
+    """
     routes = [r for r in intersection_map.routes if r.type == kind and r.movement != "jaywalking"]
-    rates = np.array([_rate(priors, route, hour) for route in routes]) + 1e-3
+    chosen = _draw_routes(routes, count + spares, priors, hour, rng)
+    arrivals = _draw_arrivals(count + spares, rng)
+    if kind == "vehicle":
+        _form_queues(chosen, arrivals, routes, priors, hour=hour, rng=rng)
+    order = sorted(range(len(arrivals)), key=lambda n: (n >= count, arrivals[n]))
+    return [chosen[n] for n in order], [arrivals[n] for n in order]
+
+
+def _draw_routes(
+    routes: Sequence[Route], count: int, priors: Priors, hour: float, rng: np.random.Generator
+) -> list[Route]:
+    rates = np.array([_get_rate(priors, route, hour) for route in routes]) + 1e-3
     chosen = rng.choice(len(routes), size=count, p=rates / rates.sum())
     return [routes[index] for index in chosen.tolist()]
 
 
-def _queued(
-    routes: list[Route],
+def _form_queues(
+    chosen: list[Route],
     arrivals: list[float],
+    routes: Sequence[Route],
     priors: Priors,
     *,
-    intersection_map: IntersectionMap,
     hour: float,
     rng: np.random.Generator,
 ) -> None:
-    """Lets as many come close to another vehicle as do at that hour, whatever their number here.
+    """Let as many vehicles arrive close to another as do at that hour, however few they are.
 
     A scene shows some of the hour's traffic, not thinner traffic: its queues are the hour's.
     """
     counts = priors.counts[int(hour) % HOURS]
     busy = float(counts.weights @ counts.means[:, 0] / counts.weights.sum())
     share = 1.0 - float(np.exp(-busy / _QUEUES))
-    for n in range(1, len(routes)):
+    for n in range(1, len(chosen)):
         if rng.random() >= share:
             continue
         other = int(rng.integers(n))
-        same = [
-            r
-            for r in intersection_map.routes
-            if r.type == "vehicle" and r.entry == routes[other].entry
-        ]
-        rates = np.array([_rate(priors, route, hour) for route in same]) + 1e-3
-        routes[n] = same[int(rng.choice(len(same), p=rates / rates.sum()))]
-        apart = float(rng.uniform(*_BEHIND)) * (1.0 if rng.random() < 0.5 else -1.0)
+        same_entry = [r for r in routes if r.entry == chosen[other].entry]
+        rates = np.array([_get_rate(priors, route, hour) for route in same_entry]) + 1e-3
+        chosen[n] = same_entry[int(rng.choice(len(same_entry), p=rates / rates.sum()))]
+        apart = float(rng.uniform(*_HEADWAY)) * (1.0 if rng.random() < 0.5 else -1.0)
         within = 0.0 <= arrivals[other] + apart < _SECONDS
         arrivals[n] = arrivals[other] + (apart if within else -apart)
 
 
-def _in_order(
-    routes: Sequence[Route], arrivals: Sequence[float], count: int
-) -> tuple[list[Route], list[float]]:
-    """Those wanted as they arrive, then the spares: whoever comes first is first in its queue."""
-    order = sorted(range(len(arrivals)), key=lambda n: (n >= count, arrivals[n]))
-    return [routes[n] for n in order], [arrivals[n] for n in order]
-
-
-def _rate(priors: Priors, route: Route, hour: float) -> float:
+def _get_rate(priors: Priors, route: Route, hour: float) -> float:
     rates = priors.frequency.get(route.id)
     return 0.0 if rates is None else float(rates[int(hour) % HOURS])
 
 
-def _names(graph: SocialGraph, kind: AgentClass, count: int) -> list[str]:
+def _list_free_names(graph: SocialGraph, kind: AgentClass, count: int) -> list[str]:
     taken = {agent.id for agent in graph.agents}
-    free = (f"{kind}-{n}" for n in itertools.count(1) if f"{kind}-{n}" not in taken)
+    free = (name for n in itertools.count(1) if (name := f"{kind}-{n}") not in taken)
     return list(itertools.islice(free, count))
 
 
-def _spares(count: int) -> int:
-    """How many more are drawn than wanted; nobody where nobody is wanted."""
-    return 0 if count == 0 else 2 + count // 2
-
-
-def _arrivals(count: int, rng: np.random.Generator) -> list[float]:
+def _draw_arrivals(count: int, rng: np.random.Generator) -> list[float]:
     """Exponential intervals (paper 3.2), conditioned on `count` arrivals within the scene."""
     gaps = rng.exponential(size=count + 1)
     times = _SECONDS * np.cumsum(gaps)[:-1] / gaps.sum()
     return [float(time) for time in rng.permutation(times)]
-
-
-def _hours(clock: str) -> float:
-    hours, minutes = clock.split(":")
-    return int(hours) + int(minutes) / 60.0

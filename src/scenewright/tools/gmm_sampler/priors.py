@@ -1,4 +1,4 @@
-"""What was fitted on the corpus, as plain arrays: p_wp, p_tod, time laws, how often routes occur.
+"""Fitted priors as plain arrays: p_wp, p_tod, driving profiles, frequencies of routes.
 
 A bundle keeps them in `priors.npz` (numpy arrays only, nothing pickled), with versions, checksums
 and provenance in `bundle.toml`.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -22,15 +22,20 @@ from scenewright.errors import InputError
 from scenewright.intersections import check_bundle, find_bundle_folder
 from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.candidates import K
-from scenewright.scene.yielding_behavior import Habits
-from scenewright.tools.gmm_sampler.behavior_files import BRISKEST, Paces, load_manners, load_paces
+from scenewright.scene.yielding_behavior import YieldingModel
+from scenewright.tools.gmm_sampler.yielding_files import (
+    MAX_ACCELERATIONS,
+    AccelerationProfiles,
+    load_acceleration_profiles,
+    load_yielding_model,
+)
 
 DIMENSIONS = 2 * K
 FORMAT = 1
 """Version of the array layout of `priors.npz`."""
-LAW_FIELDS = ("speed", "acceleration", "braking", "lateral")
+PROFILE_FIELDS = ("speed", "acceleration", "braking", "lateral")
 HOURS = 24
-_NORMAL = NormalDist()
+STANDARD_NORMAL = NormalDist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +63,7 @@ class WaypointPrior:
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @cached_property
-    def cumulated(self) -> FloatArray:
+    def cumulative_weights(self) -> FloatArray:
         """[C] probability of a component or one before it."""
         total = np.cumsum(self.weights / self.weights.sum())
         return np.asarray(total / total[-1])
@@ -107,7 +112,7 @@ class CountPrior:
 
 @dataclass(frozen=True, eq=False)
 class DrivingProfilePrior:
-    """How agents move along a path when nothing holds them: independent, bounded lognormals.
+    """How agents drive or walk along a free path: independent, bounded lognormals.
 
     Attributes:
         median, spread: [4] of speed, acceleration, braking, lateral acceleration; the spread is
@@ -130,7 +135,7 @@ class DrivingProfilePrior:
     def tails(self) -> tuple[FloatArray, FloatArray]:
         """[4] share of the unbounded lognormal below the lower and the upper bound."""
         low, high = (
-            np.array([_NORMAL.cdf(z) for z in np.log(bound / self.median) / self.spread])
+            np.array([STANDARD_NORMAL.cdf(z) for z in np.log(bound / self.median) / self.spread])
             for bound in (self.low, self.high)
         )
         return low, high
@@ -138,27 +143,27 @@ class DrivingProfilePrior:
 
 @dataclass(frozen=True, eq=False)
 class Priors:
-    """Everything fitted for one intersection.
+    """All priors of one intersection.
 
     Attributes:
         name: of the bundle.
         waypoints: p_wp by route id.
         counts: p_tod by hour, over agents present at any time of a 30 s window.
         instants: the same over agents present at one instant.
-        time_laws: by route id.
+        driving_profiles: by route id.
         frequency: by route id, [24] mean trips per hour.
         subtypes: by route id of vehicles, share of each subtype.
-        manners: how people give way (a file of its own, `manners.json`).
+        yielding_model: how agents yield (a file of its own, `manners.json`).
     """
 
     name: str
     waypoints: Mapping[str, WaypointPrior]
     counts: tuple[CountPrior, ...]
     instants: tuple[CountPrior, ...]
-    time_laws: Mapping[str, DrivingProfilePrior]
+    driving_profiles: Mapping[str, DrivingProfilePrior]
     frequency: Mapping[str, FloatArray]
     subtypes: Mapping[str, Mapping[str, float]]
-    manners: Habits = field(default_factory=dict)
+    yielding_model: YieldingModel = field(default_factory=dict)
 
     @cached_property
     def busyness(self) -> FloatArray:
@@ -179,11 +184,11 @@ def load_priors(name: str | Path) -> Priors:
         raise InputError(
             f"intersection {folder.name!r} has no priors: run scenewright intersections build"
         )
-    return _load(folder, file.stat().st_mtime_ns)
+    return _load_bundle(folder, file.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=16)
-def _load(folder: Path, _changed: int) -> Priors:
+def _load_bundle(folder: Path, _changed: int) -> Priors:
     """The priors as they are now: a bundle may be written anew while a process lives."""
     check_bundle(folder, "priors.npz")
     try:
@@ -191,28 +196,39 @@ def _load(folder: Path, _changed: int) -> Priors:
             priors = _unpack({key: stored[key] for key in stored.files})
     except (OSError, ValueError, KeyError) as fault:
         raise InputError(f"cannot read the priors of {folder.name!r}: {fault}") from None
-    laws = paced(priors.time_laws, load_paces(folder))
-    return replace(priors, manners=load_manners(folder), time_laws=laws)
+    accelerations = load_acceleration_profiles(folder)
+    return replace(
+        priors,
+        yielding_model=load_yielding_model(folder),
+        driving_profiles=replace_accelerations(priors.driving_profiles, accelerations),
+    )
 
 
-def paced(laws: Mapping[str, DrivingProfilePrior], paces: Paces) -> dict[str, DrivingProfilePrior]:
-    """Time laws by route id, setting off and braking as was seen of people."""
-    return {route: _paced(law, route, paces) for route, law in laws.items()}
+def replace_accelerations(
+    profiles: Mapping[str, DrivingProfilePrior], observed: AccelerationProfiles
+) -> dict[str, DrivingProfilePrior]:
+    """Driving profiles by route id, with acceleration and braking as observed by class."""
+    found = dict(profiles)
+    for route, prior in profiles.items():
+        kind = cast(AgentClass, route.partition(":")[0])
+        if kind in observed:
+            (start, start_spread), (brake, brake_spread) = (
+                observed[kind].starts,
+                observed[kind].brakes,
+            )
+            low, high = (
+                prior.low,
+                np.array([prior.high[0], *MAX_ACCELERATIONS[kind], prior.high[3]]),
+            )
+            median = np.array([prior.median[0], start, brake, prior.median[3]])
+            spread = np.array([prior.spread[0], start_spread, brake_spread, prior.spread[3]])
+            found[route] = replace(
+                prior, median=np.clip(median, low, high), spread=spread, high=high
+            )
+    return found
 
 
-def _paced(law: DrivingProfilePrior, route: str, paces: Paces) -> DrivingProfilePrior:
-    kind = cast(AgentClass, route.partition(":")[0])
-    if kind not in paces:
-        return law
-    pace = paces[kind]
-    (start, start_spread), (brake, brake_spread) = pace.starts, pace.brakes
-    low, high = law.low.copy(), np.array([law.high[0], *BRISKEST[kind], law.high[3]])
-    median = np.array([law.median[0], start, brake, law.median[3]])
-    spread = np.array([law.spread[0], start_spread, brake_spread, law.spread[3]])
-    return replace(law, median=np.clip(median, low, high), spread=spread, low=low, high=high)
-
-
-def checksum(file: Path) -> str:
+def compute_checksum(file: Path) -> str:
     """SHA-256 of a file, in hexadecimal."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
@@ -223,86 +239,70 @@ def save_priors(file: Path, priors: Priors) -> None:
     save(file, **_pack(priors))
 
 
-def _pack(priors: Priors) -> dict[str, NDArray[np.generic]]:
-    ways = list(priors.waypoints.values())
-    laws = list(priors.time_laws.values())
-    sizes = [len(way.weights) for way in ways]
+_Arrays = dict[str, NDArray[np.generic]]
+_WAYPOINT_ARRAYS = ("weights", "means", "cholesky", "base")
+_COUNT_ARRAYS = ("weights", "means", "covariances")
+
+
+def _pack(priors: Priors) -> _Arrays:
+    waypoints = list(priors.waypoints.values())
+    profiles = list(priors.driving_profiles.values())
     return {
         "format": np.array(FORMAT),
         "name": np.array(priors.name),
-        "routes": np.array([way.route for way in ways]),
-        "components": np.array(sizes),
-        "tracks": np.array([way.tracks for way in ways]),
-        "weights": np.concatenate([way.weights for way in ways]),
-        "means": np.concatenate([way.means for way in ways]),
-        "cholesky": np.concatenate([way.cholesky for way in ways]),
-        "base": np.concatenate([way.base for way in ways]),
+        "routes": np.array([prior.route for prior in waypoints]),
+        "components": np.array([len(prior.weights) for prior in waypoints]),
+        "tracks": np.array([prior.tracks for prior in waypoints]),
+        **_join(waypoints, _WAYPOINT_ARRAYS),
         **_pack_counts("counts", priors.counts),
         **_pack_counts("instants", priors.instants),
-        "law_routes": np.array(list(priors.time_laws)),
-        "law_tracks": np.array([law.tracks for law in laws]),
-        "laws": np.array([[law.median, law.spread, law.low, law.high] for law in laws]),
+        "law_routes": np.array(list(priors.driving_profiles)),
+        "law_tracks": np.array([prior.tracks for prior in profiles]),
+        "laws": np.array([[p.median, p.spread, p.low, p.high] for p in profiles]),
         "frequency_routes": np.array(list(priors.frequency)),
         "frequency": np.array(list(priors.frequency.values())),
         "subtypes": np.array(json.dumps({k: dict(v) for k, v in priors.subtypes.items()})),
     }
 
 
-def _pack_counts(name: str, hours: tuple[CountPrior, ...]) -> dict[str, NDArray[np.generic]]:
+def _join(priors: Sequence[object], names: Sequence[str], prefix: str = "") -> _Arrays:
     return {
-        f"{name}_components": np.array([len(hour.weights) for hour in hours]),
-        f"{name}_weights": np.concatenate([hour.weights for hour in hours]),
-        f"{name}_means": np.concatenate([hour.means for hour in hours]),
-        f"{name}_covariances": np.concatenate([hour.covariances for hour in hours]),
+        prefix + name: np.concatenate([getattr(prior, name) for prior in priors]) for name in names
     }
 
 
-def _unpack(stored: dict[str, NDArray[np.generic]]) -> Priors:
+def _pack_counts(name: str, hours: Sequence[CountPrior]) -> _Arrays:
+    sizes = np.array([len(hour.weights) for hour in hours])
+    return {f"{name}_components": sizes, **_join(hours, _COUNT_ARRAYS, f"{name}_")}
+
+
+def _unpack(stored: _Arrays) -> Priors:
     if int(stored["format"].item()) != FORMAT:
         raise ValueError(f"format {stored['format']} is not {FORMAT}")
+    routes = [str(route) for route in stored["routes"]]
+    waypoints = zip(routes, stored["tracks"], _split(stored, _WAYPOINT_ARRAYS), strict=True)
     laws = np.asarray(stored["laws"], dtype=np.float64)
-    law_tracks = [int(n) for n in np.asarray(stored["law_tracks"], dtype=int)]
-    frequency = np.asarray(stored["frequency"], dtype=np.float64)
+    profiles = zip(stored["law_routes"], stored["law_tracks"], laws, strict=True)
+    rates = np.asarray(stored["frequency"], dtype=np.float64)
     return Priors(
         name=str(stored["name"]),
-        waypoints={way.route: way for way in _unpack_waypoints(stored)},
-        counts=_unpack_counts("counts", stored),
-        instants=_unpack_counts("instants", stored),
-        time_laws={
-            str(route): DrivingProfilePrior(
-                laws[i, 0], laws[i, 1], laws[i, 2], laws[i, 3], law_tracks[i]
-            )
-            for i, route in enumerate(stored["law_routes"])
+        waypoints={r: WaypointPrior(route=r, tracks=int(n), **own) for r, n, own in waypoints},
+        counts=tuple(CountPrior(**own) for own in _split(stored, _COUNT_ARRAYS, "counts_")),
+        instants=tuple(CountPrior(**own) for own in _split(stored, _COUNT_ARRAYS, "instants_")),
+        driving_profiles={
+            str(route): DrivingProfilePrior(law[0], law[1], law[2], law[3], int(n))
+            for route, n, law in profiles
         },
-        frequency={str(r): frequency[i] for i, r in enumerate(stored["frequency_routes"])},
+        frequency=dict(zip(map(str, stored["frequency_routes"]), rates, strict=True)),
         subtypes=json.loads(str(stored["subtypes"])),
     )
 
 
-def _unpack_waypoints(stored: dict[str, NDArray[np.generic]]) -> list[WaypointPrior]:
-    ends = np.cumsum(np.asarray(stored["components"], dtype=int))[:-1]
-    parts = {
-        name: np.split(np.asarray(stored[name], dtype=np.float64), ends)
-        for name in ("weights", "means", "cholesky", "base")
-    }
-    tracks = [int(n) for n in np.asarray(stored["tracks"], dtype=int)]
-    return [
-        WaypointPrior(
-            str(route),
-            parts["weights"][i],
-            parts["means"][i],
-            parts["cholesky"][i],
-            parts["base"][i],
-            tracks[i],
-        )
-        for i, route in enumerate(stored["routes"])
-    ]
-
-
-def _unpack_counts(name: str, stored: dict[str, NDArray[np.generic]]) -> tuple[CountPrior, ...]:
-    ends = np.cumsum(np.asarray(stored[f"{name}_components"], dtype=int))[:-1]
-    parts = [
-        np.split(np.asarray(stored[f"{name}_{part}"], dtype=np.float64), ends)
-        for part in ("weights", "means", "covariances")
-    ]
-    return tuple(CountPrior(*hour) for hour in zip(*parts, strict=True))
+def _split(
+    stored: _Arrays, names: Sequence[str], prefix: str = ""
+) -> Iterator[dict[str, FloatArray]]:
+    """For each mixture, its own parts of joined arrays."""
+    ends = np.cumsum(np.asarray(stored[f"{prefix}components"], dtype=int))[:-1]
+    arrays = [np.asarray(stored[prefix + name], dtype=np.float64) for name in names]
+    for parts in zip(*(np.split(array, ends) for array in arrays), strict=True):
+        yield dict(zip(names, parts, strict=True))

@@ -1,4 +1,4 @@
-"""Drawing from the priors, and how likely what was drawn is."""
+"""Samples of the priors, and their likelihood."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ from numpy.typing import NDArray
 
 from scenewright.compiled import compiled
 from scenewright.errors import InputError
+from scenewright.geometry.spline import build_spline_path
 from scenewright.scene.base import FloatArray
-from scenewright.scene.candidates import K
+from scenewright.scene.candidates import K, Path
 from scenewright.tools.gmm_sampler.priors import DIMENSIONS, CountPrior, Priors, WaypointPrior
 
 
 def sample_waypoints(prior: WaypointPrior, rng: np.random.Generator, *, size: int) -> FloatArray:
     """[size, K, 2] draws from p_wp of a route [m] (paper Eq. 2)."""
-    chosen = prior.cumulated.searchsorted(rng.random(size), side="right")
+    chosen = prior.cumulative_weights.searchsorted(rng.random(size), side="right")
     noise = rng.standard_normal((size, DIMENSIONS))
-    return _drawn(chosen, noise, prior.means, prior.cholesky).reshape(size, K, 2)
+    return _combine(chosen, noise, prior.means, prior.cholesky).reshape(size, K, 2)
 
 
 @compiled
-def _drawn(
+def _combine(
     chosen: NDArray[np.intp], noise: FloatArray, means: FloatArray, cholesky: FloatArray
 ) -> FloatArray:
     """[m, 20] of components chosen [m] and standard normal numbers [m, 20]."""
@@ -35,27 +36,27 @@ def _drawn(
     return drawn
 
 
-def waypoint_nll(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
+def compute_waypoint_nll(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
     """[m] -log p_wp of waypoints [m, K, 2] in metres [nats] (paper Eq. 4, SEMANTICS section 6)."""
-    return nll_and_component(prior, waypoints)[0]
+    return compute_nll_and_component(prior, waypoints)[0]
 
 
-def nll_and_component(
+def compute_nll_and_component(
     prior: WaypointPrior, waypoints: FloatArray
 ) -> tuple[FloatArray, NDArray[np.intp]]:
     """[m] -log p_wp [nats], and [m] the component that each of waypoints [m, K, 2] fits best."""
-    logs = component_log_densities(prior, waypoints)
+    logs = compute_component_log_densities(prior, waypoints)
     return np.asarray(-np.logaddexp.reduce(logs, axis=1)), logs.argmax(axis=1)
 
 
-def component_log_densities(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
+def compute_component_log_densities(prior: WaypointPrior, waypoints: FloatArray) -> FloatArray:
     """[m, C] log of weight times density of each component [nats]."""
     points = waypoints.reshape(-1, DIMENSIONS)
-    return _log_densities(points, prior.means, prior.whitening, prior.log_scale)
+    return _compute_log_densities(points, prior.means, prior.whitening, prior.log_scale)
 
 
 @compiled
-def _log_densities(
+def _compute_log_densities(
     points: FloatArray, means: FloatArray, whitening: FloatArray, log_scale: FloatArray
 ) -> FloatArray:
     logs = np.empty((len(points), len(means)))
@@ -71,36 +72,48 @@ def _log_densities(
     return logs
 
 
+def build_paths(prior: WaypointPrior, waypoints: FloatArray) -> list[Path]:
+    """The paths through waypoints [m, K, 2], each about its likeliest component's base curve."""
+    chosen = compute_component_log_densities(prior, waypoints).argmax(axis=1)
+    return [build_path(prior, each, int(c)) for each, c in zip(waypoints, chosen, strict=True)]
+
+
+def build_path(prior: WaypointPrior, waypoints: FloatArray, component: int) -> Path:
+    """The path through waypoints [K, 2] about the base curve of one component."""
+    return build_spline_path(waypoints, base=prior.base[component])
+
+
 def sample_count(
     priors: Priors, rng: np.random.Generator, *, hour: int, instant: bool = False
 ) -> tuple[int, int]:
-    """How many vehicles and pedestrians a 30 s scene holds at this hour of the day (p_tod).
+    """Draw how many vehicles and pedestrians a 30 s scene holds at this hour of the day (p_tod).
 
-    With `instant`, how many are present at one moment of it.
+    Args:
+        instant: draw how many are present at one moment of it instead.
     """
-    mass = _hour(priors, hour, instant).mass
+    mass = _get_count_prior(priors, hour, instant).mass
     cell = int(rng.choice(mass.size, p=mass.ravel()))
     return cell // mass.shape[1], cell % mass.shape[1]
 
 
-def count_nll(
+def compute_count_nll(
     priors: Priors, *, hour: int, vehicles: int, pedestrians: int, instant: bool = False
 ) -> float:
     """-log p_tod of both counts [nats]; infinite beyond six standard deviations."""
-    mass = _hour(priors, hour, instant).mass
+    mass = _get_count_prior(priors, hour, instant).mass
     if min(vehicles, pedestrians) < 0 or vehicles >= mass.shape[0] or pedestrians >= mass.shape[1]:
         return float("inf")
     return float(-np.log(mass[vehicles, pedestrians]))
 
 
-def total_mass(priors: Priors, *, hour: int, instant: bool = False) -> FloatArray:
+def compute_total_mass(priors: Priors, *, hour: int, instant: bool = False) -> FloatArray:
     """[N] probability of each total number of agents (paper 3.2), vehicles and pedestrians."""
-    mass = _hour(priors, hour, instant).mass
+    mass = _get_count_prior(priors, hour, instant).mass
     total = np.add.outer(np.arange(mass.shape[0]), np.arange(mass.shape[1]))
     return np.asarray(np.bincount(total.ravel(), weights=mass.ravel()), dtype=np.float64)
 
 
-def _hour(priors: Priors, hour: int, instant: bool) -> CountPrior:
+def _get_count_prior(priors: Priors, hour: int, instant: bool) -> CountPrior:
     hours = priors.instants if instant else priors.counts
     if not 0 <= hour < len(hours):
         raise InputError(f"an hour of the day is 0 to {len(hours) - 1}, got {hour}")

@@ -14,7 +14,7 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, get_pattern
 from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
-from scenewright.tools.map_grounding.relation_files import checked_patterns
+from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 
 RouteWeight = Callable[[Route], float]
 """How common a route is; zero keeps it from being drawn unless nothing else is left."""
@@ -26,7 +26,7 @@ _FROM_THE_KERB = 4.3
 there (SEMANTICS 4: 5 m, less a margin)."""
 
 
-def ground(graph: SocialGraph, *, intersection_map: IntersectionMap) -> Grounding:
+def ground_graph(graph: SocialGraph, *, intersection_map: IntersectionMap) -> Grounding:
     """The routes open to each agent.
 
     Raises:
@@ -35,7 +35,7 @@ def ground(graph: SocialGraph, *, intersection_map: IntersectionMap) -> Groundin
     return _GROUNDED.get(
         graph,
         intersection_map,
-        checked_patterns(),
+        load_checked_patterns(),
         make=lambda: _open_routes(graph, intersection_map),
     )
 
@@ -84,7 +84,7 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     for agent in graph.agents:
         if not routes[agent.id]:
             raise Rejected(_no_route(agent, intersection_map))
-    for refuse in (_two_collisions, _late_without_a_clash, _waits_for_a_wreck):
+    for refuse in (_two_collisions, _late_without_a_clash, _brakes_on_foot, _waits_for_a_wreck):
         refuse(graph)
     grounding = Grounding(routes=routes)
     # One by one first: the search over all of them is exhaustive where one cannot be played.
@@ -102,7 +102,7 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     return grounding
 
 
-def casts(
+def find_assignments(
     graph: SocialGraph,
     grounding: Grounding,
     *,
@@ -115,7 +115,7 @@ def casts(
     yield from _assign(graph, intersection_map, rng, order, {}, ())
 
 
-def meets(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
+def have_conflict(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether the swept paths of two routes overlap on the map."""
     if "jaywalking" in (a.movement, b.movement):
         walker, other = (a, b) if a.movement == "jaywalking" else (b, a)
@@ -123,7 +123,7 @@ def meets(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     return frozenset((a.zone_key, b.zone_key)) in intersection_map.zone_pairs
 
 
-def green_together(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
+def share_green(a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether both may ever go at the same time; True where one of them has no signal."""
     groups = [intersection_map.signal_group_of(route) for route in (a, b)]
     if intersection_map.signals is None or None in groups:
@@ -134,7 +134,7 @@ def green_together(a: Route, b: Route, *, intersection_map: IntersectionMap) -> 
     )
 
 
-def at_odds(cast: RoleAssignment, *, intersection_map: IntersectionMap) -> int:
+def count_signal_conflicts(cast: RoleAssignment, *, intersection_map: IntersectionMap) -> int:
     """How many relations of a cast the lights do not allow as the programme runs, or the map.
 
     Two who obey must have green together; of two, one runs red where the other has green. Changes
@@ -146,7 +146,7 @@ def at_odds(cast: RoleAssignment, *, intersection_map: IntersectionMap) -> int:
     for each in cast.patterns:
         pair = [cast.routes[name] for name in (each.from_, each.to) if name not in runs]
         if len(pair) == 2:
-            odd += not green_together(*pair, intersection_map=intersection_map)
+            odd += not share_green(*pair, intersection_map=intersection_map)
         elif len(pair) == 1:
             (runner,) = {each.from_, each.to} & runs
             odd += not _red_at_green(
@@ -250,13 +250,13 @@ def _at_will(
 def _tied(graph: SocialGraph, routes: dict[str, Route]) -> bool:
     """Whether the entries lie to one another as the text has them, as far as they are chosen."""
     return all(
-        lies(tie.side, routes[tie.agent].entry, of=routes[tie.of].entry)
+        lies_on_side(tie.side, routes[tie.agent].entry, of=routes[tie.of].entry)
         for tie in graph.ties
         if tie.agent in routes and tie.of in routes
     )
 
 
-def lies(side: EntrySide, entry: str, *, of: str) -> bool:
+def lies_on_side(side: EntrySide, entry: str, *, of: str) -> bool:
     """Whether an entry lies on that side of another one.
 
     >>> lies("left", "east", of="north"), lies("lateral", "south", of="north")
@@ -288,7 +288,7 @@ def _play(
     order: dict[str, list[Route]],
     chosen: dict[str, Route],
 ) -> Iterator[tuple[dict[str, Route], AssignedPattern]]:
-    found = _draw(patterns_for(edge, graph), rng)
+    found = _draw(find_patterns(edge, graph), rng)
     asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
     # Who is to run red does so, if it can be, where the other one has green.
     for apart in (True, False) if asked else (None,):
@@ -303,7 +303,7 @@ def _play(
                         graph, chosen | routes
                     ):
                         continue
-                    if apart is not None and apart is green_together(
+                    if apart is not None and apart is share_green(
                         a, b, intersection_map=intersection_map
                     ):
                         continue
@@ -338,12 +338,12 @@ def _strikes_there(edge: RelationEdge, routes: dict[str, Route]) -> bool:
     return turn in (0, 4) or (edge.point_to == "left") == (turn < 4)
 
 
-def patterns_for(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
+def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
     """Patterns that serve the relation and, if one is named, the kind of collision."""
     classes = {graph.agent(edge.from_).type, graph.agent(edge.to).type}
     return [
         pattern
-        for pattern in checked_patterns()
+        for pattern in load_checked_patterns()
         if pattern.relation == edge.type
         and edge.pattern in (None, pattern.id)
         and {pattern.from_.type, pattern.to.type} == classes
@@ -385,7 +385,7 @@ def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     return [*orders, (edge.to, edge.from_)]
 
 
-def serves(pattern: Pattern, a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
+def can_serve(pattern: Pattern, a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether route `a` can play `from` and route `b` can play `to` of the pattern."""
     mirrored = _mirrored(pattern, intersection_map)
     return (
@@ -443,14 +443,14 @@ def _opposite(a: str, b: str) -> bool:
 def _geometry_fits(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     match pattern.geometry:
         case "crossing":
-            return meets(a, b, intersection_map=intersection_map) and (
+            return have_conflict(a, b, intersection_map=intersection_map) and (
                 a.type != b.type or a.exit != b.exit
             )
         case "merging":
             return (
                 a.exit == b.exit
                 and a.entry != b.entry
-                and meets(a, b, intersection_map=intersection_map)
+                and have_conflict(a, b, intersection_map=intersection_map)
             )
         case "same_lane":
             return a.entry == b.entry and _share_a_lane(a, b, intersection_map)
@@ -501,7 +501,7 @@ def _violator(
     for name in names:
         if graph.agent(name).runs_red:
             return name
-    if pattern.violator is None or green_together(*routes, intersection_map=intersection_map):
+    if pattern.violator is None or share_green(*routes, intersection_map=intersection_map):
         return None
     usual, other = names if pattern.violator == "from" else names[::-1]
     # Who gives way at a red light gives way to the light, who drives in line needs one light, and
@@ -555,6 +555,17 @@ def _late_without_a_clash(graph: SocialGraph) -> None:
             raise Rejected(_relation_fails(edge, detail))
 
 
+def _brakes_on_foot(graph: SocialGraph) -> None:
+    """Raises Rejected if a pedestrian is to brake."""
+    for edge in graph.relations:
+        if edge.braker is not None and graph.agent(edge.braker).type != "vehicle":
+            detail = (
+                f"{edge.braker} has no brakes; as braker write the vehicle of the two, or leave "
+                "the key out"
+            )
+            raise Rejected(_relation_fails(edge, detail))
+
+
 def _waits_for_a_wreck(graph: SocialGraph) -> None:
     """Raises Rejected if somebody gives way to a vehicle that comes to a stand on its crosswalk."""
     for wait, hit in _waits_and_hits(graph):
@@ -599,7 +610,9 @@ def _clear_of_wrecks(graph: SocialGraph, routes: dict[str, Route]) -> bool:
 
 
 def _playable(graph: SocialGraph, grounding: Grounding, intersection_map: IntersectionMap) -> bool:
-    found = casts(graph, grounding, intersection_map=intersection_map, rng=np.random.default_rng(0))
+    found = find_assignments(
+        graph, grounding, intersection_map=intersection_map, rng=np.random.default_rng(0)
+    )
     return next(found, None) is not None
 
 

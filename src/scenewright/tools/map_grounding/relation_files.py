@@ -32,7 +32,7 @@ _checked: list[Pattern] = []
 """Those whose clauses have been read; each pattern is loaded once."""
 
 
-def checked_patterns() -> tuple[Pattern, ...]:
+def load_checked_patterns() -> tuple[Pattern, ...]:
     """Every pattern, its clauses read once as programs of the constraint language.
 
     Raises:

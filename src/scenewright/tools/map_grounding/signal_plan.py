@@ -62,12 +62,12 @@ def feasible_offsets(program: SignalProgram, demands: tuple[Demand, ...]) -> Flo
     for demand in demands:
         count = max(2, int((demand.end - demand.start) / _RESOLUTION) + 2)
         times = np.linspace(demand.start, demand.end, count)
-        shown = shows(program, demand.group, offsets[:, None] + times, demand.colours)
+        shown = is_showing(program, demand.group, offsets[:, None] + times, demand.colours)
         good &= shown.all(axis=1)
     return offsets[good]
 
 
-def red_for(program: SignalProgram, group: str, offsets: FloatArray) -> FloatArray:
+def get_red_duration(program: SignalProgram, group: str, offsets: FloatArray) -> FloatArray:
     """[N] how long the group has not been green when the programme is at `offsets` [s].
 
     A whole cycle where it never is. Offsets count on the grid of `feasible_offsets`.
@@ -79,7 +79,7 @@ def red_for(program: SignalProgram, group: str, offsets: FloatArray) -> FloatArr
 def _red_for(program: SignalProgram, group: str) -> FloatArray:
     """[O] the same for every offset of the grid."""
     grid = np.arange(0.0, program.cycle, _RESOLUTION)
-    green = shows(program, group, grid[:, None] - grid, ("green",))
+    green = is_showing(program, group, grid[:, None] - grid, ("green",))
     return np.where(green.any(axis=1), grid[green.argmax(axis=1)], program.cycle)
 
 
@@ -87,11 +87,11 @@ _RED_FOR: RecentCache[tuple[int, str], FloatArray] = RecentCache(most=64)
 """By programme and group."""
 
 
-def shows(
+def is_showing(
     program: SignalProgram, group: str, times: FloatArray, colours: tuple[Colour, ...]
 ) -> NDArray[np.bool_]:
     """Whether `group` shows one of `colours` at times [s] of the programme (any shape)."""
-    edges, fits = phases_of(program, group, colours)
+    edges, fits = get_phases(program, group, colours)
     return _shows(times.ravel(), edges, fits, program.cycle).reshape(times.shape)
 
 
@@ -101,20 +101,20 @@ def _shows(
 ) -> NDArray[np.bool_]:
     shown = np.empty(len(times), np.bool_)
     for n in range(len(times)):
-        shown[n] = shows_at(times[n], edges, fits, cycle)
+        shown[n] = is_showing_at(times[n], edges, fits, cycle)
     return shown
 
 
 @compiled
-def shows_at(time: float, edges: FloatArray, fits: NDArray[np.bool_], cycle: float) -> bool:
-    """Whether the programme is at `time` [s] in a phase that fits (`phases_of`)."""
+def is_showing_at(time: float, edges: FloatArray, fits: NDArray[np.bool_], cycle: float) -> bool:
+    """Whether the programme is at `time` [s] in a phase that fits (`get_phases`)."""
     left, phase = time % cycle, 0
     while phase < len(edges) - 1 and not edges[phase] > left:  # never (infinity) is the last
         phase += 1
     return bool(fits[phase])
 
 
-def phases_of(
+def get_phases(
     program: SignalProgram, group: str, colours: tuple[Colour, ...]
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """When every phase ends [s], and whether the group shows one of the colours in it."""
@@ -132,7 +132,7 @@ _PHASES: RecentCache[tuple[int, str, tuple[Colour, ...]], tuple[FloatArray, NDAr
 """By programme, group and colours."""
 
 
-def plan_records(
+def build_signal_records(
     clock: SignalClock, *, intersection_map: IntersectionMap, until: float
 ) -> tuple[SignalRecord, ...]:
     """The plan of scene.json: every stop line's and crosswalk's colours over [0, until]."""

@@ -1,36 +1,20 @@
-"""Maps of real junctions in: SUMO, OpenStreetMap, OpenDRIVE and Lanelet2 files (SEMANTICS 2).
+"""Maps of real junctions from SUMO, OpenStreetMap, OpenDRIVE and Lanelet2 files (SEMANTICS 2).
 
-`vetting` reads a stranger's file once and harmlessly, `sumo_net` and `lanelet2` make a `survey` of
-one junction of it, `legs` names its arms, `areas` derives the ground, `lights` the signals, and
-`assemble` puts the map together and says what was assumed.
+`check_file` makes sure that a file is safe to read, `read_sumo` and `read_lanelet2` make a `survey`
+of one junction of it, `legs` names its arms, `ground_areas` derives the ground, `signal_programs`
+the signals, and `assemble` builds the map and reports what was assumed. `four_leg_map` builds the
+shipped map from measures; `map_parts` is what both have in common.
 """
 
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
-from scenewright.tools.map_import.assemble import Assembled, assemble
-from scenewright.tools.map_import.survey import Survey
-from scenewright.tools.map_import.vetting import MapFormat, vetted_format
+from scenewright.tools.map_import.assemble import ImportedMap, assemble_map
+from scenewright.tools.map_import.check_file import MapFormat, detect_map_format
 
-__all__ = ["Assembled", "Imported", "MapFormat", "import_map"]
-
-
-@dataclass(frozen=True, eq=False)
-class Imported:
-    """An imported map: what was assembled, from what kind of file, and where it lies.
-
-    Attributes:
-        origin: latitude and longitude of the map's origin [deg]; None where the file has none.
-        offset: of the origin in the coordinates of the file [m].
-    """
-
-    assembled: Assembled
-    kind: MapFormat
-    origin: tuple[float, float] | None
-    offset: tuple[float, float]
+__all__ = ["ImportedMap", "MapFormat", "import_map"]
 
 
 def import_map(
@@ -43,41 +27,32 @@ def import_map(
     extent: float | None = None,
     title: str | None = None,
     signals: str = "keep",
-) -> Imported:
+) -> ImportedMap:
     """The map of one junction of a file.
 
     Args:
         center: latitude and longitude of the junction, or x and y where the file has no degrees.
         junction: its id in the file.
-        left_hand: whether traffic drives on the left; None takes the file's word.
+        left_hand: whether traffic drives on the left; None is as the file says.
+        extent: half the side of the square that the map covers [m]; None takes what it needs.
         signals: `keep`, `assume` or `none`.
 
     Raises:
         InputError: the file cannot be read, or no junction is chosen; one line says why.
     """
     path = Path(file)
-    kind = vetted_format(path)
-    with tempfile.TemporaryDirectory() as scratch:
-        survey = _survey(
-            path, kind, Path(scratch), center=center, junction=junction, left_hand=left_hand
-        )
-    assembled = assemble(survey, name=name, extent=extent, title=title, signals=signals)
-    return Imported(assembled, kind, survey.origin, survey.offset)
+    map_format = detect_map_format(path)
+    # Each reader is loaded on demand: they need libraries that the others do not.
+    if map_format == "lanelet2":
+        from scenewright.tools.map_import.read_lanelet2 import read_lanelet2
 
+        survey = read_lanelet2(path, center=center, left_hand=bool(left_hand))
+    else:
+        from scenewright.tools.map_import.read_sumo import read_sumo
 
-def _survey(
-    path: Path,
-    kind: MapFormat,
-    scratch: Path,
-    *,
-    center: tuple[float, float] | None,
-    junction: str | None,
-    left_hand: bool | None,
-) -> Survey:
-    if kind == "lanelet2":
-        from scenewright.tools.map_import.lanelet2 import read_lanelet2
-
-        return read_lanelet2(path, center=center, left_hand=bool(left_hand))
-    from scenewright.tools.map_import.sumo_net import read_sumo
-
-    return read_sumo(path, kind, scratch, center=center, junction=junction, left_hand=left_hand)
+        with tempfile.TemporaryDirectory() as scratch:
+            survey = read_sumo(
+                path, map_format, Path(scratch), center=center, junction=junction,
+                left_hand=left_hand,
+            )  # fmt: skip
+    return assemble_map(survey, map_format, name=name, extent=extent, title=title, signals=signals)

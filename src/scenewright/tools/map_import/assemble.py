@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -13,6 +13,14 @@ from typing import Any
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.geometry.geographic import LatLon
+from scenewright.geometry.polyline import (
+    measure_courses,
+    measure_length,
+    resample_by_spacing,
+    rotate_left,
+    smooth_gaussian,
+)
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.map import (
     Crosswalk,
@@ -20,65 +28,74 @@ from scenewright.scene.map import (
     IntersectionMap,
     Lanelet,
     Leg,
-    Polyline,
-    Route,
+    SignalProgram,
     StopLine,
     VehicleMovement,
 )
-from scenewright.tools.map_import import areas
-from scenewright.tools.map_import.areas import Section, even, geos, len_of
+from scenewright.tools.map_import import ground_areas as ground
+from scenewright.tools.map_import.check_file import MapFormat
+from scenewright.tools.map_import.compass import find_sides, name_turn
+from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
 from scenewright.tools.map_import.legs import (
     CLEARLY_STRAIGHT,
     CLEARLY_TURNED,
-    RING,
     SurveyLeg,
-    legs_of,
-    named,
-    turn_by_name,
+    find_legs,
+    name_legs,
+    orient_outwards,
 )
-from scenewright.tools.map_import.lights import programme
-from scenewright.tools.map_import.map_builder import (
-    area_of,
-    conflict_zones,
-    pedestrian_route,
-    ring,
-    vehicle_route,
+from scenewright.tools.map_import.map_parts import (
+    SIDEWALKS,
+    RouteLines,
+    build_area,
+    build_conflict_zones,
+    build_lanelet,
+    build_pedestrian_routes,
+    build_ring,
+    build_vehicle_route,
+    geos,
+    round_points,
 )
-from scenewright.tools.map_import.survey import Survey, SurveyLane, SurveyWay
+from scenewright.tools.map_import.signal_programs import build_signal_program
+from scenewright.tools.map_import.survey import Survey, SurveyConnection, SurveyLane
 
-LEAST_EXTENT, MOST_EXTENT = 50.0, 90.0
+_EXTENTS = (50.0, 90.0)
 _ROOM = 28.0
 """How much of every leg a map shows beyond its throat at least [m]."""
-_LEAST_SPEED, _MOST_SPEED = 4.0, 19.0
-_SMOOTHING = 3.0
-"""Of ways through the junction [points of 0.5 m]: readers leave corners where pieces meet."""
-_SIDES = ("along", "leg")
+_SPEED_LIMITS = (4.0, 19.0)
+
+_Movements = Mapping[tuple[int, int], list[int]]
+"""Connections by entry and exit leg; those of the gentlest curve first."""
 
 
 @dataclass(frozen=True, eq=False)
-class Assembled:
-    """A map, and beside it what a map does not say.
+class ImportedMap:
+    """A map of one junction of a file, with what a map does not hold.
 
     Attributes:
-        place: the map.
-        lines: by route id, the middles of the ways that it may take [m]: a way for each lane,
-            for pedestrians one.
+        route_lines: by route id, the middles of the paths that it may take; for pedestrians one.
         notes: what was derived, assumed or dropped, one fact a line.
+        origin: of the map; None where the file has none.
+        offset: of the origin in the coordinates of the file [m].
     """
 
-    place: IntersectionMap
-    lines: Mapping[str, tuple[FloatArray, ...]]
+    intersection_map: IntersectionMap
+    route_lines: RouteLines
     notes: tuple[str, ...]
+    map_format: MapFormat
+    origin: LatLon | None
+    offset: tuple[float, float]
 
 
-def assemble(
+def assemble_map(
     survey: Survey,
+    map_format: MapFormat,
     *,
     name: str,
     extent: float | None = None,
     title: str | None = None,
     signals: str = "keep",
-) -> Assembled:
+) -> ImportedMap:
     """The map of a surveyed junction.
 
     Args:
@@ -86,482 +103,424 @@ def assemble(
         signals: `keep` what the file has, `assume` a programme where it has none, or `none`.
 
     Raises:
-        InputError: too few legs, or no way through.
+        InputError: too few legs, or no path through.
     """
-    return _Assembly(survey, name, extent, title, signals).made()
+    assembly = _Assembly(survey, extent)
+    intersection_map = assembly.build_map(name, title, signals)
+    return ImportedMap(
+        intersection_map,
+        {**assembly.vehicle_lines, **{k: (line,) for k, line in assembly.crossing_lines.items()}},
+        tuple(assembly.notes),
+        map_format,
+        survey.origin,
+        survey.offset,
+    )
 
 
-@dataclass(eq=False)
 class _Assembly:
-    """One junction on its way to a map."""
+    """The parts of one junction's map, each derived when it is first needed."""
 
-    survey: Survey
-    name: str
-    wished: float | None
-    title: str | None
-    signals: str
-
-    def __post_init__(self) -> None:
-        self.notes = list(self.survey.notes)
-        self.legs = legs_of(self.survey)
-        self.of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
-        self.extent = self._extent()
-        self.ways = [way for way in self.survey.ways if self._kept(way)]
-        if not self.ways:
-            raise InputError(f"{self.survey.title} has no way for vehicles from one leg to another")
-        self.names = named(self.legs, self._turns())
+    def __init__(self, survey: Survey, extent: float | None) -> None:
+        self.survey = survey
+        self.notes = list(survey.notes)
+        self.legs = find_legs(survey)
+        self.leg_of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
+        self.extent = _choose_extent(self.legs, extent)
+        self.connections = [each for each in survey.connections if self._leads_elsewhere(each)]
+        if not self.connections:
+            raise InputError(f"{survey.title} has no way for vehicles from one leg to another")
+        self.names = name_legs(
+            self.legs,
+            [(*self._find_leg_pair(each), self._measure_turn(each)) for each in self.connections],
+        )
         self.extended = {
-            lane.id: _reaching(lane, approach, self.extent + 20.0)
+            lane.id: _extend_lane(lane, is_approach, self.extent + 20.0)
             for leg in self.legs
-            for lane, approach in _sided(leg)
+            for lane, is_approach in leg.directed_lanes
         }
 
-    def _extent(self) -> float:
-        far = max(float(np.abs(leg.throat).max()) for leg in self.legs)
-        if self.wished is not None:
-            if not far + 10.0 <= self.wished <= 200.0:
-                raise InputError(
-                    f"an extent of {self.wished:g} m does not do: the junction needs "
-                    f"{far + 10.0:.0f} to 200 m"
-                )
-            return self.wished
-        return float(np.clip(math.ceil(far + _ROOM), LEAST_EXTENT, MOST_EXTENT))
-
-    def _kept(self, way: SurveyWay) -> bool:
-        same = self.of_lane[way.approach] == self.of_lane[way.exit]
-        if same:
-            self._note("ways that turn back into their own leg were dropped")
-        return not same
-
-    def _note(self, line: str) -> None:
+    def _add_note(self, line: str) -> None:
         if line not in self.notes:
             self.notes.append(line)
 
-    def _turns(self) -> list[tuple[int, int, float]]:
-        return [(self.of_lane[w.approach], self.of_lane[w.exit], self._angle(w)) for w in self.ways]
+    def _find_leg_pair(self, connection: SurveyConnection) -> tuple[int, int]:
+        return self.leg_of_lane[connection.approach], self.leg_of_lane[connection.exit]
 
-    def _angle(self, way: SurveyWay) -> float:
-        """How far a way turns, positive to the left [rad]."""
-        a = self.survey.approaches[way.approach].line
-        b = self.survey.exits[way.exit].line
-        whole = even(np.concatenate([_end(a, 12.0), way.line, _end(b[::-1], 12.0)[::-1]]), 1.0)
-        step = np.diff(whole, axis=0)
-        course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    def _leads_elsewhere(self, connection: SurveyConnection) -> bool:
+        entry, exit_ = self._find_leg_pair(connection)
+        if entry == exit_:
+            self._add_note("ways that turn back into their own leg were dropped")
+        return entry != exit_
+
+    def _measure_turn(self, connection: SurveyConnection) -> float:
+        """How far a connection turns, positive to the left [rad]."""
+        before = self.survey.approaches[connection.approach].line
+        after = self.survey.exits[connection.exit].line
+        course = measure_courses(
+            resample_by_spacing(_join(before, connection.line, after, 12.0), 1.0)
+        )
         return float(course[-3:].mean() - course[:3].mean())
 
     @cached_property
     def road(self) -> Any:
-        strips = [
-            (self.extended[lane.id], max(lane.width, 2.8))
-            for leg in self.legs
-            for lane in leg.lanes
-        ]
-        strips += [
-            (self._joined(way), max(self.survey.approaches[way.approach].width, 3.0))
-            for way in self.ways
-        ]
-        return areas.road_of(strips, self.survey.areas)
-
-    def _joined(self, way: SurveyWay) -> FloatArray:
-        a, b = self.extended[way.approach], self.extended[way.exit]
-        return _smooth(np.concatenate([_end(a, 6.0), way.line, _end(b[::-1], 6.0)[::-1]]))
+        strips = [(self.extended[x.id], max(x.width, 2.8)) for leg in self.legs for x in leg.lanes]
+        for each in self.connections:
+            before, after = self.extended[each.approach], self.extended[each.exit]
+            line = _smooth(_join(before, each.line, after, 6.0))
+            strips.append((line, max(self.survey.approaches[each.approach].width, 3.0)))
+        return ground.build_road(strips, self.survey.areas)
 
     @cached_property
-    def sections(self) -> dict[int, Section]:
+    def placements(self) -> dict[int, CrosswalkPlacement]:
+        """By leg: where its crosswalk lies."""
         found = {}
         for k, leg in enumerate(self.legs):
             room = self.extent - 9.0 - float(np.abs(leg.throat).max())
-            made = areas.section_of(leg, self.road, self.survey.crossings, room=room)
-            if made is None:
-                self._note(f"no crosswalk found room on the {self.names[k]} leg")
-                continue
-            found[k] = made
-        derived = [self.names[k] for k, s in found.items() if not s.mapped]
-        if derived:
-            self._note(
+            placed = ground.place_crosswalk(leg, self.road, self.survey.crossings, room=room)
+            if placed is None:
+                self._add_note(f"no crosswalk found room on the {self.names[k]} leg")
+            else:
+                found[k] = placed
+        if derived := [self.names[k] for k, placed in found.items() if not placed.is_mapped]:
+            self._add_note(
                 f"the file has no crosswalk that fits on {', '.join(derived)}: derived, 4 m wide, "
                 "where the leg is narrow"
             )
         return found
 
-    @cached_property
-    def stops(self) -> dict[int, float]:
-        """By leg: where traffic stops, outwards from the throat [m]."""
-        return {
-            k: areas.stop_distance(self.sections[k]) if k in self.sections else 0.0
-            for k in range(len(self.legs))
-        }
-
-    def _cut(self, lane: SurveyLane, k: int) -> FloatArray:
+    def _clip_approach(self, lane: SurveyLane, k: int) -> FloatArray:
         """An approach from the map's edge to its stop line."""
-        line = even(self.extended[lane.id], 0.5)
-        inside = np.abs(line).max(axis=1) <= self.extent
+        line = resample_by_spacing(self.extended[lane.id], 0.5)
         ahead = (line - self.legs[k].throat) @ self.legs[k].outwards
-        inside &= ahead >= self.stops[k]
-        return _run(line, inside, towards_end=True)
+        stop = self.placements[k].stop_distance if k in self.placements else 0.0
+        return _take_last_run(line, self._is_inside(line) & (ahead >= stop))
 
-    def _out(self, lane: SurveyLane) -> FloatArray:
-        line = even(self.extended[lane.id], 0.5)
-        return _run(line, np.abs(line).max(axis=1) <= self.extent, towards_end=False)
+    def _clip_exit(self, lane: SurveyLane) -> FloatArray:
+        line = resample_by_spacing(self.extended[lane.id], 0.5)[::-1]
+        return _take_last_run(line, self._is_inside(line))[::-1]
+
+    def _is_inside(self, line: FloatArray) -> Any:
+        return np.abs(line).max(axis=1) <= self.extent
 
     @cached_property
     def whole(self) -> list[FloatArray]:
-        """By way: from map edge to map edge, smoothed."""
-        made = []
-        for way in self.ways:
-            a, b = self.extended[way.approach], self.extended[way.exit]
-            line = _smooth(np.concatenate([a, way.line, b]))
-            inside = np.abs(line).max(axis=1) <= self.extent
-            made.append(_run(line, inside, towards_end=None))
-        return made
+        """By connection: its path from map edge to map edge, smoothed."""
+        found = []
+        for each in self.connections:
+            before, after = self.extended[each.approach], self.extended[each.exit]
+            line = _smooth(np.concatenate([before, each.line, after]))
+            inside = np.flatnonzero(self._is_inside(line))
+            found.append(line[inside[0] : inside[-1] + 1] if len(inside) > 1 else line[-2:])
+        return found
 
-    def _group(self) -> dict[tuple[int, int], list[int]]:
-        """Ways by entry and exit leg; those of the gentlest curve first."""
+    @cached_property
+    def by_movement(self) -> _Movements:
         groups: dict[tuple[int, int], list[int]] = {}
-        for i, way in enumerate(self.ways):
-            key = (self.of_lane[way.approach], self.of_lane[way.exit])
-            groups.setdefault(key, []).append(i)
+        for i, connection in enumerate(self.connections):
+            groups.setdefault(self._find_leg_pair(connection), []).append(i)
         return {
-            key: sorted(found, key=lambda i: _sharpness(self.whole[i]))
-            for key, found in sorted(groups.items())
+            pair: sorted(found, key=lambda i: _measure_sharpness(self.whole[i]))
+            for pair, found in sorted(groups.items())
         }
 
-    def made(self) -> Assembled:
-        lanelets = list(self._lanelets())
-        groups = self._group()
-        stop_lines = tuple(self._stop_lines())
-        movements = tuple(self._movements(groups))
-        crosswalks = tuple(self._crosswalks())
-        signals = programme(
-            self.survey,
-            legs=self.names,
-            straight=self._straight(groups),
-            movements=movements,
-            lights=self._lights(groups),
-            crosswalks=crosswalks,
-            mode=self.signals,
-            note=self._note,
-        )
-        if signals is not None:
-            group_of = {m: g.id for g in signals.groups for m in g.movements}
-            movements = tuple(
-                m.model_copy(update={"signal_group": group_of.get(m.id)}) for m in movements
-            )
-        walks = dict(self._walks())
-        lines = {
-            m.id: [geos.LineString(self.whole[i]) for i in found]
-            for m, found in zip(movements, groups.values(), strict=True)
-        }
-        place = IntersectionMap(
-            name=self.name,
-            map_id=zlib.crc32(self.name.encode()) % 1_000_000,
-            title=(self.title or self.survey.title)[:90],
+    def build_map(self, name: str, title: str | None, signals: str) -> IntersectionMap:
+        lanelets = tuple(self._build_lanelets())
+        stop_lines = tuple(self._build_stop_lines())
+        crosswalks = tuple(self._build_crosswalks())
+        program = self._build_signals(crosswalks, signals)
+        movements = self._build_movements(program)
+        lines = {m.id: self.vehicle_lines[f"vehicle:{m.id}"] for m in movements}
+        crossed = {route.split(":")[1] for route in self.crossing_lines}
+        return IntersectionMap(
+            name=name,
+            map_id=zlib.crc32(name.encode()) % 1_000_000,
+            title=(title or self.survey.title)[:90],
             extent=self.extent,
             left_hand_traffic=self.survey.left_hand,
             legs=tuple(
                 Leg(name=n, road=(leg.road or f"{n} road")[:60], bearing=round(leg.bearing, 6))
                 for n, leg in zip(self.names, self.legs, strict=True)
             ),
-            lanelets=tuple(lanelets),
+            lanelets=lanelets,
             stop_lines=stop_lines,
             crosswalks=crosswalks,
-            road=tuple(area_of(p) for p in areas.polygons(self._road_here)),
-            walkable=tuple(area_of(p) for p in areas.polygons(self._sidewalks)),
-            goal_regions=tuple(self._goals(walks)),
+            road=tuple(map(build_area, ground.list_polygons(self._clip_road()))),
+            walkable=tuple(map(build_area, ground.list_polygons(self._derive_sidewalks()))),
+            goal_regions=(*self._build_vehicle_goals(), *self._build_pedestrian_goals()),
             movements=movements,
-            conflict_zones=tuple(conflict_zones(lines, movements, crosswalks)),
-            signals=signals,
-            routes=(*map(vehicle_route, movements), *self._pedestrian_routes(walks)),
-        )
-        kept = {f"vehicle:{m.id}": tuple(self.whole[i] for i in found)
-                for m, found in zip(movements, groups.values(), strict=True)}  # fmt: skip
-        return Assembled(
-            place, kept | {name: (line,) for name, line in walks.items()}, tuple(self.notes)
+            conflict_zones=tuple(build_conflict_zones(lines, movements, crosswalks)),
+            signals=program,
+            routes=(
+                *map(build_vehicle_route, movements),
+                *build_pedestrian_routes(leg for leg in self.names if leg in crossed),
+            ),
         )
 
-    def _straight(
-        self, groups: Mapping[tuple[int, int], list[int]]
-    ) -> set[tuple[Compass, Compass]]:
+    def _clip_road(self) -> Any:
+        return self.road.intersection(ground.build_square(self.extent))
+
+    def _derive_sidewalks(self) -> Any:
+        self._add_note("sidewalks were derived: 3 m along every outer kerb")
+        return ground.build_sidewalks(self.road, self.extent)
+
+    def _build_signals(self, crosswalks: Sequence[Crosswalk], mode: str) -> SignalProgram | None:
+        return build_signal_program(
+            self.survey,
+            straight=self._find_straight_pairs(),
+            movements=self._build_movements(None),
+            lights=self._find_lights(),
+            crosswalks=crosswalks,
+            mode=mode,
+            add_note=self._add_note,
+        )
+
+    def _find_straight_pairs(self) -> set[tuple[Compass, Compass]]:
         """By entry, the exit that it leads to with the least turning, if that is no turn."""
-        angle = {key: abs(self._angle(self.ways[found[0]])) for key, found in groups.items()}
-        best = {a: min((turn, b) for (x, b), turn in angle.items() if x == a) for a, _ in angle}
+        turns: dict[int, list[tuple[float, int]]] = {}
+        for (a, b), found in self.by_movement.items():
+            turn = abs(self._measure_turn(self.connections[found[0]]))
+            turns.setdefault(a, []).append((turn, b))
+        best = {a: min(own) for a, own in turns.items()}
         return {
             (self.names[a], self.names[b]) for a, (turn, b) in best.items() if turn < CLEARLY_TURNED
         }
 
-    @cached_property
-    def _road_here(self) -> Any:
-        return self.road.intersection(areas.box(self.extent))
-
-    @cached_property
-    def _sidewalks(self) -> Any:
-        self._note("sidewalks were derived: 3 m along every outer kerb")
-        return areas.sidewalks_of(self.road, self.extent)
-
-    def _lights(self, groups: Mapping[tuple[int, int], list[int]]) -> dict[str, list[str]]:
-        """By entry leg, the survey's lights of its straightest ways."""
-        found: dict[str, list[tuple[float, str]]] = {}
-        for (a, _), ways in groups.items():
-            for i in ways:
-                light = self.ways[i].light
-                if light is not None:
-                    turn = abs(self._angle(self.ways[i]))
-                    found.setdefault(self.names[a], []).append((round(turn, 1), light))
+    def _find_lights(self) -> dict[Compass, list[str]]:
+        """By entry leg, the survey's lights of its straightest connections."""
+        found: dict[Compass, list[tuple[float, str]]] = {}
+        for (entry, _), own in self.by_movement.items():
+            for connection in (self.connections[i] for i in own):
+                if connection.light is not None:
+                    turn = round(abs(self._measure_turn(connection)), 1)
+                    found.setdefault(self.names[entry], []).append((turn, connection.light))
         return {
             leg: [light for turn, light in each if turn <= min(each)[0] + 0.2]
             for leg, each in found.items()
         }
 
-    def _lane_name(self, lane: SurveyLane, k: int, side: str) -> str:
-        leg = self.legs[k]
-        own = leg.approaches if side == "approach" else leg.exits
+    def _name_lane(self, lane: SurveyLane, k: int, side: str) -> str:
+        own = self.legs[k].approaches if side == "approach" else self.legs[k].exits
         return f"{self.names[k]}:{side}:{own.index(lane) + 1}"
 
-    def _lanelets(self) -> Iterator[Lanelet]:
-        into: dict[str, list[str]] = {}
-        for i, way in enumerate(self.ways):
-            into.setdefault(way.approach, []).append(f"connector:{i + 1}")
+    def _name_lanes(self, i: int) -> tuple[str, str, str]:
+        """The names of the approach, the connector and the exit of a connection."""
+        connection = self.connections[i]
+        entry, exit_ = self._find_leg_pair(connection)
+        return (
+            self._name_lane(self.survey.approaches[connection.approach], entry, "approach"),
+            f"connector:{i + 1}",
+            self._name_lane(self.survey.exits[connection.exit], exit_, "exit"),
+        )
+
+    def _build_lanelets(self) -> Iterator[Lanelet]:
+        ways = [self._name_lanes(i) for i in range(len(self.connections))]
         for k, leg in enumerate(self.legs):
             for lane in leg.approaches:
-                yield _lanelet(
-                    self._cut(lane, k),
-                    lane,
-                    id=self._lane_name(lane, k, "approach"),
-                    kind="approach",
-                    leg=self.names[k],
-                    successors=tuple(into.get(lane.id, ())),
-                )
+                name = self._name_lane(lane, k, "approach")
+                onwards = tuple(inner for approach, inner, _ in ways if approach == name)
+                yield _build_lanelet(
+                    self._clip_approach(lane, k), lane, id=name, kind="approach",
+                    leg=self.names[k], successors=onwards,
+                )  # fmt: skip
             for lane in leg.exits:
-                yield _lanelet(
-                    self._out(lane),
-                    lane,
-                    id=self._lane_name(lane, k, "exit"),
-                    kind="exit",
-                    leg=self.names[k],
+                name = self._name_lane(lane, k, "exit")
+                yield _build_lanelet(
+                    self._clip_exit(lane), lane, id=name, kind="exit", leg=self.names[k]
                 )
-        for i, way in enumerate(self.ways):
-            lane = self.survey.approaches[way.approach]
-            k = self.of_lane[way.exit]
-            yield _lanelet(
-                self._inner(i),
-                lane,
-                id=f"connector:{i + 1}",
-                kind="connector",
-                leg=None,
-                successors=(self._lane_name(self.survey.exits[way.exit], k, "exit"),),
-            )
+        for i, (_, inner, onto) in enumerate(ways):
+            lane = self.survey.approaches[self.connections[i].approach]
+            yield _build_lanelet(
+                self._cut_connector(i), lane, id=inner, kind="connector", leg=None,
+                successors=(onto,),
+            )  # fmt: skip
 
-    def _inner(self, i: int) -> FloatArray:
-        """The part of a way between its stop line and its exit lane."""
-        way, line = self.ways[i], self.whole[i]
-        a = self._cut(self.survey.approaches[way.approach], self.of_lane[way.approach])[-1]
-        b = self._out(self.survey.exits[way.exit])[0]
-        first = int(np.argmin(np.hypot(*(line - a).T)))
-        last = int(np.argmin(np.hypot(*(line - b).T)))
+    def _cut_connector(self, i: int) -> FloatArray:
+        """The part of a connection between its stop line and its exit lane."""
+        connection, line = self.connections[i], self.whole[i]
+        lane = self.survey.approaches[connection.approach]
+        begin = self._clip_approach(lane, self.leg_of_lane[lane.id])[-1]
+        end = self._clip_exit(self.survey.exits[connection.exit])[0]
+        first, last = (int(np.argmin(np.hypot(*(line - point).T))) for point in (begin, end))
         return line[first : max(last, first + 1) + 1]
 
-    def _stop_lines(self) -> Iterator[StopLine]:
+    def _build_stop_lines(self) -> Iterator[StopLine]:
         for k, leg in enumerate(self.legs):
             if not leg.approaches:
                 continue
-            across = np.array([-leg.outwards[1], leg.outwards[0]])
-            ends = [self._cut(lane, k)[-1] for lane in leg.approaches]
-            at = float(np.mean([(e - leg.throat) @ leg.outwards for e in ends]))
-            side = [
-                float((e - leg.throat) @ across) + sign * lane.width / 2
-                for e, lane in zip(ends, leg.approaches, strict=True)
+            left, name = rotate_left(leg.outwards), self.names[k]
+            ends = np.array([self._clip_approach(lane, k)[-1] for lane in leg.approaches])
+            distance = float(np.mean([(end - leg.throat) @ leg.outwards for end in ends]))
+            lateral = [
+                float((end - leg.throat) @ left) + sign * lane.width / 2
+                for end, lane in zip(ends, leg.approaches, strict=True)
                 for sign in (-1, 1)
             ]
-            base = leg.throat + at * leg.outwards
-            line = _points(np.array([base + min(side) * across, base + max(side) * across]))
-            ids = tuple(self._lane_name(lane, k, "approach") for lane in leg.approaches)
-            name = self.names[k]
+            base = leg.throat + distance * leg.outwards
+            line = round_points([base + min(lateral) * left, base + max(lateral) * left])
+            ids = tuple(self._name_lane(lane, k, "approach") for lane in leg.approaches)
             yield StopLine(id=f"{name}:stop", leg=name, lanelets=ids, line=(line[0], line[1]))
 
-    def _movements(self, groups: Mapping[tuple[int, int], list[int]]) -> Iterator[VehicleMovement]:
-        for (a, b), found in groups.items():
+    def _build_movements(self, program: SignalProgram | None) -> tuple[VehicleMovement, ...]:
+        groups = {m: g.id for g in program.groups for m in g.movements} if program else {}
+        found = []
+        for (a, b), own in self.by_movement.items():
             entry, exit_ = self.names[a], self.names[b]
-            turn = self._turn(entry, exit_, self._angle(self.ways[found[0]]))
-            ids: list[str] = []
-            for i in found:
-                way = self.ways[i]
-                ids += [
-                    self._lane_name(self.survey.approaches[way.approach], a, "approach"),
-                    f"connector:{i + 1}",
-                    self._lane_name(self.survey.exits[way.exit], b, "exit"),
-                ]
-            yield VehicleMovement(
-                id=f"{entry}>{exit_}:{turn}",
+            turn = _classify_turn(entry, exit_, self._measure_turn(self.connections[own[0]]))
+            name = f"{entry}>{exit_}:{turn}"
+            movement = VehicleMovement(
+                id=name,
                 entry=entry,
                 exit=exit_,
                 turn=turn,
-                lanelets=tuple(ids),
+                lanelets=tuple(lane for i in own for lane in self._name_lanes(i)),
                 stop_line=f"{entry}:stop",
-                centreline=_points(self.whole[found[0]]),
-                signal_group=None,
+                centreline=round_points(self.whole[own[0]]),
+                signal_group=groups.get(name),
             )
+            found.append(movement)
+        return tuple(found)
 
-    def _turn(self, entry: Compass, exit_: Compass, angle: float) -> Any:
-        if abs(angle) < CLEARLY_STRAIGHT:
-            return "straight"
-        if abs(angle) > CLEARLY_TURNED:
-            return "left" if angle > 0 else "right"
-        said = turn_by_name(entry, exit_)
-        return said if said in ("straight", "left" if angle > 0 else "right") else "straight"
+    @cached_property
+    def vehicle_lines(self) -> dict[str, tuple[FloatArray, ...]]:
+        """By route id, the middles of the paths of vehicles."""
+        movements = zip(self._build_movements(None), self.by_movement.values(), strict=True)
+        return {f"vehicle:{m.id}": tuple(self.whole[i] for i in own) for m, own in movements}
 
-    def _crosswalks(self) -> Iterator[Crosswalk]:
-        for k, section in self.sections.items():
-            leg = self.names[k]
-            ends = _points(section.ends)
+    def _build_crosswalks(self) -> Iterator[Crosswalk]:
+        for k, placed in self.placements.items():
+            leg, ends = self.names[k], round_points(placed.ends)
             yield Crosswalk(
                 id=f"{leg}:crosswalk",
                 leg=leg,
-                polygon=ring(areas.crosswalk_area(section)),
+                polygon=build_ring(placed.area),
                 centreline=(ends[0], ends[1]),
-                sides=_sides(leg),
-                width=section.width,
+                sides=find_sides(leg),
+                width=placed.width,
             )
 
-    def _walks(self) -> Iterator[tuple[str, FloatArray]]:
-        """By route id, the way of those who cross, for each pair of sidewalks."""
-        corners = areas.corners_of(self.road, self.legs, self.extent)
-        for k, section in self.sections.items():
+    @cached_property
+    def crossing_lines(self) -> dict[str, FloatArray]:
+        """By route id, the path of pedestrians over a crosswalk, for each pair of sidewalks."""
+        corners = ground.build_corner_lines(self.road, self.legs, self.extent)
+        found = {}
+        for k, placed in self.placements.items():
             left, right = corners.get(k), corners.get((k - 1) % len(self.legs))
             if left is None or right is None:
-                self._note(
+                self._add_note(
                     f"the {self.names[k]} leg has no sidewalk on one side: nobody crosses it"
                 )
                 continue
-            sides = _sides(self.names[k])
-            for before, after in product(_SIDES, _SIDES):
-                line = areas.walk_line(section, left, right, before=before, after=after)
-                there = _rounded(line)
-                key = f"pedestrian:{self.names[k]}"
-                yield f"{key}:{sides[0]}>{sides[1]}:{before}>{after}", there
-                yield f"{key}:{sides[1]}>{sides[0]}:{after}>{before}", there[::-1]
+            key, (a, b) = f"pedestrian:{self.names[k]}", find_sides(self.names[k])
+            for before, after in product(SIDEWALKS, SIDEWALKS):
+                line = _round_corners(
+                    ground.build_crossing_line(placed, left, right, before=before, after=after)
+                )
+                found[f"{key}:{a}>{b}:{before}>{after}"] = line
+                found[f"{key}:{b}>{a}:{after}>{before}"] = line[::-1]
+        return found
 
-    def _pedestrian_routes(self, walks: Mapping[str, FloatArray]) -> Iterator[Route]:
-        crossed = {name.split(":")[1] for name in walks}
-        legs = [leg for leg in self.names if leg in crossed]
-        for leg in legs:
-            for entry, exit_ in (_sides(leg), _sides(leg)[::-1]):
-                for before, after in product(_SIDES, _SIDES):
-                    yield pedestrian_route(leg, entry, exit_, f"{before}>{after}")
-        for leg in legs:
-            for entry, exit_ in (_sides(leg), _sides(leg)[::-1]):
-                yield pedestrian_route(leg, entry, exit_, None)
-
-    def _goals(self, walks: Mapping[str, FloatArray]) -> Iterator[GoalRegion]:
-        for k, leg in enumerate(self.legs):
+    def _build_vehicle_goals(self) -> Iterator[GoalRegion]:
+        for name, leg in zip(self.names, self.legs, strict=True):
             strips = [
-                geos.LineString(_end(self._out(lane), 5.0)).buffer(lane.width / 2, cap_style="flat")
-                for lane in leg.exits
+                geos.LineString(_take_end(self._clip_exit(x), 5.0)).buffer(
+                    x.width / 2, cap_style="flat"
+                )
+                for x in leg.exits
             ]
             if strips:
-                area = geos.union_all(strips).convex_hull
-                name = self.names[k]
-                yield GoalRegion(id=f"{name}:goal", type="vehicle", leg=name, polygon=ring(area))
+                area = build_ring(geos.union_all(strips).convex_hull)
+                yield GoalRegion(id=f"{name}:goal", type="vehicle", leg=name, polygon=area)
+
+    def _build_pedestrian_goals(self) -> Iterator[GoalRegion]:
         ends = {
-            (name.split(":")[1], tuple(np.round(line[-1], 1).tolist())): line[-1]
-            for name, line in walks.items()
+            (route.split(":")[1], tuple(np.round(line[-1], 1).tolist())): line[-1]
+            for route, line in self.crossing_lines.items()
         }
-        for number, ((crossed, _), end) in enumerate(sorted(ends.items(), key=lambda e: e[0])):
-            yield GoalRegion.model_validate(
-                {
-                    "id": f"{crossed}:goal:sidewalk_{number + 1}",
-                    "type": "pedestrian",
-                    "leg": crossed,
-                    "polygon": ring(geos.Point(end).buffer(1.5, quad_segs=2)),
-                }
+        for number, ((leg, _), end) in enumerate(sorted(ends.items(), key=lambda e: e[0]), start=1):
+            area = build_ring(geos.Point(end).buffer(1.5, quad_segs=2))
+            name = f"{leg}:goal:sidewalk_{number}"
+            fields = {"id": name, "type": "pedestrian", "leg": leg, "polygon": area}
+            yield GoalRegion.model_validate(fields)
+
+
+def _choose_extent(legs: Sequence[SurveyLeg], wanted: float | None) -> float:
+    far = max(float(np.abs(leg.throat).max()) for leg in legs)
+    if wanted is None:
+        extent = float(np.clip(math.ceil(far + _ROOM), *_EXTENTS))
+        if far + 10.0 > extent:
+            raise InputError(
+                f"the junction reaches {far:.0f} m from its middle, too far for one map; choose a "
+                "part of the file by --center, or give --extent"
             )
+        return extent
+    if not far + 10.0 <= wanted <= 200.0:
+        raise InputError(
+            f"an extent of {wanted:g} m does not do: the junction needs {far + 10.0:.0f} to 200 m"
+        )
+    return wanted
 
 
-def _sided(leg: SurveyLeg) -> Iterator[tuple[SurveyLane, bool]]:
-    yield from ((lane, True) for lane in leg.approaches)
-    yield from ((lane, False) for lane in leg.exits)
+def _classify_turn(entry: Compass, exit_: Compass, angle: float) -> Any:
+    """The turn of a movement by its angle; between straight and turned, as its legs are named."""
+    side = "left" if angle > 0 else "right"
+    if abs(angle) > CLEARLY_TURNED:
+        return side
+    return (
+        side if abs(angle) >= CLEARLY_STRAIGHT and name_turn(entry, exit_) == side else "straight"
+    )
 
 
-def _sides(leg: Compass) -> tuple[Compass, Compass]:
-    """Compass sides on the left and on the right of a leg, looking outwards."""
-    at = RING.index(leg)
-    return RING[(at - 2) % len(RING)], RING[(at + 2) % len(RING)]
-
-
-def _reaching(lane: SurveyLane, approach: bool, reach: float) -> FloatArray:
+def _extend_lane(lane: SurveyLane, is_approach: bool, reach: float) -> FloatArray:
     """The lane's middle, prolonged straight on until it is beyond the map's edge."""
-    line = lane.line[::-1] if approach else lane.line
-    inside = np.abs(line).max(axis=1) <= reach
-    beyond = np.flatnonzero(~inside)
+    line = orient_outwards(lane, is_approach)
+    beyond = np.flatnonzero(np.abs(line).max(axis=1) > reach)
     if len(beyond):
         line = line[: max(beyond[0], 1) + 1]
     else:
-        tail = _end(line, 8.0)
-        way = (tail[-1] - tail[0]) / max(float(np.hypot(*(tail[-1] - tail[0]))), 1e-9)
-        line = np.concatenate([line, [line[-1] + 3.0 * reach * way]])
-        more = even(line, 1.0)
-        out = np.flatnonzero(np.abs(more).max(axis=1) > reach)
-        line = more[: out[0] + 1] if len(out) else more
-    return np.asarray(line[::-1] if approach else line)
+        tail = _take_end(line, 8.0)
+        ahead = (tail[-1] - tail[0]) / max(float(np.hypot(*(tail[-1] - tail[0]))), 1e-9)
+        line = resample_by_spacing(np.concatenate([line, [line[-1] + 3.0 * reach * ahead]]), 1.0)
+        beyond = np.flatnonzero(np.abs(line).max(axis=1) > reach)
+        line = line[: beyond[0] + 1] if len(beyond) else line
+    return np.asarray(line[::-1] if is_approach else line)
 
 
-def _end(line: FloatArray, distance: float) -> FloatArray:
-    """The last stretch of a line."""
-    fine = even(line, 0.5)
-    return fine[-max(round(distance / 0.5), 2) - 1 :]
+def _take_end(line: FloatArray, distance: float) -> FloatArray:
+    """The last stretch of a line, a point every half metre."""
+    return resample_by_spacing(line, 0.5)[-max(round(distance / 0.5), 2) - 1 :]
 
 
-def _run(line: FloatArray, inside: Any, *, towards_end: bool | None) -> FloatArray:
-    """The stretch of a line that is inside: the last one, the first one, or from first to last."""
+def _join(before: FloatArray, line: FloatArray, after: FloatArray, reach: float) -> FloatArray:
+    """A line with so much [m] of the lines before and after it."""
+    return np.concatenate([_take_end(before, reach), line, _take_end(after[::-1], reach)[::-1]])
+
+
+def _take_last_run(line: FloatArray, inside: Any) -> FloatArray:
+    """The last stretch of a line that is inside."""
     where = np.flatnonzero(inside)
     if len(where) < 2:
-        return line[:2] if towards_end is False else line[-2:]
-    if towards_end is None:
-        return line[where[0] : where[-1] + 1]
+        return line[-2:]
     breaks = np.flatnonzero(np.diff(where) > 1)
-    if towards_end:
-        first = where[breaks[-1] + 1] if len(breaks) else where[0]
-        return line[first : where[-1] + 1]
-    last = where[breaks[0]] if len(breaks) else where[-1]
-    return line[where[0] : last + 1]
+    first = where[breaks[-1] + 1] if len(breaks) else where[0]
+    return line[first : where[-1] + 1]
 
 
 def _smooth(line: FloatArray) -> FloatArray:
-    from scipy import ndimage
-
-    filters: Any = ndimage
-    fine = even(line, 0.5)
-    return np.asarray(filters.gaussian_filter1d(fine, _SMOOTHING, axis=0, mode="nearest"))
+    """Without the corners that readers leave where pieces meet; a point every half metre."""
+    return smooth_gaussian(resample_by_spacing(line, 0.5), 3.0)
 
 
-def _rounded(line: FloatArray) -> FloatArray:
+def _round_corners(line: FloatArray) -> FloatArray:
     """A walked line without sharp corners, ends kept."""
-    from scipy import ndimage
-
-    filters: Any = ndimage
-    fine = even(line, 0.25)
-    return even(np.asarray(filters.gaussian_filter1d(fine, 3.0, axis=0, mode="nearest")), 0.5)
+    return resample_by_spacing(smooth_gaussian(resample_by_spacing(line, 0.25), 3.0), 0.5)
 
 
-def _sharpness(line: FloatArray) -> float:
-    step = np.diff(line, axis=0)
-    course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-    return round(float(np.abs(np.diff(course)).max(initial=0.0)), 6)
+def _measure_sharpness(line: FloatArray) -> float:
+    """The largest turn between two steps of a line [rad]."""
+    return round(float(np.abs(np.diff(measure_courses(line))).max(initial=0.0)), 6)
 
 
-def _points(line: FloatArray) -> Polyline:
-    return tuple((round(float(x), 3) + 0.0, round(float(y), 3) + 0.0) for x, y in line)
-
-
-def _lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:
-    thin = even(line, 2.0) if len_of(line) > 2.0 else line
-    tangent = np.gradient(thin, axis=0)
-    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) * lane.width / 2
-    return Lanelet(
-        left=_points(thin + normal),
-        right=_points(thin - normal),
-        centreline=_points(thin),
-        width=round(lane.width, 3),
-        speed_limit=round(float(np.clip(lane.speed, _LEAST_SPEED, _MOST_SPEED)), 3),
-        **fields,
-    )
+def _build_lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:
+    thin = resample_by_spacing(line, 2.0) if measure_length(line) > 2.0 else line
+    limit = float(np.clip(lane.speed, *_SPEED_LIMITS))
+    return build_lanelet(thin, width=lane.width, speed_limit=limit, **fields)

@@ -1,6 +1,6 @@
-"""What every reader makes of its file: lanes into and out of one junction, and ways between them.
+"""What every reader finds in its file: lanes into and out of one junction, and paths between them.
 
-Coordinates are metres, x east, y north, the origin in the middle of the junction. A survey says
+Coordinates are metres, x east, y north, the origin in the middle of the junction. A survey holds
 what the file says and no more; what is missing is derived later and reported.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from scenewright.geometry.geographic import LatLon
 from scenewright.scene.base import Colour, FloatArray
 
 
@@ -19,7 +20,7 @@ class SurveyLane:
     Attributes:
         line: [P, 2] its middle, in driving direction; an approach ends at the junction, an exit
             begins there.
-        width: [m]; speed: limit [m/s]; road: name for people.
+        width: [m]; speed: limit [m/s]; road: its name.
     """
 
     id: str
@@ -30,12 +31,12 @@ class SurveyLane:
 
 
 @dataclass(frozen=True, eq=False)
-class SurveyWay:
-    """One way through the junction from lane to lane.
+class SurveyConnection:
+    """One path through the junction from an approach lane to an exit lane.
 
     Attributes:
         line: [P, 2] its middle inside the junction, from the end of the approach to the exit.
-        light: which of the survey's lights rules it; None where none does.
+        light: the light of the survey that controls it; None where none does.
     """
 
     approach: str
@@ -46,7 +47,7 @@ class SurveyWay:
 
 @dataclass(frozen=True, eq=False)
 class SurveyCrossing:
-    """A crossing for pedestrians as mapped: [2, 2] its middle from kerb to kerb, and its width."""
+    """A mapped crossing for pedestrians: [2, 2] its middle from kerb to kerb, and its width."""
 
     line: FloatArray
     width: float
@@ -58,11 +59,10 @@ class Survey:
     """One junction of a file.
 
     Attributes:
-        title: for people.
-        walks: [P, 2] middles of mapped footways.
         areas: [P, 2] outlines of mapped drivable area inside the junction.
-        phases: (duration [s], colour by light) of the programme; none where there is none.
-        origin: latitude and longitude of the origin [deg]; None where the file has none.
+        phases: (duration [s], colour by light) of the programme; empty where there is none.
+        is_signalised: None where the file does not say.
+        origin: of the coordinates; None where the file has none.
         offset: of the origin in the coordinates of the file [m].
         notes: what was assumed or dropped.
     """
@@ -70,12 +70,12 @@ class Survey:
     title: str
     approaches: Mapping[str, SurveyLane]
     exits: Mapping[str, SurveyLane]
-    ways: tuple[SurveyWay, ...]
+    connections: tuple[SurveyConnection, ...]
     crossings: tuple[SurveyCrossing, ...] = ()
     areas: tuple[FloatArray, ...] = ()
     phases: tuple[tuple[float, Mapping[str, Colour]], ...] = ()
     left_hand: bool = False
-    signalised: bool | None = None
-    origin: tuple[float, float] | None = None
+    is_signalised: bool | None = None
+    origin: LatLon | None = None
     offset: tuple[float, float] = (0.0, 0.0)
     notes: list[str] = field(default_factory=list)

@@ -8,6 +8,7 @@ from scenewright.scene.account import SaidRecord
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 
@@ -31,12 +32,13 @@ def check_account(
     """
     account: list[SaidRecord] = []
     findings: list[Finding] = []
+    finder = _EvidenceFinder(scene, events, observed, intersection_map)
     for entry in scene.said:
         if entry.became in ("manner", "nothing"):
             status = "manner" if entry.became == "manner" else "unrealised"
             account.append(entry.model_copy(update={"status": status}))
             continue
-        evidence = _EvidenceFinder(scene, events, observed, intersection_map).find(entry)
+        evidence = finder.find(entry)
         if evidence is None:
             findings.append(_report_contradiction(entry))
             account.append(entry.model_copy(update={"status": "claimed", "evidence": None}))
@@ -69,6 +71,8 @@ class _EvidenceFinder:
         self._map = intersection_map
         self._agents = {agent.id: agent for agent in scene.agents}
         self._tracks = {track.id: track for track in observed.tracks}
+        numbers = {agent.name: agent.id for agent in scene.agents if agent.name is not None}
+        self._asked = AskedFor(numbers, events, observed, intersection_map)
 
     def find(self, entry: SaidRecord) -> str | None:
         """Evidence for an entry; None where there is none."""
@@ -93,6 +97,8 @@ class _EvidenceFinder:
                 return self._count_background()
             case "normal" | "denied":
                 return self._find_absence(entry)
+            case "constraint" | "behavior":
+                return self._asked.find(entry.value, entry.words)
             case _:
                 return "no claim on the tracks by itself"
 

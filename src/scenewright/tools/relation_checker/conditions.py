@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 
 import numpy as np
 
@@ -58,16 +59,22 @@ def _check_order(relation: RelationRecord, observed: SceneObservation) -> str | 
     """Who comes first through the stretch where the two come closest in time."""
     if relation.first is None:
         return None
-    pair = {relation.from_, relation.to}
+    early = find_first_passer(observed, {relation.from_, relation.to})
+    if early is None:  # the scene ends while one of the two still waits
+        return None if relation.type == "yielding" else "nobody passes before the other"
+    if early == relation.first:
+        return None
+    return f"{early} passes first, {relation.first} was to"
+
+
+def find_first_passer(observed: SceneObservation, pair: Set[int]) -> int | None:
+    """The id of a pair that comes first where the two come closest in time; None without one."""
     ids = [track.id for track in observed.tracks]
     between = [e for e in observed.encounters if {ids[e.first], ids[e.second]} == pair]
-    if not between:  # the scene ends while one of the two still waits
-        return None if relation.type == "yielding" else "nobody passes before the other"
-    closest = min(between, key=lambda each: each.pet)
-    early = closest.first if closest.first_time < closest.second_time else closest.second
-    if ids[early] == relation.first:
+    if not between:
         return None
-    return f"{ids[early]} passes first, {relation.first} was to"
+    closest = min(between, key=lambda each: each.pet)
+    return ids[closest.first if closest.first_time < closest.second_time else closest.second]
 
 
 def _check_zone(

@@ -16,14 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.geometry.polyline import interpolate_points, rotate_left, smooth_gaussian
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, VEHICLE_SIZES
-from scenewright.tools.map_import.map_builder import FourLegPlan
+from scenewright.tools.map_import.four_leg_map import FourLegPlan
+from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.simulation.demand import HOURS, Demand
 from scenewright.tools.simulation.sumo_network import write_network
-from scenewright.tools.simulation.sumo_run import HOUR, RawTrack, collided, simulate_hour
+from scenewright.tools.simulation.sumo_run import HOUR, RawTrack, read_collided, simulate_hour
 from scenewright.tools.track_io.recording import Split
 
 SPLITS: tuple[Split, ...] = ("fit", "validation", "test")
@@ -48,7 +50,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Trip:
-    """One agent's way through the map.
+    """One agent's path through the map.
 
     Attributes:
         route: route id; subtype: of vehicles.
@@ -63,19 +65,20 @@ class Trip:
     progress: FloatArray
     start: float
 
+    @property
     def waypoints(self) -> FloatArray:
         """[K, 2] positions at equal arc length (SEMANTICS section 6)."""
-        return at_equal_length(self.path)
+        return resample_path(self.path)
 
 
 @dataclass(frozen=True, eq=False)
 class CorpusHour:
-    """All that one simulated hour gave.
+    """One simulated hour.
 
     Attributes:
-        trips: complete ways through the map.
+        trips: complete paths through the map.
         presence: [A, 3] class (0 vehicle, 1 pedestrian), first and last time inside [s], of
-            everybody, complete or not.
+            all agents, complete or not.
     """
 
     day: int
@@ -86,32 +89,33 @@ class CorpusHour:
     @property
     def split(self) -> Split:
         """Which part of the corpus this hour belongs to."""
-        return split_of(self.day, self.hour)
+        return assign_split(self.day, self.hour)
 
 
-def split_of(day: int, hour: int) -> Split:
+def assign_split(day: int, hour: int) -> Split:
     """Which part of the corpus an hour of a day belongs to."""
     return SPLITS[(hour + day) % len(SPLITS)]
 
 
-def hour_seeds(seed: int, *, days: int = DAYS) -> dict[tuple[int, int], np.random.SeedSequence]:
+def spawn_hour_seeds(
+    seed: int, *, days: int = DAYS
+) -> dict[tuple[int, int], np.random.SeedSequence]:
     """The seed of every hour of every day; further days leave those of the first as they are."""
     hours = [(day, hour) for day in range(days) for hour in range(HOURS)]
     return dict(zip(hours, np.random.SeedSequence(seed).spawn(len(hours)), strict=True))
 
 
-def at_equal_length(path: FloatArray, count: int = K) -> FloatArray:
-    """[count, 2] points at equal arc length along a polyline [P, 2], both ends included."""
+def resample_path(path: FloatArray, count: int = K) -> FloatArray:
+    """[count, 2] points at equal arc length along a path [P, 2], both ends included."""
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    wanted = np.linspace(0.0, s[-1], count)
-    return np.stack([np.interp(wanted, s, path[:, axis]) for axis in (0, 1)], axis=1)
+    return interpolate_points(np.linspace(0.0, s[-1], count), s, path)
 
 
 def build_corpus(
     folder: Path,
     *,
     plan: FourLegPlan,
-    place: IntersectionMap,
+    intersection_map: IntersectionMap,
     demand: Demand,
     seed: int = 0,
     days: int = DAYS,
@@ -120,11 +124,13 @@ def build_corpus(
     """Simulate every hour of `days` days; hours already in `folder` are read, not repeated."""
     folder.mkdir(parents=True, exist_ok=True)
     corpus: list[CorpusHour] = []
-    for (day, hour), child in hour_seeds(seed, days=days).items():
+    for (day, hour), child in spawn_hour_seeds(seed, days=days).items():
         file = folder / f"day{day}_hour{hour:02d}.npz"
         if not file.is_file():
             rng = np.random.default_rng(child)
-            made = _one_hour(day, hour, plan=plan, place=place, demand=demand, rng=rng)
+            made = _simulate_and_clean_hour(
+                day, hour, plan=plan, intersection_map=intersection_map, demand=demand, rng=rng
+            )
             save_hour(file, made)
         corpus.append(load_hour(file))
         if progress is not None:
@@ -132,17 +138,19 @@ def build_corpus(
     return corpus
 
 
-def _one_hour(
+def _simulate_and_clean_hour(
     day: int,
     hour: int,
     *,
     plan: FourLegPlan,
-    place: IntersectionMap,
+    intersection_map: IntersectionMap,
     demand: Demand,
     rng: np.random.Generator,
 ) -> CorpusHour:
-    raw, _ = raw_hour(hour, plan=plan, place=place, demand=demand, rng=rng)
-    footways = footways_of(place)
+    raw, _ = simulate_raw_hour(
+        hour, plan=plan, intersection_map=intersection_map, demand=demand, rng=rng
+    )
+    footways = build_footways(intersection_map)
     trips: list[Trip] = []
     presence: list[tuple[float, float, float]] = []
     for track in raw:
@@ -151,61 +159,59 @@ def _one_hour(
         inside = track.time[np.abs(track.xy).max(axis=1) <= half]
         if len(inside):
             presence.append((float(kind == "pedestrian"), float(inside[0]), float(inside[-1])))
-            trips += cleaned_trip(track, half, footways, rng)
+            trips += clean_trip(track, half, footways, rng)
     return CorpusHour(day, hour, tuple(trips), np.array(presence).reshape(-1, 3))
 
 
-def raw_hour(
+def simulate_raw_hour(
     hour: int,
     *,
     plan: FourLegPlan,
-    place: IntersectionMap,
+    intersection_map: IntersectionMap,
     demand: Demand,
     rng: np.random.Generator,
 ) -> tuple[list[RawTrack], int]:
-    """What SUMO records in one hour of the day, and how many agents it left out: they collided."""
+    """The tracks that SUMO records in one hour of the day, and how many agents collided."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        network = write_network(folder, plan, place)
+        network = write_network(folder, plan, intersection_map)
         raw = simulate_hour(
-            folder, network, plan=plan, place=place, demand=demand, hour=hour, rng=rng
+            folder,
+            network,
+            plan=plan,
+            intersection_map=intersection_map,
+            demand=demand,
+            hour=hour,
+            rng=rng,
         )
-        return raw, len(collided(folder))
+        return raw, len(read_collided(folder))
 
 
-def _shapely() -> Any:
-    """The geometry library, loaded on first use; its names carry no types."""
-    import shapely
-
-    return shapely
-
-
-def footways_of(place: IntersectionMap) -> dict[str, Any]:
-    """Where the feet of those who cross a leg may be: sidewalks and that leg's crosswalk."""
-    shapely = _shapely()
-    areas = [shapely.Polygon(area.exterior, area.holes) for area in place.walkable]
+def build_footways(intersection_map: IntersectionMap) -> dict[str, Any]:
+    """By leg, where pedestrians who cross it may walk: sidewalks and its crosswalk."""
+    areas = [geos.Polygon(area.exterior, area.holes) for area in intersection_map.walkable]
     return {
-        c.leg: shapely.unary_union([*areas, shapely.Polygon(c.polygon)]).buffer(0.02).buffer(-_BODY)
-        for c in place.crosswalks
+        c.leg: geos.unary_union([*areas, geos.Polygon(c.polygon)]).buffer(0.02).buffer(-_BODY)
+        for c in intersection_map.crosswalks
     }
 
 
-def cleaned_trip(
+def clean_trip(
     track: RawTrack, half: float, footways: dict[str, Any], rng: np.random.Generator
 ) -> Iterator[Trip]:
     """The cleaned trip, or nothing where the track is incomplete or slid sideways."""
     kind = track.route.split(":")[0]
-    xy = smoothed(centres(track), TIME_BLUR[kind])
-    if kind == "vehicle" and _sideslip(xy, track.angle) > _SIDESLIP:
+    xy = smooth_gaussian(compute_centres(track), TIME_BLUR[kind])
+    if kind == "vehicle" and _measure_sideslip(xy, track.angle) > _SIDESLIP:
         return
-    moved = _progress(xy, _STANDING[kind])
+    moved = _measure_progress(xy, _STANDING[kind])
     if moved[-1] < 2 * SPACING:
         return
-    path = _path(xy, moved, _PATH_BLUR[kind])
+    path = _build_path(xy, moved, _PATH_BLUR[kind])
     if kind == "pedestrian":
-        path = _on_foot(path, footways[track.route.split(":")[1]], rng)
+        path = _correct_walk(path, footways[track.route.split(":")[1]], rng)
     inside = np.abs(path).max(axis=1) <= half
-    first, last = _first_last(inside)
+    first, last = _find_first_last(inside)
     if first == 0 or last == len(path) - 1 or not inside[first : last + 1].all():
         return
     here = (moved >= first * SPACING) & (moved <= last * SPACING)
@@ -215,19 +221,19 @@ def cleaned_trip(
         yield Trip(track.route, track.subtype, path[first : last + 1], along, start)
 
 
-def walked_trip(track: RawTrack, footway: Any, rng: np.random.Generator) -> Iterator[Trip]:
-    """The whole of a simulated walk, on sidewalk and crosswalk; nothing if hardly any was seen."""
-    xy = smoothed(centres(track), TIME_BLUR["pedestrian"])
-    moved = _progress(xy, _STANDING["pedestrian"])
+def clean_walk(track: RawTrack, footway: Any, rng: np.random.Generator) -> Iterator[Trip]:
+    """The whole of a simulated walk, on sidewalk and crosswalk; nothing if it is too short."""
+    xy = smooth_gaussian(compute_centres(track), TIME_BLUR["pedestrian"])
+    moved = _measure_progress(xy, _STANDING["pedestrian"])
     here = track.time >= 0.0
     if moved[-1] < 8 * SPACING or not here[0]:
         return
-    path = _on_foot(_path(xy, moved, _PATH_BLUR["pedestrian"]), footway, rng)
+    path = _correct_walk(_build_path(xy, moved, _PATH_BLUR["pedestrian"]), footway, rng)
     along = np.clip(moved, 0.0, (len(path) - 1) * SPACING)
     yield Trip(track.route, None, path, along, float(track.time[0]))
 
 
-def centres(track: RawTrack) -> FloatArray:
+def compute_centres(track: RawTrack) -> FloatArray:
     """SUMO gives the front bumper; the centre lies half a length behind it."""
     if track.subtype is None:
         return track.xy
@@ -235,15 +241,7 @@ def centres(track: RawTrack) -> FloatArray:
     return track.xy - back * np.stack([np.cos(track.angle), np.sin(track.angle)], axis=1)
 
 
-def smoothed(values: FloatArray, sigma: float) -> FloatArray:
-    """Gaussian smoothing over `sigma` samples, ends held."""
-    from scipy import ndimage
-
-    filters: Any = ndimage
-    return np.asarray(filters.gaussian_filter1d(values, sigma, axis=0, mode="nearest"))
-
-
-def _sideslip(xy: FloatArray, angle: FloatArray) -> float:
+def _measure_sideslip(xy: FloatArray, angle: FloatArray) -> float:
     """Sideways movement while hardly moving forwards, in all [m]."""
     step = np.diff(xy, axis=0)
     c, s = np.cos(angle[:-1]), np.sin(angle[:-1])
@@ -251,41 +249,38 @@ def _sideslip(xy: FloatArray, angle: FloatArray) -> float:
     return float(np.abs(sideways[np.abs(sideways) > np.abs(forwards)]).sum())
 
 
-def _progress(xy: FloatArray, standing: float) -> FloatArray:
-    """[T] distance gone, standing still where only jitter moves."""
+def _measure_progress(xy: FloatArray, standing: float) -> FloatArray:
+    """[T] distance travelled, without the jitter of standing agents."""
     step = np.linalg.norm(np.diff(xy, axis=0), axis=1)
     step[step < standing * STEP] = 0.0
     return np.concatenate([[0.0], np.cumsum(step)])
 
 
-def _path(xy: FloatArray, moved: FloatArray, blur: float) -> FloatArray:
-    """[P, 2] the way gone, evenly spaced by progress and smoothed over length."""
+def _build_path(xy: FloatArray, moved: FloatArray, blur: float) -> FloatArray:
+    """[P, 2] the way gone, evenly spaced by progress and smooth_gaussian over length."""
     kept = np.concatenate([[True], np.diff(moved) > 0.0])
     wanted = np.arange(0.0, moved[-1], SPACING)
-    even = [np.interp(wanted, moved[kept], xy[kept, axis]) for axis in (0, 1)]
-    return smoothed(np.stack(even, axis=1), blur)
+    return smooth_gaussian(interpolate_points(wanted, moved[kept], xy[kept]), blur)
 
 
-def _on_foot(path: FloatArray, footway: Any, rng: np.random.Generator) -> FloatArray:
-    """A walked path freed of two artefacts of the stripe model.
+def _correct_walk(path: FloatArray, footway: Any, rng: np.random.Generator) -> FloatArray:
+    """A walked path without two artefacts of the stripe model.
 
     Walkers keep to stripes 0.65 m apart: each gets its own place within its stripe. Some cut the
     corner over the roadway: they are brought back to sidewalk or crosswalk.
     """
-    shapely = _shapely()
-    tangent = smoothed(np.gradient(path, axis=0), 2.0)
+    tangent = smooth_gaussian(np.gradient(path, axis=0), 2.0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    moved = path + rng.uniform(-_STRIPE / 2, _STRIPE / 2) * normal
-    points = shapely.points(moved)
+    moved = path + rng.uniform(-_STRIPE / 2, _STRIPE / 2) * rotate_left(tangent)
+    points = geos.points(moved)
     edge = footway.boundary
-    back = shapely.line_interpolate_point(edge, shapely.line_locate_point(edge, points))
-    outside = ~shapely.contains(footway, points)
-    moved[outside] = shapely.get_coordinates(back)[outside]
-    return smoothed(moved, 2.0)
+    back = geos.line_interpolate_point(edge, geos.line_locate_point(edge, points))
+    outside = ~geos.contains(footway, points)
+    moved[outside] = geos.get_coordinates(back)[outside]
+    return smooth_gaussian(moved, 2.0)
 
 
-def _first_last(inside: NDArray[np.bool_]) -> tuple[int, int]:
+def _find_first_last(inside: NDArray[np.bool_]) -> tuple[int, int]:
     where = np.flatnonzero(inside)
     return (int(where[0]), int(where[-1])) if len(where) else (0, 0)
 
@@ -301,15 +296,15 @@ def save_hour(file: Path, hour: CorpusHour) -> None:
         route=np.array([trip.route for trip in trips], dtype=np.str_),
         subtype=np.array([trip.subtype or "" for trip in trips], dtype=np.str_),
         start=np.array([trip.start for trip in trips]),
-        path=_joined([trip.path for trip in trips], (0, 2)),
+        path=_join([trip.path for trip in trips], (0, 2)),
         path_length=np.array([len(trip.path) for trip in trips], dtype=np.int64),
-        progress=_joined([trip.progress for trip in trips], (0,)),
+        progress=_join([trip.progress for trip in trips], (0,)),
         progress_length=np.array([len(trip.progress) for trip in trips], dtype=np.int64),
     )
     partial.replace(file)
 
 
-def _joined(arrays: list[FloatArray], empty: tuple[int, ...]) -> NDArray[np.float32]:
+def _join(arrays: list[FloatArray], empty: tuple[int, ...]) -> NDArray[np.float32]:
     joined = np.concatenate(arrays) if arrays else np.zeros(empty)
     return joined.astype(np.float32)
 
@@ -318,11 +313,13 @@ def load_hour(file: Path) -> CorpusHour:
     """One hour from its file."""
     with np.load(file, allow_pickle=False) as stored:
         paths = np.split(stored["path"].astype(float), np.cumsum(stored["path_length"])[:-1])
-        ways = np.split(stored["progress"].astype(float), np.cumsum(stored["progress_length"])[:-1])
+        progress = np.split(
+            stored["progress"].astype(float), np.cumsum(stored["progress_length"])[:-1]
+        )
         trips = tuple(
-            Trip(str(route), str(subtype) or None, path, way, float(start))
-            for route, subtype, path, way, start in zip(
-                stored["route"], stored["subtype"], paths, ways, stored["start"], strict=False
+            Trip(str(route), str(subtype) or None, path, along, float(start))
+            for route, subtype, path, along, start in zip(
+                stored["route"], stored["subtype"], paths, progress, stored["start"], strict=False
             )
         )
         day, hour = (int(n) for n in stored["when"])

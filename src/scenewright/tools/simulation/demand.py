@@ -1,8 +1,8 @@
-"""How many vehicles and pedestrians come by in each hour of the day, and from where.
+"""Hourly arrivals of vehicles and pedestrians, and from where.
 
 `derive_demand` computes the numbers from raw count files; `demand.json` in a bundle keeps them,
-so that a corpus can be rebuilt without the raw data. What no count tells is an assumption and is
-written down here, in the fields' defaults.
+so that a corpus can be rebuilt without the raw data. What no count says is assumed in the fields'
+defaults.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Demand(Model):
         subtype_shares: of vehicles; assumed. Buses keep to the avenue, straight on.
         side_shares: of the pairs of sidewalks that pedestrians use; assumed.
         pedestrian_level: factor from the mean of the ten busiest counted signals to this one;
-            assumed, as nobody counted pedestrians here.
+            assumed, as pedestrians were not counted here.
         sources: where the numbers come from, and under which terms.
     """
 
@@ -85,23 +85,23 @@ def derive_demand(counts: Path) -> Demand:
 
     `counts` is searched recursively. InputError where files or streets are missing.
     """
-    rows = _volume_rows(counts)
+    rows = _read_volume_rows(counts)
     by_leg: dict[Compass, list[Hourly]] = {
-        "south": _days(rows, "AMSTERDAM", ("118", "119"), "NB"),
-        "north": _days(rows, "AMSTERDAM", ("118", "119"), "SB"),
-        "east": _days(rows, "MORNINGSIDE", ("120", "121"), "WB"),
-        "west": _days(rows, "MORNINGSIDE", ("120", "121"), "EB"),
+        "south": _select_days(rows, "AMSTERDAM", ("118", "119"), "NB"),
+        "north": _select_days(rows, "AMSTERDAM", ("118", "119"), "SB"),
+        "east": _select_days(rows, "MORNINGSIDE", ("120", "121"), "WB"),
+        "west": _select_days(rows, "MORNINGSIDE", ("120", "121"), "EB"),
     }
     level = float(Demand.model_fields["pedestrian_level"].default)
-    walkers = tuple(round(level * n, 2) for n in _crossings_by_hour(counts))
+    walkers = tuple(round(level * n, 2) for n in _read_crossings(counts))
     return Demand(
-        vehicles={leg: _mean(days) for leg, days in by_leg.items()},
-        day_spread={leg: _spread(days) for leg, days in by_leg.items()},
+        vehicles={leg: _average_days(days) for leg, days in by_leg.items()},
+        day_spread={leg: _measure_day_spread(days) for leg, days in by_leg.items()},
         pedestrians=walkers,
     )
 
 
-def _volume_rows(counts: Path) -> list[list[str]]:
+def _read_volume_rows(counts: Path) -> list[list[str]]:
     files = sorted(counts.rglob("Traffic_Volume_Counts*.csv"))
     if not files:
         raise InputError(f"no Traffic_Volume_Counts*.csv under {counts}")
@@ -112,7 +112,7 @@ def _volume_rows(counts: Path) -> list[list[str]]:
     return rows
 
 
-def _days(
+def _select_days(
     rows: list[list[str]], road: str, between: tuple[str, str], direction: str
 ) -> list[Hourly]:
     """[days][24] counts of working days on one block, in one direction."""
@@ -129,11 +129,11 @@ def _days(
     return days
 
 
-def _mean(days: list[Hourly]) -> Hourly:
+def _average_days(days: list[Hourly]) -> Hourly:
     return tuple(round(sum(hour) / len(days), 1) for hour in zip(*days, strict=True))
 
 
-def _spread(days: list[Hourly]) -> float:
+def _measure_day_spread(days: list[Hourly]) -> float:
     """Relative spread between days beyond what chance arrivals explain."""
     parts: list[float] = []
     for hour in zip(*days, strict=True):
@@ -143,7 +143,7 @@ def _spread(days: list[Hourly]) -> float:
     return round(math.sqrt(sum(parts) / len(parts)), 3)
 
 
-def _crossings_by_hour(counts: Path) -> Hourly:
+def _read_crossings(counts: Path) -> Hourly:
     """[24] mean crossings per hour and crosswalk at the busiest signals."""
     files = [f for f in sorted(counts.rglob("dat.csv")) if "ped" in f.parent.name]
     if not files:
@@ -158,13 +158,13 @@ def _crossings_by_hour(counts: Path) -> Hourly:
                 hour = datetime.fromisoformat(row["TIME1"]).hour
                 observed[row["SIGNAL"]][hour].append((float(row["PED"]), minutes))
     complete = [by_hour for by_hour in observed.values() if len(by_hour) == HOURS]
-    busiest = sorted(complete, key=_daily, reverse=True)[:_BUSIEST_SIGNALS]
-    return tuple(sum(_rate(s[h]) for s in busiest) / len(busiest) for h in range(HOURS))
+    busiest = sorted(complete, key=_sum_daily_rate, reverse=True)[:_BUSIEST_SIGNALS]
+    return tuple(sum(_compute_rate(s[h]) for s in busiest) / len(busiest) for h in range(HOURS))
 
 
-def _rate(observations: list[tuple[float, float]]) -> float:
+def _compute_rate(observations: list[tuple[float, float]]) -> float:
     return 60.0 * sum(n for n, _ in observations) / sum(minutes for _, minutes in observations)
 
 
-def _daily(by_hour: dict[int, list[tuple[float, float]]]) -> float:
-    return sum(_rate(observations) for observations in by_hour.values())
+def _sum_daily_rate(by_hour: dict[int, list[tuple[float, float]]]) -> float:
+    return sum(_compute_rate(observations) for observations in by_hour.values())

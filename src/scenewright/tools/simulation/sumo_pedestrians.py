@@ -1,7 +1,7 @@
-"""People on foot in SUMO on any map: along a sidewalk, over a crosswalk, along a sidewalk.
+"""Pedestrians in SUMO on any map: along a sidewalk, over a crosswalk, along a sidewalk.
 
-SUMO is told the sidewalks on which a walk begins and ends and finds the crosswalk by itself: the
-nearest one. Where somebody sets out and arrives is what the map's routes say.
+SUMO is given the sidewalks on which a walk begins and ends and finds the crosswalk by itself: the
+nearest one. Where walks begin and end follows from the map's routes.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, Route
-from scenewright.tools.simulation.sumo_run import Departure, arrivals, walker_lines
+from scenewright.tools.map_import.map_parts import RouteLines
+from scenewright.tools.simulation.sumo_run import Departure, draw_arrivals, format_pedestrian
 
-FARTHEST = 6.0
+_MAX_DISTANCE = 6.0
 """A route that begins or ends farther from any sidewalk [m] is not simulated."""
 
 
@@ -30,7 +31,7 @@ class Sidewalk:
     length: float
 
 
-def sidewalks_of(network: Path) -> list[Sidewalk]:
+def read_sidewalks(network: Path) -> list[Sidewalk]:
     """The sidewalks beside the roads of a network."""
     found = []
     for edge in ElementTree.parse(network).getroot().iter("edge"):
@@ -44,56 +45,53 @@ def sidewalks_of(network: Path) -> list[Sidewalk]:
     return found
 
 
-def walkers(
-    place: IntersectionMap,
-    lines: Mapping[str, Sequence[FloatArray]],
+def draw_walks(
+    intersection_map: IntersectionMap,
+    route_lines: RouteLines,
     rates: Mapping[str, float],
     sidewalks: Sequence[Sidewalk],
     rng: np.random.Generator,
     *,
     seconds: float,
 ) -> Iterator[Departure]:
-    """Everybody who sets out on foot on the map's crossing routes.
+    """Departures of pedestrians on the map's crossing routes.
 
     Args:
-        lines: by route id, the middles of its ways [m].
         rates: by route id, walks per hour.
     """
-    for number, route in enumerate(place.routes):
-        ends = _ends(route, lines, sidewalks)
+    for number, route in enumerate(intersection_map.routes):
+        ends = _find_ends(route, route_lines, sidewalks)
         if ends is None:
             continue
-        for count, time in enumerate(arrivals(rates[route.id], rng, seconds=seconds)):
+        for count, time in enumerate(draw_arrivals(rates[route.id], rng, seconds=seconds)):
             agent = f"p_{number}_{count}"
-            text = walker_lines(agent, *ends, time=float(time), rng=rng)
-            yield Departure(float(time), text, agent, route.id, None)
+            xml = format_pedestrian(agent, *ends, time=float(time), rng=rng)
+            yield Departure(float(time), xml, agent, route.id, None)
 
 
 _End = tuple[str, float]
 """A road and a position along its sidewalk [m]."""
 
 
-def _ends(
-    route: Route, lines: Mapping[str, Sequence[FloatArray]], sidewalks: Sequence[Sidewalk]
+def _find_ends(
+    route: Route, route_lines: RouteLines, sidewalks: Sequence[Sidewalk]
 ) -> tuple[_End, _End] | None:
-    if route.movement != "crossing" or not lines.get(route.id) or not sidewalks:
+    if route.movement != "crossing" or not route_lines.get(route.id) or not sidewalks:
         return None
-    line = np.asarray(lines[route.id][0])
-    first, last = (_nearest(point, sidewalks) for point in (line[0], line[-1]))
+    line = np.asarray(route_lines[route.id][0])
+    first, last = (_find_nearest(point, sidewalks) for point in (line[0], line[-1]))
     return None if first is None or last is None or first == last else (first, last)
 
 
-def _nearest(point: FloatArray, sidewalks: Sequence[Sidewalk]) -> _End | None:
-    best: tuple[float, _End] | None = None
-    for walk in sidewalks:
-        away, share = _foot(point, walk.line)
-        at = float(np.clip(share * walk.length, 0.5, walk.length - 0.5))
-        if away <= FARTHEST and (best is None or away < best[0]):
-            best = (away, (walk.road, round(at, 1)))
-    return None if best is None else best[1]
+def _find_nearest(point: FloatArray, sidewalks: Sequence[Sidewalk]) -> _End | None:
+    feet = [_project(point, walk.line) for walk in sidewalks]
+    (away, share), walk = min(zip(feet, sidewalks, strict=True), key=lambda each: each[0][0])
+    if away > _MAX_DISTANCE:
+        return None
+    return walk.road, round(float(np.clip(share * walk.length, 0.5, walk.length - 0.5)), 1)
 
 
-def _foot(point: FloatArray, line: FloatArray) -> tuple[float, float]:
+def _project(point: FloatArray, line: FloatArray) -> tuple[float, float]:
     """How far a point is from a line [m], and at what share of its length it is nearest."""
     step = np.diff(line, axis=0)
     length = np.maximum(np.hypot(*step.T), 1e-9)

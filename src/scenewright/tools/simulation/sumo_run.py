@@ -1,7 +1,7 @@
-"""One simulated hour: who sets out when and how, SUMO's run, and the raw positions it left.
+"""One simulated hour: departures, SUMO's run, and the raw positions that it recorded.
 
-People differ: every vehicle has its own type with its own speed, braking, attention, place in the
-lane. SUMO's settings are those under which tracks spread as people's do: sublane model, numeric
+Drivers differ: every vehicle has its own type with its own speed, braking, attention, place in the
+lane. SUMO's settings are those under which tracks spread as real ones do: sublane model, numeric
 lateral alignment, narrow pedestrian stripes.
 """
 
@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -20,9 +21,10 @@ from scenewright.errors import InputError
 from scenewright.scene.base import Compass, FloatArray
 from scenewright.scene.map import IntersectionMap, Route, VehicleMovement
 from scenewright.scene.track import VEHICLE_SIZES
-from scenewright.tools.map_import.map_builder import FourLegPlan, neighbour
+from scenewright.tools.map_import.compass import rotate_compass
+from scenewright.tools.map_import.four_leg_map import FourLegPlan
 from scenewright.tools.simulation.demand import Demand
-from scenewright.tools.simulation.sumo_network import REACH, edge_id, sumo_home, tag
+from scenewright.tools.simulation.sumo_network import REACH, find_sumo, format_tag, name_edge
 
 HOUR = 3600.0
 WARM_UP = 150.0
@@ -54,10 +56,10 @@ class RawTrack:
 
 @dataclass(frozen=True)
 class Departure:
-    """An agent that sets out: when [s], what SUMO reads, its id, route and subtype."""
+    """An agent that departs: when [s], SUMO's XML, its id, route and subtype."""
 
     time: float
-    lines: str
+    xml: str
     agent: str
     route: str
     subtype: str | None
@@ -68,62 +70,58 @@ def simulate_hour(
     network: Path,
     *,
     plan: FourLegPlan,
-    place: IntersectionMap,
+    intersection_map: IntersectionMap,
     demand: Demand,
     hour: int,
     rng: np.random.Generator,
 ) -> list[RawTrack]:
     """Simulate one hour of the day and read back every agent's positions near the middle."""
-    departures = sorted(
-        [
-            *_vehicle_departures(plan, place, demand, hour, rng),
-            *_pedestrian_departures(place, demand, hour, rng),
-        ],
-        key=lambda departure: departure.time,
-    )
-    body = "\n".join(departure.lines for departure in departures)
-    (folder / "agents.rou.xml").write_text(f"<routes>\n{body}\n</routes>\n", encoding="utf-8")
-    crashed = run_sumo(folder, network, seed=int(rng.integers(1 << 30)))
-    return list(read_tracks(folder, {d.agent: d for d in departures}, crashed))
+    departures = [
+        *_draw_vehicle_departures(plan, intersection_map, demand, hour, rng),
+        *_draw_pedestrian_departures(intersection_map, demand, hour, rng),
+    ]
+    return run_sumo(folder, network, departures, seed=int(rng.integers(1 << 30)))
 
 
-def arrivals(rate: float, rng: np.random.Generator, *, seconds: float = HOUR) -> FloatArray:
+def draw_arrivals(rate: float, rng: np.random.Generator, *, seconds: float = HOUR) -> FloatArray:
     """Times of chance arrivals at `rate` per hour, warm-up included [s since the hour began]."""
     span = seconds + WARM_UP
     return np.sort(rng.uniform(-WARM_UP, seconds, rng.poisson(rate * span / HOUR)))
 
 
-def _day_factor(spread: float, rng: np.random.Generator) -> float:
-    """How busy this hour is against the mean, for what differs from day to day."""
+def _draw_day_factor(spread: float, rng: np.random.Generator) -> float:
+    """How busy this hour is against the mean, as days differ."""
     return float(np.exp(rng.normal(-(spread**2) / 2, spread)))
 
 
-def _vehicle_departures(
+def _draw_vehicle_departures(
     plan: FourLegPlan,
-    place: IntersectionMap,
+    intersection_map: IntersectionMap,
     demand: Demand,
     hour: int,
     rng: np.random.Generator,
 ) -> Iterator[Departure]:
     for leg, rates in demand.vehicles.items():
-        rate = rates[hour] * _day_factor(demand.day_spread[leg], rng)
-        for number, time in enumerate(arrivals(rate, rng)):
+        rate = rates[hour] * _draw_day_factor(demand.day_spread[leg], rng)
+        for number, time in enumerate(draw_arrivals(rate, rng)):
             turn = str(rng.choice(_TURNS, p=demand.turn_shares[leg]))
-            subtype = _subtype(demand, leg, turn, rng)
-            movement = next(m for m in place.movements if m.entry == leg and m.turn == turn)
+            subtype = _draw_subtype(demand, leg, turn, rng)
+            movement = next(
+                m for m in intersection_map.movements if m.entry == leg and m.turn == turn
+            )
             agent = f"v_{leg}_{number}"
-            lines = vehicle_lines(
+            xml = format_vehicle(
                 movement,
-                lane=min(plan.road(leg).lanes),
+                lane=min(plan.get_road(leg).lanes),
                 agent=agent,
                 subtype=subtype,
                 time=float(time),
                 rng=rng,
             )
-            yield Departure(float(time), lines, agent, f"vehicle:{movement.id}", subtype)
+            yield Departure(float(time), xml, agent, f"vehicle:{movement.id}", subtype)
 
 
-def _subtype(demand: Demand, leg: Compass, turn: str, rng: np.random.Generator) -> str:
+def _draw_subtype(demand: Demand, leg: Compass, turn: str, rng: np.random.Generator) -> str:
     names = list(demand.subtype_shares)
     subtype = str(rng.choice(names, p=[demand.subtype_shares[name] for name in names]))
     on_avenue = leg in ("north", "south") and turn == "straight"
@@ -139,7 +137,7 @@ _DRIVING = {
 """SUMO class, mean acceleration and braking [m/s^2], mean share of the speed limit driven."""
 
 
-def vehicle_lines(
+def format_vehicle(
     movement: VehicleMovement,
     *,
     lane: float,
@@ -148,20 +146,20 @@ def vehicle_lines(
     time: float,
     rng: np.random.Generator,
 ) -> str:
-    """A driver of its own and its trip, as SUMO reads them; `lane` is the narrowest's width [m]."""
+    """A driver and its trip as SUMO's XML; `lane` is the width of the narrowest lane [m]."""
     leg = movement.entry
     length, width = VEHICLE_SIZES[subtype]
     kind, accel, decel, share = _DRIVING[subtype]
     room = (lane - width) / 2 - 0.1
     aside = float(np.clip(rng.normal(0.0, 0.35), -room, room))
-    driver = tag(
+    driver = format_tag(
         "vType",
         id=f"t_{agent}",
         vClass=kind,
         length=length,
         width=width,
-        accel=_about(accel, 0.15, rng),
-        decel=_about(decel, 0.12, rng),
+        accel=_draw_about(accel, 0.15, rng),
+        decel=_draw_about(decel, 0.12, rng),
         emergencyDecel=8.0,
         sigma=round(float(rng.uniform(0.1, 0.6)), 2),
         tau=round(float(np.clip(rng.normal(1.3, 0.25), 0.9, 2.0)), 2),
@@ -175,8 +173,8 @@ def vehicle_lines(
         lcMaxSpeedLatStanding=0,
         lcMaxSpeedLatFactor=0.25,
     )
-    start, end = edge_id(leg, inwards=True), edge_id(movement.exit, inwards=False)
-    head = tag(
+    start, end = name_edge(leg, inwards=True), name_edge(movement.exit, inwards=False)
+    head = format_tag(
         "vehicle",
         id=agent,
         type=f"t_{agent}",
@@ -185,28 +183,32 @@ def vehicle_lines(
         departSpeed="desired",
         departPos=round(float(rng.uniform(10.0, 40.0)), 1),
     )
-    return driver + head.replace("/>", ">") + tag("route", edges=f"{start} {end}") + "</vehicle>"
+    return (
+        driver
+        + head.replace("/>", ">")
+        + format_tag("route", edges=f"{start} {end}")
+        + "</vehicle>"
+    )
 
 
-def _about(mean: float, relative: float, rng: np.random.Generator) -> float:
+def _draw_about(mean: float, relative: float, rng: np.random.Generator) -> float:
     return round(float(mean * np.clip(rng.normal(1.0, relative), 0.6, 1.4)), 2)
 
 
-def _pedestrian_departures(
-    place: IntersectionMap, demand: Demand, hour: int, rng: np.random.Generator
+def _draw_pedestrian_departures(
+    intersection_map: IntersectionMap, demand: Demand, hour: int, rng: np.random.Generator
 ) -> Iterator[Departure]:
-    for route in place.routes:
+    for route in intersection_map.routes:
         if route.side is None:
             continue
         rate = demand.pedestrians[hour] / 2 * demand.side_shares[route.side]
-        for number, time in enumerate(arrivals(rate * _day_factor(0.2, rng), rng)):
+        for number, time in enumerate(draw_arrivals(rate * _draw_day_factor(0.2, rng), rng)):
             agent = f"p_{route.id.replace(':', '_').replace('>', '_')}_{number}"
-            yield Departure(
-                float(time), _walker(agent, route, float(time), rng), agent, route.id, None
-            )
+            xml = _format_walk(agent, route, float(time), rng)
+            yield Departure(float(time), xml, agent, route.id, None)
 
 
-def sidewalk_edge(route: Route, *, at_entry: bool) -> str:
+def find_sidewalk_edge(route: Route, *, at_entry: bool) -> str:
     """The SUMO road whose sidewalk a crossing route uses before or after the crosswalk."""
     sides = (route.side or "").split(">")
     corner_side = route.entry if at_entry else route.exit
@@ -215,21 +217,21 @@ def sidewalk_edge(route: Route, *, at_entry: bool) -> str:
         raise InputError(f"route {route.id} crosses no crosswalk")
     on_leg = sides[0 if at_entry else 1] == "leg"
     road, beside = (leg, corner_side) if on_leg else (corner_side, leg)
-    return edge_id(road, inwards=beside == neighbour(road, 3))
+    return name_edge(road, inwards=beside == rotate_compass(road, -2))
 
 
-def _walker(agent: str, route: Route, time: float, rng: np.random.Generator) -> str:
-    start, end = sidewalk_edge(route, at_entry=True), sidewalk_edge(route, at_entry=False)
-    return walker_lines(
+def _format_walk(agent: str, route: Route, time: float, rng: np.random.Generator) -> str:
+    start, end = find_sidewalk_edge(route, at_entry=True), find_sidewalk_edge(route, at_entry=False)
+    return format_pedestrian(
         agent,
-        (start, _along(start, _WALK_START)),
-        (end, _along(end, _WALK_START + 2.0)),
+        (start, _locate_along(start, _WALK_START)),
+        (end, _locate_along(end, _WALK_START + 2.0)),
         time=time,
         rng=rng,
     )
 
 
-def walker_lines(
+def format_pedestrian(
     agent: str,
     start: tuple[str, float],
     end: tuple[str, float],
@@ -237,13 +239,13 @@ def walker_lines(
     time: float,
     rng: np.random.Generator,
 ) -> str:
-    """Somebody on foot with a pace of their own and the walk, as SUMO reads them.
+    """A pedestrian with a speed of its own and the walk, as SUMO's XML.
 
     Args:
         start, end: a road and a position along its sidewalk [m].
     """
     pace = round(float(np.clip(rng.normal(1.36, 0.20), 0.85, 1.95)), 2)
-    kind = tag(
+    kind = format_tag(
         "vType",
         id=f"t_{agent}",
         vClass="pedestrian",
@@ -254,13 +256,13 @@ def walker_lines(
         desiredMaxSpeed=pace,
         speedFactor=1,
     )
-    walk = tag(
+    walk = format_tag(
         "walk",
         edges=" ".join(dict.fromkeys((start[0], end[0]))),
         departPosLat=round(float(np.clip(rng.normal(0.0, 0.5), -1.2, 1.2)), 2),
         arrivalPos=end[1],
     )
-    head = tag(
+    head = format_tag(
         "person",
         id=agent,
         type=f"t_{agent}",
@@ -270,26 +272,37 @@ def walker_lines(
     return kind + head.replace("/>", ">") + walk + "</person>"
 
 
-def _along(edge: str, distance: float) -> float:
+def _locate_along(edge: str, distance: float) -> float:
     """A place `distance` from the middle as a position along a road; approaches end there."""
     return round(REACH - distance if edge.endswith("_in") else distance - 16.0, 1)
 
 
 def run_sumo(
-    folder: Path, network: Path, *, seed: int, half: float = _RECORD, seconds: float = HOUR
-) -> set[str]:
-    """Run SUMO; the ids of agents that collided, which no corpus should hold.
+    folder: Path,
+    network: Path,
+    departures: Sequence[Departure],
+    *,
+    seed: int,
+    half: float = _RECORD,
+    seconds: float = HOUR,
+) -> list[RawTrack]:
+    """Simulate departures; every agent's recorded positions, without agents that collided.
 
     Args:
         half: half the side of the square in which positions are recorded [m].
         seconds: how long, without warm-up.
+
+    Raises:
+        InputError: SUMO is not installed, or stops.
     """
+    body = "\n".join(each.xml for each in sorted(departures, key=lambda each: each.time))
+    (folder / "agents.rou.xml").write_text(f"<routes>\n{body}\n</routes>\n", encoding="utf-8")
     box = f"-{half},-{half} {half},-{half} {half},{half} -{half},{half}"
-    area = tag("poly", id="view", type="view", color="1,1,1", shape=box)
+    area = format_tag("poly", id="view", type="view", color="1,1,1", shape=box)
     (folder / "view.add.xml").write_text(f"<additional>{area}</additional>", encoding="utf-8")
     extra = f"{folder / 'signals.add.xml'},{folder / 'view.add.xml'}"
     command = [
-        str(sumo_home() / "bin" / "sumo"),
+        str(find_sumo() / "bin" / "sumo"),
         *("-n", str(network), "-r", str(folder / "agents.rou.xml"), "-a", extra),
         *("--step-length", "0.1", "--step-method.ballistic", "true"),
         *("--lateral-resolution", "0.2", "--time-to-teleport", "-1"),
@@ -308,38 +321,34 @@ def run_sumo(
     finished = subprocess.run(command, capture_output=True, text=True, check=False)
     if finished.returncode != 0:
         raise InputError(f"SUMO stopped: {finished.stderr.strip()[:300]}")
-    return collided(folder)
+    crashed = read_collided(folder)
+    known = {each.agent: each for each in departures if each.agent not in crashed}
+    return list(_read_tracks(folder, known))
 
 
-def collided(folder: Path) -> set[str]:
+def read_collided(folder: Path) -> set[str]:
     """Ids of the agents that collided in the simulation that ran in a folder."""
-    from xml.etree import ElementTree
-
     found: set[str] = set()
     for element in ElementTree.parse(folder / "collisions.xml").getroot().iter("collision"):
         found |= {element.attrib["collider"], element.attrib["victim"]}
     return found
 
 
-def read_tracks(
-    folder: Path, departures: dict[str, Departure], crashed: set[str]
-) -> Iterator[RawTrack]:
-    """What SUMO recorded of those who set out and did not collide."""
+def _read_tracks(folder: Path, departures: Mapping[str, Departure]) -> Iterator[RawTrack]:
+    """The recorded tracks of departures by agent."""
     for name in ("vehicles.parquet", "people.parquet"):
-        for agent, columns in _by_agent(folder / name):
-            departure = departures.get(agent)
-            if departure is None or agent in crashed:
-                continue
-            yield RawTrack(
-                route=departure.route,
-                subtype=departure.subtype,
-                xy=columns[:, 1:3],
-                angle=np.unwrap(math.pi / 2 - np.radians(columns[:, 3])),
-                time=columns[:, 0] - WARM_UP,
-            )
+        for agent, columns in _read_by_agent(folder / name):
+            if departure := departures.get(agent):
+                yield RawTrack(
+                    route=departure.route,
+                    subtype=departure.subtype,
+                    xy=columns[:, 1:3],
+                    angle=np.unwrap(math.pi / 2 - np.radians(columns[:, 3])),
+                    time=columns[:, 0] - WARM_UP,
+                )
 
 
-def _by_agent(path: Path) -> Iterator[tuple[str, FloatArray]]:
+def _read_by_agent(path: Path) -> Iterator[tuple[str, FloatArray]]:
     """Each agent's [T, 4] time, x, y, angle. Column names begin with either class's word."""
     from pyarrow import parquet
 
@@ -347,7 +356,7 @@ def _by_agent(path: Path) -> Iterator[tuple[str, FloatArray]]:
     table = reader.read_table(path)
     by_end = {str(name).split("_")[-1]: table[name] for name in table.column_names}
     if "id" not in by_end:
-        return  # nobody of that class was there
+        return  # no agent of that class was there
     named = by_end["id"].is_valid()
     agents = by_end["id"].filter(named).combine_chunks().dictionary_encode()
     ids, names = np.asarray(agents.indices), agents.dictionary.to_pylist()

@@ -26,19 +26,19 @@ import numpy as np
 from scenewright.scene.base import AgentClass
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.assignment_model import (
-    Answer,
-    Conflict,
-    Found,
-    Key,
-    Need,
-    Place,
-    SeatingModel,
-    State,
+    AgentQuota,
+    AssignmentModel,
+    FoundAssignment,
+    OptionConflict,
+    OptionPair,
+    Placement,
+    SearchState,
+    WindowResult,
 )
-from scenewright.tools.solver.background import Seating, Table
-from scenewright.tools.solver.offers import SCALE, Invited, Menu
-from scenewright.tools.solver.safety_margin import Presence
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.background_assignment import Assignment, ConflictTable
+from scenewright.tools.solver.offers import SCALE, AgentOffers, OptionWindow
+from scenewright.tools.solver.reservation import ReservationTable
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _WINDOW, _WIDER = 1.0, 2
 """First window [nats], and by how much one grows that is too narrow."""
@@ -53,13 +53,13 @@ _CLEAR_STEPS = 30
 """Whoever leaves this long before another comes [steps] is out of its way: the widest gap."""
 
 
-def seat(
-    guests: Sequence[Invited],
-    table: Table,
+def assign_min_cost(
+    agents: Sequence[AgentOffers],
+    table: ConflictTable,
     wanted: Mapping[AgentClass, int],
     *,
     effort: float = 1.0,
-) -> Seating | str:
+) -> Assignment | str:
     """The least-cost seating around the fixed actors, or why there is none.
 
     Args:
@@ -68,49 +68,49 @@ def seat(
         effort: share of the bounds of the search that may be spent before it settles for what it
             has, or gives up.
     """
-    return _Search(guests, table, wanted, effort).run()
+    return _Search(agents, table, wanted, effort).run()
 
 
-def seat_cheapest(
-    guests: Sequence[Invited], table: Table, wanted: Mapping[AgentClass, int]
-) -> Seating | None:
+def assign_cheapest(
+    agents: Sequence[AgentOffers], table: ConflictTable, wanted: Mapping[AgentClass, int]
+) -> Assignment | None:
     """Step 1 alone: everybody on its cheapest option, at once; None if that does not come off."""
-    return _Search(guests, table, wanted, 0.0).at_a_glance()
+    return _Search(agents, table, wanted, 0.0).at_a_glance()
 
 
 class _Search:
-    """One call of `seat`."""
+    """One call of `assign_min_cost`."""
 
     def __init__(
         self,
-        guests: Sequence[Invited],
-        table: Table,
+        agents: Sequence[AgentOffers],
+        table: ConflictTable,
         wanted: Mapping[AgentClass, int],
         effort: float,
     ) -> None:
-        menus = [Menu(guest) for guest in guests]
-        self._state = State(table, menus, _needs(guests, wanted), effort * _MOST_SECONDS)
+        menus = [OptionWindow(agent) for agent in agents]
+        self._state = SearchState(table, menus, _needs(agents, wanted), effort * _MOST_SECONDS)
         self._table, self._menus, self._option = table, menus, self._state.option
         self._most_pairs = table.evaluated + effort * _MOST_PAIRS
         self._rounds = 0
 
-    def at_a_glance(self) -> Seating | None:
+    def at_a_glance(self) -> Assignment | None:
         """Everybody on its cheapest option, if it comes off in turn."""
         best = None if self._short() else self._in_turn()
         if best is None or best.cost > self._floor():
             return None
         return self._seating(best, optimal=True)
 
-    def run(self) -> Seating | str:
+    def run(self) -> Assignment | str:
         """The least-cost seating, or why there is none."""
         if self._short():
             return self._short()
-        seating = self.at_a_glance()
-        if seating is not None:
-            return seating
+        assignment = self.at_a_glance()
+        if assignment is not None:
+            return assignment
         self._widen(range(len(self._menus)), round(SCALE * _WINDOW))
         best = self._in_turn()
-        answer = Answer(best, proven=best is not None and best.cost <= self._floor())
+        answer = WindowResult(best, proven=best is not None and best.cost <= self._floor())
         while not answer.proven:
             answer = self._in_window(best)
             best = answer.found or best
@@ -123,60 +123,60 @@ class _Search:
 
     def _short(self) -> str:
         """Which class has too few guests; empty if none has."""
-        short = (need for need in self._state.needs if len(need.guests) < need.count)
-        return "".join(f"only {len(each.guests)} of {each.count} agents came" for each in short)
+        short = (need for need in self._state.needs if len(need.agents) < need.count)
+        return "".join(f"only {len(each.agents)} of {each.count} agents came" for each in short)
 
-    def _judged(self, answer: Answer, best: Found | None) -> Answer:
+    def _judged(self, answer: WindowResult, best: FoundAssignment | None) -> WindowResult:
         """The answer as one for everything; unproven, and windows wider, if it is not."""
         everybody = range(len(self._menus))
         if best is not None:
             narrow = [g for g in everybody if self._menus[g].width < best.cost - 1]
             narrow = [g for g in narrow if not self._menus[g].complete]
             if not narrow:
-                return Answer(best, proven=True)
+                return WindowResult(best, proven=True)
             width = _WIDER * min(self._menus[g].width for g in narrow)
             self._widen(narrow, min(width, best.cost - 1))
-            return Answer(best, proven=False)
-        in_the_way = {g for need in answer.core for g in need.guests}
+            return WindowResult(best, proven=False)
+        in_the_way = {g for need in answer.core for g in need.agents}
         narrow = [g for g in in_the_way if not self._menus[g].complete]
         if not narrow:
             return answer
         self._widen(narrow, _WIDER * min(self._menus[g].width for g in narrow))
-        return Answer(None, proven=False)
+        return WindowResult(None, proven=False)
 
-    def _widen(self, guests: Iterable[int], width: int) -> None:
-        for g in guests:
+    def _widen(self, agents: Iterable[int], width: int) -> None:
+        for g in agents:
             self._menus[g].widen(width)
 
     def _floor(self) -> int:
         """What any arrangement costs at least [units]."""
         return sum(
-            sum(sorted(self._menus[g].least for g in need.guests)[: need.count])
+            sum(sorted(self._menus[g].least for g in need.agents)[: need.count])
             for need in self._state.needs
         )
 
-    def _in_turn(self, only: Mapping[int, int] | None = None) -> Found | None:
+    def _in_turn(self, only: Mapping[int, int] | None = None) -> FoundAssignment | None:
         """Everybody's cheapest way with room beside those before it; None if that fails.
 
         Args:
             only: the way that each guest shall take, if it is settled.
         """
-        present, places = Presence(self._table.fixed), list[Place]()
+        present, places = ReservationTable(self._table.fixed), list[Placement]()
         for need in self._state.needs:
             left = need.count
-            for g in sorted(need.guests, key=lambda g: self._menus[g].least):
+            for g in sorted(need.agents, key=lambda g: self._menus[g].least):
                 room = self._room(g, present, only) if left else None
                 if room is not None:
                     places.append((g, *room))
                     left -= 1
                     actor = self._option(g, room[0]).actor.shifted(STEP * room[1])
-                    present.add(actor, foreground=self._menus[g].guest.foreground)
+                    present.add(actor, foreground=self._menus[g].agent.foreground)
             if left:
                 return None
-        return Found(places, sum(self._menus[g].ways[k].cost for g, k, _ in places))
+        return FoundAssignment(places, sum(self._menus[g].ways[k].cost for g, k, _ in places))
 
     def _room(
-        self, g: int, present: Presence, only: Mapping[int, int] | None
+        self, g: int, present: ReservationTable, only: Mapping[int, int] | None
     ) -> tuple[int, int] | None:
         menu = self._menus[g]
         settled = None if only is None else [only[g]] if g in only else []
@@ -184,45 +184,45 @@ class _Search:
             option = menu.ways[k].option
             free = self._table.clear_of_fixed(option)
             if len(free):
-                free = present.free(option.actor, free, foreground=menu.guest.foreground)
+                free = present.find_free_times(option.actor, free, foreground=menu.agent.foreground)
             if len(free):
-                return k, int(free[np.argmin(np.abs(free - option.wish))])
+                return k, int(free[np.argmin(np.abs(free - option.drawn_time))])
         return None
 
-    def _in_window(self, best: Found | None) -> Answer:
+    def _in_window(self, best: FoundAssignment | None) -> WindowResult:
         """The least-cost arrangement within the windows that costs less than `best`."""
-        model = SeatingModel(self._state, best)
+        model = AssignmentModel(self._state, best)
         while self._state.seconds > 0.0 and self._table.evaluated < self._most_pairs:
             self._rounds += 1
             answer = model.solve()
             if answer.found is None:
                 return answer if best is not None else self._blamed(answer)
-            barred = self._bar(answer.found.places, model)
+            blocked = self._bar(answer.found.places, model)
             broken = self._broken(answer.found.places)
             for conflict in broken:
                 model.forbid(conflict)
-            if not barred and not broken:
+            if not blocked and not broken:
                 return answer
-        return Answer(None, proven=False)
+        return WindowResult(None, proven=False)
 
-    def _blamed(self, answer: Answer) -> Answer:
+    def _blamed(self, answer: WindowResult) -> WindowResult:
         """With the needs that cannot be met together within the windows."""
         if not answer.proven:
             return answer
-        return replace(answer, core=SeatingModel(self._state, None, explain=True).core())
+        return replace(answer, core=AssignmentModel(self._state, None, explain=True).core())
 
-    def _bar(self, places: list[Place], model: SeatingModel) -> bool:
+    def _bar(self, places: list[Placement], model: AssignmentModel) -> bool:
         """Whether one of the options taken meets a fixed actor after all; if so, all its like."""
         wrong = [g for g, k, _ in places if not len(self._table.clear_of_fixed(self._option(g, k)))]
         for g in wrong:
             for k in self._menus[g].window():
                 option = self._option(g, k)
                 if len(option.starts) == 1 and not len(self._table.clear_of_fixed(option)):
-                    self._state.barred.add((g, k))
+                    self._state.blocked.add((g, k))
                     model.bar(g, k)
         return bool(wrong)
 
-    def _broken(self, places: list[Place]) -> list[Conflict]:
+    def _broken(self, places: list[Placement]) -> list[OptionConflict]:
         """Separations that the arrangement breaks, and their kin: either option with all others."""
         return [
             conflict
@@ -233,7 +233,7 @@ class _Search:
             for conflict in self._learned(key)
         ]
 
-    def _breaks(self, one: Place, other: Place) -> bool:
+    def _breaks(self, one: Placement, other: Placement) -> bool:
         (i, k, start_i), (j, m, start_j) = one, other
         a, b = self._option(i, k), self._option(j, m)
         if _far_apart(a.actor, b.actor, start_j - start_i):
@@ -243,7 +243,7 @@ class _Search:
         forbidden = self._table.between(b, a, self._strict(i, j))
         return any(low < start_i - start_j < high for low, high in forbidden)
 
-    def _kin(self, one: Place, other: Place) -> list[Key]:
+    def _kin(self, one: Placement, other: Placement) -> list[OptionPair]:
         """The pair of options, and the cheapest unknown pairs of either with others."""
         (i, k, _), (j, m, _) = one, other
         mine = ((i, x, j, m) for x in self._menus[i].window())
@@ -254,18 +254,18 @@ class _Search:
         ]
         return [(i, k, j, m), *itertools.chain.from_iterable(new)]
 
-    def _learned(self, key: Key) -> list[Conflict]:
+    def _learned(self, key: OptionPair) -> list[OptionConflict]:
         """What the pair of options forbids of the entry times that they have; nothing if known."""
         if key in self._state.conflicts:
             return []
         i, k, j, m = key
         a, b = self._option(i, k), self._option(j, m)
         free_a, free_b = self._table.open_starts(a), self._table.open_starts(b)
-        found: list[Conflict] = []
+        found: list[OptionConflict] = []
         if len(free_a) and len(free_b):
             least, most = int(free_a[0] - free_b[-1]), int(free_a[-1] - free_b[0])
             found = [
-                Conflict(key, low, high, below=least <= low, above=high <= most)
+                OptionConflict(key, low, high, below=least <= low, above=high <= most)
                 for low, high in self._table.between(b, a, self._strict(i, j))
                 if low < most and least < high
             ]
@@ -273,20 +273,20 @@ class _Search:
         return found
 
     def _strict(self, i: int, j: int) -> bool:
-        return self._menus[i].guest.foreground or self._menus[j].guest.foreground
+        return self._menus[i].agent.foreground or self._menus[j].agent.foreground
 
-    def _seating(self, best: Found, *, optimal: bool) -> Seating:
+    def _seating(self, best: FoundAssignment, *, optimal: bool) -> Assignment:
         if self._rounds:
             best = self._in_turn({g: k for g, k, _ in best.places}) or best
         chosen = {
-            self._menus[g].guest.name: (self._option(g, k), start) for g, k, start in best.places
+            self._menus[g].agent.name: (self._option(g, k), start) for g, k, start in best.places
         }
-        return Seating(chosen, optimal, self._rounds, self._table.evaluated)
+        return Assignment(chosen, optimal, self._rounds, self._table.evaluated)
 
-    def _reason(self, answer: Answer) -> str:
+    def _reason(self, answer: WindowResult) -> str:
         if not answer.proven:
             return "no arrangement of the further agents was found within the bounds of the search"
-        names = [self._menus[g].guest.name for need in answer.core for g in need.guests]
+        names = [self._menus[g].agent.name for need in answer.core for g in need.agents]
         if len(names) == 1:
             return f"{names[0]} finds no moment at which it would not interact"
         wanted = sum(need.count for need in answer.core)
@@ -294,19 +294,21 @@ class _Search:
         return f"no arrangement keeps {few}{', '.join(sorted(names))} apart"
 
 
-def _needs(guests: Sequence[Invited], wanted: Mapping[AgentClass, int]) -> tuple[Need, ...]:
+def _needs(
+    agents: Sequence[AgentOffers], wanted: Mapping[AgentClass, int]
+) -> tuple[AgentQuota, ...]:
     """The foreground, and so many of each class; each guest by itself where all are needed."""
-    needs = [Need((g,), 1) for g, guest in enumerate(guests) if guest.foreground]
+    needs = [AgentQuota((g,), 1) for g, agent in enumerate(agents) if agent.foreground]
     for kind, count in wanted.items():
-        crowd = [g for g, guest in enumerate(guests) if guest.type == kind and not guest.foreground]
+        crowd = [g for g, agent in enumerate(agents) if agent.type == kind and not agent.foreground]
         if count == len(crowd):
-            needs += [Need((g,), 1) for g in crowd]
+            needs += [AgentQuota((g,), 1) for g in crowd]
         else:
-            needs.append(Need(tuple(crowd), count))
+            needs.append(AgentQuota(tuple(crowd), count))
     return tuple(needs)
 
 
-def _far_apart(one: Actor, other: Actor, steps: int) -> bool:
+def _far_apart(one: ScheduledAgent, other: ScheduledAgent, steps: int) -> bool:
     """Whether `other`, who comes `steps` after `one`, comes too late to meet it."""
     gives_way = any(stop.reason == "gives_way" for stop in (*one.stops, *other.stops))
     if one.motion.ended or gives_way:

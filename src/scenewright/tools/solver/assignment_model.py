@@ -8,35 +8,35 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.tools.solver.background import Option, Table
-from scenewright.tools.solver.offers import Menu
-from scenewright.tools.solver.safety_margin import Steps
+from scenewright.tools.solver.background_assignment import ConflictTable, Option
+from scenewright.tools.solver.offers import OptionWindow
+from scenewright.tools.solver.reservation import Steps
 
-Place = tuple[int, int, int]
+Placement = tuple[int, int, int]
 """Guest, option and entry time [steps]."""
 
-Key = tuple[int, int, int, int]
+OptionPair = tuple[int, int, int, int]
 """Guest and option of one, guest and option of another."""
 
 
 @dataclass(frozen=True)
-class Need:
+class AgentQuota:
     """So many of these guests must take part."""
 
-    guests: tuple[int, ...]
+    agents: tuple[int, ...]
     count: int
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundAssignment:
     """An arrangement and what it costs [units]."""
 
-    places: list[Place]
+    places: list[Placement]
     cost: int
 
 
 @dataclass(frozen=True)
-class Conflict:
+class OptionConflict:
     """Forbids low < start_i - start_j < high [steps] while both options are taken.
 
     Attributes:
@@ -44,7 +44,7 @@ class Conflict:
         below, above: whether the two have entry times left on that side.
     """
 
-    key: Key
+    key: OptionPair
     low: int
     high: int
     below: bool
@@ -52,7 +52,7 @@ class Conflict:
 
 
 @dataclass(frozen=True)
-class Answer:
+class WindowResult:
     """What one window has to say.
 
     Attributes:
@@ -61,13 +61,13 @@ class Answer:
         core: needs that cannot be met together; of no meaning where something was found.
     """
 
-    found: Found | None
+    found: FoundAssignment | None
     proven: bool
-    core: tuple[Need, ...] = ()
+    core: tuple[AgentQuota, ...] = ()
 
 
 @dataclass
-class State:
+class SearchState:
     """What a search knows.
 
     Attributes:
@@ -77,12 +77,12 @@ class State:
         seconds: deterministic time that the solver may still spend.
     """
 
-    table: Table
-    menus: list[Menu]
-    needs: tuple[Need, ...]
+    table: ConflictTable
+    menus: list[OptionWindow]
+    needs: tuple[AgentQuota, ...]
     seconds: float
-    conflicts: dict[Key, list[Conflict]] = field(default_factory=dict)
-    barred: set[tuple[int, int]] = field(default_factory=set)
+    conflicts: dict[OptionPair, list[OptionConflict]] = field(default_factory=dict)
+    blocked: set[tuple[int, int]] = field(default_factory=set)
 
     def option(self, g: int, k: int) -> Option:
         """The k-th option of a guest."""
@@ -93,11 +93,11 @@ class State:
         return [
             k
             for k in self.menus[g].window()
-            if (g, k) not in self.barred and len(self.table.open_starts(self.option(g, k)))
+            if (g, k) not in self.blocked and len(self.table.open_starts(self.option(g, k)))
         ]
 
 
-class SeatingModel:
+class AssignmentModel:
     """The CP-SAT model of the windows, growing by one round of conflicts at a time.
 
     Args:
@@ -105,7 +105,9 @@ class SeatingModel:
         explain: ask only which needs cannot be met together, if they cannot; costs do not matter.
     """
 
-    def __init__(self, state: State, best: Found | None, *, explain: bool = False) -> None:
+    def __init__(
+        self, state: SearchState, best: FoundAssignment | None, *, explain: bool = False
+    ) -> None:
         from ortools.sat.python import cp_model
 
         self._cp, self._state = cp_model, state
@@ -113,7 +115,7 @@ class SeatingModel:
         ways = [state.open_ways(g) for g in range(len(state.menus))]
         self._takes = [{k: self._model.new_bool_var("") for k in each} for each in ways]
         self._starts = [self._start(g) for g in range(len(ways))]
-        self._literals: dict[int, Need] = {}
+        self._literals: dict[int, AgentQuota] = {}
         for takes in self._takes:
             self._model.add_at_most_one(takes.values())
         for need in state.needs:
@@ -141,9 +143,9 @@ class SeatingModel:
         low, high = starts[np.append(0, gaps + 1)], starts[np.append(gaps, len(starts) - 1)]
         return self._cp.Domain.from_intervals(np.column_stack([low, high]).tolist())
 
-    def _meet(self, need: Need, *, explain: bool) -> None:
+    def _meet(self, need: AgentQuota, *, explain: bool) -> None:
         met = self._model.add(
-            sum(take for g in need.guests for take in self._takes[g].values()) == need.count
+            sum(take for g in need.agents for take in self._takes[g].values()) == need.count
         )
         if explain:
             literal = self._model.new_bool_var("")
@@ -151,7 +153,7 @@ class SeatingModel:
             self._literals[literal.index] = need
             self._model.add_assumption(literal)
 
-    def _economise(self, best: Found | None) -> None:
+    def _economise(self, best: FoundAssignment | None) -> None:
         total = sum(
             self._state.menus[g].ways[k].cost * take
             for g, takes in enumerate(self._takes)
@@ -161,13 +163,13 @@ class SeatingModel:
         if best is not None:
             self._model.add(total <= best.cost - 1)
 
-    def solve(self) -> Answer:
+    def solve(self) -> WindowResult:
         """The least-cost arrangement that breaks nothing known so far."""
         solver, status = self._run()
         if status == self._cp.INFEASIBLE:
-            return Answer(None, proven=True)
+            return WindowResult(None, proven=True)
         if status not in (self._cp.OPTIMAL, self._cp.FEASIBLE):
-            return Answer(None, proven=False)
+            return WindowResult(None, proven=False)
         places = [
             (g, k, int(solver.value(self._starts[g])))
             for g, takes in enumerate(self._takes)
@@ -175,9 +177,9 @@ class SeatingModel:
             if solver.value(take)
         ]
         cost = sum(self._state.menus[g].ways[k].cost for g, k, _ in places)
-        return Answer(Found(places, cost), proven=status == self._cp.OPTIMAL)
+        return WindowResult(FoundAssignment(places, cost), proven=status == self._cp.OPTIMAL)
 
-    def core(self) -> tuple[Need, ...]:
+    def core(self) -> tuple[AgentQuota, ...]:
         """Needs that cannot be met together; all of them if that is not known better."""
         solver, status = self._run()
         if status != self._cp.INFEASIBLE:
@@ -196,12 +198,12 @@ class SeatingModel:
         self._state.seconds -= solver.response_proto.deterministic_time
         return solver, status
 
-    def bar(self, guest: int, option: int) -> None:
+    def bar(self, agent: int, option: int) -> None:
         """Takes an option out of the choice, if it is in the model."""
-        if option in self._takes[guest]:
-            self._model.add(self._takes[guest][option] == 0)
+        if option in self._takes[agent]:
+            self._model.add(self._takes[agent][option] == 0)
 
-    def forbid(self, conflict: Conflict) -> None:
+    def forbid(self, conflict: OptionConflict) -> None:
         """Adds one separation, if both options are in the model."""
         i, k, j, m = conflict.key
         if k not in self._takes[i] or m not in self._takes[j]:

@@ -10,7 +10,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 
 
-def best_first(costs: Sequence[FloatArray]) -> Iterator[tuple[int, ...]]:
+def enumerate_best_first(costs: Sequence[FloatArray]) -> Iterator[tuple[int, ...]]:
     """Every choice of one index per array, by ascending sum of what it stands for.
 
     Args:

@@ -9,13 +9,17 @@ import numpy as np
 from scenewright.scene.constraints import Contact
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import Setting
-from scenewright.tools.solver.encounter import Intervals
-from scenewright.tools.solver.impact import FirstContact, first_contact
-from scenewright.tools.solver.nearest_miss import Reached
-from scenewright.tools.solver.rear_end import passed_by, rear_ends, while_standing
-from scenewright.tools.solver.schedule import Happening, Staging, pair_of
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.impact import FirstContact, find_first_contact
+from scenewright.tools.solver.nearest_miss import FailureStage
+from scenewright.tools.solver.path_conflict import Intervals
+from scenewright.tools.solver.rear_end import (
+    compute_passing_time,
+    draw_rear_end_offsets,
+    plan_rear_ends,
+)
+from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _TRIES = 6
 _SMOOTHED = 0.4
@@ -31,151 +35,163 @@ _SPEED_OFF = 0.9
 """How far the speed at impact may be from the one asked for [m/s]."""
 
 
-def contacts(clause: Contact, staging: Staging, setting: Setting) -> Iterator[Staging]:
+def schedule_contacts(
+    clause: Contact, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the clause's two agents touch as it says."""
-    a, b = setting.both(clause, staging)
+    a, b = context.both(clause, schedule)
     if a.contact is not None or b.contact is not None:
         words = f"one of {clause.first} and {clause.second} has been in a collision before"
-        setting.missed(clause, Reached.PATHS, words)
+        context.note_miss(clause, FailureStage.PATHS, words)
         return
     if clause.kind != "rear_end":
-        meetings = setting.meetings(clause, a, b)
+        meetings = context.find_meeting_intervals(clause, a, b)
         if not len(meetings):
             words = f"the paths of {clause.first} and {clause.second} never touch"
-            setting.missed(clause, Reached.PATHS, words)
-        some = _inside(clause, meetings, setting)
-        turned_round = yield from _touching(clause, staging, setting, (a, b), some)
+            context.note_miss(clause, FailureStage.PATHS, words)
+        some = _inside(clause, meetings, context)
+        turned_round = yield from _touching(clause, schedule, context, (a, b), some)
         if turned_round:
             # Who strikes turns on a tenth of a second where one is short, such as a motorcycle.
-            every = _everywhere(meetings, setting)
-            yield from _touching(clause, staging, setting, (a, b), every)
+            every = _everywhere(meetings, context)
+            yield from _touching(clause, schedule, context, (a, b), every)
         return
-    for follower, leader in rear_ends(a, b, clause, setting):
-        deltas = while_standing(follower, leader, setting.rng)
-        yield from _touching(clause, staging, setting, (follower, leader), deltas)
+    for follower, leader in plan_rear_ends(a, b, clause, context):
+        deltas = draw_rear_end_offsets(follower, leader, context.rng)
+        yield from _touching(clause, schedule, context, (follower, leader), deltas)
 
 
 def _touching(
     clause: Contact,
-    staging: Staging,
-    setting: Setting,
-    pair: tuple[Actor, Actor],
+    schedule: PartialSchedule,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
     deltas: list[float],
-) -> Generator[Staging, None, bool]:
+) -> Generator[PartialSchedule, None, bool]:
     """Those of the offsets that will do; returns whether none did, one but for who strikes."""
     staged = turned_round = False
     for delta in deltas:
-        a, b = staging.placed(clause, *pair, delta)
-        found = first_contact(a, b, left_hand=setting.left_hand)
+        a, b = schedule.placed(clause, *pair, delta)
+        found = find_first_contact(a, b, left_hand=context.left_hand)
         if found is not None and clause.speed is not None and not a.slowings:
-            a, found = _down_to(clause.speed, a, b, found, setting)
+            a, found = _down_to(clause.speed, a, b, found, context)
         if found is None:
             continue
         fault = _fault(found, clause, a)
         if fault is not None:
             reached, words, off = fault
-            setting.missed(clause, reached, words, off=off)
-            turned_round |= reached is Reached.ROLES
+            context.note_miss(clause, reached, words, off=off)
+            turned_round |= reached is FailureStage.ROLES
             continue
-        if not _in_time(found, clause, b, staging, setting):
+        if not _in_time(found, clause, b, schedule, context):
             continue
-        a, found = _startled(clause, a, b, found, setting)
+        a, found = _startled(clause, a, b, found, context)
         if clause.cause == "late_brake" and not a.slowings:
             words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
-            setting.missed(clause, Reached.COMPANY, words)
+            context.note_miss(clause, FailureStage.COMPANY, words)
             continue
         end_a, end_b = a.ended(found.time), b.ended(found.time)
         time = found.time
-        happening = Happening(clause, time, time - 3.0, time, time, found.location)
+        event = ScheduledEvent(clause, time, time - 3.0, time, time, found.location)
         staged = True
-        yield staging.with_event(happening, end_a, end_b)
+        yield schedule.with_event(event, end_a, end_b)
     return turned_round and not staged
 
 
-def _inside(clause: Contact, meetings: Intervals, setting: Setting) -> list[float]:
+def _inside(clause: Contact, meetings: Intervals, context: SolverContext) -> list[float]:
     """Offsets inside the intervals, those near the middle first more often.
 
     Where the vehicles strike follows from the offset, so a point asked for has all of them tried.
     """
-    rng = setting.rng
+    rng = context.rng
     if clause.point_first or clause.point_second:
-        return _everywhere(meetings, setting)
+        return _everywhere(meetings, context)
     share = 0.5 + 0.45 * np.sort(rng.uniform(-1, 1, _TRIES))[np.argsort(rng.random(_TRIES))]
     return [float(low + (high - low) * x) for low, high in meetings for x in share]
 
 
-def _everywhere(meetings: Intervals, setting: Setting) -> list[float]:
+def _everywhere(meetings: Intervals, context: SolverContext) -> list[float]:
     """Offsets all over the intervals, in any order."""
     every = [np.arange(low, high, STEP) for low, high in meetings]
-    return setting.rng.permutation(np.concatenate(every)).tolist() if every else []
+    return context.rng.permutation(np.concatenate(every)).tolist() if every else []
 
 
 def _in_time(
-    found: FirstContact, clause: Contact, b: Actor, staging: Staging, setting: Setting
+    found: FirstContact,
+    clause: Contact,
+    b: ScheduledAgent,
+    schedule: PartialSchedule,
+    context: SolverContext,
 ) -> bool:
-    earliest, latest = _window(clause, b, staging)
+    earliest, latest = _window(clause, b, schedule)
     if earliest <= found.time <= latest:
         return True
     late = earliest - found.time
     words = f"it would come {late:.1f} s before {clause.first} and {clause.second} are free for it"
     if late < 0.0:
         words = f"it would come {found.time - latest:.1f} s after {clause.second} has gone on"
-    setting.missed(clause, Reached.COMPANY, words, off=abs(late))
+    context.note_miss(clause, FailureStage.COMPANY, words, off=abs(late))
     return False
 
 
-def _window(clause: Contact, b: Actor, staging: Staging) -> tuple[float, float]:
+def _window(clause: Contact, b: ScheduledAgent, schedule: PartialSchedule) -> tuple[float, float]:
     """When [s] the contact may come: after what its agents did before.
 
     A leader that gives way is hit where it stands, once the other has passed.
     """
     if clause.kind == "rear_end" and any(stop.reason == "gives_way" for stop in b.stops):
         until = b.stops[-1].until
-        return max(staging.busy_until(clause.first) + 0.5, passed_by(b)), until + 0.2
-    busy = max(staging.busy_until(name) for name in pair_of(clause))
+        return max(schedule.busy_until(clause.first) + 0.5, compute_passing_time(b)), until + 0.2
+    busy = max(schedule.busy_until(name) for name in get_pair(clause))
     return busy + 0.5, float("inf")
 
 
 def _startled(
-    clause: Contact, a: Actor, b: Actor, found: FirstContact, setting: Setting
-) -> tuple[Actor, FirstContact]:
+    clause: Contact,
+    a: ScheduledAgent,
+    b: ScheduledAgent,
+    found: FirstContact,
+    context: SolverContext,
+) -> tuple[ScheduledAgent, FirstContact]:
     """The striking vehicle brakes in the last moment, as drivers do, if it still strikes."""
-    kind, asked, rng = a.candidate.route.type, clause.cause == "late_brake", setting.rng
+    kind, asked, rng = a.candidate.route.type, clause.cause == "late_brake", context.rng
     if kind != "vehicle" or a.slowings or (rng.random() > _BRAKES and not asked):
         return a, found
     speed = found.speed * float(rng.uniform(*(_LATE if asked else (0.55, 0.85))))
-    braked, again = _braked(a, b, found, speed, setting)
+    braked, again = _braked(a, b, found, speed, context)
     if again is None or _fault(again, clause, a) is not None or abs(again.time - found.time) > 0.6:
         return a, found
     return braked, again
 
 
 def _down_to(
-    speed: float, a: Actor, b: Actor, found: FirstContact, setting: Setting
-) -> tuple[Actor, FirstContact | None]:
+    speed: float, a: ScheduledAgent, b: ScheduledAgent, found: FirstContact, context: SolverContext
+) -> tuple[ScheduledAgent, FirstContact | None]:
     """The striking vehicle braked to the speed asked for, if it would be faster."""
     if found.speed < speed + _SMOOTHED:
         return a, found
-    return _braked(a, b, found, max(speed - _SMOOTHED, 0.5), setting)
+    return _braked(a, b, found, max(speed - _SMOOTHED, 0.5), context)
 
 
 def _braked(
-    a: Actor, b: Actor, found: FirstContact, speed: float, setting: Setting
-) -> tuple[Actor, FirstContact | None]:
+    a: ScheduledAgent, b: ScheduledAgent, found: FirstContact, speed: float, context: SolverContext
+) -> tuple[ScheduledAgent, FirstContact | None]:
     """`a` braking late to `speed` where it would have touched, and its contact then."""
-    at = float(a.motion.position(np.array([found.time - a.enters]))[0])
-    slow = Slowing(at, speed, float(setting.rng.uniform(4.0, 6.0)))
+    at = float(a.motion.compute_positions(np.array([found.time - a.enters]))[0])
+    slow = Slowing(at, speed, float(context.rng.uniform(4.0, 6.0)))
     braked = a.edited(stops=a.stops, slowings=(slow,))
-    return braked, first_contact(braked, b, left_hand=setting.left_hand)
+    return braked, find_first_contact(braked, b, left_hand=context.left_hand)
 
 
-def _fault(found: FirstContact, clause: Contact, a: Actor) -> tuple[Reached, str, float] | None:
+def _fault(
+    found: FirstContact, clause: Contact, a: ScheduledAgent
+) -> tuple[FailureStage, str, float] | None:
     """Why a contact is not the one that the clause asks for, and by how much; None if it is."""
-    first, second = pair_of(clause)
+    first, second = get_pair(clause)
     if clause.kind not in (None, found.kind):
-        return Reached.KIND, f"{first} and {second} touch as {found.kind}", 0.0
+        return FailureStage.KIND, f"{first} and {second} touch as {found.kind}", 0.0
     if not _strikes(found, clause):
-        return Reached.ROLES, f"{second} strikes {first}, not the other way round", 0.0
+        return FailureStage.ROLES, f"{second} strikes {first}, not the other way round", 0.0
     for name, point, seen in (
         (first, clause.point_first, found.points[0]),
         (second, clause.point_second, found.points[1]),
@@ -183,7 +199,7 @@ def _fault(found: FirstContact, clause: Contact, a: Actor) -> tuple[Reached, str
         if point is not None and point not in seen:
             there = " or ".join(each.replace("_", " ") for each in seen) or "another place"
             asked = point.replace("_", " ")
-            return Reached.PLACE, f"a contact at the {asked} of {name}: found at {there}", 0.0
+            return FailureStage.PLACE, f"a contact at the {asked} of {name}: found at {there}", 0.0
     if clause.speed is not None and abs(found.speed - clause.speed) > _SPEED_OFF:
         extreme = "fastest" if found.speed < clause.speed else "slowest"
         words = (
@@ -191,11 +207,11 @@ def _fault(found: FirstContact, clause: Contact, a: Actor) -> tuple[Reached, str
             f"{a.candidate.subtype or a.candidate.route.type} on this movement strikes at "
             f"{found.speed:.1f} m/s"
         )
-        return Reached.MEASURE, words, abs(found.speed - clause.speed)
+        return FailureStage.MEASURE, words, abs(found.speed - clause.speed)
     least = 2.5 if found.kind == "pedestrian_strike" else 1.3
     if found.closing < least:
         words = f"a relative speed of {least:g} m/s at contact: they reach {found.closing:.1f} m/s"
-        return Reached.MEASURE, words, least - found.closing
+        return FailureStage.MEASURE, words, least - found.closing
     return None
 
 

@@ -10,11 +10,16 @@ from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import PairClause, TimeGap
 from scenewright.scene.track import STEP
-from scenewright.scene.yielding_behavior import Habits, YieldingBehavior
-from scenewright.tools.solver.encounter import Encounter, Intervals, encounter, meeting_offsets
-from scenewright.tools.solver.nearest_miss import Reached, Shortfall, Shortfalls
-from scenewright.tools.solver.schedule import Pairing, Staging, pair_of
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.scene.yielding_behavior import YieldingBehavior, YieldingModel
+from scenewright.tools.solver.nearest_miss import FailureStage, NearestMiss, NearestMisses
+from scenewright.tools.solver.path_conflict import (
+    Intervals,
+    PathConflict,
+    find_conflict_intervals,
+    find_path_conflict,
+)
+from scenewright.tools.solver.schedule import Pairing, PartialSchedule, get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _APART = (-9.0, 9.0)
 """How much later than others a pair comes that has nothing to do with them [s]."""
@@ -23,7 +28,7 @@ SPACING = {"vehicle": 0.25, "pedestrian": 0.12}
 """Distance between nodes of a path [m] where a PET is measured."""
 
 
-class Setting:
+class SolverContext:
     """One tuple of candidates, with chance and a memory of what failed.
 
     Args:
@@ -39,80 +44,88 @@ class Setting:
     def __init__(
         self,
         candidates: Mapping[str, Candidate],
-        marks: Mapping[str, Landmarks],
+        landmarks: Mapping[str, Landmarks],
         rng: np.random.Generator,
         *,
         lenient: bool = True,
-        shortfalls: Shortfalls | None = None,
-        habits: Habits | None = None,
-        openings: Mapping[str, Actor] | None = None,
+        misses: NearestMisses | None = None,
+        yielding_model: YieldingModel | None = None,
+        red_light_starts: Mapping[str, ScheduledAgent] | None = None,
     ) -> None:
-        self.openings = openings or {}
-        self.habits: Habits = {} if habits is None else habits
+        self.red_light_starts = red_light_starts or {}
+        self.yielding_model: YieldingModel = {} if yielding_model is None else yielding_model
         self.busy: frozenset[str] = frozenset()
         self.candidates = candidates
         self.lenient = lenient
         self.rng = rng
-        self.shortfalls = shortfalls or Shortfalls()
+        self.misses = misses or NearestMisses()
         self.pets: dict[Pairing, TimeGap] = {}
-        self.left_hand = any(each.left_hand for each in marks.values())
-        self._marks = marks
-        self._encounters: dict[Pairing, Encounter] = {}
+        self.left_hand = any(each.left_hand for each in landmarks.values())
+        self._marks = landmarks
+        self._encounters: dict[Pairing, PathConflict] = {}
 
-    def actor(self, name: str, staging: Staging) -> Actor:
+    def actor(self, name: str, schedule: PartialSchedule) -> ScheduledAgent:
         """As placed; else as it opens: its time law's motion, or first a wait at red."""
-        if name in staging.actors:
-            return staging.actors[name]
-        if name in self.openings:
-            return self.openings[name]
-        return Actor.unplaced(self.candidates[name], self._marks[name])
+        if name in schedule.actors:
+            return schedule.actors[name]
+        if name in self.red_light_starts:
+            return self.red_light_starts[name]
+        return ScheduledAgent.unplaced(self.candidates[name], self._marks[name])
 
-    def both(self, clause: PairClause, staging: Staging) -> tuple[Actor, Actor]:
+    def both(
+        self, clause: PairClause, schedule: PartialSchedule
+    ) -> tuple[ScheduledAgent, ScheduledAgent]:
         """The clause's two agents."""
-        first, second = pair_of(clause)
-        a, b = self.actor(first, staging), self.actor(second, staging)
-        if staging.actors and not {first, second} & set(staging.actors):
+        first, second = get_pair(clause)
+        a, b = self.actor(first, schedule), self.actor(second, schedule)
+        if schedule.actors and not {first, second} & set(schedule.actors):
             # The two have nothing to do with those on stage, so they may come at any time.
             a = a.shifted(float(self.rng.uniform(*_APART)))
         return a, b
 
-    def manners(self, clause: PairClause) -> YieldingBehavior | None:
+    def get_yielding(self, clause: PairClause) -> YieldingBehavior | None:
         """How those of the class of `first` give way to those of the class of `second`."""
-        first, second = (self.candidates[name].route.type for name in pair_of(clause))
-        return self.habits.get((first, second))
+        first, second = (self.candidates[name].route.type for name in get_pair(clause))
+        return self.yielding_model.get((first, second))
 
-    def encounter(self, clause: PairClause) -> Encounter:
+    def find_path_conflict(self, clause: PairClause) -> PathConflict:
         """Where the two paths come close."""
-        key = pair_of(clause)
+        key = get_pair(clause)
         if key not in self._encounters:
             a, b = (self.candidates[name] for name in key)
-            self._encounters[key] = close_encounter(a, b)
+            self._encounters[key] = find_contact_nodes(a, b)
         return self._encounters[key]
 
-    def meetings(self, clause: PairClause, a: Actor, b: Actor) -> Intervals:
+    def find_meeting_intervals(
+        self, clause: PairClause, a: ScheduledAgent, b: ScheduledAgent
+    ) -> Intervals:
         """Offsets o_b - o_a [s] that bring the two together."""
-        return meeting_offsets(self.encounter(clause), a.motion, b.motion, c=0.0, exact=True)
+        return find_conflict_intervals(
+            self.find_path_conflict(clause), a.motion, b.motion, c=0.0, exact=True
+        )
 
-    def pet_of(self, clause: PairClause) -> TimeGap | None:
+    def get_requested_pet(self, clause: PairClause) -> TimeGap | None:
         """The PET asked for between the clause's two agents, by a clause of its own."""
-        return self.pets.get(pair_of(clause)) or self.pets.get(pair_of(clause)[::-1])
+        return self.pets.get(get_pair(clause)) or self.pets.get(get_pair(clause)[::-1])
 
-    def missed(self, clause: PairClause, reached: Reached, words: str, *, off: float = 0.0) -> None:
+    def note_miss(
+        self, clause: PairClause, reached: FailureStage, words: str, *, off: float = 0.0
+    ) -> None:
         """Notes a miss of the clause."""
-        self.shortfalls.note(Shortfall(clause, reached, words, off))
+        self.misses.note(NearestMiss(clause, reached, words, off))
 
 
-def close_encounter(a: Candidate, b: Candidate) -> Encounter:
+def find_contact_nodes(a: Candidate, b: Candidate) -> PathConflict:
     """Where two paths come within 0.1 m, as finely as a PET wants it."""
     spacing = (SPACING[a.route.type], SPACING[b.route.type])
-    return encounter(a.path, b.path, shapes=(a.shape, b.shape), reach=0.0, spacing=spacing)
+    return find_path_conflict(a.path, b.path, shapes=(a.shape, b.shape), reach=0.0, spacing=spacing)
 
 
-def in_range(low: float, high: float, value: float) -> bool:
+def is_in_range(low: float, high: float, value: float) -> bool:
     """Whether the value is as asked, to the step; one between two already placed may not be."""
     return low - STEP <= value <= high + STEP
 
 
-def outside(low: float, high: float, value: float) -> float:
+def compute_excess(low: float, high: float, value: float) -> float:
     """How far the value lies outside of the range."""
     return max(low - value, value - high, 0.0)

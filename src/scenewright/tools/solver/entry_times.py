@@ -20,12 +20,12 @@ from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import (
     SignalClock,
-    phases_of,
-    red_for,
-    shows,
-    shows_at,
+    get_phases,
+    get_red_duration,
+    is_showing,
+    is_showing_at,
 )
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 LINE_GAP, QUEUE_GAP = (0.3, 1.5), (1.4, 2.6)
 """Waiting vehicles: to the line and to the next ahead [m]."""
@@ -50,7 +50,7 @@ _FOR_GOOD = 60.0
 
 
 @dataclass(frozen=True)
-class Moment:
+class SceneTiming:
     """When agents may come: lights, scene length [s], whether a wreck will stand in the way."""
 
     clock: SignalClock | None
@@ -59,7 +59,7 @@ class Moment:
 
 
 @dataclass(frozen=True, eq=False)
-class RedLight:
+class RedLightWait:
     """An agent that comes upon red, first in its lane, and waits.
 
     Attributes:
@@ -68,8 +68,8 @@ class RedLight:
         stays: a wreck ahead keeps it there for good.
     """
 
-    free: Actor
-    moment: Moment
+    free: ScheduledAgent
+    moment: SceneTiming
     enters: float
     gap: float
     lag: float
@@ -79,18 +79,18 @@ class RedLight:
     def s(self) -> float:
         """Arc length at which it stands [m]."""
         walks = self.free.candidate.route.type == "pedestrian"
-        return (self.free.marks.line or 0.0) - (0.3 if walks else self.gap)
+        return (self.free.landmarks.line or 0.0) - (0.3 if walks else self.gap)
 
     @cached_property
     def reaches(self) -> float:
         """Scene time [s] at which it would stand, were braking free; good to about 2 s."""
-        return self.enters + self.free.motion.time_at(max(self.s, 0.0))
+        return self.enters + self.free.motion.find_time_at(max(self.s, 0.0))
 
     @property
     def holds(self) -> bool:
         """Whether there is a red light to wait at, its end seen in the scene, and room to stand."""
-        group, clock = self.free.marks.group, self.moment.clock
-        if clock is None or self.free.marks.line is None or group is None or self.s < 3.0:
+        group, clock = self.free.landmarks.group, self.moment.clock
+        if clock is None or self.free.landmarks.line is None or group is None or self.s < 3.0:
             return False
         if self.enters > self.moment.duration - 4.0:
             return False
@@ -102,37 +102,37 @@ class RedLight:
         """Scene time [s] at which it starts again."""
         if self.moment.clock is None or self.stays:
             return self.moment.duration + 10.0
-        green = self.moment.clock.next_green(str(self.free.marks.group), self.reaches)
+        green = self.moment.clock.next_green(str(self.free.landmarks.group), self.reaches)
         return green + self.lag
 
-    def actor(self) -> Actor:
+    def actor(self) -> ScheduledAgent:
         """It in motion, entering at time 0."""
-        stop = stop_at_light(self.free, self.s)
+        stop = build_red_light_stop(self.free, self.s)
         until = max(self.release - self.enters, stop.start)
         held = self.free.edited(stops=(replace(stop, until=until),))
         return held.until(self.moment.duration - self.enters)
 
 
-def stop_at_light(actor: Actor, s: float) -> Stop:
+def build_red_light_stop(actor: ScheduledAgent, s: float) -> Stop:
     """Its standstill at `s` [m], before its light, until the moment in which it begins."""
     anchor = "kerb" if actor.candidate.route.type == "pedestrian" else "stop_line"
     start = actor.enters + compute_arrival(actor.candidate, StopCommand(s, 0.0))
     return Stop(anchor, s, start, start, "red_light")
 
 
-def starts_of(actor: Actor, moment: Moment) -> NDArray[np.int64]:
+def find_entry_times(actor: ScheduledAgent, moment: SceneTiming) -> NDArray[np.int64]:
     """Entry times [steps] at which the agent is seen for 4 s and obeys its light."""
     first, last = 4.0 - STEP * len(actor.motion.s), moment.duration - 4.0
     steps = np.arange(int(np.ceil(first / STEP)), int(last / STEP) + 1, dtype=np.int64)
-    line, group, clock = actor.marks.line, actor.marks.group, moment.clock
+    line, group, clock = actor.landmarks.line, actor.landmarks.group, moment.clock
     if clock is None or line is None or group is None or not len(steps):
         return steps
-    crosses = STEP * steps + actor.motion.time_at(line) + clock.offset
-    green = shows(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
+    crosses = STEP * steps + actor.motion.find_time_at(line) + clock.offset
+    green = is_showing(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
     return steps[green.all(axis=0)]
 
 
-def comes_at(free: Actor, moment: Moment, chance: float) -> float:
+def compute_arrival_entry(free: ScheduledAgent, moment: SceneTiming, chance: float) -> float:
     """When a chance arrival enters [s], given that it is seen: `chance` picks among all moments.
 
     Arrivals are uniform in time. Who came to a green light long before the scene has gone; who came
@@ -140,13 +140,13 @@ def comes_at(free: Actor, moment: Moment, chance: float) -> float:
     back as far as the light has been red.
     """
     first, last = _SEEN - STEP * len(free.motion.s), moment.duration - _SEEN
-    line, group, clock = free.marks.line, free.marks.group, moment.clock
+    line, group, clock = free.landmarks.line, free.landmarks.group, moment.clock
     if clock is None or line is None or group is None:
         return first + chance * (last - first)
     cycle = clock.program.cycle
     enters = np.arange(min(first, -cycle), last, _GRID)
-    edges, green = phases_of(clock.program, group, ("green",))
-    way = free.motion.time_at(line)
+    edges, green = get_phases(clock.program, group, ("green",))
+    way = free.motion.find_time_at(line)
     moments = _seen(enters, way, first, edges, green, cycle, clock.offset)
     return float(moments[int(chance * len(moments))]) if len(moments) else first
 
@@ -170,17 +170,17 @@ def _seen(
     goes, seen, count = np.inf, np.empty(len(enters)), 0
     for k in range(int(cycle / _GRID) + 1, 0, -1):
         after = enters[-1] + way + _GRID * k
-        goes = after if shows_at(after + offset, edges, green, cycle) else goes
+        goes = after if is_showing_at(after + offset, edges, green, cycle) else goes
     for n in range(len(enters) - 1, -1, -1):
         crosses = enters[n] + way
-        goes = crosses if shows_at(crosses + offset, edges, green, cycle) else goes
+        goes = crosses if is_showing_at(crosses + offset, edges, green, cycle) else goes
         if enters[n] >= first or (goes > crosses and goes > STARTED):
             count += 1
             seen[-count] = enters[n]
     return seen[len(seen) - count :]
 
 
-def seen_under(
+def count_visible_agents(
     program: SignalProgram,
     offsets: FloatArray,
     crowd: Iterable[Route],
@@ -200,7 +200,7 @@ def seen_under(
     )
 
 
-def queues_left(
+def compute_queue_growth(
     program: SignalProgram,
     offsets: FloatArray,
     crowd: Iterable[Route],
@@ -233,33 +233,33 @@ def _red_of_all(
     red = np.zeros(len(offsets))
     for group, count in groups.items():
         if group is not None:
-            red += count * red_for(program, group, offsets)
+            red += count * get_red_duration(program, group, offsets)
     return red
 
 
-def passes_on_green(actor: Actor, moment: Moment, enters: float) -> bool:
+def passes_on_green(actor: ScheduledAgent, moment: SceneTiming, enters: float) -> bool:
     """Whether an actor that enters at scene time [s] has green at its line, or never gets there.
 
     The light may have changed again since whoever it queues behind went.
     """
-    line, group, clock = actor.marks.line, actor.marks.group, moment.clock
+    line, group, clock = actor.landmarks.line, actor.landmarks.group, moment.clock
     if clock is None or line is None or group is None:
         return True
-    crosses = enters + actor.motion.time_at(line)
+    crosses = enters + actor.motion.find_time_at(line)
     return bool(np.isinf(crosses)) or clock.colour(group, crosses) == "green"
 
 
-def red_span(free: Actor, moment: Moment, enters: float) -> Span:
+def compute_red_span(free: ScheduledAgent, moment: SceneTiming, enters: float) -> Span:
     """From when until when [s] the light keeps who enters then; no time at all if it is green."""
-    line, group, clock = free.marks.line, free.marks.group, moment.clock
-    reaches = enters + free.motion.time_at(line or 0.0)
+    line, group, clock = free.landmarks.line, free.landmarks.group, moment.clock
+    reaches = enters + free.motion.find_time_at(line or 0.0)
     if clock is None or group is None or line is None:
         return reaches, reaches
     return reaches, clock.next_green(group, reaches)
 
 
 @dataclass(frozen=True)
-class LastInLane:
+class QueueTail:
     """The last who stands in a lane.
 
     Attributes:
@@ -273,11 +273,11 @@ class LastInLane:
     law: DrivingProfile
 
 
-def last_in_lane(
-    candidate: Candidate, standing: Sequence[Actor], span: Span = (-np.inf, np.inf)
-) -> LastInLane | None:
+def find_queue_tail(
+    candidate: Candidate, standing: Sequence[ScheduledAgent], span: Span = (-np.inf, np.inf)
+) -> QueueTail | None:
     """The last who stands on the candidate's path at some time of a span [s]."""
-    found: LastInLane | None = None
+    found: QueueTail | None = None
     for actor in standing:
         for s, start, until in _standstills(actor):
             if until < span[0] or start > span[1]:
@@ -289,7 +289,7 @@ def last_in_lane(
                 continue
             rear = float(path.s[node]) - actor.candidate.shape.length / 2
             if found is None or rear < found.rear:
-                found = LastInLane(rear, start, until, actor.candidate.time_law)
+                found = QueueTail(rear, start, until, actor.candidate.time_law)
     return found
 
 
@@ -304,7 +304,7 @@ def _nearest(xy: FloatArray, x: float, y: float) -> tuple[int, float]:
     return node, least
 
 
-def no_faster(candidate: Candidate, ahead: DrivingProfile) -> Candidate:
+def limit_to_leader(candidate: Candidate, ahead: DrivingProfile) -> Candidate:
     """The candidate at the pace of who goes ahead of it: nobody drives through its leader."""
     law = candidate.time_law
     pace = replace(
@@ -319,7 +319,7 @@ def _stands(stop: Stop, last: float) -> bool:
     return not stop.rolls and stop.s <= last + 0.5
 
 
-def _standstills(actor: Actor) -> Iterator[tuple[float, float, float]]:
+def _standstills(actor: ScheduledAgent) -> Iterator[tuple[float, float, float]]:
     """Arc length [m], start and end [s] of every stay of a vehicle, its wreck included."""
     if actor.candidate.route.type == "pedestrian":
         return

@@ -1,8 +1,8 @@
 """Staging the foreground: spawn times and edits under which every relation happens.
 
 Each pair clause of the constraint language is a target set for delta, the difference of the two
-agents' entry times (see `encounter`). Clauses are served in order, depth first: an agent already
-placed keeps its time, the other one gets the delta that the clause wants.
+agents' entry times (see `path_conflict`). Clauses are served in order, depth first: an agent that
+is placed keeps its time, the other one gets the delta that the clause wants.
 
     contact    delta inside C(0), the first contact of the wanted kind
     time_gap   delta at the wanted distance outside C(0)
@@ -30,24 +30,24 @@ from scenewright.scene.constraints import (
     TimeGap,
 )
 from scenewright.scene.selection import Stop
-from scenewright.scene.yielding_behavior import Habits
+from scenewright.scene.yielding_behavior import YieldingModel
 from scenewright.tools.map_grounding.signal_plan import Demand
-from scenewright.tools.solver.contact import contacts
-from scenewright.tools.solver.context import Setting, close_encounter
-from scenewright.tools.solver.encounter import meeting_offsets
+from scenewright.tools.solver.contact import schedule_contacts
+from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.entry_times import START_LAG
-from scenewright.tools.solver.hard_braking import brakings
-from scenewright.tools.solver.nearest_miss import Shortfalls
-from scenewright.tools.solver.schedule import Staging, pair_of
-from scenewright.tools.solver.scheduled_agent import Actor
-from scenewright.tools.solver.time_gaps import headways, time_gaps
-from scenewright.tools.solver.yielding import yields
+from scenewright.tools.solver.hard_braking import schedule_hard_braking
+from scenewright.tools.solver.nearest_miss import NearestMisses
+from scenewright.tools.solver.path_conflict import find_conflict_intervals
+from scenewright.tools.solver.schedule import PartialSchedule, get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.time_gaps import schedule_headways, schedule_time_gaps
+from scenewright.tools.solver.yielding import schedule_yields
 
 _SLOWS = 5.5
 """How long before a stop [s] the light must not explain it."""
 
 
-class Stage:
+class ForegroundSolver:
     """Serves pair clauses for one tuple of candidates.
 
     Args:
@@ -62,76 +62,84 @@ class Stage:
     def __init__(
         self,
         candidates: Mapping[str, Candidate],
-        marks: Mapping[str, Landmarks],
+        landmarks: Mapping[str, Landmarks],
         rng: np.random.Generator,
         *,
         lenient: bool = True,
-        shortfalls: Shortfalls | None = None,
-        habits: Habits | None = None,
-        openings: Mapping[str, Actor] | None = None,
+        misses: NearestMisses | None = None,
+        yielding_model: YieldingModel | None = None,
+        red_light_starts: Mapping[str, ScheduledAgent] | None = None,
     ) -> None:
-        self._setting = Setting(
-            candidates, marks, rng, lenient=lenient, shortfalls=shortfalls, habits=habits,
-            openings=openings,
+        self._setting = SolverContext(
+            candidates, landmarks, rng, lenient=lenient, misses=misses,
+            yielding_model=yielding_model, red_light_starts=red_light_starts,
         )  # fmt: skip
 
-    def play(self, clauses: tuple[PairClause, ...], staging: Staging) -> Iterator[Staging]:
+    def play(
+        self, clauses: tuple[PairClause, ...], schedule: PartialSchedule
+    ) -> Iterator[PartialSchedule]:
         """Every staging (lazily, several per clause) under which all clauses hold, in order."""
         gaps = [each for each in clauses if isinstance(each, TimeGap)]
-        self._setting.pets = {pair_of(each): each for each in gaps}
-        named = Counter(name for each in clauses for name in pair_of(each))
+        self._setting.pets = {get_pair(each): each for each in gaps}
+        named = Counter(name for each in clauses for name in get_pair(each))
         self._setting.busy = frozenset(name for name, count in named.items() if count > 1)
         # A PET asked for on top of another relation of the two is looked at when that is placed.
         ordered = sorted(clauses, key=lambda each: each in gaps and _bound(each, clauses))
-        yield from self._play(tuple(ordered), staging)
+        yield from self._play(tuple(ordered), schedule)
 
-    def _play(self, clauses: tuple[PairClause, ...], staging: Staging) -> Iterator[Staging]:
+    def _play(
+        self, clauses: tuple[PairClause, ...], schedule: PartialSchedule
+    ) -> Iterator[PartialSchedule]:
         if not clauses:
-            yield staging
+            yield schedule
             return
         first, *others = clauses
-        for staged in _served(first, staging, self._setting):
-            self._setting.shortfalls.served(first)
+        for staged in _served(first, schedule, self._setting):
+            self._setting.misses.served(first)
             yield from self._play(tuple(others), staged)
 
 
-def _served(clause: PairClause, staging: Staging, setting: Setting) -> Iterator[Staging]:
+def _served(
+    clause: PairClause, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
     match clause:
         case Contact():
-            return contacts(clause, staging, setting)
+            return schedule_contacts(clause, schedule, context)
         case TimeGap():
-            return time_gaps(clause, staging, setting)
+            return schedule_time_gaps(clause, schedule, context)
         case Headway():
-            return headways(clause, staging, setting)
+            return schedule_headways(clause, schedule, context)
         case GivesWay():
-            return yields(clause, staging, setting)
+            return schedule_yields(clause, schedule, context)
         case BrakesFor():
-            return brakings(clause, staging, setting)
+            return schedule_hard_braking(clause, schedule, context)
         case _:
             raise ValueError(f"{clause.clause} is not staged")
 
 
 def _bound(gap: PairClause, clauses: tuple[PairClause, ...]) -> bool:
     """Whether another clause relates the same two agents."""
-    pair = set(pair_of(gap))
-    return any(set(pair_of(each)) == pair for each in clauses if not isinstance(each, TimeGap))
+    pair = set(get_pair(gap))
+    return any(set(get_pair(each)) == pair for each in clauses if not isinstance(each, TimeGap))
 
 
-def passes_first(first: Actor, second: Actor) -> bool:
+def passes_first(first: ScheduledAgent, second: ScheduledAgent) -> bool:
     """Whether `first` has left the pair's conflict zone before `second` enters it."""
-    pair = close_encounter(first.candidate, second.candidate)
-    meetings = meeting_offsets(pair, first.motion, second.motion, c=0.0, exact=True)
+    pair = find_contact_nodes(first.candidate, second.candidate)
+    meetings = find_conflict_intervals(pair, first.motion, second.motion, c=0.0, exact=True)
     delta = second.enters - first.enters
     return bool(len(meetings) and delta >= meetings[:, 1].max())
 
 
-def demands(actor: Actor, *, violates: bool, until: float) -> tuple[Demand, ...]:
+def list_signal_demands(
+    actor: ScheduledAgent, *, violates: bool, until: float
+) -> tuple[Demand, ...]:
     """What the signal plan must show for this actor: to obey it, or to run its red light."""
-    line, group = actor.marks.line, actor.marks.group
+    line, group = actor.landmarks.line, actor.landmarks.group
     if line is None or group is None:
         return ()
     found = [_red_while(stop, actor, group, until) for stop in actor.stops if stop.at_red]
-    crosses = actor.enters + actor.motion.time_at(line)
+    crosses = actor.enters + actor.motion.find_time_at(line)
     if not np.isfinite(crosses) or crosses > until or crosses < -25.0:
         return tuple(found)
     if violates:
@@ -146,7 +154,7 @@ def demands(actor: Actor, *, violates: bool, until: float) -> tuple[Demand, ...]
     return (*found, Demand(group, begins, crosses + 0.5, ("green",)))
 
 
-def _red_while(stop: Stop, actor: Actor, group: str, until: float) -> Demand:
+def _red_while(stop: Stop, actor: ScheduledAgent, group: str, until: float) -> Demand:
     """Red from before the agent slows for its stop until it is hit, or until the light changes.
 
     Where it has started before the scene begins, red just before that.

@@ -24,12 +24,23 @@ from scenewright.scene.frozen_agents import FrozenAgents, without_edits
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import Demand, feasible_offsets
-from scenewright.tools.solver.background import Option, Seating, Table, seat_in_turn
-from scenewright.tools.solver.foreground import demands
-from scenewright.tools.solver.safety_margin import Presence, forbidden_offsets
-from scenewright.tools.solver.schedule import Staging, pair_of
-from scenewright.tools.solver.scheduled_agent import Actor
-from scenewright.tools.solver.search import MAX_SECONDS, Framing, Search, _needed, counted
+from scenewright.tools.solver.background_assignment import (
+    Assignment,
+    ConflictTable,
+    Option,
+    assign_in_turn,
+)
+from scenewright.tools.solver.foreground import list_signal_demands
+from scenewright.tools.solver.reservation import ReservationTable, find_blocked_offsets
+from scenewright.tools.solver.schedule import PartialSchedule, get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.search import (
+    MAX_SECONDS,
+    Search,
+    TimedSchedule,
+    _needed,
+    add_tuple_count,
+)
 
 _SAME_WAY = 4
 """How often the candidates of the earlier version are tried before others."""
@@ -41,42 +52,44 @@ _LATEST_FIRST = 22.0
 """Latest time [s] of a first event that is moved to where the lights allow it."""
 
 
-class PinnedSearch(Search):
+class FrozenAgentsSearch(Search):
     """Tuples in the order drawn, the candidates of the earlier version first."""
 
     def __init__(
         self,
         program: ConstraintProgram,
         pool: CandidateSet,
-        ground: MapAreas,
+        map_areas: MapAreas,
         rng: np.random.Generator,
         lenient: bool,
         *,
-        pins: FrozenAgents,
+        frozen: FrozenAgents,
     ) -> None:
-        super().__init__(program, pool, ground, rng, lenient)
-        self._pins = pins
-        self._related = {frozenset(pair_of(each)) for each in self._events}
+        super().__init__(program, pool, map_areas, rng, lenient)
+        self._pins = frozen
+        self._related = {frozenset(get_pair(each)) for each in self._events}
         self._events = tuple(each for each in self._events if self._open(each))
         self._near = tuple(each for each in self._near if self._open(each))
         self._before = tuple(each for each in self._before if self._open(each))
-        acting = {name for each in self._events for name in pair_of(each)}
-        self._bound = [n for n in self._bound if n in acting or n not in pins.fixed]
+        acting = {name for each in self._events for name in get_pair(each)}
+        self._bound = [n for n in self._bound if n in acting or n not in frozen.fixed]
         foreground = {n for n, draws in pool.agents.items() if draws.role == "foreground"}
-        settled = {n: a for n, a in {**pins.placed, **pins.fixed}.items() if n in foreground}
-        self._settled = {name: actor_of(a, self._marks(a.candidate)) for name, a in settled.items()}
+        settled = {n: a for n, a in {**frozen.placed, **frozen.fixed}.items() if n in foreground}
+        self._settled = {
+            name: rebuild_agent(a, self._marks(a.candidate)) for name, a in settled.items()
+        }
         self._on_stage = {name: self._settled[name] for name in acting & self._settled.keys()}
         self._stays: dict[str, SelectedAgent] = {}
         # Who came from a red light does so again if the lights allow it, and nobody else of them.
-        for name, agent in pins.known.items():
+        for name, agent in frozen.known.items():
             self._red_first[name] = float(any(stop.at_red for stop in agent.stops))
 
     def _open(self, clause: PairClause) -> bool:
         """Whether the clause is to be served: one of the two is not fixed."""
-        return not set(pair_of(clause)) <= self._pins.fixed.keys()
+        return not set(get_pair(clause)) <= self._pins.fixed.keys()
 
     def _marks(self, candidate: Candidate) -> Landmarks:
-        return find_landmarks(candidate, ground=self._ground)
+        return find_landmarks(candidate, map_areas=self._ground)
 
     def _found(self) -> Selection | None:
         """The first survivor; few are tried around those who stay, as more may move after that."""
@@ -86,7 +99,7 @@ class PinnedSearch(Search):
         for tried, choice in enumerate(itertools.islice(self._tuples(), _MOST * wanted), start=1):
             selection = self._try(choice)
             if selection is not None:
-                return counted(selection, tried)
+                return add_tuple_count(selection, tried)
             if self._unseated >= _MOST_UNSEATED or (tried >= _IN_VAIN and not self._staged):
                 return None
         return None
@@ -97,123 +110,127 @@ class PinnedSearch(Search):
             return super()._tuples()
         return itertools.chain(itertools.repeat(first, _SAME_WAY), super()._tuples())
 
-    def _opening(self) -> Staging:
-        return Staging(self._on_stage)
+    def _opening(self) -> PartialSchedule:
+        return PartialSchedule(self._on_stage)
 
-    def _timed(self, staging: Staging) -> Staging | None:
+    def _timed(self, schedule: PartialSchedule) -> PartialSchedule | None:
         """In scene time, with everybody of the foreground who stays."""
-        if staging.happenings and not self._on_stage:
-            moved = self._moved(staging)
+        if schedule.events and not self._on_stage:
+            moved = self._moved(schedule)
             if moved is None:
                 self._failures["the signal programme allows no such moment"] += 1
                 return None
-            staging = moved
-        begins = min((each.begins for each in staging.happenings), default=0.0)
-        if begins < 0.0 or (staging.happenings and _needed(staging) > MAX_SECONDS - 0.2):
+            schedule = moved
+        begins = min((each.begins for each in schedule.events), default=0.0)
+        if begins < 0.0 or (schedule.events and _needed(schedule) > MAX_SECONDS - 0.2):
             self._failures["the events do not fit beside those that stay"] += 1
             return None
-        return Staging({**self._settled, **staging.actors}, staging.happenings)
+        return PartialSchedule({**self._settled, **schedule.actors}, schedule.events)
 
-    def _moved(self, staging: Staging) -> Staging | None:
+    def _moved(self, schedule: PartialSchedule) -> PartialSchedule | None:
         """Shifted to about when things happened before, at a moment that the lights allow."""
         if not self._pins.lights:
-            return super()._timed(staging)
-        first = min(each.time for each in staging.happenings)
+            return super()._timed(schedule)
+        first = min(each.time for each in schedule.events)
         before = self._pins.earlier.first_event
-        wish = (float(self._rng.uniform(6.0, 15.0)) if before is None else before) - first
-        earliest = 0.5 - min(each.begins for each in staging.happenings)
-        latest = min(MAX_SECONDS - 0.2 - _needed(staging), _LATEST_FIRST - first)
-        shifts = self._lawful(staging)
+        drawn_time = (float(self._rng.uniform(6.0, 15.0)) if before is None else before) - first
+        earliest = 0.5 - min(each.begins for each in schedule.events)
+        latest = min(MAX_SECONDS - 0.2 - _needed(schedule), _LATEST_FIRST - first)
+        shifts = self._lawful(schedule)
         shifts = shifts[(shifts >= earliest) & (shifts <= latest)]
         if not len(shifts):
             return None
-        return staging.shifted(round(float(shifts[np.argmin(np.abs(shifts - wish))]), 1))
+        return schedule.shifted(round(float(shifts[np.argmin(np.abs(shifts - drawn_time))]), 1))
 
-    def _lawful(self, staging: Staging) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def _lawful(self, schedule: PartialSchedule) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         """Shifts [s] at which everybody's lights are as they must be."""
         program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         if program is None or offset is None:
             return np.arange(-60.0, 60.0, 0.5)
-        offsets = feasible_offsets(program, self._demanded(staging.actors, 4 * program.cycle))
+        offsets = feasible_offsets(program, self._demanded(schedule.actors, 4 * program.cycle))
         around = np.arange(-2, 3) * program.cycle
         shifts = (offsets - offset)[:, None] + around
         return np.sort(shifts.ravel())
 
-    def _demanded(self, actors: Mapping[str, Actor], until: float) -> tuple[Demand, ...]:
+    def _demanded(self, actors: Mapping[str, ScheduledAgent], until: float) -> tuple[Demand, ...]:
         """What those who do not stay need of the lights."""
         return tuple(
             demand
             for name, actor in actors.items()
             if name not in self._pins.same
-            for demand in demands(actor, violates=name in self._violators, until=until)
+            for demand in list_signal_demands(actor, violates=name in self._violators, until=until)
         )
 
-    def _duration(self, staging: Staging) -> float:
+    def _duration(self, schedule: PartialSchedule) -> float:
         if not self._pins.lights:
-            return super()._duration(staging)
-        least = _needed(staging) if staging.happenings else 0.0
+            return super()._duration(schedule)
+        least = _needed(schedule) if schedule.events else 0.0
         return float(max(self._pins.earlier.duration, np.ceil(min(least, MAX_SECONDS))))
 
-    def _signal_offset(self, staging: Staging, duration: float) -> float | None:
+    def _signal_offset(self, schedule: PartialSchedule, duration: float) -> float | None:
         program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         if not self._pins.lights or program is None or offset is None:
-            return super()._signal_offset(staging, duration)
-        lawful = feasible_offsets(program, self._demanded(staging.actors, duration))
+            return super()._signal_offset(schedule, duration)
+        lawful = feasible_offsets(program, self._demanded(schedule.actors, duration))
         return offset if bool(np.any(np.abs(lawful - offset) < 1e-6)) else None
 
-    def _strangers_apart(self, staging: Staging) -> bool:
+    def _strangers_apart(self, schedule: PartialSchedule) -> bool:
         """As for any scene, but for those who stay: they were apart before."""
-        for a, b in itertools.permutations(staging.actors, 2):
+        for a, b in itertools.permutations(schedule.actors, 2):
             if {a, b} <= self._pins.same or frozenset((a, b)) in self._related:
                 continue
-            first, second = (staging.actors[name].until(MAX_SECONDS) for name in (a, b))
+            first, second = (schedule.actors[name].until(MAX_SECONDS) for name in (a, b))
             delta = (second.enters - first.enters) / STEP
-            barred = forbidden_offsets(first, second, strict=True)
-            if any(low < delta < high for low, high in barred):
+            blocked = find_blocked_offsets(first, second, strict=True)
+            if any(low < delta < high for low, high in blocked):
                 self._failures[f"no_interaction({a}, {b})"] += 1
                 return False
         return True
 
-    def _seat(self, framing: Framing) -> Seating | str:
+    def _seat(self, timed: TimedSchedule) -> Assignment | str:
         """Who stays where it was; the others around them."""
-        actors = framing.staging.actors
-        self._stays, standing = self._staying(framing)
-        fixed = [actor.until(framing.duration) for actor in (*actors.values(), *standing)]
+        actors = timed.schedule.actors
+        self._stays, standing = self._staying(timed)
+        fixed = [actor.until(timed.duration) for actor in (*actors.values(), *standing)]
         wanted = dict(self._pool.background)
         for name in self._stays:
             wanted[self._pool.agents[name].route.type] -= 1
         if any(count < 0 for count in wanted.values()):
             return "more agents stay than there shall be"
-        guests = self._guests(framing, placed={*actors, *self._stays})
-        return seat_in_turn(guests, Table(fixed), wanted)
+        agents = self._guests(timed, placed={*actors, *self._stays})
+        return assign_in_turn(agents, ConflictTable(fixed), wanted)
 
-    def _staying(self, framing: Framing) -> tuple[dict[str, SelectedAgent], list[Actor]]:
+    def _staying(
+        self, timed: TimedSchedule
+    ) -> tuple[dict[str, SelectedAgent], list[ScheduledAgent]]:
         """Background agents that nobody new comes in the way of."""
-        longer = framing.duration > self._pins.earlier.duration
-        new = [a for n, a in framing.staging.actors.items() if longer or n not in self._pins.same]
-        present = Presence(actor.until(framing.duration) for actor in new)
+        longer = timed.duration > self._pins.earlier.duration
+        new = [a for n, a in timed.schedule.actors.items() if longer or n not in self._pins.same]
+        present = ReservationTable(actor.until(timed.duration) for actor in new)
         stays: dict[str, SelectedAgent] = {}
-        standing: list[Actor] = []
+        standing: list[ScheduledAgent] = []
         for name, agent in self._pins.fixed.items():
             if name in self._settled or name not in self._pool.agents:
                 continue
-            actor = actor_of(agent, self._marks(agent.candidate))
-            local = actor.shifted(-actor.enters).until(framing.duration - actor.enters)
+            actor = rebuild_agent(agent, self._marks(agent.candidate))
+            local = actor.shifted(-actor.enters).until(timed.duration - actor.enters)
             start = np.array([round(actor.enters / STEP)], dtype=np.int64)
-            if len(present.free(local, start, foreground=False)):
+            if len(present.find_free_times(local, start, foreground=False)):
                 stays[name] = agent
                 standing.append(actor)
                 if longer or name not in self._pins.same:
-                    present.add(actor.until(framing.duration), foreground=False)
+                    present.add(actor.until(timed.duration), foreground=False)
         return stays, standing
 
-    def _selection(self, framing: Framing, choice: dict[str, int], seating: Seating) -> Selection:
+    def _selection(
+        self, timed: TimedSchedule, choice: dict[str, int], assignment: Assignment
+    ) -> Selection:
         """The selection in which those who stay are the very same."""
-        chosen = dict(seating.chosen)
+        chosen = dict(assignment.chosen)
         for name, agent in self._stays.items():
             chosen[name] = _as_option(agent, self._marks(agent.candidate))
-        index = dict.fromkeys(framing.staging.actors, 0) | choice
-        found = super()._selection(framing, index, replace(seating, chosen=chosen))
+        index = dict.fromkeys(timed.schedule.actors, 0) | choice
+        found = super()._selection(timed, index, replace(assignment, chosen=chosen))
         stay = {
             name: agent
             for name, agent in self._pins.fixed.items()
@@ -228,9 +245,9 @@ class PinnedSearch(Search):
         return set(pair) <= self._pins.same and frozenset(pair) in self._related
 
 
-def actor_of(agent: SelectedAgent, marks: Landmarks) -> Actor:
+def rebuild_agent(agent: SelectedAgent, landmarks: Landmarks) -> ScheduledAgent:
     """A selected agent, placed in time as it was."""
-    actor = Actor.unplaced(agent.candidate, marks).shifted(agent.enters)
+    actor = ScheduledAgent.unplaced(agent.candidate, landmarks).shifted(agent.enters)
     if lights := without_edits(agent).stops:
         actor = actor.held_by_lights(lights)
     if agent.stops or agent.slowings:
@@ -238,8 +255,8 @@ def actor_of(agent: SelectedAgent, marks: Landmarks) -> Actor:
     return actor if agent.contact is None else actor.ended(agent.contact)
 
 
-def _as_option(agent: SelectedAgent, marks: Landmarks) -> tuple[Option, int]:
-    actor = actor_of(agent, marks)
+def _as_option(agent: SelectedAgent, landmarks: Landmarks) -> tuple[Option, int]:
+    actor = rebuild_agent(agent, landmarks)
     start = round(actor.enters / STEP)
     local = actor.shifted(-actor.enters)
     return Option(lambda: local, 0, np.array([start], dtype=np.int64), 0.0), start

@@ -18,14 +18,14 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.constraints import BrakesFor, TimeGap
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import Setting, outside
-from scenewright.tools.solver.encounter import Encounter, gap_to
-from scenewright.tools.solver.impact import least_clearance
-from scenewright.tools.solver.nearest_miss import Reached
-from scenewright.tools.solver.schedule import Happening, Staging
-from scenewright.tools.solver.scheduled_agent import Actor
-from scenewright.tools.solver.time_to_contact import Closing, closing
-from scenewright.tools.solver.yielding import passage, zone_of
+from scenewright.tools.solver.context import SolverContext, compute_excess
+from scenewright.tools.solver.impact import find_least_clearance
+from scenewright.tools.solver.nearest_miss import FailureStage
+from scenewright.tools.solver.path_conflict import PathConflict, compute_gap
+from scenewright.tools.solver.path_ttc import PathTtc, compute_path_ttc
+from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.yielding import compute_passage, find_conflict_zone
 
 _MANOEUVRES, _OFFSETS, _FAILURES = 6, 2, 4
 """Brakings that are tried; offsets kept of each, and those after which it is given up."""
@@ -63,7 +63,7 @@ _BEYOND = 1.5
 
 
 @dataclass(frozen=True)
-class _Manoeuvre:
+class _BrakingManeuver:
     """A braking: to `speed` [m/s] at arc length `s` [m]; `ahead` [m] of it the zone begins."""
 
     s: float
@@ -77,51 +77,53 @@ class _Manoeuvre:
         return self.speed == 0.0
 
 
-def brakings(clause: BrakesFor, staging: Staging, setting: Setting) -> Iterator[Staging]:
+def schedule_hard_braking(
+    clause: BrakesFor, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first brakes for the second at the TTC asked for."""
-    a, b = setting.both(clause, staging)
-    zone = zone_of(clause, a, b, setting)
+    a, b = context.both(clause, schedule)
+    zone = find_conflict_zone(clause, a, b, context)
     if not len(zone.i):
         words = f"the paths of {clause.first} and {clause.second} never touch"
-        setting.missed(clause, Reached.PATHS, words)
+        context.note_miss(clause, FailureStage.PATHS, words)
     elif a.contact is not None or b.contact is not None or a.slowings:
         words = f"one of {clause.first} and {clause.second} has crashed or braked hard before"
-        setting.missed(clause, Reached.PATHS, words)
+        context.note_miss(clause, FailureStage.PATHS, words)
     else:
-        yield from _Braking(clause, staging, setting, a, b, zone).stagings()
+        yield from _HardBraking(clause, schedule, context, a, b, zone).stagings()
 
 
 @dataclass(frozen=True, eq=False)
-class _Braking:
+class _HardBraking:
     """One clause about two actors that are not yet braked, `a` for `b`."""
 
     clause: BrakesFor
-    staging: Staging
-    setting: Setting
-    a: Actor
-    b: Actor
-    zone: Encounter
+    schedule: PartialSchedule
+    context: SolverContext
+    a: ScheduledAgent
+    b: ScheduledAgent
+    zone: PathConflict
 
-    def stagings(self) -> Iterator[Staging]:
+    def stagings(self) -> Iterator[PartialSchedule]:
         hard = list(self.manoeuvres())
         if not hard:
             words = f"the way of {self.clause.first} begins too late for it"
-            self.missed(Reached.PATHS, f"a path TTC of {self.asked:g} s: {words}")
+            self.note_miss(FailureStage.PATHS, f"a path TTC of {self.asked:g} s: {words}")
         # Nobody brakes hard who has been braking for it: those that come as a surprise first.
         warned = {each: _warned(_edited(self.a, each)) for each in hard}
         for manoeuvre in sorted(hard, key=warned.__getitem__):
-            if warned[manoeuvre] and not self.setting.lenient:
+            if warned[manoeuvre] and not self.context.lenient:
                 words = f"{self.clause.first} has been braking on this movement, so none is sudden"
-                self.missed(Reached.KIND, words)
+                self.note_miss(FailureStage.KIND, words)
                 continue
             yield from self.braked(manoeuvre)
 
-    def manoeuvres(self) -> Iterator[_Manoeuvre]:
+    def manoeuvres(self) -> Iterator[_BrakingManeuver]:
         """Stops short of the zone and slowings before it, as different as they come.
 
         Braking begins about the TTC asked for before the zone, as from then on it only grows.
         """
-        rng, first = self.setting.rng, float(self.zone.s_a[self.zone.i].min())
+        rng, first = self.context.rng, float(self.zone.s_a[self.zone.i].min())
         usual = float(np.interp(first, self.a.motion.s, self.a.motion.speed))
         for _ in range(_MANOEUVRES):
             braking = float(rng.uniform(*_DECELERATIONS)) + _ABRUPT * max(6.0 - usual, 0.0)
@@ -129,20 +131,22 @@ class _Braking:
             short = self.asked * usual - (usual**2 - speed**2) / (2.0 * braking)
             short = max(short + float(rng.uniform(-1.5, 2.0)), float(rng.uniform(0.4, 1.5)))
             if first - short > 2.0:
-                yield _Manoeuvre(first - short, speed, braking, short)
+                yield _BrakingManeuver(first - short, speed, braking, short)
 
-    def braked(self, how: _Manoeuvre) -> Iterator[Staging]:
+    def braked(self, how: _BrakingManeuver) -> Iterator[PartialSchedule]:
         """Every offset at which this braking leads to the TTC asked for, up to a number."""
         braked = _edited(self.a, how)
         hardest = float(-_change(braked)[1:-1].min(initial=0.0))
         if not _HARD[0] <= hardest <= _HARD[1]:
             words = f"{self.clause.first} is too slow on this movement, its hardest is"
             words = f"braking of more than 5 m/s^2: {words} {hardest:.1f} m/s^2"
-            self.missed(Reached.PLACE, words, off=outside(*_HARD, hardest))
+            self.note_miss(FailureStage.PLACE, words, off=compute_excess(*_HARD, hardest))
             return
         tried = [0, 0]
-        for delta in self.setting.rng.permutation(self.offsets()).tolist():
-            least = self.closing(*self.staging.placed(self.clause, braked, self.b, delta)).least
+        for delta in self.context.rng.permutation(self.offsets()).tolist():
+            least = self.compute_path_ttc(
+                *self.schedule.placed(self.clause, braked, self.b, delta)
+            ).least
             if not self.fits(least):
                 continue
             staged = self.released(how, delta)
@@ -154,35 +158,37 @@ class _Braking:
 
     def offsets(self) -> FloatArray:
         """At which the two would collide if nobody braked; the one there is, if both are placed."""
-        if {self.clause.first, self.clause.second} <= set(self.staging.actors):
+        if {self.clause.first, self.clause.second} <= set(self.schedule.actors):
             return np.array([self.b.enters - self.a.enters])
-        meetings = self.setting.meetings(self.clause, self.a, self.b)
+        meetings = self.context.find_meeting_intervals(self.clause, self.a, self.b)
         steps = [np.arange(low, high, STEP) for low, high in meetings.tolist()]
         return np.concatenate([np.empty(0), *steps])
 
-    def released(self, how: _Manoeuvre, delta: float) -> Staging | None:
+    def released(self, how: _BrakingManeuver, delta: float) -> PartialSchedule | None:
         """The whole manoeuvre, going on once the other has passed; None if that is no near miss."""
-        free, b = self.staging.placed(self.clause, self.a, self.b, delta)
-        _, b_out = passage(b.motion, self.zone.s_b[self.zone.j])
-        a = self.let_go(free, b, how, b.enters + b_out + float(self.setting.rng.uniform(0.3, 1.0)))
-        near = self.closing(a, b)
+        free, b = self.schedule.placed(self.clause, self.a, self.b, delta)
+        _, b_out = compute_passage(b.motion, self.zone.s_b[self.zone.j])
+        a = self.let_go(free, b, how, b.enters + b_out + float(self.context.rng.uniform(0.3, 1.0)))
+        near = self.compute_path_ttc(a, b)
         if not (self.is_near_miss(a, b, near) and self.fits(near.least)):
             return None
-        clearance, time, place = least_clearance(a, b)
-        if clearance < _CLEARANCE or self.staging.too_soon(time, self.clause):
+        clearance, time, place = find_least_clearance(a, b)
+        if clearance < _CLEARANCE or self.schedule.too_soon(time, self.clause):
             words = f"the two touch, or come within {_CLEARANCE:g} m, or are not yet free for it"
-            self.missed(Reached.COMPANY, words)
+            self.note_miss(FailureStage.COMPANY, words)
             return None
         if self.pet is None and _crosses(a, b, self.zone) - near.when > _SEEN:
             return None  # long past, the TTC would not be put down to this encounter
-        if not self.setting.lenient and time - _last_hard(a) > _AT_ONCE:
+        if not self.context.lenient and time - _last_hard(a) > _AT_ONCE:
             return None  # long past, the near miss would not be put down to the braking
-        enters = a.enters + a.motion.time_at(float(self.zone.s_a[self.zone.i].min()))
+        enters = a.enters + a.motion.find_time_at(float(self.zone.s_a[self.zone.i].min()))
         ends, freed = max(enters, time) + 1.0, max(b.enters + b_out, time)
-        happening = Happening(self.clause, time, near.when - 3.0, ends, freed, place)
-        return self.staging.with_event(happening, a, b)
+        event = ScheduledEvent(self.clause, time, near.when - 3.0, ends, freed, place)
+        return self.schedule.with_event(event, a, b)
 
-    def let_go(self, free: Actor, b: Actor, how: _Manoeuvre, release: float) -> Actor:
+    def let_go(
+        self, free: ScheduledAgent, b: ScheduledAgent, how: _BrakingManeuver, release: float
+    ) -> ScheduledAgent:
         """Who stops stands until then, or until the PET asked for."""
         a = _edited(free, how, until=release)
         if self.pet is None or not how.stops:
@@ -190,43 +196,45 @@ class _Braking:
         later = (self.pet.low + self.pet.high) / 2 - self.pet_between(a, b)
         return _edited(free, how, until=release + later) if np.isfinite(later) else a
 
-    def is_near_miss(self, a: Actor, b: Actor, near: Closing) -> bool:
+    def is_near_miss(self, a: ScheduledAgent, b: ScheduledAgent, near: PathTtc) -> bool:
         """`second` is first, and the PET is as asked, or it or the TTC while braking is small."""
-        meetings = self.setting.meetings(self.clause, a, b)
+        meetings = self.context.find_meeting_intervals(self.clause, a, b)
         if not len(meetings) or b.enters - a.enters >= meetings[:, 0].min():
             words = f"{self.clause.first} cannot brake so that {self.clause.second} passes first"
-            self.missed(Reached.COMPANY, words, off=_LONGEST_PET)
+            self.note_miss(FailureStage.COMPANY, words, off=_LONGEST_PET)
             return False
         pet = self.pet_between(a, b)
-        off = 0.0 if self.pet is None else outside(self.pet.low, self.pet.high, pet)
+        off = 0.0 if self.pet is None else compute_excess(self.pet.low, self.pet.high, pet)
         if self.pet is not None and off > _SLACK:
             words = f"a PET of {self.pet.low:g} to {self.pet.high:g} s: the nearest is {pet:.1f} s"
-            self.missed(Reached.COMPANY, words, off=off)
+            self.note_miss(FailureStage.COMPANY, words, off=off)
             return False
         if pet <= _CLOSE_PET or (pet <= _LONGEST_PET and _while_braking(a, near) <= _CLOSE_TTC):
             return True
         words = "a near miss needs a PET of at most 1.5 s, or a path TTC of at most 1.5 s under"
         found = f"the nearest has a PET of {pet:.1f} s and a path TTC of {near.least:.1f} s"
         off = 0.0 if self.pet is not None else pet
-        self.missed(Reached.COMPANY, f"{words} braking: {found}", off=off)
+        self.note_miss(FailureStage.COMPANY, f"{words} braking: {found}", off=off)
         return False
 
     def fits(self, least: float) -> bool:
         """Whether the least path TTC is as asked; else it is told."""
         low, high = self.clause.low, self.clause.high
-        off = outside(low, high, least)
+        off = compute_excess(low, high, least)
         if off > _SLACK and np.isfinite(least):
             extreme = "shortest" if least > high else "longest"
             words = f"a path TTC of {self.asked:g} s: the {extreme} possible is {least:.1f} s"
-            self.missed(Reached.MEASURE, words, off=off)
+            self.note_miss(FailureStage.MEASURE, words, off=off)
         return off <= _SLACK
 
-    def closing(self, a: Actor, b: Actor) -> Closing:
+    def compute_path_ttc(self, a: ScheduledAgent, b: ScheduledAgent) -> PathTtc:
         horizon = self.clause.high + _BEYOND
-        return closing(self.setting.encounter(self.clause), a, b, horizon=horizon)
+        return compute_path_ttc(self.context.find_path_conflict(self.clause), a, b, horizon=horizon)
 
-    def pet_between(self, a: Actor, b: Actor) -> float:
-        return gap_to(self.setting.meetings(self.clause, a, b), b.enters - a.enters)
+    def pet_between(self, a: ScheduledAgent, b: ScheduledAgent) -> float:
+        return compute_gap(
+            self.context.find_meeting_intervals(self.clause, a, b), b.enters - a.enters
+        )
 
     @property
     def asked(self) -> float:
@@ -236,13 +244,15 @@ class _Braking:
     @property
     def pet(self) -> TimeGap | None:
         """The PET asked for besides."""
-        return self.setting.pet_of(self.clause)
+        return self.context.get_requested_pet(self.clause)
 
-    def missed(self, reached: Reached, words: str, *, off: float = 0.0) -> None:
-        self.setting.missed(self.clause, reached, words, off=off)
+    def note_miss(self, reached: FailureStage, words: str, *, off: float = 0.0) -> None:
+        self.context.note_miss(self.clause, reached, words, off=off)
 
 
-def _edited(a: Actor, how: _Manoeuvre, *, until: float | None = None) -> Actor:
+def _edited(
+    a: ScheduledAgent, how: _BrakingManeuver, *, until: float | None = None
+) -> ScheduledAgent:
     """Braking like that; who stops stands until then [s], else for longer than any scene."""
     if not how.stops:
         return a.edited(stops=a.stops, slowings=(Slowing(how.s, how.speed, how.braking),))
@@ -253,33 +263,33 @@ def _edited(a: Actor, how: _Manoeuvre, *, until: float | None = None) -> Actor:
     return a.edited(stops=tuple(sorted((*earlier, stop), key=lambda each: each.s)))
 
 
-def _warned(a: Actor) -> bool:
+def _warned(a: ScheduledAgent) -> bool:
     """Whether, in the second that ends 0.5 s before it brakes hard, it brakes as for no curve."""
     change = _change(a)
     onset = int(np.argmax(change < -3.4))
     return bool((change[max(onset - 15, 0) : max(onset - 4, 0)] < -2.3).any())
 
 
-def _last_hard(a: Actor) -> float:
+def _last_hard(a: ScheduledAgent) -> float:
     """When it last brakes hard [s]."""
     return a.enters + STEP * float(np.nonzero(_change(a) < -3.6)[0][-1])
 
 
-def _while_braking(a: Actor, near: Closing) -> float:
+def _while_braking(a: ScheduledAgent, near: PathTtc) -> float:
     """The least path TTC [s] at a moment of braking harder than 4 m/s^2."""
     clock = STEP * np.arange(len(a.motion.s))
     hard = np.interp(near.times - a.enters, clock, _change(a)) < -4.0
     return float(near.ttc[hard].min(initial=np.inf))
 
 
-def _change(a: Actor) -> FloatArray:
+def _change(a: ScheduledAgent) -> FloatArray:
     """[T] its acceleration over 0.3 s [m/s^2]."""
     change = np.gradient(a.motion.speed, STEP)
     smooth: FloatArray = np.convolve(change, np.full(3, 1 / 3), mode="same")
     return smooth
 
 
-def _crosses(a: Actor, b: Actor, zone: Encounter) -> float:
+def _crosses(a: ScheduledAgent, b: ScheduledAgent, zone: PathConflict) -> float:
     """When [s] the first is where the second has been least long ago."""
     times = []
     for actor, nodes in ((a, zone.s_a[zone.i]), (b, zone.s_b[zone.j])):

@@ -10,8 +10,8 @@ import numpy as np
 from scenewright.scene.base import FloatArray, Point
 from scenewright.scene.social import CollisionKind, ImpactPoint
 from scenewright.scene.track import Shape
-from scenewright.tools.solver.encounter import footprint_clearance
-from scenewright.tools.solver.scheduled_agent import Actor, shared_times
+from scenewright.tools.solver.path_conflict import compute_clearance
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 
 _LEFT, _LEFT_OF_HEAD_ON = np.radians(20.0), np.radians(22.0)
 """How far a vehicle must have turned left for its collision to count as a left turn's [rad]."""
@@ -49,37 +49,39 @@ class FirstContact:
     points: tuple[tuple[ImpactPoint, ...], tuple[ImpactPoint, ...]]
 
 
-def first_contact(a: Actor, b: Actor, *, left_hand: bool = False) -> FirstContact | None:
+def find_first_contact(
+    a: ScheduledAgent, b: ScheduledAgent, *, left_hand: bool = False
+) -> FirstContact | None:
     """The first contact of two placed actors, to 0.01 s; None if they never touch.
 
     Args:
         left_hand: people drive on the left, so that right turns lead across the others' way.
     """
-    times = shared_times(a, b)
+    times = get_shared_times(a, b)
     if times is None:
         return None
     shapes = (a.candidate.shape, b.candidate.shape)
-    touching = np.nonzero(footprint_clearance(a.at(times), b.at(times), shapes=shapes) <= 0)[0]
+    touching = np.nonzero(compute_clearance(a.at(times), b.at(times), shapes=shapes) <= 0)[0]
     if not len(touching) or touching[0] == 0:
         return None
     fine = np.linspace(times[touching[0] - 1], times[touching[0]], 11)
-    hit = np.nonzero(footprint_clearance(a.at(fine), b.at(fine), shapes=shapes) <= 0)[0][0]
+    hit = np.nonzero(compute_clearance(a.at(fine), b.at(fine), shapes=shapes) <= 0)[0][0]
     return _describe(a, b, float(fine[hit]), left_hand)
 
 
-def least_clearance(a: Actor, b: Actor) -> tuple[float, float, Point]:
+def find_least_clearance(a: ScheduledAgent, b: ScheduledAgent) -> tuple[float, float, Point]:
     """Least clearance [m], when [s] and where (midway); inf if never there at once."""
-    times = shared_times(a, b)
+    times = get_shared_times(a, b)
     if times is None:
         return float("inf"), 0.0, (0.0, 0.0)
     at_a, at_b = a.at(times), b.at(times)
-    clearance = footprint_clearance(at_a, at_b, shapes=(a.candidate.shape, b.candidate.shape))
+    clearance = compute_clearance(at_a, at_b, shapes=(a.candidate.shape, b.candidate.shape))
     index = int(np.argmin(clearance))
     middle = (at_a[index, :2] + at_b[index, :2]) / 2
     return float(clearance[index]), float(times[index]), (float(middle[0]), float(middle[1]))
 
 
-def _describe(a: Actor, b: Actor, time: float, left_hand: bool) -> FirstContact:
+def _describe(a: ScheduledAgent, b: ScheduledAgent, time: float, left_hand: bool) -> FirstContact:
     around = np.array([time - 0.05, time, time + 0.05])
     poses = (a.at(around), b.at(around))
     velocity = [(pose[2, :2] - pose[0, :2]) / 0.1 for pose in poses]
@@ -98,7 +100,7 @@ def _describe(a: Actor, b: Actor, time: float, left_hand: bool) -> FirstContact:
     )
 
 
-def _points(pose: FloatArray, actor: Actor, spot: FloatArray) -> tuple[ImpactPoint, ...]:
+def _points(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> tuple[ImpactPoint, ...]:
     """Every name that a place on a vehicle surely has; none for a pedestrian."""
     shape = actor.candidate.shape
     if shape.type == "pedestrian":
@@ -108,14 +110,14 @@ def _points(pose: FloatArray, actor: Actor, spot: FloatArray) -> tuple[ImpactPoi
     along = np.clip(dx * cos + dy * sin, -shape.length / 2, shape.length / 2)
     across = np.clip(dy * cos - dx * sin, -shape.width / 2, shape.width / 2)
     around = [
-        set(point_names(along + i * _SURE, across + j * _SURE, shape=shape))
+        set(name_impact_points(along + i * _SURE, across + j * _SURE, shape=shape))
         for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
     ]
     first, *others = around
     return tuple(sorted(first.intersection(*others)))
 
 
-def point_names(along: float, across: float, *, shape: Shape) -> tuple[ImpactPoint, ...]:
+def name_impact_points(along: float, across: float, *, shape: Shape) -> tuple[ImpactPoint, ...]:
     """The names of a place on a vehicle, `along` and `across` (left) from its centre [m].
 
     A corner is 0.5 m deep either way, but no more than a third of the vehicle. Front and rear are
@@ -132,7 +134,7 @@ def point_names(along: float, across: float, *, shape: Shape) -> tuple[ImpactPoi
 
 
 def _kind(
-    a: Actor, b: Actor, time: float, turned: float, sides: list[str], sign: float
+    a: ScheduledAgent, b: ScheduledAgent, time: float, turned: float, sides: list[str], sign: float
 ) -> CollisionKind:
     routes = (a.candidate.route, b.candidate.route)
     if any(route.type == "pedestrian" for route in routes):
@@ -145,16 +147,16 @@ def _kind(
     return "left_turn" if left >= _LEFT else "angle"
 
 
-def _turned_left(actor: Actor, time: float, sign: float) -> float:
+def _turned_left(actor: ScheduledAgent, time: float, sign: float) -> float:
     """How far it has turned left (right, if the sign is negative) over its last 30 m [rad]."""
     path = actor.candidate.path
-    s = float(actor.motion.position(np.array([time - actor.enters]))[0])
+    s = float(actor.motion.compute_positions(np.array([time - actor.enters]))[0])
     recent = (path.s <= s) & (path.s >= s - 30.0)
     heading = sign * path.heading[recent]
     return float(heading[-1] - heading.min()) if len(heading) else 0.0
 
 
-def _side(pose: FloatArray, actor: Actor, spot: FloatArray) -> str:
+def _side(pose: FloatArray, actor: ScheduledAgent, spot: FloatArray) -> str:
     shape = actor.candidate.shape
     dx, dy = spot - pose[:2]
     along = (dx * np.cos(pose[2]) + dy * np.sin(pose[2])) / (shape.length / 2)
@@ -164,7 +166,9 @@ def _side(pose: FloatArray, actor: Actor, spot: FloatArray) -> str:
     return "side"
 
 
-def _touching_point(a: FloatArray, b: FloatArray, first: Actor, second: Actor) -> FloatArray:
+def _touching_point(
+    a: FloatArray, b: FloatArray, first: ScheduledAgent, second: ScheduledAgent
+) -> FloatArray:
     """Middle of the contact: mean of the outline points of either that lie in the other."""
     points_a, points_b = _outline(a, first), _outline(b, second)
     inside_a = points_a[_contains(points_a, b, second)]
@@ -174,7 +178,7 @@ def _touching_point(a: FloatArray, b: FloatArray, first: Actor, second: Actor) -
     return result
 
 
-def _outline(pose: FloatArray, actor: Actor) -> FloatArray:
+def _outline(pose: FloatArray, actor: ScheduledAgent) -> FloatArray:
     shape = actor.candidate.shape
     if shape.type == "pedestrian":
         angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
@@ -189,7 +193,7 @@ def _outline(pose: FloatArray, actor: Actor) -> FloatArray:
     return turned
 
 
-def _contains(points: FloatArray, pose: FloatArray, actor: Actor) -> FloatArray:
+def _contains(points: FloatArray, pose: FloatArray, actor: ScheduledAgent) -> FloatArray:
     shape = actor.candidate.shape
     offset = points - pose[:2]
     if shape.type == "pedestrian":

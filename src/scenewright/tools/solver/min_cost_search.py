@@ -14,25 +14,25 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.candidates import AgentCandidates, Candidate
 from scenewright.scene.selection import Selection
 from scenewright.scene.track import STEP, vehicle_shape
-from scenewright.tools.solver.assignment import seat, seat_cheapest
-from scenewright.tools.solver.background import (
+from scenewright.tools.solver.assignment import assign_cheapest, assign_min_cost
+from scenewright.tools.solver.background_assignment import (
+    ConflictTable,
     Option,
-    Table,
 )
-from scenewright.tools.solver.combinations import best_first
-from scenewright.tools.solver.context import close_encounter
+from scenewright.tools.solver.combinations import enumerate_best_first
+from scenewright.tools.solver.context import find_contact_nodes
 from scenewright.tools.solver.entry_times import (
     QUEUE_GAP,
-    Moment,
-    RedLight,
-    last_in_lane,
-    starts_of,
+    RedLightWait,
+    SceneTiming,
+    find_entry_times,
+    find_queue_tail,
 )
-from scenewright.tools.solver.foreground import Stage
-from scenewright.tools.solver.offers import Invited, Offer
-from scenewright.tools.solver.schedule import Staging
-from scenewright.tools.solver.scheduled_agent import Actor
-from scenewright.tools.solver.search import WAITING_ALREADY, Framing, Search, counted
+from scenewright.tools.solver.foreground import ForegroundSolver
+from scenewright.tools.solver.offers import AgentOffers, CandidateOffer
+from scenewright.tools.solver.schedule import PartialSchedule
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.search import WAITING_ALREADY, Search, TimedSchedule, add_tuple_count
 
 _MAP_TUPLES, _MAP_GLANCES, _MAP_UNSEATED = 200, 48, 4
 """Tuples, looks at whether everybody might have its cheapest, and futile seatings after which `map`
@@ -53,7 +53,7 @@ _SAME, _PREFERENCE = 1e-6, 1e-5
 the next."""
 
 
-class Least(Search):
+class MinCostSearch(Search):
     """Tuples by ascending cost, everybody else at least cost; a bound on what may be cheaper."""
 
     def _found(self) -> Selection | None:
@@ -63,7 +63,7 @@ class Least(Search):
         that stays above its floor at every moment tried is left undecided: the optimum is certain
         only if it costs no more than the floors of these.
         """
-        others = sum(self._least_cost(draws) for draws in self._unbound() if not draws.spare)
+        others = sum(self._least_cost(draws) for draws in self._unbound() if not draws.reserve)
         best: Selection | None = None
         undecided, tried = float("inf"), 0
         for choice in self._by_cost():
@@ -79,7 +79,7 @@ class Least(Search):
         if best is None:
             return None
         gap = max(best.cost - undecided, 0.0)
-        found = counted(best, tried)
+        found = add_tuple_count(best, tried)
         figures = {**found.figures, "gap": gap}
         return replace(found, optimal=gap <= _SAME, figures=figures)
 
@@ -95,18 +95,18 @@ class Least(Search):
         set_up = self._set_up(choice)
         if set_up is None:
             return None, True
-        framings: list[Framing] = []
+        framings: list[TimedSchedule] = []
         before = self._staged
-        for staging in self._stagings(*set_up):
+        for schedule in self._stagings(*set_up):
             self._staged += 1
-            framing = self._framed(staging, choice)
-            if framing is None:
+            timed = self._framed(schedule, choice)
+            if timed is None:
                 continue
-            framings.append(framing)
+            framings.append(timed)
             self._glances += 1
-            seating = seat_cheapest(*self._party(framing))
-            if seating is not None:
-                selection = self._selection(framing, choice, seating)
+            assignment = assign_cheapest(*self._party(timed))
+            if assignment is not None:
+                selection = self._selection(timed, choice, assignment)
                 if selection.cost <= floor + _SAME:
                     return selection, True
             if len(framings) >= _MAP_FRAMINGS:
@@ -115,35 +115,37 @@ class Least(Search):
             return None, not self._meet(set_up[0])
         return self._above(framings[:_MAP_SEATINGS], choice), False
 
-    def _above(self, framings: list[Framing], choice: dict[str, int]) -> Selection | None:
+    def _above(self, framings: list[TimedSchedule], choice: dict[str, int]) -> Selection | None:
         """The cheapest selection in one of these framings, if not everybody has its cheapest."""
         found: list[Selection] = []
-        for framing in framings:
+        for timed in framings:
             if self._unseated >= _MAP_UNSEATED:
                 break
-            seating = seat(*self._party(framing), effort=_MAP_EFFORT)
-            if isinstance(seating, str):
+            assignment = assign_min_cost(*self._party(timed), effort=_MAP_EFFORT)
+            if isinstance(assignment, str):
                 self._unseated += 1
-                self._failures[seating] += 1
+                self._failures[assignment] += 1
             else:
-                found.append(self._selection(framing, choice, seating))
+                found.append(self._selection(timed, choice, assignment))
         return min(found, key=lambda each: each.cost, default=None)
 
-    def _party(self, framing: Framing) -> tuple[list[Invited], Table, Mapping[AgentClass, int]]:
+    def _party(
+        self, timed: TimedSchedule
+    ) -> tuple[list[AgentOffers], ConflictTable, Mapping[AgentClass, int]]:
         """Everybody else, around the foreground."""
-        table = Table(each.until(framing.duration) for each in framing.staging.actors.values())
-        return self._invited(self._moment(framing), table.fixed), table, self._pool.background
+        table = ConflictTable(each.until(timed.duration) for each in timed.schedule.actors.values())
+        return self._invited(self._moment(timed), table.fixed), table, self._pool.background
 
     def _stagings(
-        self, candidates: Mapping[str, Candidate], marks: Mapping[str, Landmarks]
-    ) -> Iterator[Staging]:
+        self, candidates: Mapping[str, Candidate], landmarks: Mapping[str, Landmarks]
+    ) -> Iterator[PartialSchedule]:
         """Stagings of a tuple, drawn afresh several times."""
-        stage = Stage(
-            candidates, marks, self._rng, lenient=self._lenient,
-            shortfalls=self._shortfalls, habits=self._pool.manners,
+        stage = ForegroundSolver(
+            candidates, landmarks, self._rng, lenient=self._lenient,
+            misses=self._shortfalls, yielding_model=self._pool.yielding_model,
         )  # fmt: skip
         for _ in range(_MAP_PLAYS):
-            played = itertools.islice(stage.play(self._events, Staging()), _MAP_STAGINGS)
+            played = itertools.islice(stage.play(self._events, PartialSchedule()), _MAP_STAGINGS)
             yield from filter(self._run_first, played)
 
     def _set_up(
@@ -152,19 +154,19 @@ class Least(Search):
         """A tuple's candidates and landmarks; None if it fails at any time whatever."""
         built = {name: self._candidate(name, m) for name, m in choice.items()}
         candidates = {name: pair[0] for name, pair in built.items() if pair}
-        marks = {name: pair[1] for name, pair in built.items() if pair}
+        landmarks = {name: pair[1] for name, pair in built.items() if pair}
         if None in built.values() or not self._paths_fit(candidates):
             return None
-        return candidates, marks
+        return candidates, landmarks
 
     def _meet(self, candidates: Mapping[str, Candidate]) -> bool:
         """Whether the paths of all who have to do with one another touch."""
         pairs = ((candidates[c.first], candidates[str(c.second)]) for c in self._events)
-        return all(close_encounter(*pair).touches for pair in pairs)
+        return all(find_contact_nodes(*pair).touches for pair in pairs)
 
     def _by_cost(self) -> Iterator[dict[str, int]]:
         draws = [self._pool.agents[name] for name in self._bound]
-        for choice in best_first([each.nll + each.time_nll for each in draws]):
+        for choice in enumerate_best_first([each.nll + each.time_nll for each in draws]):
             yield dict(zip(self._bound, choice, strict=True))
 
     def _unbound(self) -> list[AgentCandidates]:
@@ -175,27 +177,29 @@ class Least(Search):
         fits = (m for m in _ranked(draws) if self._candidate(draws.name, m) is not None)
         return next((self._cost(draws.name, m) for m in fits), float("inf"))
 
-    def _invited(self, moment: Moment, fixed: Sequence[Actor]) -> list[Invited]:
+    def _invited(self, moment: SceneTiming, fixed: Sequence[ScheduledAgent]) -> list[AgentOffers]:
         """Everybody else by their candidates, built when they are looked at."""
         return [
-            Invited(
+            AgentOffers(
                 name=draws.name,
                 type=draws.route.type,
                 foreground=draws.role == "foreground",
                 offers=self._offers(draws, moment, fixed),
             )
             for draws in self._unbound()
-            if not draws.spare
+            if not draws.reserve
         ]
 
     def _offers(
-        self, draws: AgentCandidates, moment: Moment, fixed: Sequence[Actor]
-    ) -> tuple[Offer, ...]:
+        self, draws: AgentCandidates, moment: SceneTiming, fixed: Sequence[ScheduledAgent]
+    ) -> tuple[CandidateOffer, ...]:
         ways = partial(self._at_any_time, draws, moment=moment, fixed=fixed)
-        return tuple(Offer(self._cost(draws.name, m), partial(ways, m)) for m in _ranked(draws))
+        return tuple(
+            CandidateOffer(self._cost(draws.name, m), partial(ways, m)) for m in _ranked(draws)
+        )
 
     def _at_any_time(
-        self, draws: AgentCandidates, m: int, moment: Moment, fixed: Sequence[Actor]
+        self, draws: AgentCandidates, m: int, moment: SceneTiming, fixed: Sequence[ScheduledAgent]
     ) -> Iterator[Option]:
         """Passing on green whenever there is room, else waiting: one candidate, one likelihood.
 
@@ -204,14 +208,14 @@ class Least(Search):
         built = self._candidate(draws.name, m)
         if built is None:
             return
-        actor = Actor.unplaced(*built)
+        actor = ScheduledAgent.unplaced(*built)
         half = STEP * len(actor.motion.s) / 2
         around = (moment.duration / 2 if draws.arrival is None else draws.arrival) - half
-        starts, cost = starts_of(actor, moment), self._cost(draws.name, m)
+        starts, cost = find_entry_times(actor, moment), self._cost(draws.name, m)
         if len(starts):
             yield Option(lambda: actor, m, starts, cost, round(around / STEP))
         drives = draws.route.type == "vehicle"
-        last = last_in_lane(built[0], fixed) if drives else None
+        last = find_queue_tail(built[0], fixed) if drives else None
         if last is not None:
             yield from self._behind(actor, m, cost + _PREFERENCE, around, moment, last)
         waiting = list(self._reds(actor, moment, around, -half - WAITING_ALREADY))
@@ -223,7 +227,7 @@ class Least(Search):
             step = np.array([round(red.enters / STEP)], dtype=np.int64)
             yield Option(red.actor, m, step, cost + rank * _PREFERENCE)
 
-    def _second(self, red: RedLight) -> RedLight:
+    def _second(self, red: RedLightWait) -> RedLightWait:
         """The same, with room for a car ahead."""
         room = vehicle_shape().length + float(self._rng.uniform(*QUEUE_GAP))
         return replace(red, gap=red.gap + room, lag=red.lag + _FOLLOWS_AFTER)

@@ -9,7 +9,7 @@ from enum import IntEnum
 from scenewright.scene.constraints import PairClause
 
 
-class Reached(IntEnum):
+class FailureStage(IntEnum):
     """What a clause failed on, in the order in which it is served; later is nearer.
 
     The paths or the way the two move; the kind of contact; who strikes; where; a figure asked for;
@@ -25,7 +25,7 @@ class Reached(IntEnum):
 
 
 @dataclass(frozen=True)
-class Shortfall:
+class NearestMiss:
     """The nearest miss of one clause.
 
     Attributes:
@@ -35,23 +35,23 @@ class Shortfall:
     """
 
     clause: PairClause
-    reached: Reached
+    reached: FailureStage
     words: str
     off: float = 0.0
 
-    def nearer(self, other: Shortfall | None) -> bool:
+    def nearer(self, other: NearestMiss | None) -> bool:
         """Whether it came nearer to its clause than another one did to the same clause."""
         return other is None or (-self.reached, self.off) < (-other.reached, other.off)
 
 
-class Shortfalls:
+class NearestMisses:
     """The nearest miss of every clause that was tried, and which clauses were served."""
 
     def __init__(self) -> None:
-        self._nearest: dict[PairClause, Shortfall] = {}
+        self._nearest: dict[PairClause, NearestMiss] = {}
         self._served: set[PairClause] = set()
 
-    def note(self, shortfall: Shortfall) -> None:
+    def note(self, shortfall: NearestMiss) -> None:
         """Keeps it if it is the nearest of its clause so far."""
         if shortfall.nearer(self._nearest.get(shortfall.clause)):
             self._nearest[shortfall.clause] = shortfall
@@ -60,7 +60,7 @@ class Shortfalls:
         """The clause held at least once."""
         self._served.add(clause)
 
-    def culprit(self, clauses: Iterable[PairClause]) -> Shortfall | None:
+    def culprit(self, clauses: Iterable[PairClause]) -> NearestMiss | None:
         """The nearest miss of the first of the clauses, in playing order, that never held."""
         for clause in clauses:
             if clause not in self._served:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from scenewright.scene.base import AgentClass
-from scenewright.tools.solver.background import Option
+from scenewright.tools.solver.background_assignment import Option
 
 SCALE = 100_000
 """Objective units per nat."""
@@ -20,7 +20,7 @@ NEVER = 10**12
 
 
 @dataclass(frozen=True, eq=False)
-class Offer:
+class CandidateOffer:
     """A candidate of a guest.
 
     Attributes:
@@ -38,36 +38,36 @@ class Offer:
 
 
 @dataclass(frozen=True, eq=False)
-class Invited:
-    """A guest by what it offers, cheapest first; the other attributes as in `Guest`."""
+class AgentOffers:
+    """A guest by what it offers, cheapest first; the other attributes as in `BackgroundAgent`."""
 
     name: str
     type: AgentClass
     foreground: bool
-    offers: tuple[Offer, ...]
-    spare: bool = False
+    offers: tuple[CandidateOffer, ...]
+    reserve: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class PricedOption:
     """An option, and what it costs above its guest's cheapest [units]."""
 
     option: Option
     cost: int
 
 
-class Menu:
+class OptionWindow:
     """The ways of one guest, cheapest candidate first, as far as they were looked at.
 
     Attributes:
         width: of its window [units].
     """
 
-    def __init__(self, guest: Invited) -> None:
-        self.guest = guest
+    def __init__(self, agent: AgentOffers) -> None:
+        self.agent = agent
         self.width = 0
-        self.ways: list[Way] = []
-        self._unread = list(guest.offers)[::-1]
+        self.ways: list[PricedOption] = []
+        self._unread = list(agent.offers)[::-1]
         self._least = self._likeliest()
         self.widen(0)
 
@@ -95,7 +95,7 @@ class Menu:
     def _likeliest(self) -> float:
         """Cost of the cheapest option of all [nats]; an offer may cost less than its options."""
         least = float("inf")
-        for offer in self.guest.offers:
+        for offer in self.agent.offers:
             if offer.cost >= least:
                 break
             least = min([least, *(option.cost for option in offer.options)])
@@ -103,11 +103,11 @@ class Menu:
 
     def _read(self) -> None:
         options = self._unread.pop().options
-        self.ways += [Way(option, self._units(option.cost)) for option in options]
+        self.ways += [PricedOption(option, self._units(option.cost)) for option in options]
 
     @property
     def _extra(self) -> int:
-        return round(SCALE * _SPARE_COST) if self.guest.spare else 0
+        return round(SCALE * _SPARE_COST) if self.agent.reserve else 0
 
     def _units(self, cost: float) -> int:
         return round(SCALE * (cost - self._least)) + self._extra

@@ -11,10 +11,10 @@ from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import STOP_GAP
 from scenewright.scene.constraints import Contact
 from scenewright.scene.selection import Slowing, Stop
-from scenewright.tools.solver.context import Setting
-from scenewright.tools.solver.entry_times import stop_at_light
-from scenewright.tools.solver.nearest_miss import Reached
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.entry_times import build_red_light_stop
+from scenewright.tools.solver.nearest_miss import FailureStage
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _TRIES = 6
 _FOR_GOOD = 60.0
@@ -33,39 +33,41 @@ _RED = 12.0
 """How long the leader of a rear-end would have stood at its red light [s]."""
 
 
-def rear_ends(
-    a: Actor, b: Actor, clause: Contact, setting: Setting
-) -> Iterator[tuple[Actor, Actor]]:
+def plan_rear_ends(
+    a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
+) -> Iterator[tuple[ScheduledAgent, ScheduledAgent]]:
     """Follower and leader, edited but not yet placed."""
-    for leader in _standing_leaders(b, setting.rng):
-        follower = _brakes_late(a, leader, clause, setting)
+    for leader in _standing_leaders(b, context.rng):
+        follower = _brakes_late(a, leader, clause, context)
         if follower is not None:
             yield follower, leader
         else:
             words = f"{clause.first} does not drive in the lane where {clause.second} stops"
-            setting.missed(clause, Reached.PATHS, words)
+            context.note_miss(clause, FailureStage.PATHS, words)
 
 
-def while_standing(follower: Actor, leader: Actor, rng: np.random.Generator) -> list[float]:
+def draw_rear_end_offsets(
+    follower: ScheduledAgent, leader: ScheduledAgent, rng: np.random.Generator
+) -> list[float]:
     """Offsets that bring the follower to the leader's rear while the leader stands."""
     stop, touch = leader.stops[-1], follower.slowings[-1].s
     first = stop.start + 0.2
     if stop.reason == "gives_way":
         first = stop.until - _LINGERS - 0.1
     last = min(stop.until - 0.1, first + _RED)
-    reaches = follower.motion.time_at(touch)
+    reaches = follower.motion.find_time_at(touch)
     return [
         float(leader.enters - (time - reaches))
         for time in rng.uniform(first, max(last, first), _TRIES)
     ]
 
 
-def passed_by(leader: Actor) -> float:
+def compute_passing_time(leader: ScheduledAgent) -> float:
     """When [s] whom the lingering leader gave way to has passed."""
     return leader.stops[-1].until - _LINGERS - 0.2
 
 
-def _standing_leaders(b: Actor, rng: np.random.Generator) -> Iterator[Actor]:
+def _standing_leaders(b: ScheduledAgent, rng: np.random.Generator) -> Iterator[ScheduledAgent]:
     """Where it stands already; else at its red light; else braked to a stop on its way."""
     if b.stops:
         lingering = _lingering(b)
@@ -83,25 +85,27 @@ def _standing_leaders(b: Actor, rng: np.random.Generator) -> Iterator[Actor]:
         yield b.edited(stops=(stop,))
 
 
-def _brakes_at_light(b: Actor) -> Actor | None:
+def _brakes_at_light(b: ScheduledAgent) -> ScheduledAgent | None:
     """The leader of a rear-end: stands at its red light."""
-    if b.marks.line is None or b.marks.group is None:
+    if b.landmarks.line is None or b.landmarks.group is None:
         return None
-    stop = stop_at_light(b, b.marks.line - STOP_GAP)
+    stop = build_red_light_stop(b, b.landmarks.line - STOP_GAP)
     return b.edited(stops=(replace(stop, until=stop.start + _RED),))
 
 
-def _brakes_late(a: Actor, b: Actor, clause: Contact, setting: Setting) -> Actor | None:
-    shared = setting.encounter(clause).within(0.0)
+def _brakes_late(
+    a: ScheduledAgent, b: ScheduledAgent, clause: Contact, context: SolverContext
+) -> ScheduledAgent | None:
+    shared = context.find_path_conflict(clause).within(0.0)
     standing = np.abs(shared.s_b[shared.j] - b.stops[-1].s) < 0.3
     if not standing.any():
         return None
     touch = float(shared.s_a[shared.i[standing]].min())
-    speed = clause.speed or float(setting.rng.uniform(3.0, 5.5))
+    speed = clause.speed or float(context.rng.uniform(3.0, 5.5))
     return a.edited(stops=a.stops, slowings=(Slowing(touch, speed, 5.5),))
 
 
-def _lingering(leader: Actor) -> Actor | None:
+def _lingering(leader: ScheduledAgent) -> ScheduledAgent | None:
     """A leader slow to start after giving way; one that waits at red stays as it is.
 
     None for one that waits far from the zone: hit there, it could have waited for anybody.

@@ -9,8 +9,8 @@ import numpy as np
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import GivesWay, Headway
-from scenewright.tools.solver.schedule import Happening, Staging, pair_of
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _SEEN = 0.6
 """Least time from the beginning of the scene to the run [s]."""
@@ -19,47 +19,47 @@ _LONE = (6.0, 19.0)
 """When somebody runs red whom no relation binds [s]."""
 
 
-def runs_in_time(name: str, staging: Staging, *, until: float) -> bool:
+def runs_in_time(name: str, schedule: PartialSchedule, *, until: float) -> bool:
     """Whether the agent passes its line in the scene, and before the last event it is in."""
-    return _SEEN <= passes_line(staging.actors[name]) <= until and runs_first(name, staging)
+    return _SEEN <= compute_line_time(schedule.actors[name]) <= until and runs_first(name, schedule)
 
 
-def runs_first(name: str, staging: Staging) -> bool:
+def runs_first(name: str, schedule: PartialSchedule) -> bool:
     """Whether the agent passes its line before the last event it is in, whenever all that is."""
-    own = [each for each in staging.happenings if name in pair_of(each.clause)]
+    own = [each for each in schedule.events if name in get_pair(each.clause)]
     latest = max((_decided(each, name) for each in own), default=float("inf"))
-    return passes_line(staging.actors[name]) <= latest
+    return compute_line_time(schedule.actors[name]) <= latest
 
 
-def passes_line(actor: Actor) -> float:
+def compute_line_time(actor: ScheduledAgent) -> float:
     """Scene time [s] at which the agent passes its line; inf if it never does."""
-    if actor.marks.line is None or actor.marks.group is None:
+    if actor.landmarks.line is None or actor.landmarks.group is None:
         return float("inf")
-    return actor.enters + actor.motion.time_at(actor.marks.line)
+    return actor.enters + actor.motion.find_time_at(actor.landmarks.line)
 
 
-def with_runners(
-    staging: Staging,
+def add_red_light_runners(
+    schedule: PartialSchedule,
     names: Iterable[str],
     candidates: Mapping[str, tuple[Candidate, Landmarks]],
     rng: np.random.Generator,
-) -> Staging:
+) -> PartialSchedule:
     """The staging with everybody in it who runs red without having to do with anybody."""
-    actors = dict(staging.actors)
+    actors = dict(schedule.actors)
     for name in names:
         if name not in actors:
-            actor = Actor.unplaced(*candidates[name])
-            line = passes_line(actor)
+            actor = ScheduledAgent.unplaced(*candidates[name])
+            line = compute_line_time(actor)
             if np.isfinite(line):
                 actors[name] = actor.shifted(float(rng.uniform(*_LONE)) - line)
-    return Staging(actors, staging.happenings)
+    return PartialSchedule(actors, schedule.events)
 
 
-def _decided(happening: Happening, name: str) -> float:
+def _decided(event: ScheduledEvent, name: str) -> float:
     """Until when [s] running red can have brought about what happens."""
-    match happening.clause:
+    match event.clause:
         case GivesWay(second=second):
-            return happening.freed if second == name else happening.ends
+            return event.freed if second == name else event.ends
         case Headway():
             return float("inf")
-    return happening.time
+    return event.time

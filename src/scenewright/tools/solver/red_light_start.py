@@ -16,44 +16,44 @@ from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import GivesWay, PairClause
 from scenewright.scene.map import IntersectionMap, SignalProgram
-from scenewright.tools.map_grounding.grounding import green_together
-from scenewright.tools.map_grounding.signal_plan import phases_of
-from scenewright.tools.solver.entry_times import LINE_GAP, START_LAG, stop_at_light
-from scenewright.tools.solver.schedule import pair_of
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.map_grounding.grounding import share_green
+from scenewright.tools.map_grounding.signal_plan import get_phases
+from scenewright.tools.solver.entry_times import LINE_GAP, START_LAG, build_red_light_stop
+from scenewright.tools.solver.schedule import get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _ROOM_TO_COME, _LEAST_WAIT = 3.0, 2.0
 """Least way [m] before its place at the line; shortest wait there until green [s]."""
 
 
-def openings(
+def draw_red_light_starts(
     candidates: Mapping[str, Candidate],
-    marks: Mapping[str, Landmarks],
+    landmarks: Mapping[str, Landmarks],
     clauses: Collection[PairClause],
     *,
     intersection_map: IntersectionMap,
     chances: Mapping[str, float],
     rng: np.random.Generator,
-) -> dict[str, Actor]:
+) -> dict[str, ScheduledAgent]:
     """By name, those of the foreground that start from a red light this time, entering at time 0.
 
     Args:
         clauses: all that binds two agents.
         chances: how likely these start so; others do as often as their light is red.
     """
-    found: dict[str, Actor] = {}
+    found: dict[str, ScheduledAgent] = {}
     for name, candidate in candidates.items():
-        group, program = marks[name].group, intersection_map.signals
+        group, program = landmarks[name].group, intersection_map.signals
         if program is None or group is None or candidate.route.type != "vehicle":
             continue
-        bonds = [each for each in clauses if name in pair_of(each)]
+        bonds = [each for each in clauses if name in get_pair(each)]
         if not _yields_on_green(bonds, candidates, intersection_map) or _start_together(
             bonds, found
         ):
             continue
         red = _red(program, group)
         if rng.random() < chances.get(name, red / program.cycle):
-            waiting = _waiting(candidate, marks[name], float(rng.uniform(0.0, red)), rng)
+            waiting = _waiting(candidate, landmarks[name], float(rng.uniform(0.0, red)), rng)
             found |= {} if waiting is None else {name: waiting}
     return found
 
@@ -66,7 +66,7 @@ def _yields_on_green(
     """Whether these are yields alone, between two who have green together."""
     return bool(bonds) and all(
         isinstance(each, GivesWay)
-        and green_together(
+        and share_green(
             candidates[each.first].route,
             candidates[each.second].route,
             intersection_map=intersection_map,
@@ -77,23 +77,23 @@ def _yields_on_green(
 
 def _start_together(bonds: Collection[PairClause], waiting: Collection[str]) -> bool:
     """Whether one of the others waits already: the light would settle when both of them start."""
-    return any(name in waiting for each in bonds for name in pair_of(each))
+    return any(name in waiting for each in bonds for name in get_pair(each))
 
 
 def _red(program: SignalProgram, group: str) -> float:
     """How long the group shows red in a cycle [s]."""
-    _, shown = phases_of(program, group, ("red",))
+    _, shown = get_phases(program, group, ("red",))
     return float(sum(each.duration for each, red in zip(program.phases, shown, strict=True) if red))
 
 
 def _waiting(
-    candidate: Candidate, marks: Landmarks, red: float, rng: np.random.Generator
-) -> Actor | None:
+    candidate: Candidate, landmarks: Landmarks, red: float, rng: np.random.Generator
+) -> ScheduledAgent | None:
     """The candidate with so much red [s] at its line; None if it has no room to come there."""
-    s = (marks.line or 0.0) - float(rng.uniform(*LINE_GAP))
+    s = (landmarks.line or 0.0) - float(rng.uniform(*LINE_GAP))
     if s < _ROOM_TO_COME:
         return None
-    actor = Actor.unplaced(candidate, marks)
-    stop = stop_at_light(actor, s)
+    actor = ScheduledAgent.unplaced(candidate, landmarks)
+    stop = build_red_light_stop(actor, s)
     until = stop.start + max(red, _LEAST_WAIT) + float(rng.uniform(*START_LAG))
     return actor.held_by_lights((replace(stop, until=until),))

@@ -13,11 +13,11 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.segment_editor import hold_of, terminated
+from scenewright.tools.segment_editor import end_motion, to_stop_command
 
 
 @dataclass(frozen=True, eq=False)
-class Actor:
+class ScheduledAgent:
     """A candidate placed in time.
 
     Attributes:
@@ -27,7 +27,7 @@ class Actor:
     """
 
     candidate: Candidate
-    marks: Landmarks
+    landmarks: Landmarks
     enters: float
     motion: Motion
     free: Motion
@@ -36,14 +36,14 @@ class Actor:
     contact: float | None = None
 
     @classmethod
-    def unplaced(cls, candidate: Candidate, marks: Landmarks) -> Actor:
+    def unplaced(cls, candidate: Candidate, landmarks: Landmarks) -> ScheduledAgent:
         """As its time law alone would have it, entering at time 0."""
         motion = compute_motion(candidate)
-        return cls(candidate, marks, 0.0, motion, motion)
+        return cls(candidate, landmarks, 0.0, motion, motion)
 
     def at(self, times: FloatArray) -> FloatArray:
         """[N, 3] poses (x, y, heading) at scene times [s]."""
-        return sample_poses(self.candidate.path, self.motion.position(times - self.enters))
+        return sample_poses(self.candidate.path, self.motion.compute_positions(times - self.enters))
 
     def pose(self, s: float) -> tuple[float, float, float]:
         """(x, y, heading) at arc length `s` [m]."""
@@ -55,21 +55,23 @@ class Actor:
         """Scene time of its last sample [s]."""
         return self.enters + STEP * (len(self.motion.s) - 1)
 
-    def edited(self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()) -> Actor:
+    def edited(
+        self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()
+    ) -> ScheduledAgent:
         """The same actor with other standstills."""
-        holds = tuple(hold_of(stop, self.enters) for stop in stops)
+        holds = tuple(to_stop_command(stop, self.enters) for stop in stops)
         motion = compute_motion(self.candidate, holds=holds, slowings=slowings)
-        return Actor(
-            self.candidate, self.marks, self.enters, motion, self.free, stops, slowings,
+        return ScheduledAgent(
+            self.candidate, self.landmarks, self.enters, motion, self.free, stops, slowings,
             self.contact,
         )  # fmt: skip
 
-    def held_by_lights(self, stops: tuple[Stop, ...]) -> Actor:
+    def held_by_lights(self, stops: tuple[Stop, ...]) -> ScheduledAgent:
         """The same actor with these standstills, which its free motion has as well."""
         held = self.edited(stops=stops)
         return replace(held, free=held.motion)
 
-    def shifted(self, seconds: float) -> Actor:
+    def shifted(self, seconds: float) -> ScheduledAgent:
         """The same actor, everything later by a multiple of the step."""
         stops = tuple(
             replace(stop, start=stop.start + seconds, until=stop.until + seconds)
@@ -78,28 +80,28 @@ class Actor:
         contact = None if self.contact is None else self.contact + seconds
         # Many are shifted, and `replace` looks at every field first.
         enters = round(self.enters + seconds, 1)
-        return Actor(
-            self.candidate, self.marks, enters, self.motion, self.free, stops, self.slowings,
+        return ScheduledAgent(
+            self.candidate, self.landmarks, enters, self.motion, self.free, stops, self.slowings,
             contact,
         )  # fmt: skip
 
-    def until(self, time: float) -> Actor:
+    def until(self, time: float) -> ScheduledAgent:
         """What of it falls before scene time `time`; nothing later can meet anybody."""
         steps = max(int((time - self.enters) / STEP + 1e-6), 1)
         if steps >= len(self.motion.s) - 1:
             return self
         motion = Motion(self.motion.candidate, self.motion.s[: steps + 1], self.motion.ended)
-        return Actor(
-            self.candidate, self.marks, self.enters, motion, self.free, self.stops, self.slowings,
-            self.contact,
+        return ScheduledAgent(
+            self.candidate, self.landmarks, self.enters, motion, self.free, self.stops,
+            self.slowings, self.contact,
         )  # fmt: skip
 
-    def ended(self, time: float) -> Actor:
+    def ended(self, time: float) -> ScheduledAgent:
         """Cut at the first sample not before scene time `time`, where it stays as a wreck."""
-        return replace(self, motion=terminated(self.motion, time - self.enters), contact=time)
+        return replace(self, motion=end_motion(self.motion, time - self.enters), contact=time)
 
 
-def shared_times(a: Actor, b: Actor) -> FloatArray | None:
+def get_shared_times(a: ScheduledAgent, b: ScheduledAgent) -> FloatArray | None:
     """Sample times [s] at which both are there; None if they never are."""
     start, end = max(a.enters, b.enters), min(a.leaves, b.leaves)
     steps = round((end - start) / STEP)

@@ -42,14 +42,13 @@ from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_offsets
-from scenewright.tools.solver.background import (
-    Guest,
+from scenewright.tools.solver.background_assignment import (
+    Assignment,
+    BackgroundAgent,
+    ConflictTable,
     Option,
-    Seating,
-    Table,
-    seat_in_turn,
+    assign_in_turn,
 )
-from scenewright.tools.solver.encounter import encounter
 from scenewright.tools.solver.entry_times import (
     FOLLOW_LAG,
     LINE_GAP,
@@ -57,25 +56,26 @@ from scenewright.tools.solver.entry_times import (
     START_LAG,
     STARTED,
     STOP_LAG,
-    LastInLane,
-    Moment,
-    RedLight,
-    comes_at,
-    last_in_lane,
-    no_faster,
+    QueueTail,
+    RedLightWait,
+    SceneTiming,
+    compute_arrival_entry,
+    compute_queue_growth,
+    compute_red_span,
+    count_visible_agents,
+    find_entry_times,
+    find_queue_tail,
+    limit_to_leader,
     passes_on_green,
-    queues_left,
-    red_span,
-    seen_under,
-    starts_of,
 )
-from scenewright.tools.solver.foreground import Stage, demands, passes_first
-from scenewright.tools.solver.nearest_miss import Shortfalls
-from scenewright.tools.solver.red_light_run import runs_first, runs_in_time, with_runners
-from scenewright.tools.solver.red_light_start import openings
-from scenewright.tools.solver.safety_margin import Steps, forbidden_offsets
-from scenewright.tools.solver.schedule import Staging
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
+from scenewright.tools.solver.nearest_miss import NearestMisses
+from scenewright.tools.solver.path_conflict import find_path_conflict
+from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
+from scenewright.tools.solver.red_light_start import draw_red_light_starts
+from scenewright.tools.solver.reservation import Steps, find_blocked_offsets
+from scenewright.tools.solver.schedule import PartialSchedule
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 MAX_SECONDS = 30.0
 """How long a scene lasts [s]: as long as the windows in which p_tod counts people."""
@@ -121,10 +121,10 @@ _EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor
 
 
 @dataclass(frozen=True, eq=False)
-class Framing:
+class TimedSchedule:
     """A staging in scene time, with the scene's length and the programme's offset [s]."""
 
-    staging: Staging
+    schedule: PartialSchedule
     duration: float
     offset: float | None
 
@@ -136,12 +136,12 @@ class Search:
         self,
         program: ConstraintProgram,
         pool: CandidateSet,
-        ground: MapAreas,
+        map_areas: MapAreas,
         rng: np.random.Generator,
         lenient: bool,
     ) -> None:
         self._lenient = lenient
-        self._pool, self._ground, self._rng = pool, ground, rng
+        self._pool, self._ground, self._rng = pool, map_areas, rng
         self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
         self._before = tuple(c for c in program.clauses if isinstance(c, Before))
@@ -154,7 +154,7 @@ class Search:
         self._bound = list(dict.fromkeys((*bound, *runners)))
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
-        self._shortfalls = Shortfalls()
+        self._shortfalls = NearestMisses()
         self._unseated = self._staged = self._glances = 0
 
     def run(self) -> Selection:
@@ -174,7 +174,7 @@ class Search:
         for tried, choice in enumerate(tuples, start=1):
             selection = self._try(choice)
             if selection is not None:
-                return counted(selection, tried)
+                return add_tuple_count(selection, tried)
             if self._unseated >= _SEATINGS or (tried >= _HOPELESS * wanted and not self._staged):
                 return None
         return None
@@ -203,25 +203,25 @@ class Search:
         if None in built.values():
             return None
         candidates = {name: pair[0] for name, pair in built.items() if pair}
-        marks = {name: pair[1] for name, pair in built.items() if pair}
+        landmarks = {name: pair[1] for name, pair in built.items() if pair}
         if not self._paths_fit(candidates):
             return None
-        waiting = self._at_red(candidates, marks)
-        for opening in (waiting, {}) if waiting else ({},):
-            selection = self._played(choice, candidates, marks, opening)
+        waiting = self._at_red(candidates, landmarks)
+        for red_light_starts in (waiting, {}) if waiting else ({},):
+            selection = self._played(choice, candidates, landmarks, red_light_starts)
             if selection is not None or self._unseated >= _SEATINGS:
                 return selection
         return None
 
     def _at_red(
-        self, candidates: Mapping[str, Candidate], marks: Mapping[str, Landmarks]
-    ) -> dict[str, Actor]:
+        self, candidates: Mapping[str, Candidate], landmarks: Mapping[str, Landmarks]
+    ) -> dict[str, ScheduledAgent]:
         """Those of the foreground that wait at red before anything happens."""
         intersection_map, bonds = self._ground.intersection_map, (*self._events, *self._before)
         chances = self._red_first | dict.fromkeys(self._violators, 0.0)
-        return openings(
+        return draw_red_light_starts(
             candidates,
-            marks,
+            landmarks,
             bonds,
             intersection_map=intersection_map,
             chances=chances,
@@ -232,17 +232,17 @@ class Search:
         self,
         choice: dict[str, int],
         candidates: Mapping[str, Candidate],
-        marks: Mapping[str, Landmarks],
-        opening: Mapping[str, Actor],
+        landmarks: Mapping[str, Landmarks],
+        red_light_starts: Mapping[str, ScheduledAgent],
     ) -> Selection | None:
         """The first survivor among the stagings of a tuple, opened like that."""
-        stage = Stage(
-            candidates, marks, self._rng, lenient=self._lenient,
-            shortfalls=self._shortfalls, habits=self._pool.manners, openings=opening,
+        stage = ForegroundSolver(
+            candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
+            yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
         )  # fmt: skip
         count = 0
-        for staging in filter(self._run_first, stage.play(self._events, self._opening())):
-            selection = self._finish(staging, choice)
+        for schedule in filter(self._run_first, stage.play(self._events, self._opening())):
+            selection = self._finish(schedule, choice)
             if selection is not None:
                 return selection
             count += 1
@@ -254,26 +254,28 @@ class Search:
             self._failures[_text(self._events)] += 1
         return None
 
-    def _opening(self) -> Staging:
+    def _opening(self) -> PartialSchedule:
         """Who is on stage before anything is played: nobody."""
-        return Staging()
+        return PartialSchedule()
 
     def _candidate(self, name: str, m: int) -> tuple[Candidate, Landmarks] | None:
         """The m-th candidate of an agent, once; None if a unary clause fails on it."""
         if (name, m) not in self._built:
             candidate = self._pool.agents[name].build(m)
-            path = self._ground.trimmed(candidate.path)
+            path = self._ground.trim(candidate.path)
             if path is not candidate.path:
                 candidate = replace(candidate, path=path)
-            marks = find_landmarks(candidate, ground=self._ground)
+            landmarks = find_landmarks(candidate, map_areas=self._ground)
             refused = [
                 rejection
                 for clause in self._unary
                 if clause.agent == name
-                for rejection in check(candidate, clause, marks=marks, ground=self._ground)
+                for rejection in check(
+                    candidate, clause, landmarks=landmarks, map_areas=self._ground
+                )
             ]
             self._failures.update(rejection.detail for rejection in refused)
-            self._built[(name, m)] = None if refused else (candidate, marks)
+            self._built[(name, m)] = None if refused else (candidate, landmarks)
         return self._built[(name, m)]
 
     def _paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
@@ -282,28 +284,28 @@ class Search:
             if a is None or b is None:
                 continue
             reach = clause.metres if isinstance(clause, Near) else -_ONE_LANE
-            pair = encounter(a.path, b.path, shapes=(a.shape, b.shape), reach=reach)
+            pair = find_path_conflict(a.path, b.path, shapes=(a.shape, b.shape), reach=reach)
             along = np.ptp(pair.s_a[pair.i]) if len(pair.i) else -1.0
             if along < (clause.metres if isinstance(clause, SameLane) else 0.0):
                 self._failures[format_clause(clause)] += 1
                 return False
         return True
 
-    def _finish(self, staging: Staging, choice: dict[str, int]) -> Selection | None:
+    def _finish(self, schedule: PartialSchedule, choice: dict[str, int]) -> Selection | None:
         """In scene time, with lights and everybody else; None if one of these does not fit."""
-        framing = self._framed(staging, choice)
-        if framing is None:
+        timed = self._framed(schedule, choice)
+        if timed is None:
             return None
-        seating = self._seat(framing)
-        if isinstance(seating, str):
+        assignment = self._seat(timed)
+        if isinstance(assignment, str):
             self._unseated += 1
-            self._failures[seating] += 1
+            self._failures[assignment] += 1
             return None
-        return self._selection(framing, choice, seating)
+        return self._selection(timed, choice, assignment)
 
-    def _framed(self, staging: Staging, choice: Mapping[str, int]) -> Framing | None:
+    def _framed(self, schedule: PartialSchedule, choice: Mapping[str, int]) -> TimedSchedule | None:
         """In scene time and with lights; None if one of these does not fit."""
-        timed = self._timed(staging)
+        timed = self._timed(schedule)
         timed = None if timed is None else self._with_runners(timed, choice)
         if timed is None or not self._strangers_apart(timed):
             return None
@@ -316,93 +318,97 @@ class Search:
         if offset is None and self._ground.intersection_map.signals is not None:
             self._failures["the signal programme allows no such moment"] += 1
             return None
-        return Framing(timed, duration, offset)
+        return TimedSchedule(timed, duration, offset)
 
-    def _timed(self, staging: Staging) -> Staging | None:
+    def _timed(self, schedule: PartialSchedule) -> PartialSchedule | None:
         """Shifted so that the first event falls anywhere where it is seen coming and ending."""
-        if not staging.happenings:
-            return staging
-        first = min(each.time for each in staging.happenings)
-        begins = min(each.begins for each in staging.happenings)
-        last = MAX_SECONDS - 0.2 - _needed(staging)
+        if not schedule.events:
+            return schedule
+        first = min(each.time for each in schedule.events)
+        begins = min(each.begins for each in schedule.events)
+        last = MAX_SECONDS - 0.2 - _needed(schedule)
         earliest = max(_FIRST_EVENT[0] - first, _SIGHT - begins)
         latest = max(min(_FIRST_EVENT[1] - first, last), earliest)
         shift = round(min(float(self._rng.uniform(earliest, latest)), last), 1)
         if begins + shift < 0.0:
             self._failures["the events do not fit into one scene of 30 s"] += 1
             return None
-        return staging.shifted(shift)
+        return schedule.shifted(shift)
 
-    def _duration(self, _: Staging) -> float:
+    def _duration(self, _: PartialSchedule) -> float:
         """How long the scene lasts [s]."""
         return MAX_SECONDS
 
-    def _with_runners(self, staging: Staging, choice: Mapping[str, int]) -> Staging:
+    def _with_runners(
+        self, schedule: PartialSchedule, choice: Mapping[str, int]
+    ) -> PartialSchedule:
         """Also those who run red on their own."""
-        alone = [name for name in self._bound if name not in staging.actors]
+        alone = [name for name in self._bound if name not in schedule.actors]
         built = {name: self._candidate(name, choice[name]) for name in alone}
         known = {name: pair for name, pair in built.items() if pair is not None}
-        return with_runners(staging, known, known, self._rng)
+        return add_red_light_runners(schedule, known, known, self._rng)
 
-    def _run_first(self, staging: Staging) -> bool:
+    def _run_first(self, schedule: PartialSchedule) -> bool:
         """Whether those on stage who are to run red do so before what they do to others."""
-        there = sorted(self._violators & staging.actors.keys())
-        late = [name for name in there if not runs_first(name, staging)]
+        there = sorted(self._violators & schedule.actors.keys())
+        late = [name for name in there if not runs_first(name, schedule)]
         self._failures.update(f"runs_red({name}) before what it does to others" for name in late)
         return not late
 
-    def _run_red(self, staging: Staging, duration: float) -> bool:
+    def _run_red(self, schedule: PartialSchedule, duration: float) -> bool:
         """Whether everybody who is to run red gets there in time."""
         for name in sorted(self._violators):
-            if name not in staging.actors or not runs_in_time(name, staging, until=duration):
+            if name not in schedule.actors or not runs_in_time(name, schedule, until=duration):
                 self._failures[f"runs_red({name}) within the scene"] += 1
                 return False
         return True
 
-    def _strangers_apart(self, staging: Staging) -> bool:
+    def _strangers_apart(self, schedule: PartialSchedule) -> bool:
         related = {frozenset((c.first, str(c.second))) for c in self._events}
-        for a in staging.actors:
-            for b in staging.actors:
+        for a in schedule.actors:
+            for b in schedule.actors:
                 if a == b or frozenset((a, b)) in related:
                     continue
-                first, second = (staging.actors[name].until(MAX_SECONDS) for name in (a, b))
+                first, second = (schedule.actors[name].until(MAX_SECONDS) for name in (a, b))
                 delta = (second.enters - first.enters) / STEP
-                for low, high in forbidden_offsets(first, second, strict=True):
+                for low, high in find_blocked_offsets(first, second, strict=True):
                     if low < delta < high:
                         self._failures[f"no_interaction({a}, {b})"] += 1
                         return False
         return True
 
-    def _in_order(self, staging: Staging) -> bool:
+    def _in_order(self, schedule: PartialSchedule) -> bool:
         for clause in self._before:
-            first, second = staging.actors.get(clause.first), staging.actors.get(clause.second)
+            first, second = schedule.actors.get(clause.first), schedule.actors.get(clause.second)
             if first is None or second is None or not passes_first(first, second):
                 self._failures[format_clause(clause)] += 1
                 return False
         return True
 
-    def _signal_offset(self, staging: Staging, duration: float) -> float | None:
+    def _signal_offset(self, schedule: PartialSchedule, duration: float) -> float | None:
         program = self._ground.intersection_map.signals
         if program is None:
             return None
         wanted = [
             demand
-            for name, actor in staging.actors.items()
-            for demand in demands(actor, violates=name in self._violators, until=duration)
+            for name, actor in schedule.actors.items()
+            for demand in list_signal_demands(
+                actor, violates=name in self._violators, until=duration
+            )
         ]
         offsets = feasible_offsets(program, tuple(wanted))
         if not len(offsets):
             return None
         crowd = [each.route for each in self._pool.agents.values() if each.chance is not None]
-        often = seen_under(
+        often = count_visible_agents(
             program,
             offsets,
             crowd,
             duration=duration,
             intersection_map=self._ground.intersection_map,
         )
-        if staging.happenings:
-            left = queues_left(
+        if schedule.events:
+            left = compute_queue_growth(
                 program,
                 offsets,
                 crowd,
@@ -412,37 +418,37 @@ class Search:
             often = often * np.exp(_DISCHARGE * (left.min() - left))
         return float(self._rng.choice(offsets, p=often / often.sum()))
 
-    def _moment(self, framing: Framing) -> Moment:
+    def _moment(self, timed: TimedSchedule) -> SceneTiming:
         clock = None
-        if framing.offset is not None and self._ground.intersection_map.signals is not None:
-            clock = SignalClock(self._ground.intersection_map.signals, framing.offset)
-        blocked = any(actor.contact is not None for actor in framing.staging.actors.values())
-        return Moment(clock, framing.duration, blocked)
+        if timed.offset is not None and self._ground.intersection_map.signals is not None:
+            clock = SignalClock(self._ground.intersection_map.signals, timed.offset)
+        blocked = any(actor.contact is not None for actor in timed.schedule.actors.values())
+        return SceneTiming(clock, timed.duration, blocked)
 
-    def _seat(self, framing: Framing) -> Seating | str:
+    def _seat(self, timed: TimedSchedule) -> Assignment | str:
         """Everybody else around the foreground; spares stand in for those who find no room."""
-        actors = framing.staging.actors
-        table = Table(actor.until(framing.duration) for actor in actors.values())
-        guests = self._guests(framing, placed=actors)
-        return seat_in_turn(guests, table, self._pool.background)
+        actors = timed.schedule.actors
+        table = ConflictTable(actor.until(timed.duration) for actor in actors.values())
+        agents = self._guests(timed, placed=actors)
+        return assign_in_turn(agents, table, self._pool.background)
 
-    def _guests(self, framing: Framing, *, placed: Container[str]) -> list[Guest]:
+    def _guests(self, timed: TimedSchedule, *, placed: Container[str]) -> list[BackgroundAgent]:
         """All but those who have their place already."""
-        moment = self._moment(framing)
+        moment = self._moment(timed)
         return [
-            Guest(
+            BackgroundAgent(
                 name=name,
                 type=draws.route.type,
                 foreground=draws.role == "foreground",
                 make=partial(self._options, draws, moment),
-                spare=draws.spare,
+                reserve=draws.reserve,
             )
             for name, draws in self._pool.agents.items()
             if name not in placed
         ]
 
     def _options(
-        self, draws: AgentCandidates, moment: Moment, standing: Sequence[Actor]
+        self, draws: AgentCandidates, moment: SceneTiming, standing: Sequence[ScheduledAgent]
     ) -> Iterator[Option]:
         """The ways in which an agent may take part: of its first candidate that has any.
 
@@ -469,8 +475,8 @@ class Search:
         draws: AgentCandidates,
         m: int,
         built: tuple[Candidate, Landmarks],
-        moment: Moment,
-        standing: Sequence[Actor],
+        moment: SceneTiming,
+        standing: Sequence[ScheduledAgent],
         later: list[Option],
     ) -> Iterator[Option]:
         """Passing on green near the time drawn; waiting; passing at any other moment.
@@ -479,21 +485,21 @@ class Search:
             standing: behind whom it may wait.
             later: gets what is left to one who comes on red and finds no room to wait.
         """
-        actor = Actor.unplaced(*built)
+        actor = ScheduledAgent.unplaced(*built)
         half = STEP * len(actor.motion.s) / 2
         arrives = moment.duration / 2 if draws.arrival is None else draws.arrival
         cost, around = self._cost(draws.name, m), arrives - half
         if draws.chance is not None:
-            around = comes_at(actor, moment, draws.chance)
+            around = compute_arrival_entry(actor, moment, draws.chance)
         waits = draws.chance is not None and not passes_on_green(actor, moment, around)
         far: list[Option] = []
         if not waits:
             near, far = _passing(actor, m, cost, around, moment)
             yield from near
         drives = draws.route.type == "vehicle"
-        span = red_span(actor, moment, around)
-        last = last_in_lane(built[0], standing, span) if drives else None
-        waiting: list[tuple[RedLight, Steps]] = []
+        span = compute_red_span(actor, moment, around)
+        last = find_queue_tail(built[0], standing, span) if drives else None
+        waiting: list[tuple[RedLightWait, Steps]] = []
         if last is not None and draws.arrival is not None:
             yield from self._behind(actor, m, cost, around, moment, last)
         else:
@@ -512,34 +518,34 @@ class Search:
             yield from (*far, *stuck)
 
     def _reds(
-        self, actor: Actor, moment: Moment, around: float, waiting: float
-    ) -> Iterator[RedLight]:
+        self, actor: ScheduledAgent, moment: SceneTiming, around: float, waiting: float
+    ) -> Iterator[RedLightWait]:
         """Waiting first in its lane: come about the time drawn, or before the scene began."""
         late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
         for enters in (around, *(around + each for each in late), waiting):
             gap, lag = (float(self._rng.uniform(*each)) for each in (LINE_GAP, START_LAG))
-            red = RedLight(actor, moment, round(enters, 1), gap, lag)
+            red = RedLightWait(actor, moment, round(enters, 1), gap, lag)
             if red.holds:
                 yield red
 
     def _behind(
         self,
-        free: Actor,
+        free: ScheduledAgent,
         m: int,
         cost: float,
-        wish: float,
-        moment: Moment,
-        last: LastInLane,
+        drawn_time: float,
+        moment: SceneTiming,
+        last: QueueTail,
     ) -> Iterator[Option]:
         """Queueing behind the last of those who stand in the agent's lane, if there is time."""
         rear, start, until = last.rear, last.start, last.until
-        free = Actor.unplaced(no_faster(free.candidate, last.law), free.marks)
+        free = ScheduledAgent.unplaced(limit_to_leader(free.candidate, last.law), free.landmarks)
         s = rear - free.candidate.shape.length / 2 - float(self._rng.uniform(*QUEUE_GAP))
         if s < _ROOM_TO_COME:
             return
         stands = compute_arrival(free.candidate, StopCommand(s, 0.0))
         soonest = start + float(self._rng.uniform(*STOP_LAG)) - stands
-        enters = round(max(wish, soonest), 1)
+        enters = round(max(drawn_time, soonest), 1)
         release = until + float(self._rng.uniform(*FOLLOW_LAG))
         if release < enters + stands + 1.0 or enters > moment.duration - 4.0 or release < STARTED:
             return
@@ -548,15 +554,17 @@ class Search:
         if passes_on_green(actor, moment, enters):
             yield Option(lambda: actor, m, np.array([round(enters / STEP)], dtype=np.int64), cost)
 
-    def _selection(self, framing: Framing, choice: dict[str, int], seating: Seating) -> Selection:
-        staging, agents = framing.staging, dict[str, SelectedAgent]()
+    def _selection(
+        self, timed: TimedSchedule, choice: dict[str, int], assignment: Assignment
+    ) -> Selection:
+        schedule, agents = timed.schedule, dict[str, SelectedAgent]()
         for name, draws in self._pool.agents.items():
-            if name in staging.actors:
-                actor, index = staging.actors[name], choice[name]
-            elif name not in seating.chosen:
+            if name in schedule.actors:
+                actor, index = schedule.actors[name], choice[name]
+            elif name not in assignment.chosen:
                 continue
             else:
-                option, start = seating.chosen[name]
+                option, start = assignment.chosen[name]
                 actor, index = option.actor.shifted(start * STEP), option.index
             agents[name] = SelectedAgent(
                 name=name,
@@ -576,18 +584,18 @@ class Search:
                 round(each.time, 3),
                 each.location,
             )
-            for each in staging.happenings
+            for each in schedule.events
         )
         nll = sum(float(self._pool.agents[n].nll[a.index]) for n, a in agents.items())
         return Selection(
             agents=agents,
             events=events,
-            duration=framing.duration,
-            signal_offset=framing.offset,
+            duration=timed.duration,
+            signal_offset=timed.offset,
             nll=nll,
             cost=sum(self._cost(name, agent.index) for name, agent in agents.items()),
-            optimal=seating.optimal,
-            figures={"rounds": seating.rounds, "pairs": seating.pairs},
+            optimal=assignment.optimal,
+            figures={"rounds": assignment.rounds, "pairs": assignment.pairs},
         )
 
     def _rejection(self) -> Rejection:
@@ -606,15 +614,15 @@ class Search:
 
 
 def _passing(
-    actor: Actor, m: int, cost: float, around: float, moment: Moment
+    actor: ScheduledAgent, m: int, cost: float, around: float, moment: SceneTiming
 ) -> tuple[list[Option], list[Option]]:
     """Passing on green near a time [s]; and at any time at all, where that is more."""
-    starts, wish = starts_of(actor, moment), round(around / STEP)
+    starts, drawn_time = find_entry_times(actor, moment), round(around / STEP)
     near = starts[np.abs(STEP * starts - around) <= _WINDOW]
     more = len(starts) > len(near)
     return (
-        [Option(lambda: actor, m, near, cost, wish)] if len(near) else [],
-        [Option(lambda: actor, m, starts, cost + _FAR_COST, wish)] if more else [],
+        [Option(lambda: actor, m, near, cost, drawn_time)] if len(near) else [],
+        [Option(lambda: actor, m, starts, cost + _FAR_COST, drawn_time)] if more else [],
     )
 
 
@@ -667,15 +675,15 @@ def _unbound(clause: PairClause) -> Rejection:
     )
 
 
-def counted(selection: Selection, tried: int) -> Selection:
+def add_tuple_count(selection: Selection, tried: int) -> Selection:
     """The selection with the number of tuples looked at among its figures."""
     return replace(selection, figures={**selection.figures, "tuples": tried})
 
 
-def _needed(staging: Staging) -> float:
+def _needed(schedule: PartialSchedule) -> float:
     """Scene time [s] until which every event can be seen to have ended."""
-    ends = [max(each.time, each.ends) + _ENDED for each in staging.happenings]
-    for actor in staging.actors.values():
+    ends = [max(each.time, each.ends) + _ENDED for each in schedule.events]
+    for actor in schedule.actors.values():
         ends += [stop.until + _ENDED for stop in actor.stops if stop.reason == "gives_way"]
     return max(ends)
 

@@ -11,8 +11,8 @@ from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.selection import Selection
-from scenewright.tools.solver.frozen_agents import PinnedSearch
-from scenewright.tools.solver.min_cost_search import Least
+from scenewright.tools.solver.frozen_agents import FrozenAgentsSearch
+from scenewright.tools.solver.min_cost_search import MinCostSearch
 from scenewright.tools.solver.search import Search
 
 Mode = Literal["draw", "map"]
@@ -22,11 +22,11 @@ def select(
     program: ConstraintProgram,
     pool: CandidateSet,
     *,
-    ground: MapAreas,
+    map_areas: MapAreas,
     rng: np.random.Generator,
     mode: Mode = "draw",
     lenient: bool = True,
-    pins: FrozenAgents | None = None,
+    frozen: FrozenAgents | None = None,
 ) -> Selection:
     """The surviving combination.
 
@@ -38,7 +38,7 @@ def select(
     Raises:
         Rejected: `no_surviving_combination`, naming the clause that most tuples fail.
     """
-    if pins is not None:
-        return PinnedSearch(program, pool, ground, rng, lenient, pins=pins).run()
-    search = Least if mode == "map" else Search
-    return search(program, pool, ground, rng, lenient).run()
+    if frozen is not None:
+        return FrozenAgentsSearch(program, pool, map_areas, rng, lenient, frozen=frozen).run()
+    search = MinCostSearch if mode == "map" else Search
+    return search(program, pool, map_areas, rng, lenient).run()

@@ -11,9 +11,9 @@ from scenewright.geometry.driving_profile import StopCommand
 from scenewright.geometry.landmarks import STOP_GAP, Landmarks
 from scenewright.scene.constraints import GivesWay
 from scenewright.scene.yielding_behavior import sample_quantiles
-from scenewright.tools.solver.context import Setting
-from scenewright.tools.solver.encounter import Encounter
-from scenewright.tools.solver.scheduled_agent import Actor
+from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.path_conflict import PathConflict
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _USUAL_GAP = {"vehicle": (0.9, 2.0), "pedestrian": (0.6, 1.1)}
 """From the centre's place to the zone [m] where nobody was seen."""
@@ -39,8 +39,12 @@ UPSTREAM = {"vehicle": 18.0, "pedestrian": 4.3}
 """Farthest before the zone that giving way counts (SEMANTICS 4: 20 m and 5 m, less a margin)."""
 
 
-def stopping_places(
-    clause: GivesWay, a: Actor, b: Actor, zone: Encounter, setting: Setting
+def list_stop_positions(
+    clause: GivesWay,
+    a: ScheduledAgent,
+    b: ScheduledAgent,
+    zone: PathConflict,
+    context: SolverContext,
 ) -> Iterator[tuple[str, StopCommand]]:
     """Where to wait: at the stop line or kerb if near enough, else short of the zone."""
     kind = a.candidate.route.type
@@ -52,11 +56,11 @@ def stopping_places(
     if waits:
         return
     short_of_line = _KERB_GAP if kind == "pedestrian" else STOP_GAP
-    if kind == "vehicle" and setting.manners(clause) is not None:
-        short_of_line = float(setting.rng.uniform(*_LINE_GAPS))
-    places = _places(clause, a, first, setting, short_of_line)
+    if kind == "vehicle" and context.get_yielding(clause) is not None:
+        short_of_line = float(context.rng.uniform(*_LINE_GAPS))
+    places = _places(clause, a, first, context, short_of_line)
     if kind == "vehicle":
-        seen = setting.manners(clause) is not None
+        seen = context.get_yielding(clause) is not None
         places = _off_crosswalks(places, a, b, first, short_of_line, seen=seen)
     for anchor, s in places:
         for braking in (None, 3.2):
@@ -65,21 +69,21 @@ def stopping_places(
 
 
 def _places(
-    clause: GivesWay, a: Actor, first: float, setting: Setting, line_gap: float
+    clause: GivesWay, a: ScheduledAgent, first: float, context: SolverContext, line_gap: float
 ) -> list[tuple[str, float]]:
     """Anchors and arc lengths [m] to stand at, those to try first at the front.
 
     Args:
         first: where the zone begins [m]; line_gap: how far from its line one stops [m].
     """
-    kind, line = a.candidate.route.type, a.marks.line
-    gaps = _distances(clause, a, setting)
+    kind, line = a.candidate.route.type, a.landmarks.line
+    gaps = _distances(clause, a, context)
     ahead = [("yield_point", first - gap) for gap in gaps if gap <= _GAPS[kind][1]]
     nearest = first - min(gaps)
     places: list[tuple[str, float]] = []
     if line is not None:
         ahead = [place for place in ahead if place[1] > line + 1.0]
-        if kind == "pedestrian" and not setting.lenient:
+        if kind == "pedestrian" and not context.lenient:
             ahead = [place for place in ahead if place[1] < line + _ROADSIDE]
         if line - STOP_GAP <= nearest and first - line < UPSTREAM[kind]:
             anchor = "stop_line" if kind == "vehicle" else "kerb"
@@ -89,23 +93,23 @@ def _places(
     return [*ahead[:1], *places, *ahead[1:]] if near else [*places, *ahead]
 
 
-def _distances(clause: GivesWay, a: Actor, setting: Setting) -> list[float]:
+def _distances(clause: GivesWay, a: ScheduledAgent, context: SolverContext) -> list[float]:
     """Distances from the zone to stand at [m]: as was seen of people, then as is usual."""
     kind = a.candidate.route.type
-    usual = float(setting.rng.uniform(*_USUAL_GAP[kind]))
-    manners = setting.manners(clause)
-    if manners is None or setting.pet_of(clause) is not None:
+    usual = float(context.rng.uniform(*_USUAL_GAP[kind]))
+    manners = context.get_yielding(clause)
+    if manners is None or context.get_requested_pet(clause) is not None:
         return [usual]
-    gaps = [max(sample_quantiles(manners.gap, setting.rng), _GAPS[kind][0]) for _ in range(2)]
+    gaps = [max(sample_quantiles(manners.gap, context.rng), _GAPS[kind][0]) for _ in range(2)]
     # Who turns on green drives on into the intersection before it waits.
-    turning = a.candidate.route.movement != "straight" and a.marks.group is not None
+    turning = a.candidate.route.movement != "straight" and a.landmarks.group is not None
     return [*((min(gap, _GAPS[kind][1]) if turning else gap) for gap in gaps), usual]
 
 
 def _off_crosswalks(
     places: list[tuple[str, float]],
-    a: Actor,
-    b: Actor,
+    a: ScheduledAgent,
+    b: ScheduledAgent,
     first: float,
     line_gap: float,
     *,
@@ -118,9 +122,9 @@ def _off_crosswalks(
         seen: whether it was seen how people give way here.
     """
     found: list[tuple[str, float]] = []
-    line, (marks, creeps) = a.marks.line, _creeping(a, b, seen=seen)
+    line, (landmarks, creeps) = a.landmarks.line, _creeping(a, b, seen=seen)
     for named, wished in places:
-        anchor, s = named, marks.off_crosswalks(wished, own=b.marks.own_crosswalk)
+        anchor, s = named, landmarks.move_off_crosswalks(wished, own=b.landmarks.own_crosswalk)
         if s < wished and s < creeps <= first - _GAPS["vehicle"][0]:
             s = creeps
         if line is not None and s < wished and s < line + _PAST_LINE:
@@ -132,19 +136,19 @@ def _off_crosswalks(
     return found
 
 
-def _creeping(a: Actor, b: Actor, *, seen: bool) -> tuple[Landmarks, float]:
+def _creeping(a: ScheduledAgent, b: ScheduledAgent, *, seen: bool) -> tuple[Landmarks, float]:
     """The landmarks that count for who turns on green, and the first place past its crosswalk [m].
 
     Nobody walks over the crosswalk it came by while its light is green; so it may wait with its
     rear on it, and its front at the far edge. For anybody else there is no such place (infinite).
     """
-    marks, line, length = a.marks, a.marks.line, a.candidate.shape.length
+    landmarks, line, length = a.landmarks, a.landmarks.line, a.candidate.shape.length
     turn, walks = a.candidate.route.movement, b.candidate.route.type == "pedestrian"
     # Who turns right and lets a vehicle pass waits at its line.
     waits = turn in ("left", "uturn") or (turn == "right" and walks)
-    by = next((each for each in marks.crosswalks if line is not None and each[1] >= line), None)
-    if not (seen and waits and marks.group is not None and by is not None):
-        return marks, np.inf
-    rest = tuple(each for each in marks.crosswalks if each is not by)
+    by = next((each for each in landmarks.crosswalks if line is not None and each[1] >= line), None)
+    if not (seen and waits and landmarks.group is not None and by is not None):
+        return landmarks, np.inf
+    rest = tuple(each for each in landmarks.crosswalks if each is not by)
     shorter = (by[0], by[1], max(by[2] - length - _EDGE, by[1]))
-    return replace(marks, crosswalks=(shorter, *rest)), shorter[2] + _PAST_EDGE
+    return replace(landmarks, crosswalks=(shorter, *rest)), shorter[2] + _PAST_EDGE

@@ -9,12 +9,17 @@ import numpy as np
 from scenewright.scene.constraints import Headway, TimeGap
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import Setting, in_range, outside
-from scenewright.tools.solver.encounter import Encounter, Intervals, gap_to, meeting_offsets
-from scenewright.tools.solver.impact import least_clearance
-from scenewright.tools.solver.nearest_miss import Reached
-from scenewright.tools.solver.schedule import Happening, Staging, point_of
-from scenewright.tools.solver.scheduled_agent import Actor, shared_times
+from scenewright.tools.solver.context import SolverContext, compute_excess, is_in_range
+from scenewright.tools.solver.impact import find_least_clearance
+from scenewright.tools.solver.nearest_miss import FailureStage
+from scenewright.tools.solver.path_conflict import (
+    Intervals,
+    PathConflict,
+    compute_gap,
+    find_conflict_intervals,
+)
+from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_point
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 
 _TRIES = 6
 _FOR_GOOD = 60.0
@@ -24,37 +29,39 @@ _LEAST_CLEARANCE = 0.05
 """Between two that pass without touching [m]."""
 
 
-def time_gaps(clause: TimeGap, staging: Staging, setting: Setting) -> Iterator[Staging]:
+def schedule_time_gaps(
+    clause: TimeGap, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the PET of the two is as the clause says."""
-    a, b = setting.both(clause, staging)
-    meetings = setting.meetings(clause, a, b)
-    if staging.binds(clause):
-        if _pet_fits(clause, meetings, b.enters - a.enters, setting):
-            yield staging
+    a, b = context.both(clause, schedule)
+    meetings = context.find_meeting_intervals(clause, a, b)
+    if schedule.binds(clause):
+        if _pet_fits(clause, meetings, b.enters - a.enters, context):
+            yield schedule
         return
-    for delta in _outside(meetings, clause.low, clause.high, setting.rng):
-        placed_a, placed_b = staging.placed(clause, a, b, delta)
-        if not _pet_fits(clause, meetings, placed_b.enters - placed_a.enters, setting):
+    for delta in _outside(meetings, clause.low, clause.high, context.rng):
+        placed_a, placed_b = schedule.placed(clause, a, b, delta)
+        if not _pet_fits(clause, meetings, placed_b.enters - placed_a.enters, context):
             continue
-        clearance, time, place = least_clearance(placed_a, placed_b)
-        if clearance <= _LEAST_CLEARANCE or staging.too_soon(time, clause):
+        clearance, time, place = find_least_clearance(placed_a, placed_b)
+        if clearance <= _LEAST_CLEARANCE or schedule.too_soon(time, clause):
             words = "the two touch, or are not yet free for it, at every such moment"
-            setting.missed(clause, Reached.COMPANY, words)
+            context.note_miss(clause, FailureStage.COMPANY, words)
             continue
-        happening = Happening(clause, time, time - 4.0, time + 1.0, time + 1.0, place)
-        yield staging.with_event(happening, placed_a, placed_b)
+        event = ScheduledEvent(clause, time, time - 4.0, time + 1.0, time + 1.0, place)
+        yield schedule.with_event(event, placed_a, placed_b)
     if not len(meetings):
         words = f"the paths of {clause.first} and {clause.second} never touch"
-        setting.missed(clause, Reached.PATHS, words)
+        context.note_miss(clause, FailureStage.PATHS, words)
 
 
-def _pet_fits(clause: TimeGap, meetings: Intervals, delta: float, setting: Setting) -> bool:
-    pet = gap_to(meetings, delta)
-    if in_range(clause.low, clause.high, pet):
+def _pet_fits(clause: TimeGap, meetings: Intervals, delta: float, context: SolverContext) -> bool:
+    pet = compute_gap(meetings, delta)
+    if is_in_range(clause.low, clause.high, pet):
         return True
     words = f"a PET of {clause.low:g} to {clause.high:g} s: the nearest possible is {pet:.1f} s"
-    off = outside(clause.low, clause.high, pet)
-    setting.missed(clause, Reached.MEASURE, words, off=off)
+    off = compute_excess(clause.low, clause.high, pet)
+    context.note_miss(clause, FailureStage.MEASURE, words, off=off)
     return False
 
 
@@ -64,42 +71,46 @@ def _outside(meetings: Intervals, low: float, high: float, rng: np.random.Genera
     for gap in rng.uniform(low, high, _TRIES):
         for start, end in meetings:
             found += [float(start - gap), float(end + gap)]
-    kept = [delta for delta in found if gap_to(meetings, delta) >= low - 1e-6]
+    kept = [delta for delta in found if compute_gap(meetings, delta) >= low - 1e-6]
     rng.shuffle(kept)
     return kept
 
 
-def headways(clause: Headway, staging: Staging, setting: Setting) -> Iterator[Staging]:
+def schedule_headways(
+    clause: Headway, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first follows the second at the headway asked for."""
-    a, b = setting.both(clause, staging)
-    pair = setting.encounter(clause)
-    meetings = meeting_offsets(pair, a.free, b.free, c=0.0, exact=True)
+    a, b = context.both(clause, schedule)
+    pair = context.find_path_conflict(clause)
+    meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
     if not len(meetings):
         words = f"{clause.first} and {clause.second} never share a lane"
-        setting.missed(clause, Reached.PATHS, words)
+        context.note_miss(clause, FailureStage.PATHS, words)
         return
-    for gap in setting.rng.uniform(clause.low, clause.high, _TRIES):
+    for gap in context.rng.uniform(clause.low, clause.high, _TRIES):
         delta = float(meetings[0, 0] - gap)
-        placed_a, placed_b = staging.placed(clause, a, b, delta)
+        placed_a, placed_b = schedule.placed(clause, a, b, delta)
         found = float(meetings[0, 0] - (placed_b.enters - placed_a.enters))
-        if not in_range(clause.low, clause.high, found):
+        if not is_in_range(clause.low, clause.high, found):
             words = f"a headway of {clause.low:g} to {clause.high:g} s: it is {found:.1f} s"
-            off = outside(clause.low, clause.high, found)
-            setting.missed(clause, Reached.MEASURE, words, off=off)
+            off = compute_excess(clause.low, clause.high, found)
+            context.note_miss(clause, FailureStage.MEASURE, words, off=off)
             continue
         if placed_a.contact is None:
-            placed_a = _queued(placed_a, placed_b, pair, setting.rng)
+            placed_a = _queued(placed_a, placed_b, pair, context.rng)
         begins = max(placed_a.enters, placed_b.enters)
         if not _follows(placed_a, placed_b):
             words = f"{clause.first} does not stay behind {clause.second} for 3.6 s on end"
-            setting.missed(clause, Reached.COMPANY, words)
+            context.note_miss(clause, FailureStage.COMPANY, words)
             continue
         time = begins + 4.0
-        happening = Happening(clause, time, begins, time, time, point_of(placed_a, time))
-        yield staging.with_event(happening, placed_a, placed_b)
+        event = ScheduledEvent(clause, time, begins, time, time, get_point(placed_a, time))
+        yield schedule.with_event(event, placed_a, placed_b)
 
 
-def _queued(a: Actor, b: Actor, pair: Encounter, rng: np.random.Generator) -> Actor:
+def _queued(
+    a: ScheduledAgent, b: ScheduledAgent, pair: PathConflict, rng: np.random.Generator
+) -> ScheduledAgent:
     """The follower with a standstill behind every one of its leader's, its wreck included."""
     stands = [(stop.s, stop.start, stop.until) for stop in b.stops]
     if b.contact is not None:
@@ -112,7 +123,7 @@ def _queued(a: Actor, b: Actor, pair: Encounter, rng: np.random.Generator) -> Ac
         if not beside.any():
             continue
         behind = float(pair.s_a[pair.i[beside]].min()) - float(rng.uniform(1.8, 3.0))
-        behind = a.marks.off_crosswalks(behind)
+        behind = a.landmarks.move_off_crosswalks(behind)
         if behind > 2.0 and all(abs(stop.s - behind) > 1.0 for stop in stops):
             lag = float(rng.uniform(0.7, 1.3))
             stops.append(Stop("queue", behind, start, until + lag, "queue"))
@@ -121,9 +132,9 @@ def _queued(a: Actor, b: Actor, pair: Encounter, rng: np.random.Generator) -> Ac
     return a.edited(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
 
 
-def _follows(a: Actor, b: Actor) -> bool:
+def _follows(a: ScheduledAgent, b: ScheduledAgent) -> bool:
     """Whether `a` drives behind `b` at a headway of 0.7-3.6 s for 3.6 s on end."""
-    times = shared_times(a, b)
+    times = get_shared_times(a, b)
     if times is None:
         return False
     ahead = b.at(times)[:, :2] - a.at(times)[:, :2]

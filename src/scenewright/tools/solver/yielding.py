@@ -22,14 +22,18 @@ from scenewright.scene.constraints import GivesWay, PairClause, TimeGap
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.scene.yielding_behavior import sample_quantiles
-from scenewright.tools.segment_editor import hold_of
-from scenewright.tools.solver.context import Setting
-from scenewright.tools.solver.encounter import Encounter, gap_to, meeting_offsets
-from scenewright.tools.solver.impact import least_clearance
-from scenewright.tools.solver.nearest_miss import Reached
-from scenewright.tools.solver.schedule import Happening, Staging, point_of
-from scenewright.tools.solver.scheduled_agent import Actor
-from scenewright.tools.solver.stop_positions import UPSTREAM, stopping_places
+from scenewright.tools.segment_editor import to_stop_command
+from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.impact import find_least_clearance
+from scenewright.tools.solver.nearest_miss import FailureStage
+from scenewright.tools.solver.path_conflict import (
+    PathConflict,
+    compute_gap,
+    find_conflict_intervals,
+)
+from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_point
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.stop_positions import UPSTREAM, list_stop_positions
 
 MERGE_METRES = 5.0
 """How much of a shared lane belongs to the conflict zone (SEMANTICS 4)."""
@@ -75,49 +79,53 @@ _CLEARANCE, _PETS = 0.4, (0.6, 7.0)
 """What a yield keeps: least clearance [m], range of its PET [s]."""
 
 
-def yields(clause: GivesWay, staging: Staging, setting: Setting) -> Iterator[Staging]:
+def schedule_yields(
+    clause: GivesWay, schedule: PartialSchedule, context: SolverContext
+) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first gives way to the second."""
-    a, b = setting.both(clause, staging)
+    a, b = context.both(clause, schedule)
     if a.contact is not None or b.contact is not None:
         words = f"one of {clause.first} and {clause.second} has been in a collision before"
-        setting.missed(clause, Reached.PATHS, words)
+        context.note_miss(clause, FailureStage.PATHS, words)
         return
-    zone = zone_of(clause, a, b, setting)
+    zone = find_conflict_zone(clause, a, b, context)
     if not len(zone.i):
         words = f"the paths of {clause.first} and {clause.second} never touch"
-        setting.missed(clause, Reached.PATHS, words)
+        context.note_miss(clause, FailureStage.PATHS, words)
         return
     words = f"{clause.first} has no place to wait near where {clause.second} passes"
-    setting.missed(clause, Reached.PATHS, words)
-    if _may_roll(clause, staging, setting):
-        yield from _rolling(clause, staging, setting, zone)
-    for anchor, hold in stopping_places(clause, a, b, zone, setting):
+    context.note_miss(clause, FailureStage.PATHS, words)
+    if _may_roll(clause, schedule, context):
+        yield from _rolling(clause, schedule, context, zone)
+    for anchor, hold in list_stop_positions(clause, a, b, zone, context):
         if _gets_going(a, hold.s):
-            yield from _held(clause, staging, setting, zone, (anchor, hold))
+            yield from _held(clause, schedule, context, zone, (anchor, hold))
 
 
-def zone_of(clause: PairClause, a: Actor, b: Actor, setting: Setting) -> Encounter:
+def find_conflict_zone(
+    clause: PairClause, a: ScheduledAgent, b: ScheduledAgent, context: SolverContext
+) -> PathConflict:
     """The nodes of the pair's conflict zone."""
-    zone = setting.encounter(clause).within(0.0)
+    zone = context.find_path_conflict(clause).within(0.0)
     return zone.first_metres(MERGE_METRES) if _merging(a, b) else zone
 
 
 def _held(
     clause: GivesWay,
-    staging: Staging,
-    setting: Setting,
-    zone: Encounter,
+    schedule: PartialSchedule,
+    context: SolverContext,
+    zone: PathConflict,
     place: tuple[str, StopCommand],
-) -> Iterator[Staging]:
-    a, b = setting.both(clause, staging)
+) -> Iterator[PartialSchedule]:
+    a, b = context.both(clause, schedule)
     anchor, hold = place
     others = tuple(stop for stop in a.stops if abs(stop.s - hold.s) > 0.5)
     earlier = _holds(others, a.enters)
     stands = compute_arrival(a.candidate, hold, earlier)
     unheld = _unheld(a, hold, stands, zone.s_a[zone.i], earlier)
-    _, b_out = passage(b.motion, zone.s_b[zone.j])
-    for seen, lasts in _tempers(clause, a, hold, stands, zone, setting):
-        low, high = _reasons(clause, b, unheld, zone, setting)
+    _, b_out = compute_passage(b.motion, zone.s_b[zone.j])
+    for seen, lasts in _tempers(clause, a, hold, stands, zone, context):
+        low, high = _reasons(clause, b, unheld, zone, context)
         react = seen
         if lasts is not None:
             # Who could not have come so early stands as long by starting later.
@@ -128,135 +136,146 @@ def _held(
         low = max(stands + least - react - b_out, low)
         high = min(stands + longest - react - b_out, high)
         if not np.isfinite(low + high) or low > high:
-            _no_reason(clause, low, high, stands + least - react - b_out, setting)
+            _no_reason(clause, low, high, stands + least - react - b_out, context)
             continue
-        delta = float(setting.rng.uniform(low, high))
+        delta = float(context.rng.uniform(low, high))
         if lasts is not None:
             delta = min(max(stands + lasts - react - b_out, low), high)
-        placed_a, placed_b = staging.placed(clause, a, b, delta)
+        placed_a, placed_b = schedule.placed(clause, a, b, delta)
         start = placed_a.enters + stands
         ahead = float(zone.s_a[zone.i].min()) - hold.s
         stop = Stop(anchor, hold.s, start, 0.0, "gives_way", hold.braking, ahead)
         release = max(placed_b.enters + b_out + react, start + least)
-        held = _released(clause, placed_a, placed_b, replace(stop, until=release), zone, setting)
+        held = _released(clause, placed_a, placed_b, replace(stop, until=release), zone, context)
         if held is not None:
-            yield _given_way(clause, staging, held, placed_b, start, unheld, zone)
+            yield _given_way(clause, schedule, held, placed_b, start, unheld, zone)
 
 
 def _tempers(
-    clause: GivesWay, a: Actor, hold: StopCommand, stands: float, zone: Encounter, setting: Setting
+    clause: GivesWay,
+    a: ScheduledAgent,
+    hold: StopCommand,
+    stands: float,
+    zone: PathConflict,
+    context: SolverContext,
 ) -> Iterator[tuple[float, float | None]]:
     """How soon who gives way starts once the other has left, and how long it stood by then [s].
 
     As people were seen to do it, or as the PET asked for wants it; else, so that it fits best: at
     once, beside what was seen, that would take the place of the long standstills.
     """
-    wanted, manners = setting.pet_of(clause), setting.manners(clause)
+    wanted, manners = context.get_requested_pet(clause), context.get_yielding(clause)
     if wanted is not None:
         react = (wanted.low + wanted.high) / 2 - _rolls(a, hold, stands, zone)
         yield from [(react, None)] * 3
         return
     if manners is not None:
-        lasts = sample_quantiles(manners.stands, setting.rng)
+        lasts = sample_quantiles(manners.stands, context.rng)
         latest = _latest_start(a, hold, stands, zone)
         for _ in range(2):
-            seen = sample_quantiles(manners.reacts, setting.rng)
+            seen = sample_quantiles(manners.reacts, context.rng)
             yield float(np.clip(seen, _SOONEST, max(latest, _SOONEST))), lasts
-    if manners is None or setting.lenient:
-        react = float(setting.rng.uniform(*_REACTS))
+    if manners is None or context.lenient:
+        react = float(context.rng.uniform(*_REACTS))
         yield from [(react, None)] * (3 if manners is None else 2)
 
 
-def _latest_start(a: Actor, hold: StopCommand, stands: float, zone: Encounter) -> float:
+def _latest_start(a: ScheduledAgent, hold: StopCommand, stands: float, zone: PathConflict) -> float:
     """How long after the other has left it may start [s] and still be seen to give way for it."""
     picks_up = _MOVING[a.candidate.route.type] / a.candidate.time_law.acceleration
     return min(_MOVES_BY - picks_up, _PETS[1] - _rolls(a, hold, stands, zone) - 0.3)
 
 
 def _reasons(
-    clause: GivesWay, b: Actor, unheld: _Unheld, zone: Encounter, setting: Setting
+    clause: GivesWay,
+    b: ScheduledAgent,
+    unheld: _UnheldMotion,
+    zone: PathConflict,
+    context: SolverContext,
 ) -> tuple[float, float]:
     """Between which differences of entry times [s] the other is the reason (SEMANTICS 4, cause)."""
-    b_in, b_out = passage(b.motion, zone.s_b[zone.j])
-    slack = _CAUSE if setting.manners(clause) is None else _CAUSE_SEEN
+    b_in, b_out = compute_passage(b.motion, zone.s_b[zone.j])
+    slack = _CAUSE if context.get_yielding(clause) is None else _CAUSE_SEEN
     high = unheld.leaves + slack - b_in
-    crosses = b.candidate.route.type == "pedestrian" and b.marks.own_crosswalk is not None
-    if crosses and setting.manners(clause) is not None and b.marks.line is not None:
+    crosses = b.candidate.route.type == "pedestrian" and b.landmarks.own_crosswalk is not None
+    if crosses and context.get_yielding(clause) is not None and b.landmarks.line is not None:
         # It is on the crosswalk when who gives way begins to slow.
-        high = max(high, unheld.begins - b.motion.time_at(b.marks.line) - _ON)
+        high = max(high, unheld.begins - b.motion.find_time_at(b.landmarks.line) - _ON)
     return unheld.enters - _CAUSE - b_out, high
 
 
 def _no_reason(
-    clause: GivesWay, low: float, high: float, by_standing: float, setting: Setting
+    clause: GivesWay, low: float, high: float, by_standing: float, context: SolverContext
 ) -> None:
     words = f"{clause.first}, unheld, would not have met {clause.second}, so it has no reason"
-    setting.missed(clause, Reached.ROLES, words)
-    wanted = setting.pet_of(clause)
+    context.note_miss(clause, FailureStage.ROLES, words)
+    wanted = context.get_requested_pet(clause)
     if wanted is not None and np.isfinite(low + high):
         longer = low - high if by_standing >= low else high - low
-        _pet_is((wanted.low + wanted.high) / 2 + longer, clause, wanted, setting)
+        _pet_is((wanted.low + wanted.high) / 2 + longer, clause, wanted, context)
 
 
 def _given_way(
     clause: GivesWay,
-    staging: Staging,
-    held: Actor,
-    other: Actor,
+    schedule: PartialSchedule,
+    held: ScheduledAgent,
+    other: ScheduledAgent,
     start: float,
-    unheld: _Unheld,
-    zone: Encounter,
-) -> Staging:
+    unheld: _UnheldMotion,
+    zone: PathConflict,
+) -> PartialSchedule:
     """The staging in which that has happened; `start` is when it is slowest [s]."""
-    enters = held.enters + held.motion.time_at(float(zone.s_a[zone.i].min()))
-    passed = other.enters + passage(other.motion, zone.s_b[zone.j])[1]
+    enters = held.enters + held.motion.find_time_at(float(zone.s_a[zone.i].min()))
+    passed = other.enters + compute_passage(other.motion, zone.s_b[zone.j])[1]
     begins = min(held.enters + unheld.begins, start) - _BEFORE
-    happening = Happening(clause, start, begins, enters, passed, point_of(held, start))
-    return staging.with_event(happening, held, other)
+    event = ScheduledEvent(clause, start, begins, enters, passed, get_point(held, start))
+    return schedule.with_event(event, held, other)
 
 
-def _may_roll(clause: GivesWay, staging: Staging, setting: Setting) -> bool:
+def _may_roll(clause: GivesWay, schedule: PartialSchedule, context: SolverContext) -> bool:
     """Whether `first` slows without standing this time; nothing else may depend on its stop."""
-    manners = setting.manners(clause)
-    if manners is None or setting.pet_of(clause) is not None:
+    manners = context.get_yielding(clause)
+    if manners is None or context.get_requested_pet(clause) is not None:
         return False
-    if clause.first in setting.busy or clause.first in staging.actors:
+    if clause.first in context.busy or clause.first in schedule.actors:
         return False
-    return bool(setting.rng.random() < manners.rolls)
+    return bool(context.rng.random() < manners.rolls)
 
 
 def _rolling(
-    clause: GivesWay, staging: Staging, setting: Setting, zone: Encounter
-) -> Iterator[Staging]:
+    clause: GivesWay, schedule: PartialSchedule, context: SolverContext, zone: PathConflict
+) -> Iterator[PartialSchedule]:
     """The first slows down so far that the other is out of the zone when it arrives there."""
-    a, b = setting.both(clause, staging)
-    manners = setting.manners(clause)
+    a, b = context.both(clause, schedule)
+    manners = context.get_yielding(clause)
     if manners is None:
         return
     nodes = zone.s_a[zone.i]
-    _, b_out = passage(b.motion, zone.s_b[zone.j])
+    _, b_out = compute_passage(b.motion, zone.s_b[zone.j])
     for _ in range(_ROLLS):
-        s = a.marks.off_crosswalks(
-            float(nodes.min()) - max(sample_quantiles(manners.place, setting.rng), 0.5),
-            own=b.marks.own_crosswalk,
+        s = a.landmarks.move_off_crosswalks(
+            float(nodes.min()) - max(sample_quantiles(manners.place, context.rng), 0.5),
+            own=b.landmarks.own_crosswalk,
         )
-        margin = max(sample_quantiles(manners.margin, setting.rng), _PETS[0] + 0.2)
-        found = _slowed(a, s, sample_quantiles(manners.pace, setting.rng), nodes)
+        margin = max(sample_quantiles(manners.margin, context.rng), _PETS[0] + 0.2)
+        found = _slowed(a, s, sample_quantiles(manners.pace, context.rng), nodes)
         if found is None:
             continue
         rolling, unheld = found
-        low, high = _reasons(clause, b, unheld, zone, setting)
-        enters = rolling.motion.time_at(float(nodes.min()))
+        low, high = _reasons(clause, b, unheld, zone, context)
+        enters = rolling.motion.find_time_at(float(nodes.min()))
         delta = min(max(enters - b_out - margin, low), high)
         if low > high or not np.isfinite(delta) or enters - b_out - delta < _PETS[0]:
             continue
-        placed_a, placed_b = staging.placed(clause, rolling, b, delta)
-        if _passes_well(clause, placed_a, placed_b, zone, setting):
+        placed_a, placed_b = schedule.placed(clause, rolling, b, delta)
+        if _passes_well(clause, placed_a, placed_b, zone, context):
             start = placed_a.stops[-1].start
-            yield _given_way(clause, staging, placed_a, placed_b, start, unheld, zone)
+            yield _given_way(clause, schedule, placed_a, placed_b, start, unheld, zone)
 
 
-def _slowed(a: Actor, s: float, pace: float, nodes: FloatArray) -> tuple[Actor, _Unheld] | None:
+def _slowed(
+    a: ScheduledAgent, s: float, pace: float, nodes: FloatArray
+) -> tuple[ScheduledAgent, _UnheldMotion] | None:
     """Who slows to a share `pace` of its approach speed at `s` [m]; None if that is no yield."""
     too_far = nodes.min() - s >= UPSTREAM[a.candidate.route.type]
     if s <= 2.0 or too_far or not _gets_going(a, s):
@@ -276,66 +295,77 @@ def _slowed(a: Actor, s: float, pace: float, nodes: FloatArray) -> tuple[Actor, 
     return rolling, _unheld(a, hold, at, nodes, earlier)
 
 
-def _gets_going(a: Actor, s: float) -> bool:
+def _gets_going(a: ScheduledAgent, s: float) -> bool:
     """Whether it drives fast enough before `s` [m], if it comes from a red light."""
     return all(s - stop.s > _SETS_OFF for stop in a.stops if stop.at_red)
 
 
-def _rolls(a: Actor, hold: StopCommand, stands: float, zone: Encounter) -> float:
+def _rolls(a: ScheduledAgent, hold: StopCommand, stands: float, zone: PathConflict) -> float:
     """How long it takes from its release to the zone [s]."""
     release = stands + _STANDS
     motion = compute_motion(a.candidate, holds=(replace(hold, release=release),))
-    return motion.time_at(float(zone.s_a[zone.i].min())) - release
+    return motion.find_time_at(float(zone.s_a[zone.i].min())) - release
 
 
 def _released(
-    clause: GivesWay, a: Actor, b: Actor, stop: Stop, zone: Encounter, setting: Setting
-) -> Actor | None:
+    clause: GivesWay,
+    a: ScheduledAgent,
+    b: ScheduledAgent,
+    stop: Stop,
+    zone: PathConflict,
+    context: SolverContext,
+) -> ScheduledAgent | None:
     """Who gives way, held until then, or until the PET asked for; None if that is no yield."""
     held = a.edited(stops=_joined(a.stops, stop))
-    wanted = setting.pet_of(clause)
+    wanted = context.get_requested_pet(clause)
     if wanted is None:
-        return held if _passes_well(clause, held, b, zone, setting) else None
+        return held if _passes_well(clause, held, b, zone, context) else None
     middle = (wanted.low + wanted.high) / 2
     later = middle - _pet(held, b, zone)
     earliest = stop.start + _STANDS
     until = max(stop.until + later, earliest) if np.isfinite(later) else stop.until
     held = a.edited(stops=_joined(a.stops, replace(stop, until=until)))
-    return held if _passes_well(clause, held, b, zone, setting) else None
+    return held if _passes_well(clause, held, b, zone, context) else None
 
 
 def _passes_well(
-    clause: GivesWay, held: Actor, other: Actor, zone: Encounter, setting: Setting
+    clause: GivesWay,
+    held: ScheduledAgent,
+    other: ScheduledAgent,
+    zone: PathConflict,
+    context: SolverContext,
 ) -> bool:
     """The yield as edited: clear of the other by 0.4 m, PET between 0.6 and 7 s, or as asked."""
-    wanted = setting.pet_of(clause)
+    wanted = context.get_requested_pet(clause)
     low, high = _PETS if wanted is None else (wanted.low, wanted.high)
-    clearance, _, _ = least_clearance(held, other)
+    clearance, _, _ = find_least_clearance(held, other)
     pet = _pet(held, other, zone)
     if clearance >= _CLEARANCE and low - 0.02 <= pet <= high + 0.02:
         return True
     if clearance < _CLEARANCE:
         words = f"{clause.first} keeps only {max(clearance, 0.0):.1f} m clear of {clause.second}"
-        setting.missed(clause, Reached.PLACE, words)
+        context.note_miss(clause, FailureStage.PLACE, words)
         return False
     if wanted is not None:
-        _pet_is(pet, clause, wanted, setting)
+        _pet_is(pet, clause, wanted, context)
     else:
         words = f"a PET of {low:g} to {high:g} s after the yield: it is {pet:.1f} s"
-        setting.missed(clause, Reached.MEASURE, words, off=max(low - pet, pet - high))
+        context.note_miss(clause, FailureStage.MEASURE, words, off=max(low - pet, pet - high))
     return False
 
 
-def _pet_is(pet: float, clause: GivesWay, wanted: TimeGap, setting: Setting) -> None:
+def _pet_is(pet: float, clause: GivesWay, wanted: TimeGap, context: SolverContext) -> None:
     """Tells that only this PET [s] was possible."""
     asked, extreme = (wanted.low + wanted.high) / 2, "shortest" if pet > wanted.high else "longest"
     words = f"a PET of {asked:g} s after the yield: the {extreme} possible is {pet:.1f} s"
-    setting.missed(clause, Reached.MEASURE, words, off=max(wanted.low - pet, pet - wanted.high))
+    context.note_miss(
+        clause, FailureStage.MEASURE, words, off=max(wanted.low - pet, pet - wanted.high)
+    )
 
 
-def _pet(held: Actor, other: Actor, zone: Encounter) -> float:
-    meetings = meeting_offsets(zone, held.motion, other.motion, c=0.0, exact=True)
-    return gap_to(meetings, other.enters - held.enters)
+def _pet(held: ScheduledAgent, other: ScheduledAgent, zone: PathConflict) -> float:
+    meetings = find_conflict_intervals(zone, held.motion, other.motion, c=0.0, exact=True)
+    return compute_gap(meetings, other.enters - held.enters)
 
 
 def _joined(stops: tuple[Stop, ...], stop: Stop) -> tuple[Stop, ...]:
@@ -349,16 +379,16 @@ def _joined(stops: tuple[Stop, ...], stop: Stop) -> tuple[Stop, ...]:
 
 
 def _holds(stops: tuple[Stop, ...], enters: float) -> tuple[StopCommand, ...]:
-    return tuple(hold_of(stop, enters) for stop in stops)
+    return tuple(to_stop_command(stop, enters) for stop in stops)
 
 
-def passage(motion: Motion, nodes: FloatArray) -> tuple[float, float]:
+def compute_passage(motion: Motion, nodes: FloatArray) -> tuple[float, float]:
     """Local times [s] of reaching the first and leaving the last of the nodes."""
-    return motion.time_at(float(nodes.min())), motion.time_at(float(nodes.max()))
+    return motion.find_time_at(float(nodes.min())), motion.find_time_at(float(nodes.max()))
 
 
 @dataclass(frozen=True, eq=False)
-class _Unheld:
+class _UnheldMotion:
     """How who gives way would have driven on, free from where it began to slow.
 
     Attributes:
@@ -375,8 +405,12 @@ class _Unheld:
 
 
 def _unheld(
-    a: Actor, hold: StopCommand, stands: float, nodes: FloatArray, others: tuple[StopCommand, ...]
-) -> _Unheld:
+    a: ScheduledAgent,
+    hold: StopCommand,
+    stands: float,
+    nodes: FloatArray,
+    others: tuple[StopCommand, ...],
+) -> _UnheldMotion:
     """It began at the last moment at which it still drove its approach speed (less 0.3 m/s).
 
     Where it stood before (at `others`), it approaches from there.
@@ -391,12 +425,12 @@ def _unheld(
     begin = int(np.nonzero(speed >= approach - min(0.3, 0.3 * approach))[0][-1])
     law = DrivingProfile(speed=approach, **_FREE)
     free = compute_motion(replace(a.candidate, time_law=law), holds=earlier)
-    shift = STEP * begin - free.time_at(float(s[begin]))
-    first, last = passage(free, nodes)
-    return _Unheld(first + shift, last + shift, STEP * begin, approach, free)
+    shift = STEP * begin - free.find_time_at(float(s[begin]))
+    first, last = compute_passage(free, nodes)
+    return _UnheldMotion(first + shift, last + shift, STEP * begin, approach, free)
 
 
-def _merging(a: Actor, b: Actor) -> bool:
+def _merging(a: ScheduledAgent, b: ScheduledAgent) -> bool:
     """Whether the two go on in one lane after the zone."""
     if "pedestrian" in (a.candidate.route.type, b.candidate.route.type):
         return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.reader.reading import Reading
 
 _SIDES = re.compile(
@@ -15,9 +16,7 @@ _MEASURES = re.compile(
     r"\b\d+(?:[.,]\d+)?\s?(?:m/s|km/?h|kph|mph|seconds?|secs?|s|met(?:re|er)s?|m|cm|feet|ft|am|pm)\b",
     re.IGNORECASE,
 )
-_NEGATIONS = re.compile(
-    r"\b(?:not|never|nobody|no one|none|neither|without|cannot|except)\b|n['’]t\b", re.IGNORECASE
-)
+_NEGATIONS = compile_negations("no one", "none", "cannot")
 _DENYING = ("normal", "bgveh", "bgped", "bgall", "del", "density", "manner", "jay", "red", "pace")
 _NEAR = 30
 """Characters between a negation and the span that takes account of it."""

@@ -15,7 +15,7 @@ from scenewright.backends.builtin.reader.annotation import (
     SEPARATOR,
     SIDES,
 )
-from scenewright.backends.builtin.reader.measures import Measure, measure_in
+from scenewright.backends.builtin.reader.measures import Measure, measure_in, speed_range
 from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a_street
@@ -50,6 +50,12 @@ _BEYOND = {
     "decel": "braking rates cannot be asked for", "accel": "accelerations cannot be asked for",
     "first": "who passes first cannot be asked for",
 }  # fmt: skip
+LATER_STAGE: dict[str, Became] = {
+    **{_BEYOND[tag]: "constraint" for tag in ("speed", "headway", "gap", "dist", "first")},
+    **{_BEYOND[tag]: "behavior" for tag in ("act", "wait", "decel", "accel")},
+}
+"""By note: the account of words that a later stage may serve where a model answers it."""
+
 _MOST_BACKGROUND = 20
 _LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?:/?[Bb])?(?![A-Za-z'’])")
 _NAME = re.compile(r"(?<![a-z])(north|south|east|west)(?:-?(east|west))?", re.IGNORECASE)
@@ -338,8 +344,21 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
         _brake(result, span)
         return
+    if span.tag == "speed" and _gives_speed(result, span):
+        result.enter(span, "constraint", span.subjects)
+        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
+
+
+def _gives_speed(result: Interpretation, span: ReadSpan) -> bool:
+    """Whether the span gives agents of the scene a speed that a clause can hold."""
+    agents = result.agents_of(span.subjects)
+    return (
+        not span.negated
+        and len(agents) == len(span.subjects) > 0
+        and all(speed_range(span.words, agent.type) for agent in agents)
+    )
 
 
 def side_of(span: ReadSpan) -> str | None:

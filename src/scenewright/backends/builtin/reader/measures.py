@@ -29,6 +29,16 @@ _METRES = (
     (re.compile(r"inch|(?<=\d)\""), 0.0254),
     (re.compile(r"\bm\b|met(?:re|er)s?\b|(?<=\d)m\b"), 1.0),
 )
+_AROUND = 0.5
+"""How far from a speed asked for an agent may be [m/s] (SEMANTICS 8)."""
+
+_SPEEDS = {"vehicle": (5.0, 14.0), "pedestrian": (1.0, 1.7)}
+"""Free speeds by class [m/s]."""
+
+_BOUND = re.compile(
+    r"\b(?:over|above|more|faster|least|under|below|less|slower|most|up to|about|around|roughly|"
+    r"between|nearly|almost|exceed\w*|from|not|never|too|limit)\b|\d\s*(?:-|–|to)\s*\d"
+)
 _ONE_UNIT = re.compile(r"\ban? (?:second|met(?:re|er)|foot|inch|heartbeat)")
 _ACCELERATION = re.compile(r"m\s*/?\s*s\s*(?:2|²|\^2)|met\w+ per second squared")
 _GRAVITY = re.compile(r"(?<=\d)\s*g\b")
@@ -63,6 +73,20 @@ def measure_in(words: str) -> Measure | None:
         if pattern.search(low):
             return Measure(number * factor, "m")
     return Measure(number, "s" if _SECONDS.search(low) else "")
+
+
+def speed_range(words: str, agent: str) -> tuple[float, float] | None:
+    """The speeds [m/s] that words such as "at 30 km/h" allow an agent; None where they give none.
+
+    A speed that no agent of the class drives or walks at, and a bound ("over 30 km/h") are none.
+    """
+    measure = measure_in(words)
+    if measure is None or measure.unit != "m/s" or _BOUND.search(words.lower()):
+        return None
+    slowest, fastest = _SPEEDS[agent.partition("-")[0]]
+    if not slowest <= measure.value <= fastest:
+        return None
+    return round(measure.value - _AROUND, 2), round(measure.value + _AROUND, 2)
 
 
 def _number(low: str) -> float | None:

@@ -1,0 +1,133 @@
+"""From waypoints to a smooth path (paper Eq. 3): a cubic spline that passes through them all.
+
+Ten waypoints lie about 10 m apart, too far for a plain spline to hold a tight turn. Where a base
+curve is given (the mean path of the mixture component that the waypoints come from), the spline
+therefore runs through the *deviations* from it, which are small and slow. It still passes exactly
+through the waypoints.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from scenewright.compiled import compiled
+from scenewright.scene.base import FloatArray, frozen
+from scenewright.scene.candidates import K, Path
+
+PER_INTERVAL = 24
+"""Points of a base curve between two waypoints."""
+DENSE = (K - 1) * PER_INTERVAL + 1
+"""Points of a base curve."""
+SPACING = 0.5
+"""Between points of a path [m], to the nearest that divides its length."""
+_CURVATURE_WINDOW = 2.0
+"""Over which curvature is smoothed [m]."""
+
+
+def build_spline_path(waypoints: FloatArray, *, base: FloatArray | None = None) -> Path:
+    """The path through waypoints [K, 2], about a base curve [DENSE, 2] where one is given."""
+    if base is None:
+        return build_even_path(compute_spline_matrix() @ waypoints)
+    return build_even_path(base + compute_spline_matrix() @ (waypoints - base[::PER_INTERVAL]))
+
+
+def compute_dense_curves(waypoints: FloatArray) -> FloatArray:
+    """[m, DENSE, 2] splines through waypoints [m, K, 2]."""
+    return np.asarray(np.einsum("pk,mkd->mpd", compute_spline_matrix(), waypoints))
+
+
+@lru_cache(maxsize=1)
+def compute_spline_matrix() -> FloatArray:
+    """[DENSE, K] natural cubic spline as a linear map: values at the knots to values between."""
+    second = np.zeros((K, K))
+    inner = np.arange(1, K - 1)
+    system = np.eye(K) * 4.0 + np.eye(K, k=1) + np.eye(K, k=-1)
+    system[0], system[-1] = np.eye(K)[0], np.eye(K)[-1]
+    second[inner, inner - 1], second[inner, inner], second[inner, inner + 1] = 6.0, -12.0, 6.0
+    bend = np.linalg.solve(system, second)
+    at = np.linspace(0.0, K - 1.0, DENSE)
+    knot = np.minimum(at.astype(int), K - 2)
+    t = (at - knot)[:, None]
+    straight = (1 - t) * np.eye(K)[knot] + t * np.eye(K)[knot + 1]
+    bent = ((1 - t) ** 3 - (1 - t)) * bend[knot] + (t**3 - t) * bend[knot + 1]
+    return frozen(straight + bent / 6.0)
+
+
+def build_even_path(curve: FloatArray) -> Path:
+    """A curve [P, 2] as a path with even spacing, heading and smoothed curvature."""
+    return Path(*_resample_evenly(curve))
+
+
+# ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _resample_evenly(curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Points [N, 2] [m], arc length [m], heading [rad] and curvature [1/m] of an even path."""
+    length = _measure_arc_lengths(curve)
+    last = max(int(np.rint(length[-1] / SPACING)), 2)
+    s = np.arange(last + 1) * (length[-1] / last)
+    s[-1] = length[-1]
+    xy = _interpolate_points(curve, length, s)
+    heading, turning = _measure_directions(xy, s[1])
+    return xy, s, heading, _average(turning, max(int(np.rint(_CURVATURE_WINDOW / s[1] / 2)), 1))
+
+
+@compiled
+def _measure_arc_lengths(curve: FloatArray) -> FloatArray:
+    """[P] arc length of the points of a curve [m]."""
+    length = np.zeros(len(curve))
+    for k in range(1, len(curve)):
+        step = np.hypot(curve[k, 0] - curve[k - 1, 0], curve[k, 1] - curve[k - 1, 1])
+        length[k] = length[k - 1] + step
+    return length
+
+
+@compiled
+def _interpolate_points(curve: FloatArray, length: FloatArray, s: FloatArray) -> FloatArray:
+    """[N, 2] the points of a curve at ascending arc lengths [m]."""
+    xy = np.empty((len(s), 2))
+    k = 0
+    for n in range(len(s)):
+        while k < len(length) - 2 and length[k + 1] <= s[n]:
+            k += 1
+        # A curve whose last points coincide ends with a step of no length.
+        ends = s[n] >= length[-1]
+        share = 1.0 if ends else (s[n] - length[k]) / (length[k + 1] - length[k])
+        for axis in range(2):
+            xy[n, axis] = curve[k, axis] + share * (curve[k + 1, axis] - curve[k, axis])
+    return xy
+
+
+@compiled
+def _measure_directions(xy: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Heading [rad] and curvature [1/m] at points; headings are the first one and the turns since.
+
+    Without jumps by construction.
+    """
+    heading, turning = np.empty(len(xy)), np.zeros(len(xy))
+    dx, dy = xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]
+    now = heading[0] = np.arctan2(dy, dx)
+    for k in range(1, len(xy) - 1):
+        further_x, further_y = xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1]
+        cross, dot = dx * further_y - dy * further_x, dx * further_x + dy * further_y
+        turn = np.arctan2(cross, dot)
+        heading[k], turning[k] = now + 0.5 * turn, turn / spacing
+        now += turn
+        dx, dy = further_x, further_y
+    heading[-1] = now
+    return heading, turning
+
+
+@compiled
+def _average(values: FloatArray, half: int) -> FloatArray:
+    """A moving mean over 2 half + 1 values; the ends hold theirs."""
+    out, last = np.empty(len(values)), len(values) - 1
+    for k in range(len(values)):
+        total = 0.0
+        for n in range(k - half, k + half + 1):
+            total += values[min(max(n, 0), last)]
+        out[k] = total / (2 * half + 1)
+    return out

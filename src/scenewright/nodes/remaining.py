@@ -1,0 +1,120 @@
+"""Words that no field of the plan holds: which are left to a stage, and what became of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal
+
+from scenewright.backends import STAGE_OF, Backend, Task, speaker
+from scenewright.errors import Rejected
+from scenewright.nodes.ask import latest
+from scenewright.scene.account import SaidSpan
+from scenewright.scene.phrasing import describe_graph
+from scenewright.scene.rejection import Rejection, Stage
+from scenewright.scene.remaining import AddedClauses, AddedStops, Unserved
+from scenewright.scene.social import SocialGraph
+from scenewright.tools.dsl_validator.parse import format_clause
+
+Left = tuple[int, SaidSpan]
+"""An entry of the account by its index, and the words."""
+
+
+def list_remaining(graph: SocialGraph, became: Literal["constraint", "behavior"]) -> list[Left]:
+    """The words that the plan leaves to a stage."""
+    return [(n, each) for n, each in enumerate(graph.said) if each.became == became]
+
+
+def words_as_facts(left: Sequence[Left], graph: SocialGraph) -> list[dict[str, Any]]:
+    """The words as a question has them, numbered from 1, with the agents that there are."""
+    known = {agent.id for agent in graph.agents}
+    return [
+        {
+            "number": number,
+            "words": each.words,
+            "agents": [name for name in each.agents if name in known],
+        }
+        for number, (_, each) in enumerate(left, start=1)
+    ]
+
+
+def is_last_answer(
+    backend: Backend, task: Task, rejections: list[Rejection], *, budget: int
+) -> bool:
+    """Whether the stage may not ask again: a rule answers alike, and a model has its budget."""
+    return speaker(backend, task).deterministic or len(latest(rejections, STAGE_OF[task])) >= budget
+
+
+def refuse_numbers(
+    served: Sequence[int],
+    count: int,
+    *,
+    stage: Literal["waypoint_filter", "event_reasoner"],
+) -> None:
+    """Every one of the words has a place in the reply, and no others do.
+
+    Raises:
+        Rejected: `malformed_reply`, naming the numbers.
+    """
+    missing = sorted(set(range(1, count + 1)) - set(served))
+    unknown = sorted(set(served) - set(range(1, count + 1)))
+    if unknown:
+        detail = f"words {unknown[0]}: they are numbered from 1 to {count}"
+    elif missing:
+        told = ", ".join(map(str, missing))
+        detail = f"nothing is said of words {told}; serve them, or list them under 'cannot'"
+    else:
+        return
+    raise Rejected(Rejection(stage=stage, code="malformed_reply", detail=detail))
+
+
+def leave_all(left: Sequence[Left], note: str) -> tuple[Unserved, ...]:
+    """All of the words as unserved, for one reason."""
+    return tuple(Unserved(entry=entry, note=note) for entry, _ in left)
+
+
+def refuse_unrealised(graph: SocialGraph, notes: Mapping[int, str], stage: Stage) -> None:
+    """Words that nothing in a scene can stand for are refused, not dropped (SEMANTICS 8).
+
+    Args:
+        notes: by index of the account: why nothing stands for the words.
+
+    Raises:
+        Rejected: `out_of_scope`, naming the words and a sentence without them.
+    """
+    if not notes:
+        return
+    words = "; ".join(f"'{graph.said[entry].words}' ({why})" for entry, why in notes.items())
+    raise Rejected(
+        Rejection(
+            stage=stage,
+            code="out_of_scope",
+            detail=f"This cannot be part of a scene: {words}. Allow to leave it out with "
+            f"--lenient, or say: '{describe_graph(graph)}'",
+        )
+    )
+
+
+def close_account(
+    said: Sequence[SaidSpan], clauses: AddedClauses, stops: AddedStops
+) -> tuple[SaidSpan, ...]:
+    """The account, with what the words left to later stages became."""
+    values: dict[int, list[str]] = {}
+    for added in clauses.clauses:
+        values.setdefault(added.entry, []).append(format_clause(added.clause))
+    for stop in stops.stops:
+        if stop.start is not None and stop.until is not None:
+            stands = f"{stop.agent} stands {stop.start:.1f}-{stop.until:.1f} s"
+            values.setdefault(stop.entry, []).append(stands)
+    notes = _notes((*clauses.unserved, *stops.unserved))
+    return tuple(
+        each.model_copy(update={"became": "nothing", "note": notes[n]})
+        if n in notes
+        else each.model_copy(update={"value": "; ".join(values[n])})
+        if n in values
+        else each
+        for n, each in enumerate(said)
+    )
+
+
+def _notes(unserved: Iterable[Unserved]) -> dict[int, str]:
+    return {each.entry: each.note for each in unserved}

@@ -1,0 +1,105 @@
+"""Check of a map file from an unknown source before any reader opens it.
+
+Refused are document type declarations (with them entity bombs and references to other files) and
+files that are not well-formed, too large, too deep, or no map. A file that passes declares no
+entity, so that a reader with its own parser (netconvert) cannot be misled.
+"""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+from typing import Any, Literal
+from xml.parsers import expat
+
+from scenewright.errors import InputError
+
+MapFormat = Literal["osm", "lanelet2", "opendrive", "sumo"]
+
+MAX_BYTES = 100_000_000
+MAX_ELEMENTS = 3_000_000
+MAX_DEPTH = 64
+_BLOCK = 1 << 20
+_ROOTS: dict[str, MapFormat] = {"osm": "osm", "OpenDRIVE": "opendrive", "net": "sumo"}
+_SUPPORTED = "OpenStreetMap .osm, Lanelet2 .osm, OpenDRIVE .xodr or SUMO .net.xml"
+
+
+def detect_map_format(file: Path) -> MapFormat:
+    """The format of a map file that is safe to read.
+
+    Raises:
+        InputError: missing, too large, not well-formed, declaring entities, or no map.
+    """
+    _check_size(file)
+    scan = _Scan(file)
+    try:
+        scan.read()
+    except expat.ExpatError as fault:
+        raise InputError(
+            f"{file} is not well-formed XML ({expat.ErrorString(fault.code)}, line {fault.lineno});"
+            " is it cut off?"
+        ) from None
+    except OSError as fault:
+        raise InputError(f"cannot read {file}: {fault.strerror or fault}") from None
+    if scan.format is None:
+        raise InputError(f"{file} is no map that can be read: {_SUPPORTED}")
+    return "lanelet2" if scan.has_lanelets else scan.format
+
+
+def _check_size(file: Path) -> None:
+    try:
+        found = file.stat()
+    except (OSError, ValueError) as fault:
+        raise InputError(f"cannot read {file}: {getattr(fault, 'strerror', fault)}") from None
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"cannot read {file}: it is no file")
+    if found.st_size > MAX_BYTES:
+        raise InputError(
+            f"{file} has {found.st_size / 1e6:.0f} MB, a map may have {MAX_BYTES / 1e6:.0f}; "
+            "cut out the surroundings of the junction first"
+        )
+
+
+class _Scan:
+    """One pass over a document with expat, which keeps nothing of it."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self.format: MapFormat | None = None
+        self.has_lanelets = False
+        self._elements = self._depth = 0
+
+    def read(self) -> None:
+        parser: Any = expat.ParserCreate()
+        parser.StartElementHandler = self._start_element
+        parser.EndElementHandler = self._end_element
+        parser.StartDoctypeDeclHandler = self._refuse_declaration
+        parser.EntityDeclHandler = self._refuse_declaration
+        parser.ExternalEntityRefHandler = self._refuse_declaration
+        with self.file.open("rb") as stream:
+            while block := stream.read(_BLOCK):
+                parser.Parse(block, False)
+        parser.Parse(b"", True)
+
+    def _start_element(self, name: str, attributes: dict[str, str]) -> None:
+        self._elements += 1
+        self._depth += 1
+        if self._depth == 1:
+            self.format = _ROOTS.get(name)
+            if self.format is None:
+                raise InputError(
+                    f"{self.file} begins with <{name[:40]}>, so it is none of {_SUPPORTED}"
+                )
+        if self._elements > MAX_ELEMENTS or self._depth > MAX_DEPTH:
+            raise InputError(f"{self.file} has more elements, or deeper ones, than a map has")
+        if name == "tag" and attributes.get("k") == "type" and attributes.get("v") == "lanelet":
+            self.has_lanelets = True
+
+    def _end_element(self, _name: str) -> None:
+        self._depth -= 1
+
+    def _refuse_declaration(self, *_: object) -> None:
+        raise InputError(
+            f"{self.file} declares a document type or entities, which no map needs; "
+            "remove the <!DOCTYPE ...> if you trust the file"
+        )

@@ -1,0 +1,234 @@
+"""The ground of a surveyed junction: road, sidewalks, crosswalks and the paths along them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenewright.geometry.polyline import resample_by_spacing, rotate_left
+from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.legs import SurveyLeg, orient_outwards
+from scenewright.tools.map_import.map_parts import geos, list_lines
+from scenewright.tools.map_import.survey import SurveyCrossing
+
+_SIDEWALK_WIDTH, _CROSSWALK_WIDTH = 3.0, 4.0
+"""Of derived ones [m]."""
+_WALK = 15.0
+"""How far beside a crosswalk pedestrians come from and go to [m]."""
+_CLOSING = 2.5
+"""Gaps of up to twice that between lanes are paved, and kerbs are rounded with it [m]."""
+_SMALLEST_ISLAND = 120.0
+"""Islands smaller than this are paved [m^2]."""
+_SETBACK, _STOP_GAP = 0.6, 1.2
+_SLACK = 2.5
+"""How much longer a crosswalk may be than the shortest line across its leg [m]."""
+_SEARCH = 22.0
+"""How far out of the junction a place for a crosswalk is looked for [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class CrosswalkPlacement:
+    """Where a crosswalk crosses a leg.
+
+    Attributes:
+        distance: outwards from the leg's throat [m].
+        ends: [2, 2] kerb on the left and on the right, looking outwards [m].
+        is_mapped: whether the file has it.
+    """
+
+    distance: float
+    ends: FloatArray
+    width: float
+    is_mapped: bool
+
+    @property
+    def area(self) -> Any:
+        """The marked area, from kerb to kerb, over any island in between."""
+        return geos.LineString(self.ends).buffer(self.width / 2, cap_style="flat")
+
+    @property
+    def stop_distance(self) -> float:
+        """Where traffic stops before it, outwards from the throat [m]."""
+        return self.distance + self.width / 2 + _STOP_GAP
+
+
+def build_road(lanes: Sequence[tuple[FloatArray, float]], outlines: Sequence[FloatArray]) -> Any:
+    """The paved area of lanes (line, width) and outlines, small gaps and islands closed."""
+    parts = [geos.LineString(line).buffer(width / 2, cap_style="flat") for line, width in lanes]
+    parts += [geos.Polygon(outline).buffer(0) for outline in outlines if len(outline) > 2]
+    road = geos.union_all([part for part in parts if not part.is_empty])
+    road = road.buffer(_CLOSING, quad_segs=8).buffer(-_CLOSING, quad_segs=8).union(road)
+    paved = geos.union_all([_pave_islands(polygon) for polygon in list_polygons(road)])
+    return max(list_polygons(paved), key=lambda p: float(p.area)).simplify(0.02)
+
+
+def _pave_islands(polygon: Any) -> Any:
+    islands = [h for h in polygon.interiors if geos.Polygon(h).area > _SMALLEST_ISLAND]
+    return geos.Polygon(polygon.exterior, islands)
+
+
+def list_polygons(area: Any) -> list[Any]:
+    """The polygons of any geometry."""
+    return [p for p in getattr(area, "geoms", [area]) if p.geom_type == "Polygon" and p.area > 0]
+
+
+def build_square(extent: float) -> Any:
+    """The square that a map covers."""
+    return geos.box(-extent, -extent, extent, extent)
+
+
+def place_crosswalk(
+    leg: SurveyLeg, road: Any, crossings: Sequence[SurveyCrossing], *, room: float
+) -> CrosswalkPlacement | None:
+    """Where the leg is crossed: as mapped, else at the first place past the kerbs' curves.
+
+    Args:
+        room: how far outwards from the throat it may lie at most [m].
+    """
+    if own := [each for each in crossings if _is_on_leg(each, leg)]:
+        mapped = _place_mapped_crosswalk(own, leg, road)
+        if mapped is not None and mapped.distance < room:
+            return mapped
+    first = _SETBACK + _CROSSWALK_WIDTH / 2 + _measure_lane_reach(leg)
+    distances = np.arange(first, max(min(first + _SEARCH, room), first + 0.6), 0.5).tolist()
+    cuts = [(t, _cut_road(leg, road, leg.throat + t * leg.outwards)) for t in distances]
+    found = [
+        (float(np.hypot(*(ends[1] - ends[0]))), t, ends) for t, ends in cuts if ends is not None
+    ]
+    if not found:
+        return None
+    longest = min(length for length, _, _ in found) + _SLACK
+    distance, ends = next((t, ends) for length, t, ends in found if length <= longest)
+    return CrosswalkPlacement(distance, ends, _CROSSWALK_WIDTH, False)
+
+
+def _measure_lane_reach(leg: SurveyLeg) -> float:
+    """How far out of its throat the last of a leg's lanes leaves the junction [m]."""
+    starts = [orient_outwards(*lane)[0] for lane in leg.directed_lanes]
+    reach = [float((start - leg.throat) @ leg.outwards) for start in starts]
+    return float(np.clip(max(reach), 0.0, 8.0))
+
+
+def _is_on_leg(crossing: SurveyCrossing, leg: SurveyLeg) -> bool:
+    middle = crossing.line.mean(axis=0) - leg.throat
+    lateral = abs(float(middle @ rotate_left(leg.outwards)))
+    across = crossing.line[1] - crossing.line[0]
+    slant = abs(float(across @ leg.outwards)) / max(float(np.hypot(*across)), 1e-9)
+    half = 3.5 * len(leg.lanes) + 6.0
+    return -8.0 < float(middle @ leg.outwards) < _SEARCH and lateral < half and slant < 0.6
+
+
+def _place_mapped_crosswalk(
+    pieces: Sequence[SurveyCrossing], leg: SurveyLeg, road: Any
+) -> CrosswalkPlacement | None:
+    """One line across a leg from all pieces into which islands divide a mapped crossing."""
+    points = np.concatenate([piece.line for piece in pieces])
+    middle = points.mean(axis=0)
+    ends = _cut_road(leg, road, middle, across=np.linalg.svd(points - middle)[2][0])
+    if ends is None:
+        return None
+    width = float(np.median([piece.width for piece in pieces]))
+    distance = float((middle - leg.throat) @ leg.outwards)
+    return CrosswalkPlacement(distance, ends, float(np.clip(width, 2.0, 6.0)), True)
+
+
+def _cut_road(
+    leg: SurveyLeg, road: Any, middle: FloatArray, *, across: FloatArray | None = None
+) -> FloatArray | None:
+    """[2, 2] kerbs left and right of a place on the leg, looking outwards; None off the road.
+
+    Args:
+        across: direction of the line from kerb to kerb; None is at right angles to the leg.
+    """
+    left = rotate_left(leg.outwards)
+    if across is not None:
+        left = across if float(across @ left) > 0 else -across
+    cut = geos.LineString([middle + 45.0 * left, middle - 45.0 * left]).intersection(road)
+    lanes = [geos.LineString(line) for line in _extend_into_junction(leg)]
+    own = [p for p in list_lines(cut) if any(p.distance(lane) < 0.5 for lane in lanes)]
+    if not own:
+        return None
+    ends = np.concatenate([np.array(p.coords)[:, :2] for p in own])
+    order = np.argsort((ends - middle) @ -left)
+    return np.asarray(ends[order[[0, -1]]])
+
+
+def _extend_into_junction(leg: SurveyLeg) -> Iterator[FloatArray]:
+    """The leg's lanes from the junction outwards, each beginning twenty metres farther inside."""
+    for lane in leg.directed_lanes:
+        line = orient_outwards(*lane)
+        yield np.concatenate([line[:1] - 20.0 * leg.outwards, line])
+
+
+def build_sidewalks(road: Any, extent: float) -> Any:
+    """Derived sidewalks: a strip along every outer kerb."""
+    outer = _fill_islands(road)
+    strip = outer.buffer(_SIDEWALK_WIDTH, quad_segs=8).difference(outer)
+    return strip.intersection(build_square(extent))
+
+
+def _fill_islands(road: Any) -> Any:
+    return geos.union_all([geos.Polygon(p.exterior) for p in list_polygons(road)])
+
+
+def build_corner_lines(
+    road: Any, legs: Sequence[SurveyLeg], extent: float
+) -> dict[int, FloatArray]:
+    """By leg: the middle of the sidewalk from its left side round to the next leg's right side.
+
+    [P, 2] every half metre, from the leg (looking outwards its left) to the next leg
+    counter-clockwise. A corner without one is missing.
+    """
+    kerb = _fill_islands(road).buffer(_SIDEWALK_WIDTH / 2, quad_segs=8).boundary
+    merged = geos.line_merge(kerb.intersection(build_square(extent)))
+    pieces = [np.array(p.coords) for p in getattr(merged, "geoms", [merged]) if p.length > 8.0]
+    angles = [_find_exit_angle(leg, extent) for leg in legs]
+    found: dict[int, tuple[float, FloatArray]] = {}
+    for piece in pieces:
+        ends = [math.atan2(end[1], end[0]) for end in piece[[0, -1]]]
+        behind = [min(range(len(legs)), key=lambda k: (a - angles[k]) % math.tau) for a in ends]
+        if behind[0] != behind[1]:
+            continue
+        k = behind[0]
+        first, last = ((angle - angles[k]) % math.tau for angle in ends)
+        line = piece if first < last else piece[::-1]
+        # Islands between the two directions of a leg end close to where they began.
+        if k not in found or abs(first - last) > found[k][0]:
+            found[k] = (abs(first - last), resample_by_spacing(line, 0.5))
+    return {k: line for k, (_, line) in found.items()}
+
+
+def _find_exit_angle(leg: SurveyLeg, extent: float) -> float:
+    """The direction in which a leg leaves the map, seen from the origin [rad]."""
+    points = []
+    for lane in leg.directed_lanes:
+        line = resample_by_spacing(orient_outwards(*lane), 1.0)
+        inside = np.abs(line).max(axis=1) <= extent
+        points.append(line[np.flatnonzero(inside)[-1]] if inside.any() else line[0])
+    middle = np.mean(points, axis=0)
+    return math.atan2(middle[1], middle[0])
+
+
+def build_crossing_line(
+    placement: CrosswalkPlacement, left: FloatArray, right: FloatArray, *, before: str, after: str
+) -> FloatArray:
+    """[P, 2] the path of a pedestrian who crosses from the left side of a leg to its right side.
+
+    Args:
+        left: corner line from this leg to the next; right: from the leg before to this one.
+        before, after: `leg` for the sidewalk of the leg crossed, `along` for the one beyond it.
+    """
+    start = _follow_corner(left, placement.ends[0], towards_start=before == "leg")[::-1]
+    end = _follow_corner(right, placement.ends[1], towards_start=after == "along")
+    return np.concatenate([start, end])
+
+
+def _follow_corner(corner: FloatArray, kerb: FloatArray, *, towards_start: bool) -> FloatArray:
+    """From beside the kerb point some metres along the corner line, in one direction."""
+    k = int(np.argmin(np.hypot(*(corner - kerb).T)))
+    part = corner[k::-1] if towards_start else corner[k:]
+    return part[: max(round(_WALK / 0.5), 2) + 1]

@@ -1,0 +1,504 @@
+"""Reader of Lanelet2 maps (.osm): lanelets between a left and a right bound, in degrees.
+
+Read with the standard parser: the files are plain XML once checked, and maps in the wild lack what
+the Lanelet2 library insists on (types, subtypes, consistent bounds).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.geometry.geographic import (
+    LatLon,
+    is_in_degrees,
+    project_mercator,
+    project_to_degrees,
+)
+from scenewright.geometry.polyline import (
+    drop_doubled_points,
+    measure_distances,
+    measure_length,
+    resample_by_spacing,
+    resample_to_count,
+    smooth_gaussian,
+)
+from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.map_parts import geos
+from scenewright.tools.map_import.survey import (
+    Survey,
+    SurveyConnection,
+    SurveyCrossing,
+    SurveyLane,
+)
+
+_FARTHEST = 3_000.0
+"""A node farther from the middle belongs to no intersection [m]."""
+_TOUCHING = 0.6
+"""Ends of lanelets that lie closer are joined [m]; drawn maps share no nodes there."""
+_OVERLAP = 2.5
+"""Lanelets that share more ground cross or merge [m^2]."""
+_DEFAULT_SPEED = 50.0
+_MOST_LANELETS = 12
+_SHORTEST_LANE = 2.0
+"""A path that is outside the junction for less [m] at either end is cut off."""
+_MARGIN = 0.5
+_ABREAST = 5.0
+"""Lanelets that stay closer [m] all along are lanes side by side."""
+_SPLIT = 4.0
+"""Lanelets at the edge of the map that begin closer to one another [m] split there."""
+_SHARPEST = 35.0
+"""Radius of a curve that belongs to a turn, not to a leg [m]."""
+_GRAFT_TURN = math.radians(40.0)
+_LONGEST_APPROACH = 150.0
+_FOR_PEDESTRIANS = ("crosswalk", "walkway")
+_NOT_DRIVEN = ("bikelane", "bicycle_lane", "stairs", "rail", "emergency_lane")
+
+
+@dataclass(frozen=True, eq=False)
+class FileLanelet:
+    """A lanelet of a file: bounds and middle in driving direction [m]."""
+
+    id: str
+    left: FloatArray
+    right: FloatArray
+    tags: Mapping[str, str]
+    middle: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        longest = max(measure_length(self.left), measure_length(self.right))
+        sides = self._resample_sides(max(round(longest / 0.5), 4))
+        object.__setattr__(self, "middle", (sides[0] + sides[1]) / 2)
+
+    def _resample_sides(self, count: int) -> list[FloatArray]:
+        return [resample_to_count(side, count) for side in (self.left, self.right)]
+
+    @property
+    def width(self) -> float:
+        """The median over its length [m]."""
+        left, right = self._resample_sides(len(self.middle))
+        return float(np.median(np.hypot(*(left - right).T)))
+
+    @property
+    def outline(self) -> FloatArray:
+        """[P, 2] round its ground [m]."""
+        return np.concatenate([self.left, self.right[::-1]])
+
+
+_Lanelets = Mapping[str, FileLanelet]
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """A path through the whole map along lanelets, and their joined middle.
+
+    Attributes:
+        line: [P, 2] every half metre; ends: [n] where each lanelet ends along it [m].
+    """
+
+    names: tuple[str, ...]
+    line: FloatArray
+    ends: FloatArray
+
+    @classmethod
+    def join(cls, lanelets: _Lanelets, names: Sequence[str]) -> _Path:
+        line = np.concatenate([lanelets[name].middle for name in names])
+        line = resample_by_spacing(_graft(line, names, lanelets), 0.5)
+        last = np.array([lanelets[name].middle[-1] for name in names])
+        return cls(tuple(names), line, 0.5 * measure_distances(last, line).argmin(axis=1))
+
+    @property
+    def length(self) -> float:
+        return 0.5 * (len(self.line) - 1)
+
+    def find_junction(self, shared: Any) -> tuple[float, float] | None:
+        """Where along it the junction begins and ends [m]; None if it leads through none."""
+        inside = np.flatnonzero(geos.contains_xy(shared.buffer(0.5), *self.line.T))
+        bends = np.flatnonzero(_measure_curvature(self.line) > 1.0 / _SHARPEST)
+        if not len(inside):
+            return None
+        first, last = min([inside[0], *bends[:1]]), max([inside[-1], *bends[-1:]])
+        return 0.5 * float(first) - _MARGIN, 0.5 * float(last) + _MARGIN
+
+    def name_at(self, s: float) -> str:
+        return self.names[min(int(np.searchsorted(self.ends, s)), len(self.names) - 1)]
+
+    def take_until(self, s: float) -> FloatArray:
+        return np.asarray(self.line[: max(round(s / 0.5), 1) + 1])
+
+    def take_from(self, s: float) -> FloatArray:
+        return np.asarray(self.line[min(round(s / 0.5), len(self.line) - 2) :])
+
+
+def read_lanelet2(file: Path, *, center: LatLon | None, left_hand: bool) -> Survey:
+    """The one junction of a Lanelet2 file.
+
+    Args:
+        center: near which the junction lies; lanelets are kept within 150 m of it. None takes all
+            of the file.
+
+    Raises:
+        InputError: no lanelets, bounds missing, or nothing that joins them.
+    """
+    elements = read_elements(file)
+    nodes = np.array(list(elements.nodes.values()))
+    origin = center or (float(nodes[:, 0].mean()), float(nodes[:, 1].mean()))
+    away = (float(np.hypot(*project_mercator(origin, each))) for each in elements.nodes.values())
+    if center is None and max(away) > _FARTHEST:
+        raise InputError(f"{file} spans more than {_FARTHEST:.0f} m; choose a junction by --center")
+    notes: list[str] = []
+    lanelets, foot = build_lanelets(elements, origin, file, notes)
+    if center is not None:
+        lanelets = {
+            name: each
+            for name, each in lanelets.items()
+            if np.hypot(*each.middle.T).min() < _LONGEST_APPROACH
+        }
+    if not lanelets:
+        raise InputError(f"{file} has no lanelets for vehicles there")
+    if left_hand:
+        notes.append("traffic drives on the left, as asked")
+    return _survey_junction(lanelets, foot, origin, notes, file, left_hand)
+
+
+@dataclass(frozen=True)
+class FileElements:
+    """What a file holds.
+
+    Attributes:
+        nodes: latitude and longitude; ways: ids of nodes.
+        relations: (tags, (role, id of a way) of each member) of the lanelets.
+    """
+
+    nodes: dict[str, LatLon] = field(default_factory=dict)
+    ways: dict[str, list[str]] = field(default_factory=dict)
+    relations: list[tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=list)
+
+
+def read_elements(file: Path) -> FileElements:
+    """Nodes, ways and lanelets of a file that is known to be well-formed."""
+    found = FileElements()
+    try:
+        for _, element in ElementTree.iterparse(file, events=("end",)):
+            if element.tag in ("node", "way", "relation"):
+                _add_element(found, element, file)
+                element.clear()
+    except (KeyError, ValueError) as fault:
+        raise InputError(f"{file} is no Lanelet2 map: {fault} is missing or wrong") from None
+    if not found.nodes or not found.relations:
+        raise InputError(f"{file} has no lanelets")
+    return found
+
+
+def _add_element(found: FileElements, element: Any, file: Path) -> None:
+    name = element.attrib["id"]
+    if element.tag == "node":
+        node = float(element.attrib["lat"]), float(element.attrib["lon"])
+        if not is_in_degrees(node):
+            raise InputError(
+                f"{file} has a node at latitude {node[0]:g}, longitude {node[1]:g}: these are no "
+                "degrees"
+            )
+        found.nodes[name] = node
+    elif element.tag == "way":
+        found.ways[name] = [n.attrib["ref"] for n in element.iter("nd")]
+    else:
+        tags = {t.attrib["k"]: t.attrib["v"] for t in element.iter("tag")}
+        members = [(m.get("role", ""), m.get("ref", "")) for m in element.iter("member")]
+        if tags.get("type") == "lanelet":
+            found.relations.append((tags | {"id": name}, members))
+
+
+def build_lanelets(
+    elements: FileElements, origin: LatLon, file: Path, notes: list[str]
+) -> tuple[dict[str, FileLanelet], list[FileLanelet]]:
+    """Lanelets for vehicles by id, and those for pedestrians, in metres from an origin."""
+    lanelets: dict[str, FileLanelet] = {}
+    foot: list[FileLanelet] = []
+    broken = others = 0
+    for tags, members in elements.relations:
+        try:
+            left, right = (
+                _read_bound(elements, members, role, origin) for role in ("left", "right")
+            )
+        except (KeyError, ValueError):
+            broken += 1
+            continue
+        lanelet = FileLanelet(tags["id"], *_orient_bounds(left, right), tags)
+        subtype = tags.get("subtype", "road")
+        if subtype in _FOR_PEDESTRIANS:
+            foot.append(lanelet)
+        elif subtype in _NOT_DRIVEN:
+            others += 1
+        else:
+            lanelets[lanelet.id] = lanelet
+    if broken:
+        notes.append(f"{broken} lanelets without two usable bounds were dropped")
+    if others:
+        notes.append(f"{others} lanelets for bicycles and others were dropped")
+    if broken and not lanelets:
+        raise InputError(f"{file} has lanelets, but the bounds of all are missing")
+    return lanelets, foot
+
+
+def _read_bound(
+    elements: FileElements, members: Sequence[tuple[str, str]], role: str, origin: LatLon
+) -> FloatArray:
+    """[P, 2] a bound; KeyError or ValueError where it is missing or too short."""
+    ways = [elements.ways[ref] for own, ref in members if own == role]
+    pieces = [np.array([project_mercator(origin, elements.nodes[n]) for n in way]) for way in ways]
+    line = chain_pieces([piece for piece in pieces if len(piece)])
+    line = drop_doubled_points(line) if len(line) else line
+    if len(line) < 2:
+        raise ValueError(role)
+    return line
+
+
+def chain_pieces(pieces: Sequence[FloatArray]) -> FloatArray:
+    """[P, 2] one line of the ways of a bound, which may be listed in any order and direction."""
+    if not pieces:
+        return np.zeros((0, 2))
+    line, rest = pieces[0], list(pieces[1:])
+    while rest:
+        # (distance, which, whether its last point meets, whether at the line's beginning)
+        joins = [
+            (float(np.hypot(*(end - piece[-1 if reversed_ else 0]))), n, reversed_, early)
+            for n, piece in enumerate(rest)
+            for reversed_ in (False, True)
+            for early, end in ((False, line[-1]), (True, line[0]))
+        ]
+        _, n, reversed_, early = min(joins)
+        piece = rest.pop(n)
+        piece = piece[::-1] if reversed_ else piece
+        line = np.concatenate([piece[::-1], line] if early else [line, piece])
+    return line
+
+
+def _orient_bounds(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Bounds in driving direction, in which the left one lies on the left."""
+    same = float(np.hypot(*(left[0] - right[0])) + np.hypot(*(left[-1] - right[-1])))
+    crossed = float(np.hypot(*(left[0] - right[-1])) + np.hypot(*(left[-1] - right[0])))
+    if crossed < same:
+        right = right[::-1]
+    a, b = resample_to_count(left, 20), resample_to_count(right, 20)
+    ahead = np.diff((a + b) / 2, axis=0)
+    aside = ((a - b)[1:] + (a - b)[:-1]) / 2
+    leftness = float((ahead[:, 0] * aside[:, 1] - ahead[:, 1] * aside[:, 0]).sum())
+    return (left, right) if leftness > 0 else (left[::-1], right[::-1])
+
+
+def _survey_junction(
+    lanelets: _Lanelets,
+    foot: Sequence[FileLanelet],
+    file_origin: LatLon,
+    notes: list[str],
+    file: Path,
+    left_hand: bool,
+) -> Survey:
+    follows = _find_successors(lanelets)
+    paths = [_Path.join(lanelets, names) for names in _list_paths(lanelets, follows)]
+    used = sorted({name for path in paths for name in path.names})
+    shared = _find_shared_ground(lanelets, follows, used)
+    approaches, exits, found = _split_paths(paths, shared, notes)
+    if not found:
+        raise InputError(
+            f"{file} has {len(lanelets)} lanelets for vehicles, but no way leads from outside "
+            "through a junction to outside"
+        )
+    middle = np.round(np.array(shared.envelope.centroid.coords[0]), 3)
+    crossings = [each for each in foot if each.tags.get("subtype") == "crosswalk"]
+    if walks := len(foot) - len(crossings):
+        notes.append(
+            f"{walks} footways of the file are shown as they are not; sidewalks are derived along "
+            "the kerbs"
+        )
+    if unused := len(lanelets) - len(used):
+        notes.append(f"{unused} lanelets that lead nowhere were dropped")
+    names = sorted({each.tags["name"] for each in lanelets.values() if each.tags.get("name")})
+    return Survey(
+        title=(", ".join(names) or f"junction of {file.name}")[:80],
+        approaches={
+            name: _build_lane(name, lanelets, line - middle) for name, line in approaches.items()
+        },
+        exits={name: _build_lane(name, lanelets, line - middle) for name, line in exits.items()},
+        connections=tuple(
+            SurveyConnection(a, b, _take_between(line, approaches[a][-1], exits[b][0]) - middle)
+            for (a, b), line in found.items()
+        ),
+        crossings=tuple(
+            SurveyCrossing((each.middle - middle)[[0, -1]], float(np.clip(each.width, 2.0, 8.0)))
+            for each in crossings
+        ),
+        areas=tuple(lanelets[name].outline - middle for name in used),
+        left_hand=left_hand,
+        origin=project_to_degrees(file_origin, middle),
+        offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
+        notes=notes,
+    )
+
+
+_Lines = dict[str, FloatArray]
+
+
+def _split_paths(
+    paths: Sequence[_Path], shared: Any, notes: list[str]
+) -> tuple[_Lines, _Lines, dict[tuple[str, str], FloatArray]]:
+    """Approaches and exits by name, and whole paths by both names."""
+    approaches: _Lines = {}
+    exits: _Lines = {}
+    found: dict[tuple[str, str], FloatArray] = {}
+    cut_off = 0
+    for path in paths:
+        junction = path.find_junction(shared)
+        if junction is None:
+            continue
+        begin, end = junction
+        if begin < _SHORTEST_LANE or path.length - end < _SHORTEST_LANE:
+            cut_off += 1
+            continue
+        before, after = f"{path.name_at(begin)}>", f">{path.name_at(end)}"
+        _keep_shorter(approaches, before, path.take_until(begin))
+        _keep_shorter(exits, after, path.take_from(end))
+        found[before, after] = path.line
+    if cut_off:
+        notes.append(f"{cut_off} ways begin or end inside the junction and were dropped")
+    return approaches, exits, found
+
+
+def _keep_shorter(lines: _Lines, name: str, line: FloatArray) -> None:
+    """Of two stretches of one lane, keep that which stays farther from the junction."""
+    if name not in lines or measure_length(line) < measure_length(lines[name]):
+        lines[name] = line
+
+
+def _find_successors(lanelets: _Lanelets) -> dict[str, list[str]]:
+    """Which lanelets begin where one ends, both bounds within reach."""
+    names = sorted(lanelets)
+    starts = np.array([[lanelets[n].left[0], lanelets[n].right[0]] for n in names])
+    found: dict[str, list[str]] = {}
+    for name in names:
+        ends = np.array([lanelets[name].left[-1], lanelets[name].right[-1]])
+        away = np.hypot(*(starts - ends).transpose(2, 0, 1)).max(axis=1)
+        found[name] = [n for n, d in zip(names, away, strict=True) if d < _TOUCHING and n != name]
+    return found
+
+
+def _list_paths(lanelets: _Lanelets, follows: Mapping[str, list[str]]) -> Iterator[list[str]]:
+    """Every path from a lanelet without a predecessor to one without a successor."""
+    followers = {name for each in follows.values() for name in each}
+    todo = [[name] for name in sorted(lanelets, reverse=True) if name not in followers]
+    while todo:
+        path = todo.pop()
+        onwards = [name for name in follows[path[-1]] if name not in path]
+        if not onwards:
+            yield path
+        elif len(path) < _MOST_LANELETS:
+            todo += [[*path, name] for name in onwards]
+
+
+def _measure_curvature(line: FloatArray) -> FloatArray:
+    """[P] curvature of a line with points half a metre apart, over some metres [1/m]."""
+    step = np.gradient(smooth_gaussian(line, 4.0), axis=0)
+    course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    bend = np.abs(np.gradient(course)) / np.maximum(np.hypot(*step.T), 1e-6)
+    bend[:6] = bend[-6:] = 0.0
+    return np.asarray(bend)
+
+
+def _graft(line: FloatArray, names: Sequence[str], lanelets: _Lanelets) -> FloatArray:
+    """A path that ends upon another lanelet goes on along it, and begins along one likewise."""
+    others = [lanelet for name, lanelet in lanelets.items() if name not in names]
+    after = _find_beneath(line[-1], line[-1] - line[-4], others)
+    if after is not None:
+        line = np.concatenate([line, after[1][after[0] + 8 :]])
+    before = _find_beneath(line[0], line[3] - line[0], others)
+    if before is not None:
+        line = np.concatenate([before[1][: max(before[0] - 8, 0)], line])
+    return line
+
+
+def _find_beneath(
+    point: FloatArray, direction: FloatArray, lanelets: Iterable[FileLanelet]
+) -> tuple[int, FloatArray] | None:
+    """The nearest lanelet that runs the same way beneath a point: where along it, its middle."""
+    course = math.atan2(direction[1], direction[0])
+    best: tuple[float, int, FloatArray] | None = None
+    for lanelet in lanelets:
+        apart = np.hypot(*(lanelet.middle - point).T)
+        k = int(np.argmin(apart))
+        if apart[k] > lanelet.width / 2 or not 4 <= k < len(lanelet.middle) - 4:
+            continue
+        ahead = lanelet.middle[k + 2] - lanelet.middle[k - 2]
+        turn = abs(math.remainder(math.atan2(ahead[1], ahead[0]) - course, math.tau))
+        if turn < _GRAFT_TURN and (best is None or apart[k] < best[0]):
+            best = (float(apart[k]), k, lanelet.middle)
+    return None if best is None else best[1:]
+
+
+def _find_shared_ground(
+    lanelets: _Lanelets, follows: Mapping[str, list[str]], names: Sequence[str]
+) -> Any:
+    """The ground of lanelets that overlap without following one another: they cross or join."""
+    followers = {name for each in follows.values() for name in each}
+    shapes = [geos.Polygon(lanelets[n].outline).buffer(0) for n in names]
+    tree = geos.STRtree(shapes)
+    pieces = []
+    for i, name in enumerate(names):
+        for j in tree.query(shapes[i]).tolist():
+            other = names[j]
+            if j <= i or other in follows[name] or name in follows[other]:
+                continue
+            pair = lanelets[name], lanelets[other]
+            starts = name not in followers and other not in followers
+            ends = not follows[name] and not follows[other]
+            if _are_abreast(*pair) or _split_at_edge(*pair, starts=starts, ends=ends):
+                continue
+            piece = shapes[i].intersection(shapes[j])
+            if piece.area >= _OVERLAP:
+                pieces.append(piece)
+    return geos.union_all(pieces)
+
+
+def _split_at_edge(a: FileLanelet, b: FileLanelet, *, starts: bool, ends: bool) -> bool:
+    """Whether two lanelets begin together where the map begins, or end together where it ends.
+
+    Args:
+        starts: whether the map begins with both; ends: whether it ends with both.
+    """
+    apart = np.hypot(*(a.middle[[0, -1]] - b.middle[[0, -1]]).T)
+    return bool((starts and apart[0] < _SPLIT) or (ends and apart[1] < _SPLIT))
+
+
+def _are_abreast(a: FileLanelet, b: FileLanelet) -> bool:
+    """Whether two lanelets are neighbours in one road all along, drawn a little too wide."""
+    few, many = sorted((a.middle, b.middle), key=len)
+    away = measure_distances(few[:: max(len(few) // 12, 1)], many).min(axis=1).max()
+    ends = np.hypot(*(a.middle[[0, -1]] - b.middle[[0, -1]]).T).max()
+    return bool(away < _ABREAST and ends < 3 * _ABREAST)
+
+
+def _take_between(line: FloatArray, first: FloatArray, last: FloatArray) -> FloatArray:
+    """The stretch of a line between the points nearest to two others."""
+    a, b = measure_distances(np.array([first, last]), line).argmin(axis=1)
+    return line[a : max(b, a + 1) + 1]
+
+
+def _build_lane(name: str, lanelets: _Lanelets, line: FloatArray) -> SurveyLane:
+    own = lanelets[name.strip(">")]
+    limit = own.tags.get("speed_limit") or own.tags.get("maxspeed") or ""
+    digits = "".join(c for c in limit.split(" ")[0] if c.isdigit() or c == ".")
+    speed = float(digits) if digits.strip(".") else _DEFAULT_SPEED
+    return SurveyLane(
+        id=name,
+        line=resample_by_spacing(line, 1.0),
+        width=float(np.clip(own.width, 2.4, 6.0)),
+        speed=speed / 3.6,
+        road=own.tags.get("name", ""),
+    )

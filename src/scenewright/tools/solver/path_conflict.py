@@ -1,0 +1,364 @@
+"""When two agents would meet: clearances of their paths, and the offsets that bring them together.
+
+For two motions a and b that enter the map at scene times o_a and o_b, let delta = o_b - o_a. They
+come within clearance c iff delta lies in
+
+    C(c) = {t_a - t_b : clearance(a(t_a), b(t_b)) <= c},
+
+a union of intervals. They collide iff delta is in C(0); their PET is the distance of delta from
+C(0); "no interaction" keeps delta clear of both. Geometry (which nodes of the two paths are close)
+is independent of time and computed once per pair of paths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.compiled import compiled
+from scenewright.geometry.along import sample_nodes, sample_poses, to_cosines
+from scenewright.geometry.driving_profile import Motion
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Path
+from scenewright.scene.track import STEP, Shape
+
+FOREVER = 1e4
+"""Longer than any scene [s]: how long a wreck stays."""
+
+_JOIN = 0.3
+"""Intervals closer than this [s] are one meeting seen through two nodes."""
+
+_RESTS = 1e-4
+"""Less way than this in one step [m] is standing."""
+
+SLACK = 0.01
+"""Nodes are looked for this much further away [m] than asked for: no rounding loses a pair."""
+
+IntArray = NDArray[np.intp]
+Half = tuple[float, float]
+"""Half length and half width of a rectangle [m]."""
+Intervals = FloatArray
+"""[N, 2] disjoint closed intervals [s], ascending."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathConflict:
+    """Pairs of nodes of two paths whose footprints come close.
+
+    Attributes:
+        s_a, s_b: [A], [B] nodes of the paths [m].
+        i, j: [N] node indices of close pairs.
+        clearance: [N] distance of the footprints there [m]; negative where they overlap.
+    """
+
+    s_a: FloatArray
+    s_b: FloatArray
+    i: IntArray
+    j: IntArray
+    clearance: FloatArray
+
+    @property
+    def touches(self) -> bool:
+        """Whether the swept paths overlap at all."""
+        return bool(len(self.clearance) and self.clearance.min() <= 0.0)
+
+    def within(self, c: float) -> PathConflict:
+        """Only the pairs at most `c` metres apart."""
+        keep = self.clearance <= c
+        return PathConflict(self.s_a, self.s_b, self.i[keep], self.j[keep], self.clearance[keep])
+
+    def first_metres(self, metres: float) -> PathConflict:
+        """Only the start of a shared stretch: a merge conflicts where it begins (SEMANTICS 4)."""
+        if not len(self.i):
+            return self
+        near = self.s_a[self.i] <= self.s_a[self.i].min() + metres
+        near &= self.s_b[self.j] <= self.s_b[self.j].min() + metres
+        return PathConflict(self.s_a, self.s_b, self.i[near], self.j[near], self.clearance[near])
+
+
+def find_path_conflict(
+    a: Path,
+    b: Path,
+    *,
+    shapes: tuple[Shape, Shape],
+    reach: float,
+    spacing: tuple[float, float] = (0.5, 0.5),
+) -> PathConflict:
+    """All node pairs of two paths whose footprints come within `reach` metres.
+
+    Args:
+        spacing: distance between nodes of a and of b [m]; a PET wants less than a certificate.
+    """
+    s_a, s_b = sample_nodes(a, spacing[0]), sample_nodes(b, spacing[1])
+    pose_a, pose_b = sample_poses(a, s_a), sample_poses(b, s_b)
+    radius = sum(np.hypot(shape.length, shape.width) / 2 for shape in shapes)
+    i, j = find_close_nodes(
+        pose_a.T, pose_b.T, float(radius + reach), (float(s_a[1]), float(s_b[1]))
+    )
+    if all(shape.type == "vehicle" for shape in shapes):
+        halves = [(shape.length / 2, shape.width / 2) for shape in shapes]
+        gap = _axis_gaps(to_cosines(pose_a), to_cosines(pose_b), i, j, *halves)
+        i, j, gap = i[gap <= reach], j[gap <= reach], gap[gap <= reach]
+        clearance = gap
+        # The gap is exact for footprints that overlap; only the others may meet at corners.
+        beside = gap > 0.0
+        if beside.any():
+            poses = pose_a[i[beside]], pose_b[j[beside]]
+            clearance[beside] = compute_clearance(*poses, shapes=shapes)
+    else:
+        clearance = compute_clearance(pose_a[i], pose_b[j], shapes=shapes)
+    near = clearance <= reach
+    return PathConflict(s_a, s_b, i[near], j[near], clearance[near])
+
+
+@compiled
+def find_close_nodes(
+    a: FloatArray, b: FloatArray, radius: float, spacing: tuple[float, float]
+) -> tuple[IntArray, IntArray]:
+    """Pairs (i, j), ascending, of nodes of two paths that lie within a radius of one another.
+
+    Args:
+        a, b: [2+, N], [2+, M] x and y of nodes [m]; spacing: of the nodes of a and of b [m].
+        radius: [m]; a few pairs up to 1 cm further apart are given, too.
+    """
+    i, j = np.empty(64, np.intp), np.empty(64, np.intp)
+    count = p = 0
+    while p < a.shape[1]:
+        nearest, q = np.inf, 0
+        while q < b.shape[1]:
+            dx, dy = a[0, p] - b[0, q], a[1, p] - b[1, q]
+            beyond = max(np.sqrt(dx * dx + dy * dy) - radius - SLACK, 0.0)
+            if beyond == 0.0:
+                if count == len(i):
+                    i, j = _doubled(i), _doubled(j)
+                i[count], j[count] = p, q
+                count += 1
+            # No path comes nearer faster than it goes on: half of what is between may be skipped
+            # on this one, and as much on the other.
+            nearest = min(nearest, 0.5 * beyond)
+            q += 1 + int(0.5 * beyond / spacing[1])
+        p += 1 + int(nearest / spacing[0])
+    return i[:count], j[:count]
+
+
+@compiled
+def _doubled(found: IntArray) -> IntArray:
+    """What was found, with room for as much again."""
+    more = np.empty(2 * len(found), np.intp)
+    for k in range(len(found)):
+        more[k] = found[k]
+    return more
+
+
+@compiled
+def compute_axis_gap(
+    ax: float, ay: float, a_cos: float, a_sin: float, a_half: Half,
+    bx: float, by: float, b_cos: float, b_sin: float, b_half: Half,
+) -> float:  # fmt: skip
+    """Largest gap of two rectangles along the axes of either [m]; negative = they overlap.
+
+    The true clearance is never less, and more only where two corners are nearest.
+
+    Args:
+        ax, ay, a_cos, a_sin: centre [m] and direction of a; a_half: half length and width [m].
+    """
+    dx, dy = ax - bx, ay - by
+    cos, sin = abs(a_cos * b_cos + a_sin * b_sin), abs(a_cos * b_sin - a_sin * b_cos)
+    gap = abs(dx * a_cos + dy * a_sin) - a_half[0] - b_half[0] * cos - b_half[1] * sin
+    gap = max(gap, abs(dy * a_cos - dx * a_sin) - a_half[1] - b_half[0] * sin - b_half[1] * cos)
+    gap = max(gap, abs(dx * b_cos + dy * b_sin) - b_half[0] - a_half[0] * cos - a_half[1] * sin)
+    return max(gap, abs(dy * b_cos - dx * b_sin) - b_half[1] - a_half[0] * sin - a_half[1] * cos)
+
+
+@compiled
+def _axis_gaps(
+    a: FloatArray, b: FloatArray, i: IntArray, j: IntArray, a_half: Half, b_half: Half
+) -> FloatArray:
+    """[N] `compute_axis_gap` of pairs of nodes; a, b: [4, ...] x, y, cosine and sine of heading."""
+    gap = np.empty(len(i))
+    for k in range(len(i)):
+        p, q = i[k], j[k]
+        gap[k] = compute_axis_gap(a[0, p], a[1, p], a[2, p], a[3, p], a_half,
+                          b[0, q], b[1, q], b[2, q], b[3, q], b_half)  # fmt: skip
+    return gap
+
+
+def compute_clearance(a: FloatArray, b: FloatArray, *, shapes: tuple[Shape, Shape]) -> FloatArray:
+    """[N] distance [m] between footprints at poses [N, 3] (x, y, heading); negative = overlap.
+
+    Two convex shapes that do not overlap are nearest at a corner of one of them; whether they
+    overlap is decided by separating axes. Discs are corners with a radius.
+    """
+    discs = [shape.type == "pedestrian" for shape in shapes]
+    if all(discs):
+        distance: FloatArray = np.hypot(a[:, 0] - b[:, 0], a[:, 1] - b[:, 1])
+        return distance - (shapes[0].width + shapes[1].width) / 2
+    if discs[1]:
+        return _disc_to_box(b, a, shapes[0]) - shapes[1].width / 2
+    if discs[0]:
+        return _disc_to_box(a, b, shapes[1]) - shapes[0].width / 2
+    return _between_boxes(a, b, shapes)
+
+
+@dataclass(frozen=True, eq=False)
+class NodeIntervals:
+    """Differences delta = o_b - o_a [s] that bring close pairs of nodes together.
+
+    Attributes:
+        low, high: [N] ends of the interval of each pair; clearance: [N] how close it is [m].
+    """
+
+    low: FloatArray
+    high: FloatArray
+    clearance: FloatArray
+
+    def within(self, c: float) -> Intervals:
+        """C(c) as disjoint intervals."""
+        close = self.clearance <= c
+        return _merge(self.low[close], self.high[close])
+
+
+def find_meeting_intervals(
+    pair: PathConflict, a: Motion, b: Motion, *, exact: bool = False
+) -> NodeIntervals:
+    """When two motions would be at their close nodes.
+
+    Args:
+        exact: nodes count as points (for measuring a PET); else as the stretch around them,
+            which never misses a meeting between nodes.
+    """
+    half = 0.0 if exact else 0.5
+    a_in, a_out = compute_occupancy(pair.s_a, a, half)
+    b_in, b_out = compute_occupancy(pair.s_b, b, half)
+    reached = np.isfinite(a_in[pair.i]) & np.isfinite(b_in[pair.j])
+    i, j = pair.i[reached], pair.j[reached]
+    return NodeIntervals(a_in[i] - b_out[j], a_out[i] - b_in[j], pair.clearance[reached])
+
+
+def find_conflict_intervals(
+    pair: PathConflict, a: Motion, b: Motion, *, c: float, exact: bool = False
+) -> Intervals:
+    """C(c) as disjoint intervals of delta = o_b - o_a [s]; see `find_meeting_intervals`."""
+    return find_meeting_intervals(pair, a, b, exact=exact).within(c)
+
+
+def compute_gap(intervals: Intervals, delta: float) -> float:
+    """Distance [s] of delta from a union of intervals: the PET if they are C(0); inf if empty."""
+    if not len(intervals):
+        return float("inf")
+    outside = np.maximum(intervals[:, 0] - delta, delta - intervals[:, 1])
+    return float(np.maximum(outside, 0.0).min())
+
+
+def _local(x: FloatArray, y: FloatArray, box: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """[..., N] coordinates along and across the boxes at poses [N, 3] of points [..., N]."""
+    cos, sin = np.cos(box[:, 2]), np.sin(box[:, 2])
+    dx, dy = x - box[:, 0], y - box[:, 1]
+    return dx * cos + dy * sin, dy * cos - dx * sin
+
+
+def _disc_to_box(disc: FloatArray, box: FloatArray, shape: Shape) -> FloatArray:
+    """[N] distance of the centres of discs to boxes; negative inside."""
+    along, across = _local(disc[:, 0], disc[:, 1], box)
+    return _outside(np.abs(along) - shape.length / 2, np.abs(across) - shape.width / 2)
+
+
+def _outside(along: FloatArray, across: FloatArray) -> FloatArray:
+    outside: FloatArray = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+    return outside + np.minimum(np.maximum(along, across), 0.0)
+
+
+_SIGNS = np.array([[[1.0], [1.0], [-1.0], [-1.0]], [[1.0], [-1.0], [-1.0], [1.0]]])
+"""[2, 4, 1] corners of a rectangle, along and across, in half sides."""
+
+
+def _corners(box: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:
+    """[4, N] x and y of the corners; the long axis last keeps reductions fast."""
+    cos, sin = np.cos(box[:, 2]), np.sin(box[:, 2])
+    along, across = _SIGNS[0] * shape.length / 2, _SIGNS[1] * shape.width / 2
+    return box[:, 0] + along * cos - across * sin, box[:, 1] + along * sin + across * cos
+
+
+def _between_boxes(a: FloatArray, b: FloatArray, shapes: tuple[Shape, Shape]) -> FloatArray:
+    near_a, axes_a = _corners_to_box(_corners(b, shapes[1]), a, shapes[0])
+    near_b, axes_b = _corners_to_box(_corners(a, shapes[0]), b, shapes[1])
+    axes = np.maximum(axes_a, axes_b)
+    return np.where(axes <= 0.0, axes, np.maximum(np.minimum(near_a, near_b), 0.0))
+
+
+def _corners_to_box(
+    corners: tuple[FloatArray, FloatArray], box: FloatArray, shape: Shape
+) -> tuple[FloatArray, FloatArray]:
+    """[N] distance of the nearest corner, and the largest gap along the box's own two axes."""
+    along, across = _local(*corners, box)
+    half = (shape.length / 2, shape.width / 2)
+    near = _outside(np.abs(along) - half[0], np.abs(across) - half[1]).min(axis=0)
+    gaps = [
+        np.maximum(local.min(axis=0), -local.max(axis=0)) - extent
+        for local, extent in zip((along, across), half, strict=True)
+    ]
+    return near, np.maximum(*gaps)
+
+
+def compute_occupancy(s: FloatArray, motion: Motion, half: float) -> tuple[FloatArray, FloatArray]:
+    """Local times [s] at which the centre comes to and leaves each node's stretch; inf = never."""
+    come, leave = _comes_and_goes(s, motion.s, half * (s[1] - s[0]), motion.ended)
+    return (come, leave) if half else _with_rests(s, motion, come, leave)
+
+
+@compiled
+def _comes_and_goes(
+    s: FloatArray, moved: FloatArray, reach: float, ended: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Times [s] at which it has come within `reach` [m] of each of ascending places, and left."""
+    # Ties in arc length are a standstill: the tiny slope makes its start and end distinct.
+    way = moved + 1e-7 * np.arange(len(moved))
+    come, leave = _when(s - reach, way, np.inf), _when(s + reach, way, STEP * (len(way) - 1))
+    for k in range(len(s)):
+        if come[k] == np.inf:
+            leave[k] = np.inf
+        elif ended and s[k] + reach >= way[-1] - 1e-3:
+            leave[k] = FOREVER
+    return come, leave
+
+
+@compiled
+def _when(places: FloatArray, way: FloatArray, beyond: float) -> FloatArray:
+    """Times [s] at which ascending places are passed; 0 before the way begins."""
+    times = np.empty(len(places))
+    k = 0
+    for n in range(len(places)):
+        while k < len(way) and way[k] <= places[n]:
+            k += 1
+        if k == 0:
+            times[n] = 0.0
+        elif k == len(way):
+            times[n] = STEP * (k - 1) if places[n] == way[k - 1] else beyond
+        else:
+            slope = (STEP * k - STEP * (k - 1)) / (way[k] - way[k - 1])
+            times[n] = slope * (places[n] - way[k - 1]) + STEP * (k - 1)
+    return times
+
+
+def _with_rests(
+    s: FloatArray, motion: Motion, come: FloatArray, leave: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Nodes as points miss whoever rests between two of them: the nearest stands in for it."""
+    rests = np.nonzero(np.diff(motion.s) < _RESTS)[0]
+    node = np.minimum(np.rint(motion.s[rests] / (s[1] - s[0])).astype(np.intp), len(s) - 1)
+    np.minimum.at(come, node, STEP * rests)
+    leave = np.where(np.isinf(leave), -np.inf, leave)
+    np.maximum.at(leave, node, STEP * (rests + 1))
+    return come, np.where(np.isinf(come), np.inf, leave)
+
+
+def _merge(low: FloatArray, high: FloatArray) -> Intervals:
+    if not len(low):
+        return np.empty((0, 2))
+    order = np.argsort(low, kind="stable")
+    low, reach = low[order], np.maximum.accumulate(high[order])
+    starts = np.concatenate([[True], low[1:] > reach[:-1] + _JOIN])
+    ends = np.concatenate([starts[1:], [True]])
+    return np.column_stack([low[starts], reach[ends]])

@@ -1,0 +1,451 @@
+"""Which entry times keep two agents from interacting (SEMANTICS 4, certificate).
+
+Whoever is in the scene already is known by the nodes of its path, and from when until when its
+footprint is about each of them. A newcomer's path meets some of these nodes; each meeting bars the
+entry times that would bring both there at once, or too shortly after one another.
+
+Meetings are geometry: found once per path, for all who are present, whatever the times. Distances
+are measured along the four axes of the two rectangles, which tells overlap from none exactly and
+never says more than the true clearance; a pedestrian counts as the square about its disc.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import accumulate
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.compiled import compiled
+from scenewright.geometry.along import sample_nodes, sample_poses, to_cosines
+from scenewright.geometry.driving_profile import Motion
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.track import STEP
+from scenewright.tools.solver.path_conflict import (
+    SLACK,
+    Half,
+    IntArray,
+    compute_axis_gap,
+    compute_occupancy,
+)
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+
+Steps = NDArray[np.int64]
+ConflictRuns = tuple[IntArray, IntArray]
+"""Runs of consecutive nodes of one agent present that a node of a newcomer meets, within the
+clearance and in touch: [N, 4] node of the newcomer, first and last of the run, whose it is."""
+_Table = tuple[FloatArray, FloatArray, IntArray]
+"""Nodes [6, N] and keeping [M, _KEEPING] of all present, and where each one's nodes end [M + 1]."""
+
+_NODE = {"vehicle": 0.8, "pedestrian": 0.4}
+"""Distance of path nodes [m]: no more than the clearance that they must not miss."""
+
+
+@dataclass(frozen=True)
+class SafetyMargin:
+    """How far apart in space [m] and time [s] two agents must stay."""
+
+    clearance: float
+    gap: float
+
+
+FOREGROUND = SafetyMargin(clearance=0.8, gap=1.75)
+BACKGROUND = SafetyMargin(clearance=0.8, gap=1.25)
+WALKERS = SafetyMargin(clearance=0.15, gap=0.0)
+AFTER_YIELD = SafetyMargin(clearance=0.0, gap=2.4)
+"""Around where a yielding agent would have been unheld: no second cause for its stop."""
+
+_WIDEST, _WALKERS_APART = FOREGROUND.clearance, WALKERS.clearance
+
+WALKER_AHEAD = 8.4
+"""Nobody else crosses so shortly [s] before a vehicle that waits for one pedestrian."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corridor:
+    """The swept path of a candidate as nodes.
+
+    Attributes:
+        s: [N] arc length of the nodes [m], evenly spaced.
+        pose: [4, N] x, y and the cosine and sine of the heading; centre of the footprint.
+        half: half length and half width of the footprint [m].
+        walks: a pedestrian's.
+    """
+
+    s: FloatArray
+    pose: FloatArray
+    half: tuple[float, float]
+    walks: bool
+
+    @property
+    def reach(self) -> float:
+        """Half the diagonal of the footprint [m]."""
+        return math.hypot(*self.half)
+
+
+@lru_cache(maxsize=512)
+def get_corridor(candidate: Candidate) -> Corridor:
+    """The nodes of a candidate's path; candidates are known by identity."""
+    path, shape, kind = candidate.path, candidate.shape, candidate.route.type
+    s = sample_nodes(path, _NODE[kind])
+    return Corridor(
+        s,
+        to_cosines(sample_poses(path, s)),
+        (shape.length / 2, shape.width / 2),
+        kind == "pedestrian",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Reservation:
+    """One agent present: its nodes, when it is there, and how to keep clear of it.
+
+    Attributes:
+        nodes: [6, N] pose (x, y, cosine, sine), and from when until when its footprint is about
+            the node [s].
+        keeping: [`_KEEPING`] what is the same at all nodes: half length and half width, half
+            diagonal, distance between nodes [m]; whether it walks; clearance [m] and gap [s] to
+            others in the background, gap to those in the foreground; and how long before its own
+            coming nobody else crosses [s], where that is more than the gap.
+    """
+
+    nodes: FloatArray
+    keeping: FloatArray
+
+
+_KEEPING = 9
+_LONG, _WIDE, _REACH, _SPACING, _WALKS, _CLEARANCE, _INNER, _OUTER, _AHEAD = range(_KEEPING)
+
+
+class ReservationTable:
+    """Everybody whose times are settled."""
+
+    def __init__(self, actors: Iterable[ScheduledAgent] = (), *, foreground: bool = True) -> None:
+        self._stays: list[_Reservation] = []
+        self._table: _Table | None = None
+        self._met: dict[int, tuple[Corridor, ConflictRuns]] = {}
+        for actor in actors:
+            self.add(actor, foreground=foreground)
+
+    def add(self, actor: ScheduledAgent, *, foreground: bool) -> None:
+        """One more, at its own scene times."""
+        self._table, self._met = None, {}
+        inner = FOREGROUND if foreground else BACKGROUND
+        self._stays.append(_stay(actor, actor.motion, inner, FOREGROUND))
+        waits = any(stop.reason == "gives_way" for stop in actor.stops)
+        # Who brakes for one would, unheld, come near others too: the same as who waits.
+        if not waits and not (actor.slowings and actor.contact is None):
+            return
+        self._stays.append(_stay(actor, actor.free, AFTER_YIELD, AFTER_YIELD))
+        if actor.candidate.route.type == "vehicle":
+            touch = SafetyMargin(clearance=0.0, gap=0.0)
+            self._stays.append(_stay(actor, actor.motion, touch, touch, ahead=WALKER_AHEAD))
+
+    def find_free_times(self, actor: ScheduledAgent, starts: Steps, *, foreground: bool) -> Steps:
+        """Of the entry times [steps], those at which the actor would meet nobody."""
+        if not self._stays or not len(starts):
+            return starts
+        if len(starts) == 1:
+            return starts[:0] if self._meets(actor, int(starts[0]), foreground) else starts
+        return _unmet(starts, *self.find_blocked_intervals(actor, foreground=foreground))
+
+    def find_blocked_intervals(
+        self, actor: ScheduledAgent, *, foreground: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """[N] ends of the intervals of entry times [s] that would bring about a meeting."""
+        corridor = get_corridor(actor.candidate)
+        come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
+        nodes, keeping, _ = self._gathered()
+        met = self._meetings(corridor)
+        return _barred(met, come, leave, corridor.walks, foreground, nodes, keeping)
+
+    def _meets(self, actor: ScheduledAgent, start: int, foreground: bool) -> bool:
+        """Whether it would meet anybody if it entered at one time [steps]: quicker than all."""
+        corridor = get_corridor(actor.candidate)
+        come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
+        return _meets(
+            start, corridor.pose, corridor.half, corridor.reach, corridor.walks, come, leave,
+            foreground, *self._gathered(),
+        )  # fmt: skip
+
+    def _gathered(self) -> _Table:
+        if self._table is None:
+            counts = (stay.nodes.shape[1] for stay in self._stays)
+            self._table = (
+                np.concatenate([stay.nodes for stay in self._stays], axis=1),
+                np.array([stay.keeping for stay in self._stays]),
+                np.array([*accumulate(counts, initial=0)], dtype=np.intp),
+            )
+        return self._table
+
+    def _meetings(self, corridor: Corridor) -> ConflictRuns:
+        """Where the corridor meets those present, whatever the times."""
+        key = id(corridor)
+        if key not in self._met:
+            met = _meet(corridor, self._gathered())
+            self._met[key] = (corridor, met)
+        return self._met[key][1]
+
+
+def find_blocked_offsets(
+    a: ScheduledAgent, b: ScheduledAgent, *, strict: bool
+) -> list[tuple[int, int]]:
+    """Open intervals (low, high) [steps] that o_b - o_a must avoid for the pair not to interact."""
+    low, high = _alone(a, strict).find_blocked_intervals(b, foreground=strict)
+    return _merged(_floor(low) - 1, _ceil(high) + 1)
+
+
+@lru_cache(maxsize=512)
+def _alone(actor: ScheduledAgent, strict: bool) -> ReservationTable:
+    """An actor by itself, at its own local times; actors are known by identity."""
+    return ReservationTable([actor.shifted(-actor.enters)], foreground=strict)
+
+
+def _stay(
+    actor: ScheduledAgent,
+    motion: Motion,
+    inner: SafetyMargin,
+    outer: SafetyMargin,
+    ahead: float = 0.0,
+) -> _Reservation:
+    corridor = get_corridor(actor.candidate)
+    come, leave = compute_occupancy(corridor.s, motion, 0.5)
+    nodes = _in_scene_time(corridor.pose, come, leave, actor.enters)
+    keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
+               inner.clearance, inner.gap, outer.gap, ahead)  # fmt: skip
+    return _Reservation(nodes, np.array(keeping, dtype=np.float64))
+
+
+def _meet(corridor: Corridor, table: _Table) -> ConflictRuns:
+    """Runs within the clearance, and runs in touch, of a newcomer with all present."""
+    room = 4 * len(corridor.s)
+    while True:
+        near, touching = np.empty((room, 4), np.intp), np.empty((room, 4), np.intp)
+        found, touched = _runs(
+            corridor.pose, float(corridor.s[1]), corridor.half, corridor.reach, corridor.walks,
+            *table, near, touching,
+        )  # fmt: skip
+        if max(found, touched) < room:
+            return near[:found], touching[:touched]
+        room *= 2
+
+
+# ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _in_scene_time(
+    pose: FloatArray, come: FloatArray, leave: FloatArray, enters: float
+) -> FloatArray:
+    """[6, N] poses, and from when until when it is there [s]."""
+    nodes, left = np.empty((6, len(come))), leave[0]
+    for n in range(len(come)):
+        for row in range(4):
+            nodes[row, n] = pose[row, n]
+        # A run of nodes ends when the last that is reached is left.
+        left = leave[n] if come[n] < np.inf else left
+        nodes[4, n], nodes[5, n] = come[n] + enters, left + enters
+    return nodes
+
+
+@compiled
+def _apart(keeping: FloatArray, walks: bool) -> tuple[bool, float]:
+    """Whether both walk, and the clearance to keep [m]; none beyond touch that touch alone has."""
+    # Two pedestrians may come close, and have no time gap to keep.
+    both = walks and keeping[_WALKS] > 0.0
+    least = _WALKERS_APART if both else keeping[_CLEARANCE]
+    return both, least if keeping[_CLEARANCE] > 0.0 else -np.inf
+
+
+@compiled
+def _time_gaps(keeping: FloatArray, walks: bool, foreground: bool) -> tuple[float, float]:
+    """How long before and after somebody present a newcomer may not come there [s]."""
+    after = keeping[_OUTER] if foreground else keeping[_INNER]
+    return max(after, keeping[_AHEAD]) if walks else after, after
+
+
+@compiled
+def _runs(
+    pose: FloatArray,
+    spacing: float,
+    half: Half,
+    reach: float,
+    walks: bool,
+    nodes: FloatArray,
+    keeping: FloatArray,
+    ends: IntArray,
+    near: IntArray,
+    touching: IntArray,
+) -> tuple[int, int]:
+    """Writes runs into `near` and `touching`; how many. If it is all of them, some have no room."""
+    found, touched, room = 0, 0, len(near)
+    far_until = np.zeros(len(keeping), np.intp)
+    for i in range(pose.shape[1]):
+        for who in range(len(keeping)):
+            if i < far_until[who]:
+                continue
+            own = (keeping[who, _LONG], keeping[who, _WIDE])
+            both, least = _apart(keeping[who], walks)
+            radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
+            beside = against = False
+            nearest, j = np.inf, ends[who]
+            while j < ends[who + 1]:
+                dx, dy = pose[0, i] - nodes[0, j], pose[1, i] - nodes[1, j]
+                beyond = np.sqrt(dx * dx + dy * dy) - radius
+                if beyond > 0.0:
+                    # No path comes nearer faster than it goes on: half of what is between may be
+                    # skipped here, and as much of the newcomer's own path.
+                    beside = against = False
+                    nearest = min(nearest, 0.5 * beyond)
+                    j += 1 + int(0.5 * beyond / keeping[who, _SPACING])
+                    continue
+                nearest = 0.0
+                gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
+                               nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
+                if gap <= least:
+                    found += _goes_on(near, found, beside, i, j, who)
+                if gap <= 0.0 and not both:
+                    touched += _goes_on(touching, touched, against, i, j, who)
+                beside, against = gap <= least, gap <= 0.0
+                if max(found, touched) == room:
+                    return found, touched
+                j += 1
+            far_until[who] = i + 1 + int(nearest / spacing)
+    return found, touched
+
+
+@compiled
+def _goes_on(runs: IntArray, count: int, under_way: bool, i: int, j: int, who: int) -> int:
+    """One more node for the last run, or the first of another; how many more runs there are."""
+    if under_way:
+        runs[count - 1, 2] = j
+        return 0
+    runs[count, 0], runs[count, 1], runs[count, 2], runs[count, 3] = i, j, j, who
+    return 1
+
+
+@compiled
+def _barred(
+    met: ConflictRuns,
+    come: FloatArray,
+    leave: FloatArray,
+    walks: bool,
+    foreground: bool,
+    nodes: FloatArray,
+    keeping: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Ends of the intervals of entry times [s]; what is never reached bars nothing."""
+    near, touching = met
+    low, high = np.empty(len(near) + len(touching)), np.empty(len(near) + len(touching))
+    count = 0
+    for runs, touch in ((near, False), (touching, True)):
+        for k in range(len(runs)):
+            row, first, last, who = runs[k, 0], runs[k, 1], runs[k, 2], runs[k, 3]
+            begin, end = nodes[4, first] - leave[row], nodes[5, last] - come[row]
+            if touch:
+                before, after = _time_gaps(keeping[who], walks, foreground)
+                begin, end = begin - before, end + after
+            if np.isfinite(begin) and np.isfinite(end):
+                low[count], high[count] = begin, end
+                count += 1
+    return low[:count], high[:count]
+
+
+@compiled
+def _meets(
+    start: int,
+    pose: FloatArray,
+    half: Half,
+    reach: float,
+    walks: bool,
+    come: FloatArray,
+    leave: FloatArray,
+    foreground: bool,
+    nodes: FloatArray,
+    keeping: FloatArray,
+    ends: IntArray,
+) -> bool:
+    """Whether entering at `start` [steps] is barred, as `_runs` and `_barred` would have it."""
+    for who in range(len(keeping)):
+        own = (keeping[who, _LONG], keeping[who, _WIDE])
+        both, least = _apart(keeping[who], walks)
+        radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
+        before, after = _time_gaps(keeping[who], walks, foreground)
+        first = ends[who]
+        for i in range(pose.shape[1]):
+            if come[i] == np.inf:
+                break
+            # Whoever is present comes to its nodes and leaves them in order.
+            while first < ends[who + 1] and not _bars(
+                -np.inf, nodes[5, first] - come[i] + after, start
+            ):
+                first += 1
+            j = first
+            while j < ends[who + 1] and _bars(nodes[4, j] - leave[i] - before, np.inf, start):
+                dx, dy = pose[0, i] - nodes[0, j], pose[1, i] - nodes[1, j]
+                beyond = np.sqrt(dx * dx + dy * dy) - radius
+                if beyond > 0.0:
+                    j += 1 + int(beyond / keeping[who, _SPACING])
+                    continue
+                gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
+                               nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
+                begin, end = nodes[4, j] - leave[i], nodes[5, j] - come[i]
+                if gap <= least and _bars(begin, end, start):
+                    return True
+                if gap <= 0.0 and not both and _bars(begin - before, end + after, start):
+                    return True
+                j += 1
+    return False
+
+
+@compiled
+def _bars(begin: float, end: float, start: int) -> bool:
+    """Whether an interval of entry times [s], rounded outwards, holds one [steps]."""
+    return bool(np.floor(begin / STEP) <= start <= np.ceil(end / STEP))
+
+
+@compiled
+def _unmet(starts: Steps, low: FloatArray, high: FloatArray) -> Steps:
+    """Of ascending entry times [steps], those that lie in no interval [s]."""
+    base, size = starts[0], starts[-1] - starts[0] + 1
+    change = np.zeros(size + 1, np.int64)
+    for k in range(len(low)):
+        begin = max(int(np.floor(low[k] / STEP)) - base, 0)
+        end = min(int(np.ceil(high[k] / STEP)) + 1 - base, size)
+        if begin < end:
+            change[begin] += 1
+            change[end] -= 1
+    unmet, count, step, barring = np.empty(len(starts), np.int64), 0, 0, change[0]
+    for start in starts:
+        while step < start - base:
+            step += 1
+            barring += change[step]
+        if barring == 0:
+            unmet[count] = start
+            count += 1
+    return unmet[:count]
+
+
+def _floor(seconds: FloatArray) -> Steps:
+    return np.floor(seconds / STEP).astype(np.int64)
+
+
+def _ceil(seconds: FloatArray) -> Steps:
+    return np.ceil(seconds / STEP).astype(np.int64)
+
+
+def _merged(low: Steps, high: Steps) -> list[tuple[int, int]]:
+    """Open intervals of steps, ascending and apart."""
+    if not len(low):
+        return []
+    order = np.argsort(low, kind="stable")
+    low, reach = low[order], np.maximum.accumulate(high[order])
+    # (1, 3) and (2, 5) leave nothing between them; (1, 3) and (3, 5) leave 3.
+    breaks = np.flatnonzero(low[1:] >= reach[:-1])
+    starts, ends = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(low) - 1]])
+    return list(zip(low[starts].tolist(), reach[ends].tolist(), strict=True))

@@ -1,0 +1,144 @@
+"""Who may come when, by the lights: answers known by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenewright.geometry.landmarks import Landmarks
+from scenewright.intersections import load_map
+from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
+from scenewright.scene.selection import Stop
+from scenewright.tools.map_grounding.signal_plan import SignalClock
+from scenewright.tools.solver.entry_times import (
+    SceneTiming,
+    compute_arrival_entry,
+    compute_queue_growth,
+    count_visible_agents,
+    find_queue_tail,
+    limit_to_leader,
+    passes_on_green,
+)
+from solver_agents import BARE, EAST, actor, candidate, law, straight
+
+ON = load_map("amsterdam_120")
+GREEN_10_RED_20 = SignalProgram(
+    groups=(SignalGroup(id="g"),),
+    phases=(
+        SignalPhase(duration=10, colours={"g": "green"}),
+        SignalPhase(duration=20, colours={"g": "red"}),
+    ),
+)
+MOMENT = SceneTiming(SignalClock(GREEN_10_RED_20, 0.0), duration=30.0, blocked=False)
+AT_20_M = Landmarks(line=20.0, crosswalks=(), group="g")
+TEN_M_PER_S = candidate(straight((0.0, 0.0), EAST, 80.0), time_law=law(10.0))
+
+
+@pytest.mark.parametrize(
+    ("enters", "allowed"), [(0.0, True), (7.5, True), (8.5, False), (27.5, False), (28.5, True)]
+)
+def test_a_line_is_passed_on_green_alone(enters, allowed):
+    arriving = actor(TEN_M_PER_S, landmarks=AT_20_M)
+    assert arriving.motion.find_time_at(20.0) == pytest.approx(2.0, abs=0.05)
+    assert passes_on_green(arriving, MOMENT, enters) is allowed
+
+
+def test_who_never_gets_to_the_line_and_who_has_none_may_come_at_any_time():
+    stops_short = actor(TEN_M_PER_S, landmarks=AT_20_M).until(1.5)
+    assert passes_on_green(stops_short, MOMENT, 15.0)
+    assert passes_on_green(actor(TEN_M_PER_S, landmarks=BARE), MOMENT, 15.0)
+
+
+def test_chance_arrivals_wait_as_long_as_the_light_is_red():
+    """Green 0 to 10 s, red to 30 s: those who came on red before the scene still stand in it."""
+    arriving = actor(TEN_M_PER_S, landmarks=AT_20_M)
+    late = SceneTiming(SignalClock(GREEN_10_RED_20, 15.0), duration=30.0, blocked=False)
+    enters = np.array([compute_arrival_entry(arriving, late, (n + 0.5) / 400) for n in range(400)])
+    # Time 15 of the programme at 0: red since -5 s, until 15 s. Who came at -7 s stands there now.
+    assert enters.min() == pytest.approx(-7.0, abs=0.6)
+    assert enters.max() < 26.0
+    spread = np.diff(np.quantile(enters, [0.0, 0.25, 0.5, 0.75, 1.0]))
+    assert spread == pytest.approx([spread.mean()] * 4, abs=1.5)
+
+
+def test_who_would_have_gone_on_green_long_ago_is_not_there():
+    arriving = actor(TEN_M_PER_S, landmarks=AT_20_M)
+    enters = [compute_arrival_entry(arriving, MOMENT, n / 50) for n in range(50)]
+    seen = [e for e in enters if e < -4.5]
+    # Only those held by the red light that ends at 0.
+    assert all(not passes_on_green(arriving, MOMENT, e) for e in seen)
+
+
+def test_a_scene_that_begins_late_in_a_red_light_has_more_to_show():
+    """Green 0 to 10 s, red to 30 s: near its end people have come for 20 s who still stand."""
+    ahead = next(r for r in ON.routes if r.type == "vehicle")
+    rules = ON.signal_group_of(ahead)
+    lights = SignalProgram(
+        groups=(SignalGroup(id=rules),),
+        phases=tuple(
+            SignalPhase(duration=phase.duration, colours={rules: phase.colours["g"]})
+            for phase in GREEN_10_RED_20.phases
+        ),
+    )
+    offsets = np.array([5.0, 12.0, 29.5])
+    seen = count_visible_agents(lights, offsets, [ahead, ahead], duration=20.0, intersection_map=ON)
+    assert seen.tolist() == [40.0, 40.0 + 2 * 2.5, 40.0 + 2 * 20.0]
+    assert (
+        count_visible_agents(lights, offsets, [], duration=20.0, intersection_map=ON).tolist()
+        == [20.0] * 3
+    )
+
+
+def test_queues_set_off_or_form_as_the_lights_turn_while_the_scene_lasts():
+    ahead, walker = (
+        next(route for route in ON.routes if route.type == kind)
+        for kind in ("vehicle", "pedestrian")
+    )
+    lights = SignalProgram(
+        groups=GREEN_10_RED_20.groups,
+        phases=tuple(
+            SignalPhase(
+                duration=phase.duration,
+                colours={str(ON.signal_group_of(ahead)): phase.colours["g"]},
+            )
+            for phase in GREEN_10_RED_20.phases
+        ),
+    )
+    # Waited 10 s and gone; nobody waits, then 5 s; waited 19.5 s, then 4.5 s.
+    offsets = np.array([20.0, 5.0, 29.5])
+    left = compute_queue_growth(
+        lights, offsets, [ahead, ahead, walker], duration=15.0, intersection_map=ON
+    )
+    assert left == pytest.approx([-10.0, 10.0, 4.5 - 19.5], abs=0.5)
+    assert (
+        compute_queue_growth(lights, offsets, [walker], duration=15.0, intersection_map=ON).tolist()
+        == [0.0] * 3
+    )
+
+
+def test_over_all_moments_as_many_set_off_as_come_to_stand():
+    program = ON.signals
+    assert program is not None
+    crowd = [route for route in ON.routes if route.type == "vehicle"]
+    offsets = np.arange(0.0, program.cycle, 0.5)
+    left = compute_queue_growth(program, offsets, crowd, duration=30.0, intersection_map=ON)
+    assert left.mean() == pytest.approx(0.0, abs=1e-6)
+    assert left.min() < -5.0
+    assert left.max() > 5.0
+
+
+def test_nobody_goes_faster_than_who_is_ahead_in_the_queue():
+    slow, fast = law(6.0, acceleration=1.0), law(12.0, acceleration=2.0)
+    paced = limit_to_leader(candidate(TEN_M_PER_S.path, time_law=fast), slow).time_law
+    assert (paced.speed, paced.acceleration) == (6.0, 1.0)
+    assert limit_to_leader(candidate(TEN_M_PER_S.path, time_law=slow), fast).time_law == slow
+
+
+def test_who_stands_at_another_time_is_no_queue():
+    stop = Stop("stop_line", 18.0, 2.0, 8.0, "red_light")
+    stands = actor(TEN_M_PER_S, landmarks=AT_20_M).edited(stops=(stop,))
+    behind = candidate(straight((0.0, 0.5), EAST, 80.0))
+    assert find_queue_tail(behind, [stands], (5.0, 20.0)) is not None
+    assert find_queue_tail(behind, [stands], (9.0, 20.0)) is None
+    aside = candidate(straight((0.0, 3.5), EAST, 80.0))
+    assert find_queue_tail(aside, [stands], (5.0, 20.0)) is None
