@@ -48,6 +48,16 @@ def test_it_is_compiled_once_and_kept(tmp_path: Path) -> None:
     assert times(Path(kept)) == first
 
 
+def test_the_compiler_is_not_loaded_before_a_loop_runs() -> None:
+    script = (
+        "import sys, scenewright.graph.run, scenewright.cli.plan; print('numba' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "False\n"
+
+
 def test_what_belongs_to_earlier_sources_is_removed(tmp_path: Path) -> None:
     names = ("scenewright-0123", "scenewright-4567", "others")
     stale, todays, foreign = (tmp_path / "kept" / name for name in names)
@@ -80,7 +90,7 @@ def test_any_change_of_the_sources_changes_the_place(
 ) -> None:
     monkeypatch.setattr(module, "_PACKAGE", tmp_path)
     (tmp_path / "one.py").write_text("a = 1\n")
-    before = module._state_of_sources()
-    assert module._state_of_sources() == before
+    before = module._hash_sources()
+    assert module._hash_sources() == before
     (tmp_path / "two.py").write_text("")
-    assert module._state_of_sources() != before
+    assert module._hash_sources() != before

@@ -1,7 +1,8 @@
-"""Loops over arrays as machine code: for many short arrays, whose calls into numpy cost most.
+"""Loops over many short arrays as machine code, where calls into numpy would cost most.
 
-Compiled once and kept on disk, in a folder that belongs to the present state of the sources: the
-compiler itself looks only at the file that a function stands in, not at those that it calls.
+The code is compiled once and kept on disk, in a folder named after the present state of all
+sources: numba itself looks only at the file of a function, not at those that it calls. numba is
+imported at the first call, as it takes longer to load than many commands take to run.
 """
 
 from __future__ import annotations
@@ -12,44 +13,62 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, cast
-
-import numba
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
-_KEPT = "scenewright-"
+_PREFIX = "scenewright-"
 _STALE = 86400.0
 """Age [s] from which machine code of other sources is removed."""
-_config: Any = numba.config
 
 
 def compiled(function: FunctionT) -> FunctionT:
-    """The function compiled at its first call, and kept on disk for the next process.
+    """Compile a function at its first call, and keep the code on disk for the next process.
 
     Rounding is that of the plain function: no operation is reordered or fused. Division by zero
     gives what IEEE 754 says instead of raising. Where nothing can be kept, every process compiles
     for itself.
     """
-    folder = find_cache_folder()
-    if folder is None:
-        return cast(FunctionT, numba.njit(error_model="numpy")(function))
-    with _keeping_at(folder):
-        return cast(FunctionT, numba.njit(cache=True, error_model="numpy")(function))
+    return cast(FunctionT, _CompiledFunction(function))
+
+
+class _CompiledFunction:
+    """A function that numba compiles when it is first called, or needed by another such one."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._dispatcher(*arguments)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """The type by which numba knows the function in the code of its callers."""
+        return self._dispatcher._numba_type_
+
+    @cached_property
+    def _dispatcher(self) -> Any:
+        import numba
+
+        function, folder = vars(self)["__wrapped__"], find_cache_folder()
+        if folder is None:
+            return numba.njit(error_model="numpy")(function)
+        with _use_cache_folder(numba.config, folder):
+            return numba.njit(cache=True, error_model="numpy")(function)
 
 
 @cache
 def find_cache_folder() -> Path | None:
-    """Where machine code of these sources is kept; None where nothing can be."""
-    for root in _roots():
-        folder = root / f"{_KEPT}{_state_of_sources()}"
+    """Find the folder for machine code of these sources; None where none can be written."""
+    for root in _list_roots():
+        folder = root / f"{_PREFIX}{_hash_sources()}"
         with suppress(OSError):
             if not folder.is_dir():
                 root.mkdir(parents=True, exist_ok=True)
-                _forget(root)
+                _remove_stale_folders(root)
                 folder.mkdir(exist_ok=True)
             if os.access(folder, os.W_OK | os.X_OK):
                 return folder
@@ -57,23 +76,23 @@ def find_cache_folder() -> Path | None:
 
 
 def has_cache() -> bool:
-    """Whether machine code of these sources is at hand, or all of it has to be compiled first."""
+    """Whether there is machine code of these sources, or all of it has to be compiled first."""
     folder = find_cache_folder()
     return folder is not None and any(folder.rglob("*.nbc"))
 
 
-def _roots() -> Iterator[Path]:
-    """Where to look for a place: where numba is told to keep things, else here, else at home."""
+def _list_roots() -> Iterator[Path]:
+    """List places for the folder: NUMBA_CACHE_DIR, else the package and the user's cache."""
     if named := os.environ.get("NUMBA_CACHE_DIR"):
         yield Path(named)
         return
     yield _PACKAGE / "__pycache__"
-    with suppress(RuntimeError):  # nobody's home
+    with suppress(RuntimeError):  # the user has no home folder
         yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scenewright"
 
 
-def _state_of_sources() -> str:
-    """A name that changes when any source file does."""
+def _hash_sources() -> str:
+    """Compute a name that changes when any source file does."""
     digest = hashlib.sha256()
     for file in sorted(_PACKAGE.rglob("*.py")):
         found = file.stat()
@@ -81,19 +100,19 @@ def _state_of_sources() -> str:
     return digest.hexdigest()[:16]
 
 
-def _forget(root: Path) -> None:
-    """Removes what belongs to earlier sources; not today's, which a process may still write to."""
-    for earlier in root.glob(f"{_KEPT}*"):
+def _remove_stale_folders(root: Path) -> None:
+    """Remove code of earlier sources, but none of today, as another process may still write it."""
+    for earlier in root.glob(f"{_PREFIX}*"):
         with suppress(OSError):
             if time.time() - earlier.stat().st_mtime > _STALE:
                 shutil.rmtree(earlier, ignore_errors=True)
 
 
 @contextmanager
-def _keeping_at(folder: Path) -> Iterator[None]:
-    """Others in this process keep their own machine code where they always did."""
-    before, _config.CACHE_DIR = _config.CACHE_DIR, str(folder)
+def _use_cache_folder(config: Any, folder: Path) -> Iterator[None]:
+    """Set numba's cache folder for a moment: code of other packages stays where it was."""
+    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
         yield
     finally:
-        _config.CACHE_DIR = before
+        config.CACHE_DIR = before
