@@ -1,0 +1,82 @@
+"""Whether the builtin planner keeps the order in which an instruction lets road users pass.
+
+    python benchmarks/planner_order.py [--show]
+
+Rows of evals/planning/order.jsonl are {"id", "text", "first", "second"}: who passes first and who
+second, by class, subtype, entry, movement or crosswalk. `kept`: a yield, a follow or a collision
+in one lane fixes that order in the plan; `inverted`: the other one; `left open`: neither, and no
+words are said to be left out. Where words are left out, `make` refuses the instruction.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from importlib.resources import files
+from itertools import permutations
+from typing import Any
+
+import scenewright
+from scenewright.evals.planning import Share
+
+Row = dict[str, Any]
+
+
+def count_fits(agent: Row, told: Row) -> int:
+    """How many of the told fields an agent has; -9 where its class or subtype is another."""
+    if any(agent[key] != told[key] for key in ("type", "subtype") if key in told):
+        return -9
+    return sum(agent[key] == value for key, value in told.items())
+
+
+def find_pair(plan: Row, row: Row) -> tuple[Row, Row] | None:
+    """The two agents that fit best who passes first and who second; None where none fit."""
+    pairs = [
+        (count_fits(one, row["first"]) + count_fits(two, row["second"]), one, two)
+        for one, two in permutations(plan["agents"], 2)
+    ]
+    best = max(pairs, key=lambda each: each[0], default=None)
+    return None if best is None or best[0] < 0 else best[1:]
+
+
+def says_order(relation: Row, one: Row, two: Row) -> bool:
+    """Whether a relation of two agents says that `to` passes first."""
+    in_one_lane = one["entry"] is not None and one["entry"] == two["entry"]
+    if {relation["from"], relation["to"]} != {one["id"], two["id"]}:
+        return False
+    kind = relation["type"]
+    return kind in ("yielding", "follow") or (kind == "collision" and in_one_lane)
+
+
+def verdict_of(row: Row) -> str:
+    """What became of the order."""
+    plan = scenewright.plan(row["text"])
+    if plan["refused"]:
+        return "asked back or refused"
+    left_out = ", words left out" if plan["unrealised"] else ""
+    pair = find_pair(plan, row)
+    for relation in plan["relations"]:
+        if pair and says_order(relation, *pair):
+            return ("kept" if relation["to"] == pair[0]["id"] else "inverted") + left_out
+    return f"left open{left_out}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--show", action="store_true", help="print the rows that are not kept")
+    given = parser.parse_args()
+    source = files("scenewright.evals.planning").joinpath("order.jsonl").read_text("utf-8")
+    rows = [json.loads(line) for line in source.splitlines()]
+    verdicts = [verdict_of(row) for row in rows]
+    for label, number in Counter(verdicts).most_common():
+        low, high = Share(number, len(rows)).interval or (0.0, 1.0)
+        rate = 100 * number / len(rows)
+        print(f"{label}: {number} of {len(rows)} ({rate:.1f} %, {100 * low:.1f}-{100 * high:.1f})")
+    for row, verdict in zip(rows, verdicts, strict=True):
+        if given.show and verdict != "kept":
+            print(f"  [{verdict}] {row['text']}")
+
+
+if __name__ == "__main__":
+    main()
