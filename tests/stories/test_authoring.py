@@ -110,8 +110,8 @@ def rolling(monkeypatch: pytest.MonkeyPatch) -> None:
         }
 
     monkeypatch.setattr(priors, "load_yielding_model", rolls)
-    priors._load.cache_clear()
-    monkeypatch.setattr(priors, "_load", priors._load.__wrapped__)
+    priors._load_bundle.cache_clear()
+    monkeypatch.setattr(priors, "_load_bundle", priors._load_bundle.__wrapped__)
 
 
 @pytest.mark.usefixtures("rolling")
