@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import grimp
 import scenewright
 
 ROOT = Path(__file__).parents[1]
+PACKAGE = Path(scenewright.__file__).parent
 HEAVY = {"torch", "sklearn", "ortools", "rerun", "matplotlib", "openai", "anthropic", "httpx"}
 
 
@@ -31,6 +33,16 @@ def test_the_checker_knows_only_the_vocabulary() -> None:
     modules = {checker, *graph.find_descendants(checker)}
     imported = set().union(*map(graph.find_modules_directly_imported_by, modules)) - modules
     assert {name.split(".")[1] for name in imported} <= {"scene", "errors", "compiled"}
+
+
+def test_packages_hold_what_they_list_as_public() -> None:
+    names = [f"scenewright.{path.parent.name}" for path in PACKAGE.glob("*/__init__.py")]
+    names += [
+        ".".join(path.parent.relative_to(PACKAGE.parent).parts)
+        for path in PACKAGE.glob("*/*/__init__.py")
+    ]
+    for module in map(importlib.import_module, names):
+        assert [each for each in getattr(module, "__all__", ()) if not hasattr(module, each)] == []
 
 
 def test_import_loads_nothing_heavy() -> None:

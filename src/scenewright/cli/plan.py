@@ -65,7 +65,7 @@ def plan_rows(
     """One row out per row in, in order; a row that cannot be planned is a refusal.
 
     Args:
-        on: the map that the rows are about; None: four legs, in right-hand traffic.
+        intersection_map: the map that the rows are about; None: four legs, in right-hand traffic.
         account: called with what every answer of a model has cost.
 
     Raises:

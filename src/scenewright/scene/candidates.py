@@ -116,7 +116,7 @@ class AgentCandidates:
             None for agents that a relation places.
         chance: which of all moments at which it would be seen it comes at, 0 to 1; None where
             `arrival` alone says when.
-        spare: drawn beyond the number wanted, for when somebody finds no room.
+        reserve: drawn beyond the number wanted, for when another agent finds no room.
     """
 
     name: str

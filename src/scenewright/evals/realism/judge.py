@@ -71,7 +71,7 @@ def judge(
     Args:
         sets: scenes by name; later sets are compared with the first one, too.
         corpus: recordings that nothing was fitted to (test hours).
-        on: the map of the scenes and the corpus.
+        intersection_map: the map of the scenes and the corpus.
         real: real tracks; None where they are not at hand.
         draws: resamplings for the intervals; seed: of their random numbers.
     """

@@ -23,7 +23,7 @@ from scenewright.scene.relations.pattern import Geometry, Pattern, Proof, Role, 
 
 __all__ = [
     "Geometry", "Pattern", "Proof", "Role", "RoleName",
-    "file_of", "pattern_named", "patterns",
+    "get_pattern", "get_pattern_file", "load_patterns",
 ]  # fmt: skip
 
 _MOST_BYTES = 32_000

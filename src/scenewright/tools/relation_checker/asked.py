@@ -53,19 +53,19 @@ class AskedFor:
         self,
         numbers: Mapping[str, int],
         events: Sequence[Event],
-        seen: SceneObservation,
-        intersection: IntersectionMap | None,
+        observed: SceneObservation,
+        intersection_map: IntersectionMap | None,
     ) -> None:
-        self._numbers, self._events, self._seen = numbers, events, seen
-        self._map = intersection
-        self._movers = {mover.id: mover for mover in seen.tracks}
+        self._numbers, self._events, self._observed = numbers, events, observed
+        self._map = intersection_map
+        self._tracks = {track.id: track for track in observed.tracks}
         self._rules: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str | None]], ...] = (
-            (_SPEED, self._speed),
-            (_PASSES, self._passage),
-            (_BEFORE, self._order),
-            (_GAP, self._gap),
-            (_NEAR, self._nearness),
-            (_STANDS, self._standstill),
+            (_SPEED, self._check_speed),
+            (_PASSES, self._check_passage),
+            (_BEFORE, self._check_order),
+            (_GAP, self._check_gap),
+            (_NEAR, self._check_nearness),
+            (_STANDS, self._check_standstill),
         )
 
     def find(self, value: str | None, words: str) -> str | None:
@@ -74,12 +74,12 @@ class AskedFor:
         Args:
             value: clauses or standstills, with "; " between them.
         """
-        found = [self._one(each) for each in (value or "").split("; ")]
-        found += self._count(value or "", words)
+        found = [self._find_one(each) for each in (value or "").split("; ")]
+        found += self._count_standstills(value or "", words)
         told = [each for each in found if each is not None]
         return "; ".join(told) if len(told) == len(found) else None
 
-    def _one(self, text: str) -> str | None:
+    def _find_one(self, text: str) -> str | None:
         for pattern, rule in self._rules:
             match = pattern.fullmatch(text)
             if match is not None:
@@ -87,70 +87,70 @@ class AskedFor:
                 return rule(match) if all(name in self._numbers for name in names) else None
         return None
 
-    def _mover(self, name: str) -> Trajectory:
-        return self._movers[self._numbers[name]]
+    def _get_track(self, name: str) -> Trajectory:
+        return self._tracks[self._numbers[name]]
 
-    def _speed(self, match: re.Match[str]) -> str | None:
+    def _check_speed(self, match: re.Match[str]) -> str | None:
         """The highest speed that is kept for a second lies in the range."""
-        mover, low, high = self._mover(match[1]), float(match[2]), float(match[3])
+        track, low, high = self._get_track(match[1]), float(match[2]), float(match[3])
         window = round(KEPT / STEP)
-        if len(mover.speed) <= window:
+        if len(track.speed) <= window:
             return None
-        kept = np.lib.stride_tricks.sliding_window_view(mover.speed, window).min(axis=1).max()
+        kept = np.lib.stride_tricks.sliding_window_view(track.speed, window).min(axis=1).max()
         if not low - SLACK["speed"] <= kept <= high + SLACK["speed"]:
             return None
-        return f"agent {mover.id} goes at {kept:.1f} m/s"
+        return f"agent {track.id} goes at {kept:.1f} m/s"
 
-    def _passage(self, match: re.Match[str]) -> str | None:
+    def _check_passage(self, match: re.Match[str]) -> str | None:
         if self._map is None:
             return None
-        mover, ground = self._mover(match[1]), get_ground_raster(self._map)
-        path = geos.LineString(mover.xy)
+        track, ground = self._get_track(match[1]), get_ground_raster(self._map)
+        path = geos.LineString(track.xy)
         if match[2] == "junction":
-            passes = float(np.hypot(*mover.xy.T).min()) < JUNCTION
+            passes = float(np.hypot(*track.xy.T).min()) < JUNCTION
         elif match[2] == "crosswalk":
             walks = [each for each in ground.crosswalks if each.crosswalk.leg == match[3]]
             passes = any(geos.intersects(each.area, path) for each in walks)
         else:
             lanes = [each.centreline for each in self._map.lanelets if each.leg == match[3]]
             passes = any(path.distance(geos.LineString(each)) <= BESIDE for each in lanes)
-        return f"agent {mover.id} passes there" if passes else None
+        return f"agent {track.id} passes there" if passes else None
 
-    def _order(self, match: re.Match[str]) -> str | None:
-        first, second = self._mover(match[1]).id, self._mover(match[2]).id
-        early = find_first_passer(self._seen, {first, second})
+    def _check_order(self, match: re.Match[str]) -> str | None:
+        first, second = self._get_track(match[1]).id, self._get_track(match[2]).id
+        early = find_first_passer(self._observed, {first, second})
         return f"agent {first} passes before agent {second}" if early == first else None
 
-    def _gap(self, match: re.Match[str]) -> str | None:
-        pair = self._mover(match[2]).id, self._mover(match[3]).id
-        gap = self._seen.pet(pair) if match[1] == "time_gap" else self._headway(pair)
+    def _check_gap(self, match: re.Match[str]) -> str | None:
+        pair = self._get_track(match[2]).id, self._get_track(match[3]).id
+        gap = self._observed.pet(pair) if match[1] == "time_gap" else self._find_headway(pair)
         low, high, slack = float(match[4]), float(match[5]), SLACK[match[1]]
         if gap is None or not low - slack <= gap <= high + slack:
             return None
         return f"{match[1].replace('_', ' ')} of {pair[0]} and {pair[1]} is {gap:.2f} s"
 
-    def _headway(self, pair: tuple[int, int]) -> float | None:
+    def _find_headway(self, pair: tuple[int, int]) -> float | None:
         follows = [e for e in self._events if e.type == "follow" and (e.from_, e.to) == pair]
         found = [e.evidence.get("least_headway") for e in follows]
         return min((float(each) for each in found if each is not None), default=None)
 
-    def _nearness(self, match: re.Match[str]) -> str | None:
-        first, second = self._mover(match[1]), self._mover(match[2])
+    def _check_nearness(self, match: re.Match[str]) -> str | None:
+        first, second = self._get_track(match[1]), self._get_track(match[2])
         apart = float(geos.LineString(first.xy).distance(geos.LineString(second.xy)))
         if apart > float(match[3]) + SLACK["near"]:
             return None
         return f"the ways of {first.id} and {second.id} come within {apart:.1f} m"
 
-    def _standstill(self, match: re.Match[str]) -> str | None:
+    def _check_standstill(self, match: re.Match[str]) -> str | None:
         """It stands in the middle of the time, and as long."""
-        mover, start, end = self._mover(match[1]), float(match[2]), float(match[3])
-        for begins, ends in standstills(mover):
+        track, start, end = self._get_track(match[1]), float(match[2]), float(match[3])
+        for begins, ends in find_standstills(track):
             if begins <= (start + end) / 2 <= ends:
                 long = ends - begins >= end - start - SLACK["stands"]
-                return f"agent {mover.id} stands {begins:.1f}-{ends:.1f} s" if long else None
+                return f"agent {track.id} stands {begins:.1f}-{ends:.1f} s" if long else None
         return None
 
-    def _count(self, value: str, words: str) -> list[str | None]:
+    def _count_standstills(self, value: str, words: str) -> list[str | None]:
         """ "Stops twice": every agent that stands for these words stands so often in all."""
         told = _TIMES.search(words)
         if told is None:
@@ -158,17 +158,17 @@ class AskedFor:
         wanted = SPELT[told[1].lower()]
         found: list[str | None] = []
         for name in dict.fromkeys(match[1] for match in _STANDS.finditer(value)):
-            count = len(standstills(self._mover(name))) if name in self._numbers else 0
+            count = len(find_standstills(self._get_track(name))) if name in self._numbers else 0
             found.append(f"{count} standstills" if count == wanted else None)
         return found
 
 
-def standstills(mover: Trajectory) -> list[tuple[float, float]]:
-    """From when to when a mover stands [s], in order."""
-    slow = np.concatenate(([False], mover.speed <= STANDING, [False]))
+def find_standstills(track: Trajectory) -> list[tuple[float, float]]:
+    """From when to when an agent stands [s], in order."""
+    slow = np.concatenate(([False], track.speed <= STANDING, [False]))
     edges = np.flatnonzero(slow[1:] != slow[:-1])
     spans = [
-        (float(mover.times[begin]), float(mover.times[end - 1]))
+        (float(track.times[begin]), float(track.times[end - 1]))
         for begin, end in edges.reshape(-1, 2)
     ]
     return [each for each in spans if each[1] - each[0] >= LEAST_STAND - 1e-6]

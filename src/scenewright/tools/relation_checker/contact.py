@@ -175,10 +175,10 @@ class PairGrid:
     """All movers on one time grid.
 
     Attributes:
-        movers: N of them; times: [T] [s].
-        xy: [N, T, 2] and heading: [N, T], held outside of a mover's own time.
-        present: [N, T] bool; first: [N] column of each mover's first sample.
-        origin: [N+1] where each mover's samples begin, if strung one after another.
+        tracks: N of them; times: [T] [s].
+        xy: [N, T, 2] and heading: [N, T], held outside of a track's own time.
+        present: [N, T] bool; first: [N] column of each track's first sample.
+        origin: [N+1] where each track's samples begin when all are concatenated.
         pairs: [M, 2] indices of all pairs.
     """
 

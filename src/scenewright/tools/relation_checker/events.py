@@ -89,8 +89,8 @@ class SceneObservation:
     """Everything measured in one set of tracks.
 
     Attributes:
-        crowd: all movers on one grid; near: their gaps and contacts; meetings: encounters with
-            their PET; lanes: who is behind whom; lights: who meets which light.
+        grid: all tracks on one clock; near: their gaps and contacts; encounters: with their PET;
+            lanes: who is behind whom; lights: who meets which light.
         events: in order of time.
     """
 
@@ -103,7 +103,7 @@ class SceneObservation:
 
     @property
     def tracks(self) -> tuple[Trajectory, ...]:
-        """All movers, in the order given."""
+        """All tracks, in the order given."""
         return self.grid.tracks
 
     def pet(self, pair: Pair) -> float | None:

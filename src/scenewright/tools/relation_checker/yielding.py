@@ -73,7 +73,7 @@ class YieldContext:
     Attributes:
         red: whether a red or yellow light holds it in a span of time.
         leader: whether another agent ahead in its lane holds it at a time.
-        bound: whether another bound agent holds it, or a collision ended its track.
+        excused: whether another agent bound by a relation holds it, or a collision ended its track.
         on_crosswalk: whether the other is on the crosswalk of the zone at a time.
     """
 

@@ -73,7 +73,7 @@ class SearchState:
     Attributes:
         menus: by guest.
         conflicts: what pairs of options forbid, as far as it was computed.
-        barred: (guest, option) that meet a fixed actor.
+        blocked: (agent, option) that conflict with an agent scheduled already.
         seconds: deterministic time that the solver may still spend.
     """
 

@@ -29,7 +29,7 @@ class Option:
         make: builds candidate and motion, entering at time 0, when first looked at.
         starts: [N] allowed entry times in steps of 0.1 s, ascending.
         cost: -log density of it [nats].
-        wish: entry time [steps] that it was drawn for.
+        drawn_time: entry time [steps] that it was drawn for.
     """
 
     make: Callable[[], ScheduledAgent]
@@ -52,7 +52,7 @@ class BackgroundAgent:
         make: builds its options, lazily, the likeliest of a candidate first, given those in whose
             way or behind whom it may come to stand (in scene time).
         foreground: keeps the stricter distance to all, and must take part.
-        spare: drawn beyond the number wanted; takes part only if somebody else cannot.
+        reserve: drawn beyond the number wanted; takes part only if another agent cannot.
     """
 
     name: str

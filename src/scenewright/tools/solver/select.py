@@ -32,8 +32,8 @@ def select(
 
     Args:
         mode: `draw`, the first survivor in the order drawn; `map`, the one of least cost.
-        lenient: take stagings that people would do differently, if they do what was asked.
-        pins: agents of an earlier version that stay; the first survivor around them is taken.
+        lenient: take schedules that drivers would choose differently, if they do what was asked.
+        frozen: agents of an earlier version that stay; the first survivor around them is taken.
 
     Raises:
         Rejected: `no_surviving_combination`, naming the clause that most tuples fail.
