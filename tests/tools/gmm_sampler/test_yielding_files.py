@@ -23,6 +23,7 @@ from scenewright.tools.gmm_sampler.yielding_files import (
     load_acceleration_profiles,
     load_yielding_model,
 )
+from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.foreground import ForegroundSolver
 from scenewright.tools.solver.schedule import PartialSchedule
 from solver_agents import (
@@ -66,7 +67,9 @@ def stagings(yielding_model, *, seed=0, clauses=(GIVES_WAY,), most=3):
     candidates = {CAR_1: EASTWARDS, CAR_2: NORTHWARDS}
     rng = np.random.default_rng(seed)
     stage = ForegroundSolver(
-        candidates, dict.fromkeys(candidates, BARE), rng, yielding_model=yielding_model
+        SolverContext(
+            candidates, dict.fromkeys(candidates, BARE), rng, yielding_model=yielding_model
+        )
     )
     found = list(islice(stage.play(tuple(clauses), PartialSchedule()), most))
     assert found
@@ -94,10 +97,12 @@ def test_on_whose_stop_others_depend_never_rolls():
     behind = candidate(straight((-60.0, 0.0), EAST, 120.0))
     candidates = {CAR_1: EASTWARDS, CAR_2: NORTHWARDS, "vehicle-3": behind}
     stage = ForegroundSolver(
-        candidates,
-        dict.fromkeys(candidates, BARE),
-        np.random.default_rng(0),
-        yielding_model={PAIR: get_yielding(rolls=1.0)},
+        SolverContext(
+            candidates,
+            dict.fromkeys(candidates, BARE),
+            np.random.default_rng(0),
+            yielding_model={PAIR: get_yielding(rolls=1.0)},
+        )
     )
     found = next(stage.play((GIVES_WAY, follow), PartialSchedule()))
     assert not any(stop.rolls for stop in found.actors[CAR_1].stops)
@@ -156,7 +161,9 @@ def test_who_turns_on_green_waits_past_the_crosswalk_it_came_by(group):
     landmarks[CAR_1] = replace(landmarks[CAR_1], group=group)
     yielding_model = {PAIR: get_yielding(gap=always(8.0), stands=always(1.5))}
     stage = ForegroundSolver(
-        candidates, landmarks, np.random.default_rng(0), yielding_model=yielding_model
+        SolverContext(
+            candidates, landmarks, np.random.default_rng(0), yielding_model=yielding_model
+        )
     )
     [stop] = next(stage.play((GIVES_WAY,), PartialSchedule())).actors[CAR_1].stops
     front = stop.s + CAR.length / 2

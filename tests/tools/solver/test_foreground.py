@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.constraints import BrakesFor, Contact, GivesWay, Headway, TimeGap
 from scenewright.scene.track import STEP, vehicle_shape
+from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands
 from scenewright.tools.solver.impact import (
     find_first_contact,
@@ -51,7 +52,7 @@ ON_FOOT = walker(straight((5.0, 12.0), SOUTH, 24.0))
 
 def stagings(clauses, candidates, *, landmarks=None, seed=0, most=4):
     landmarks = landmarks or dict.fromkeys(candidates, BARE)
-    stage = ForegroundSolver(candidates, landmarks, np.random.default_rng(seed))
+    stage = ForegroundSolver(SolverContext(candidates, landmarks, np.random.default_rng(seed)))
     found = list(islice(stage.play(tuple(clauses), PartialSchedule()), most))
     assert found, "nothing was staged"
     return found
@@ -141,7 +142,9 @@ def refused(clauses, candidates, *, seed=0, most=1) -> NearestMiss:
     """The nearest miss of clauses that cannot be staged."""
     misses = NearestMisses()
     landmarks = dict.fromkeys(candidates, BARE)
-    stage = ForegroundSolver(candidates, landmarks, np.random.default_rng(seed), misses=misses)
+    stage = ForegroundSolver(
+        SolverContext(candidates, landmarks, np.random.default_rng(seed), misses=misses)
+    )
     assert list(islice(stage.play(tuple(clauses), PartialSchedule()), most)) == []
     found = misses.culprit(clauses)
     assert found is not None

@@ -9,7 +9,7 @@ import pytest
 
 from scenewright.scene.constraints import BrakesFor, TimeGap
 from scenewright.scene.track import STEP
-from scenewright.tools.solver.context import find_contact_nodes
+from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.foreground import ForegroundSolver
 from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.path_ttc import compute_path_ttc
@@ -61,10 +61,9 @@ def staged(second, low, high, *, seed, first=EASTWARDS, more=(), most=3):
     clause = BrakesFor(first=CAR_1, second=second, low=low, high=high)
     candidates = {CAR_1: first, second: OTHERS[second]}
     stage = ForegroundSolver(
-        candidates,
-        dict.fromkeys(candidates, BARE),
-        np.random.default_rng(seed),
-        misses=misses,
+        SolverContext(
+            candidates, dict.fromkeys(candidates, BARE), np.random.default_rng(seed), misses=misses
+        )
     )
     return list(islice(stage.play((clause, *more), PartialSchedule()), most)), misses, clause
 
@@ -130,7 +129,9 @@ def test_strictly_staged_the_braking_is_sudden_and_just_before(seed):
     clause = BrakesFor(first=CAR_1, second=WALKER, low=0.7, high=1.3)
     candidates = {CAR_1: EASTWARDS, WALKER: ON_FOOT}
     landmarks = dict.fromkeys(candidates, BARE)
-    stage = ForegroundSolver(candidates, landmarks, np.random.default_rng(seed), lenient=False)
+    stage = ForegroundSolver(
+        SolverContext(candidates, landmarks, np.random.default_rng(seed), lenient=False)
+    )
     for schedule in islice(stage.play((clause,), PartialSchedule()), 3):
         a, [event] = schedule.actors[CAR_1], schedule.events
         change = np.gradient(a.motion.speed, STEP)

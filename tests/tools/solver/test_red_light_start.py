@@ -14,6 +14,7 @@ from scenewright.scene.constraints import Contact, GivesWay
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_offsets
+from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
 from scenewright.tools.solver.schedule import PartialSchedule
@@ -94,7 +95,9 @@ def test_red_is_met_as_often_as_it_is_shown():
 
 def staged(seed):
     rng = np.random.default_rng(seed)
-    stage = ForegroundSolver(CANDIDATES, MARKS, rng, red_light_starts=opened(seed=seed))
+    stage = ForegroundSolver(
+        SolverContext(CANDIDATES, MARKS, rng, red_light_starts=opened(seed=seed))
+    )
     return list(islice(stage.play(YIELD, PartialSchedule()), 2))
 
 

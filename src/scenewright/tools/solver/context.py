@@ -32,13 +32,12 @@ class SolverContext:
     """One tuple of candidates, with chance and a memory of what failed.
 
     Args:
-        candidates, marks: by agent.
+        candidates, landmarks: by agent.
         rng: draws among the many placements that serve a clause.
-        lenient: people may also wait in the middle of the road, or as long as fits best.
-        clauses: everything that is to hold, as a PET asked for shapes the clause it goes with.
-        shortfalls: where nearest misses are noted.
-        habits: how people give way here; where nobody knows, they stand a while near the zone.
-        openings: those who wait at red before anything happens.
+        lenient: agents may also wait in the middle of the road, or as long as fits best.
+        misses: where the nearest miss of every clause is noted.
+        yielding_model: how agents give way here; without one they stand a while near the zone.
+        red_light_starts: the agents that wait at red before anything happens.
     """
 
     def __init__(

@@ -15,12 +15,10 @@ is placed keeps its time, the other one gets the delta that the clause wants.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
-from scenewright.geometry.landmarks import Landmarks
-from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import (
     BrakesFor,
     Contact,
@@ -30,13 +28,11 @@ from scenewright.scene.constraints import (
     TimeGap,
 )
 from scenewright.scene.selection import Stop
-from scenewright.scene.yielding_behavior import YieldingModel
 from scenewright.tools.map_grounding.signal_plan import Demand
 from scenewright.tools.solver.contact import schedule_contacts
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.entry_times import START_LAG
 from scenewright.tools.solver.hard_braking import schedule_hard_braking
-from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.path_conflict import find_conflict_intervals
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
@@ -48,41 +44,19 @@ _SLOWS = 5.5
 
 
 class ForegroundSolver:
-    """Serves pair clauses for one tuple of candidates.
+    """Serves pair clauses for one tuple of candidates."""
 
-    Args:
-        candidates, marks: by agent.
-        rng: draws among the many placements that serve a clause.
-        lenient: people may also wait in the middle of the road, or as long as fits best.
-        shortfalls: where the nearest miss of every clause is noted.
-        habits: how people give way here.
-        openings: those who wait at red before anything happens.
-    """
-
-    def __init__(
-        self,
-        candidates: Mapping[str, Candidate],
-        landmarks: Mapping[str, Landmarks],
-        rng: np.random.Generator,
-        *,
-        lenient: bool = True,
-        misses: NearestMisses | None = None,
-        yielding_model: YieldingModel | None = None,
-        red_light_starts: Mapping[str, ScheduledAgent] | None = None,
-    ) -> None:
-        self._setting = SolverContext(
-            candidates, landmarks, rng, lenient=lenient, misses=misses,
-            yielding_model=yielding_model, red_light_starts=red_light_starts,
-        )  # fmt: skip
+    def __init__(self, context: SolverContext) -> None:
+        self._context = context
 
     def play(
         self, clauses: tuple[PairClause, ...], schedule: PartialSchedule
     ) -> Iterator[PartialSchedule]:
         """Every staging (lazily, several per clause) under which all clauses hold, in order."""
         gaps = [each for each in clauses if isinstance(each, TimeGap)]
-        self._setting.pets = {get_pair(each): each for each in gaps}
+        self._context.pets = {get_pair(each): each for each in gaps}
         named = Counter(name for each in clauses for name in get_pair(each))
-        self._setting.busy = frozenset(name for name, count in named.items() if count > 1)
+        self._context.busy = frozenset(name for name, count in named.items() if count > 1)
         # A PET asked for on top of another relation of the two is looked at when that is placed.
         ordered = sorted(clauses, key=lambda each: each in gaps and _bound(each, clauses))
         yield from self._play(tuple(ordered), schedule)
@@ -94,8 +68,8 @@ class ForegroundSolver:
             yield schedule
             return
         first, *others = clauses
-        for staged in _served(first, schedule, self._setting):
-            self._setting.misses.served(first)
+        for staged in _served(first, schedule, self._context):
+            self._context.misses.served(first)
             yield from self._play(tuple(others), staged)
 
 

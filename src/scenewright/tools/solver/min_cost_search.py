@@ -20,7 +20,7 @@ from scenewright.tools.solver.background_assignment import (
     Option,
 )
 from scenewright.tools.solver.combinations import enumerate_best_first
-from scenewright.tools.solver.context import find_contact_nodes
+from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.entry_times import (
     QUEUE_GAP,
     RedLightWait,
@@ -140,10 +140,11 @@ class MinCostSearch(Search):
         self, candidates: Mapping[str, Candidate], landmarks: Mapping[str, Landmarks]
     ) -> Iterator[PartialSchedule]:
         """Stagings of a tuple, drawn afresh several times."""
-        stage = ForegroundSolver(
+        context = SolverContext(
             candidates, landmarks, self._rng, lenient=self._lenient,
             misses=self._shortfalls, yielding_model=self._pool.yielding_model,
         )  # fmt: skip
+        stage = ForegroundSolver(context)
         for _ in range(_MAP_PLAYS):
             played = itertools.islice(stage.play(self._events, PartialSchedule()), _MAP_STAGINGS)
             yield from filter(self._run_first, played)

@@ -49,6 +49,7 @@ from scenewright.tools.solver.background_assignment import (
     Option,
     assign_in_turn,
 )
+from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.entry_times import (
     FOLLOW_LAG,
     LINE_GAP,
@@ -236,10 +237,11 @@ class Search:
         red_light_starts: Mapping[str, ScheduledAgent],
     ) -> Selection | None:
         """The first survivor among the stagings of a tuple, opened like that."""
-        stage = ForegroundSolver(
+        context = SolverContext(
             candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
             yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
         )  # fmt: skip
+        stage = ForegroundSolver(context)
         count = 0
         for schedule in filter(self._run_first, stage.play(self._events, self._opening())):
             selection = self._finish(schedule, choice)
