@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from scenewright.backends import STAGE_OF, Backend, Task, speaker
@@ -72,18 +72,15 @@ def leave_all(left: Sequence[Left], note: str) -> tuple[Unserved, ...]:
     return tuple(Unserved(entry=entry, note=note) for entry, _ in left)
 
 
-def refuse_unrealised(graph: SocialGraph, notes: Mapping[int, str], stage: Stage) -> None:
+def refuse_unrealised(graph: SocialGraph, unserved: Sequence[Unserved], stage: Stage) -> None:
     """Words that nothing in a scene can stand for are refused, not dropped (SEMANTICS 8).
-
-    Args:
-        notes: by index of the account: why nothing stands for the words.
 
     Raises:
         Rejected: `out_of_scope`, naming the words and a sentence without them.
     """
-    if not notes:
+    if not unserved:
         return
-    words = "; ".join(f"'{graph.said[entry].words}' ({why})" for entry, why in notes.items())
+    words = "; ".join(f"'{graph.said[each.entry].words}' ({each.note})" for each in unserved)
     raise Rejected(
         Rejection(
             stage=stage,
@@ -105,7 +102,7 @@ def close_account(
         if stop.start is not None and stop.until is not None:
             stands = f"{stop.agent} stands {stop.start:.1f}-{stop.until:.1f} s"
             values.setdefault(stop.entry, []).append(stands)
-    notes = _notes((*clauses.unserved, *stops.unserved))
+    notes = {each.entry: each.note for each in (*clauses.unserved, *stops.unserved)}
     return tuple(
         each.model_copy(update={"became": "nothing", "note": notes[n]})
         if n in notes
@@ -114,7 +111,3 @@ def close_account(
         else each
         for n, each in enumerate(said)
     )
-
-
-def _notes(unserved: Iterable[Unserved]) -> dict[int, str]:
-    return {each.entry: each.note for each in unserved}

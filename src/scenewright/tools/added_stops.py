@@ -149,8 +149,7 @@ def _held_before(
     editing = get_motion_edits(agent)
     holds: list[StopCommand] = []
     for s, lasts in asked:
-        upstream = tuple(each for each in (*editing.holds, *holds) if each.s < s)
-        stands = compute_arrival(agent.candidate, StopCommand(s, 0.0), upstream)
+        stands = _find_standing_time(agent, s, [*editing.holds, *holds])
         holds.append(StopCommand(s, stands + lasts))
     place = due[0].s - _AT
     early = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
@@ -175,24 +174,23 @@ def _shifted(agent: SelectedAgent, holds: Sequence[StopCommand], lost: float) ->
     ]
     upstream = [to_stop_command(each, enters) for each in earlier if each.until <= 0.0]
     for hold in holds:
-        stands = compute_arrival(
-            agent.candidate, StopCommand(hold.s, 0.0), _upstream(hold.s, [*upstream, *holds])
-        )
+        stands = _find_standing_time(agent, hold.s, [*upstream, *holds])
         earlier.append(
             Stop(ASKED, hold.s, start=enters + stands, until=enters + hold.release, reason=ASKED)
         )
     return replace(agent, enters=enters, stops=tuple(sorted(earlier, key=lambda each: each.s)))
 
 
-def _upstream(s: float, holds: Sequence[StopCommand]) -> tuple[StopCommand, ...]:
-    return tuple(each for each in holds if each.s < s)
+def _find_standing_time(agent: SelectedAgent, s: float, holds: Sequence[StopCommand]) -> float:
+    """When the agent comes to stand at an arc length [s since it enters], after holds before it."""
+    upstream = tuple(each for each in holds if each.s < s)
+    return compute_arrival(agent.candidate, StopCommand(s, 0.0), upstream)
 
 
 def _held_after(agent: SelectedAgent, asked: Sequence[tuple[float, float]]) -> SelectedAgent:
     """The agent that stands behind everything that is due, and is so much later from there on."""
     for s, lasts in asked:
-        upstream = _upstream(s, get_motion_edits(agent).holds)
-        start = agent.enters + compute_arrival(agent.candidate, StopCommand(s, 0.0), upstream)
+        start = agent.enters + _find_standing_time(agent, s, get_motion_edits(agent).holds)
         stop = Stop(ASKED, s, start=start, until=start + lasts, reason=ASKED)
         agent = replace(agent, stops=tuple(sorted((*agent.stops, stop), key=lambda each: each.s)))
     return agent

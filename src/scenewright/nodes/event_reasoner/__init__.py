@@ -69,11 +69,10 @@ class ReasonerWrites(TypedDict):
 def reason_events(state: ReasonerReads, *, runtime: Runtime[RunContext]) -> ReasonerWrites:
     """Summarises the selected priors and writes the segments that realise the relations."""
     context = runtime.context
-    added = _added(state, context)
-    placed, selection = place_stops(added, state["selection"], map_areas=context.ground)
+    added, selection = _added(state, context)
     summary = summarise(selection, map_areas=context.ground)
     program = _as_before(summary.suggest_segments(), state)
-    return _written(placed, selection, summary, program, state, context)
+    return _written(added, selection, summary, program, state, context)
 
 
 def edit_segments(
@@ -111,8 +110,8 @@ def _written(
     }  # fmt: skip
 
 
-def _added(state: ReasonerReads, context: RunContext) -> AddedStops:
-    """The standstills of the remaining words, as known from an earlier sample or asked for.
+def _added(state: ReasonerReads, context: RunContext) -> tuple[AddedStops, Selection]:
+    """The standstills of the remaining words, as known from an earlier sample or asked for, placed.
 
     Raises:
         Rejected: with `kept` where another sample may serve them, else the backend may mend it;
@@ -121,26 +120,33 @@ def _added(state: ReasonerReads, context: RunContext) -> AddedStops:
     graph, rejections = state["social_graph"], state.get("rejections", [])
     left = list_remaining(graph, "behavior")
     if not left:
-        return AddedStops()
+        return AddedStops(), state["selection"]
     known = state.get("added_stops")
     try:
-        added = known or _asked(left, state, context)
-        _try_out(added, state, context, known=known is not None)
+        asked = known or _asked(left, state, context)
+        added, selection = _place(asked, state, context, known=known is not None)
     except Rejected as error:
         if not error.rejection.repairable or not is_last_answer(
             context.backend, "behavior", rejections, budget=context.budgets.reasoner
         ):
             raise
         added = AddedStops(unserved=leave_all(left, error.rejection.detail))
+        selection = state["selection"]
     if not context.lenient:
-        refuse_unrealised(graph, {e.entry: e.note for e in added.unserved}, "event_reasoner")
-    return added
+        refuse_unrealised(graph, added.unserved, "event_reasoner")
+    return added, selection
 
 
-def _try_out(added: AddedStops, state: ReasonerReads, context: RunContext, *, known: bool) -> None:
-    """Rejected, with the answer kept, where these tracks have no room for what others may have."""
+def _place(
+    added: AddedStops, state: ReasonerReads, context: RunContext, *, known: bool
+) -> tuple[AddedStops, Selection]:
+    """The standstills on these tracks.
+
+    Raises:
+        Rejected: with the answer kept where these tracks have no room, but others may have.
+    """
     try:
-        place_stops(added, state["selection"], map_areas=context.ground)
+        return place_stops(added, state["selection"], map_areas=context.ground)
     except Rejected as error:
         if not known and error.rejection.repairable:
             raise

@@ -18,6 +18,7 @@ from scenewright.nodes.scene_planner.wording import worded_plan
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.rejection import Rejection, RejectionCode
+from scenewright.scene.remaining import Unserved
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
@@ -96,11 +97,11 @@ def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
     if isinstance(plan, Refusal):
         raise Rejected(Rejection(stage="scene_planner", code=_CODES[plan.code], detail=plan.reason))
     if not context.lenient:
-        left_out = {
-            n: each.note or "not modelled"
+        left_out = [
+            Unserved(entry=n, note=each.note or "not modelled")
             for n, each in enumerate(plan.said)
             if each.became == "nothing"
-        }
+        ]
         refuse_unrealised(plan, left_out, "scene_planner")
     return plan
 

@@ -130,8 +130,7 @@ def _added(
             raise
         added = AddedClauses(unserved=leave_all(left, error.rejection.detail))
     if not context.lenient:
-        notes = {each.entry: each.note for each in added.unserved}
-        refuse_unrealised(graph, notes, "waypoint_filter")
+        refuse_unrealised(graph, added.unserved, "waypoint_filter")
     return added
 
 
