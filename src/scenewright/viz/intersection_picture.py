@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from scenewright.files import write_atomically
-from scenewright.scene.base import FloatArray, Point
+from scenewright.geometry.polyline import interpolate_points
+from scenewright.scene.base import FloatArray
 from scenewright.scene.map import IntersectionMap, VehicleMovement
 from scenewright.viz.appearance import FOREGROUND
 from scenewright.viz.basemap import draw_basemap, draw_north, draw_scale
@@ -129,7 +130,7 @@ def _draw_movement(axes: Axes, movement: VehicleMovement, colour: str, *, streng
     draw_curve(axes, line, color=colour, lw=1.1, alpha=strength, zorder=6)
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     for place in (min(12.0, s[-1] / 3), s[-1] - min(12.0, s[-1] / 3)):
-        tail, tip = (_interpolate_point(line, s, place + d) for d in (-1.0, 1.0))
+        tail, tip = interpolate_points(np.array([place - 1.0, place + 1.0]), s, line).tolist()
         axes.annotate(
             "",
             xy=tip,
@@ -143,10 +144,6 @@ def _draw_movement(axes: Axes, movement: VehicleMovement, colour: str, *, streng
                 "mutation_scale": 9,
             },
         )
-
-
-def _interpolate_point(line: FloatArray, s: FloatArray, place: float) -> Point:
-    return float(np.interp(place, s, line[:, 0])), float(np.interp(place, s, line[:, 1]))
 
 
 def _draw_goal_regions(axes: Axes, intersection: IntersectionMap) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.evals.bootstrap import compute_interval
 from scenewright.scene.base import FloatArray
 
 _NOTHING = 1e-9
@@ -94,9 +95,9 @@ def distance(
     if value is None:
         return None
     again = resampled(sample, reference, draws=draws, rng=rng)
-    low, high = np.quantile(again, [0.025, 0.975])
+    low, high = compute_interval(again)
     return Distance(
-        value, float(low), float(high), len(sample), len(reference),
+        value, low, high, len(sample), len(reference),
         len(np.unique(sample.cluster)),
     )  # fmt: skip
 
@@ -189,5 +190,4 @@ def gain(
     drawn = 1 - left[whole > _NOTHING] / whole[whole > _NOTHING]
     if len(drawn) == 0:
         return None
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return Gain(1 - after / before, float(low), float(high))
+    return Gain(1 - after / before, *compute_interval(drawn))

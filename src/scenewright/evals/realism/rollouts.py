@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.evals.bootstrap import compute_interval
 from scenewright.evals.realism.left_out import left_out_ways
 from scenewright.evals.realism.prior_goals import WayOf, bundle_ways
 from scenewright.evals.realism.rollout_tasks import (
@@ -211,7 +212,7 @@ def _cell(values: FloatArray) -> str:
         return "–"
     rng = np.random.default_rng(0)
     again = values[rng.integers(0, len(values), (_DRAWS, len(values))), 1].mean(axis=1)
-    low, high = np.quantile(again, [0.025, 0.975])
+    low, high = compute_interval(again)
     ade, fde = values.mean(axis=0)
     return f"{ade:.2f} / {fde:.2f} [{low:.2f}, {high:.2f}]"
 

@@ -26,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scenewright.evals.bootstrap import compute_interval
 from scenewright.evals.tables.likelihood import nearest_on
 from scenewright.evals.tables.nearness import CLASSES, STANDING, Watched
 from scenewright.geometry.kinematics import compute_kinematics
@@ -176,11 +177,9 @@ def _lateral(
     ]
     # Drawing anew from few agents repeats some and narrows; the mean of the draws shows how much.
     level = spread / max(float(np.mean(again)), 1e-9)
-    low, high = np.quantile(np.array(again) * level / corpus, [0.025, 0.975])
+    low, high = compute_interval(np.array(again) * level / corpus)
     count = sum(len(held[r].offsets) for r in routes)
-    return Spread(
-        "lateral position", kind, "m", spread, corpus, agents, count, float(low), float(high)
-    )
+    return Spread("lateral position", kind, "m", spread, corpus, agents, count, low, high)
 
 
 def _again(rows: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -275,11 +274,11 @@ def _spread(
     rng = np.random.default_rng(seed)
     base = _deviation(beside)
     again = [_deviation(_again(ours, rng)) / base for _ in range(draws)]
-    low, high = np.quantile(again, [0.025, 0.975])
+    low, high = compute_interval(np.array(again))
     return [
         Spread(
             what, group, unit, _deviation(ours), base, len(ours), len(beside),
-            float(low), float(high), _deviation(whole) if len(whole) >= FEWEST else None,
+            low, high, _deviation(whole) if len(whole) >= FEWEST else None,
         )
     ]  # fmt: skip
 

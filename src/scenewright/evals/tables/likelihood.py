@@ -23,6 +23,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.evals.bootstrap import compute_interval
+from scenewright.geometry.polyline import measure_arc_lengths, resample_to_count
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.record import AgentRecord, SceneRecord
@@ -140,16 +142,7 @@ def _expected(prior: WaypointPrior) -> float:
 
 def waypoints_of(xy: FloatArray) -> FloatArray | None:
     """[K, 2] points at equal arc length along a track [T, 2] [m]; None if it hardly moves."""
-    along = _lengths(np.diff(xy, axis=0))
-    if along[-1] < _SHORTEST:
-        return None
-    at = np.linspace(0.0, along[-1], K)
-    return np.stack([np.interp(at, along, xy[:, axis]) for axis in (0, 1)], axis=1)
-
-
-def _lengths(steps: FloatArray) -> FloatArray:
-    """[T] distance driven up to each sample [m]."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+    return resample_to_count(xy, K) if measure_arc_lengths(xy)[-1] >= _SHORTEST else None
 
 
 def passed_waypoints(agent: AgentRecord) -> FloatArray:
@@ -176,7 +169,7 @@ def nearest_on(xy: FloatArray, points: FloatArray) -> tuple[FloatArray, NDArray[
     far = np.hypot(*np.moveaxis(points[:, None, :] - places, 2, 0))
     rows, best = np.arange(len(points)), far.argmin(axis=1)
     # By distance driven, not by sample: who stands at the end has many samples there.
-    along = _lengths(step)
+    along = measure_arc_lengths(xy)
     at = along[best] + share[rows, best] * (along[best + 1] - along[best])
     within = (at > _AT_AN_END) & (at < along[-1] - _AT_AN_END)
     off = far[rows, best]
@@ -205,8 +198,8 @@ def gap(
         normal=float(base),
         s2r=float((base - nll) / base),
         delta=float((nll - base) / K),
-        s2r_interval=_interval((against - again) / against),
-        delta_interval=_interval((again - against) / K),
+        s2r_interval=compute_interval((against - again) / against),
+        delta_interval=compute_interval((again - against) / K),
     )
 
 
@@ -217,7 +210,7 @@ def mean_nll(
     sums = _by_scene(scores, reading)
     if not len(sums):
         return None
-    return float(_mean(sums)), _interval(_resampled(sums, draws, rng))
+    return float(_mean(sums)), compute_interval(_resampled(sums, draws, rng))
 
 
 def _by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
@@ -238,11 +231,6 @@ def _resampled(sums: FloatArray, draws: int, rng: np.random.Generator) -> FloatA
     weights = rng.multinomial(len(sums), np.full(len(sums), 1 / len(sums)), size=draws)
     total = weights @ sums
     return np.asarray(total[:, 0] / total[:, 1])
-
-
-def _interval(values: FloatArray) -> tuple[float, float]:
-    low, high = np.quantile(values, [0.025, 0.975])
-    return float(low), float(high)
 
 
 def group_of(scene: SceneRecord) -> str | None:

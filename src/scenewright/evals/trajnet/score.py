@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import InputError
+from scenewright.evals.bootstrap import compute_interval, draw_resamples
 from scenewright.evals.trajnet.categories import SUBTYPE_NAMES, TYPE_NAMES, categorise
 from scenewright.evals.trajnet.metrics import collides, displacement
 from scenewright.evals.trajnet.predictors import Predictor
@@ -176,9 +177,7 @@ def _row(name: str, scores: Sequence[SceneScore], seed: int) -> Row:
     people = sorted({s.person for s in scores})
     place = {person: k for k, person in enumerate(people)}
     whose = np.array([place[s.person] for s in scores])
-    draws = np.random.default_rng(seed).multinomial(
-        len(people), np.full(len(people), 1 / len(people)), size=_RESAMPLES
-    )
+    draws = draw_resamples(len(people), draws=_RESAMPLES, seed=seed)
     values, intervals = {}, {}
     for measure in MEASURES:
         given = [getattr(s, measure) for s in scores]
@@ -204,5 +203,4 @@ def mean_with_interval(
     count = np.bincount(whose[known], minlength=draws.shape[1])
     counted = draws @ count
     means = (draws @ total)[counted > 0] / counted[counted > 0]
-    low, high = np.percentile(means, (2.5, 97.5))
-    return float(x[known].mean()), (float(low), float(high))
+    return float(x[known].mean()), compute_interval(means)
