@@ -497,6 +497,7 @@ def test_severity_and_cause_reach_the_relation() -> None:
         ("Un coche atropella a un peatón", "out_of_scope"),
         ("行人被汽车撞了", "out_of_scope"),
         ("A car hits a\x07 pedestrian", "out_of_scope"),
+        ("A car hits a \ud800 pedestrian", "out_of_scope"),
         ("A car hits a pedestrian. " * 4_000, "out_of_scope"),
         ("A cyclist is hit by a car", "out_of_scope"),
         ("A tram hits a bus", "out_of_scope"),

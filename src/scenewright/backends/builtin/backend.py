@@ -11,6 +11,7 @@ from scenewright.backends.builtin.planner import plan
 from scenewright.backends.builtin.reader.interpret import LATER_STAGE
 from scenewright.backends.builtin.reader.learned_plan import read_plan
 from scenewright.backends.builtin.reader.measures import speed_range
+from scenewright.backends.builtin.scope import check_text
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.social import SocialGraph
 
@@ -52,8 +53,9 @@ def read_account(facts: dict[str, Any]) -> tuple[SaidSpan, ...]:
     """What the learned reader takes the words of an instruction to become; empty if it refuses."""
     site = _site(facts)
     try:
+        check_text(facts["instruction"])
         read = read_plan(facts["instruction"], previous=facts.get("previous"), site=site).plan
-    except Refused:  # too long for the encoder
+    except Refused:  # nothing that the encoder can read
         return ()
     return tuple(map(_left_to_a_stage, read.said)) if isinstance(read, SocialGraph) else ()
 

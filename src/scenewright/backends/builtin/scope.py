@@ -12,7 +12,9 @@ from scenewright.backends.builtin.lexicon import Chunk, lexicon
 from scenewright.backends.builtin.normalise import Token
 
 MOST_CHARACTERS = 2_000
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+_CONTROL = re.compile(
+    r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+)
 _QUESTION = re.compile(
     r"^\s*(?:(?:how (?!about)|what(?!\s+(?:if|about|happens (?:if|when)|an? (?!.*\?)))|why|who|"
     r"where|"
