@@ -283,7 +283,8 @@ def make_folder(folder: str | Path) -> Path:
 def scene_bytes(record: SceneRecord) -> bytes:
     """scene.json: the same scene, the same bytes."""
     try:
-        return record.model_dump_json(by_alias=True).encode() + b"\n"
+        text = record.model_dump_json(by_alias=True, exclude=record.list_unused())
+        return text.encode() + b"\n"
     except PydanticSerializationError:  # text that no UTF-8 can hold
         return json_bytes(record.to_json())
 

@@ -9,6 +9,7 @@ from pydantic import Field
 from scenewright.scene.account import SaidRecord
 from scenewright.scene.base import AgentClass, Colour, Compass, Model, Movement, Point
 from scenewright.scene.events import EventZone
+from scenewright.scene.objects import ObjectRecord, SightRecord
 from scenewright.scene.social import Cause, EntrySide, ImpactPoint
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
@@ -125,7 +126,11 @@ class SignalRecord(Model):
 
 
 class SceneRecord(Model):
-    """A whole scene.json."""
+    """A whole scene.json.
+
+    Attributes:
+        objects: what stands; sights: whom it was to hide from whom.
+    """
 
     meta: SceneMeta
     agents: tuple[AgentRecord, ...]
@@ -134,10 +139,16 @@ class SceneRecord(Model):
     ties: tuple[TieRecord, ...] = ()
     signals: tuple[SignalRecord, ...] = ()
     said: tuple[SaidRecord, ...] = ()
+    objects: tuple[ObjectRecord, ...] = ()
+    sights: tuple[SightRecord, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON with the file's key names."""
-        return self.model_dump(mode="json", by_alias=True)
+        return self.model_dump(mode="json", by_alias=True, exclude=self.list_unused())
+
+    def list_unused(self) -> set[str]:
+        """Keys that came later and are written only where they are used."""
+        return {name for name in ("objects", "sights") if not getattr(self, name)}
 
     def to_paper(self) -> dict[str, Any]:
         """Plain JSON with the keys of Listing 1 alone.

@@ -13,6 +13,7 @@ from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import AssignedPattern, RoleAssignment
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import SightRecord
 from scenewright.scene.record import (
     AgentRecord,
     RelationRecord,
@@ -24,7 +25,7 @@ from scenewright.scene.record import (
 )
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
-from scenewright.scene.social import RelationEdge, SocialGraph
+from scenewright.scene.social import DEFAULT_LEAD, RelationEdge, SocialGraph
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 
@@ -65,6 +66,22 @@ def assemble(
         ),
         signals=_signals(selection, intersection_map),
         said=number_agents(graph.said, numbers),
+        objects=selection.objects,
+        sights=_list_sights(graph, numbers),
+    )
+
+
+def _list_sights(graph: SocialGraph, numbers: dict[str, int]) -> tuple[SightRecord, ...]:
+    """Every line of sight that an object is to block."""
+    return tuple(
+        SightRecord(
+            observer=numbers[each.hidden_from],
+            subject=numbers[each.hides],
+            object=each.id,
+            lead=each.lead or DEFAULT_LEAD,
+        )
+        for each in graph.objects
+        if each.hides is not None and each.hidden_from is not None
     )
 
 

@@ -100,6 +100,7 @@ def _solved(
         mode=context.selection,
         lenient=len(rejections) >= _STRICT_ATTEMPTS,
         frozen=state.get("pinned"),
+        objects=state["social_graph"].objects,
     )
     tried = int(selection.figures["tuples"])
     context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")

@@ -29,6 +29,12 @@ from scenewright.tools.relation_checker.events import SceneObservation, observe
 from scenewright.tools.relation_checker.external_events import MOST_PAIR_SAMPLES, count_pair_samples
 from scenewright.tools.relation_checker.labels import find_false_journeys, find_false_labels
 from scenewright.tools.relation_checker.legs import check_ties
+from scenewright.tools.relation_checker.objects import (
+    check_contacts,
+    check_places,
+    check_sights,
+    read_objects,
+)
 from scenewright.tools.relation_checker.plausibility import (
     AllowedExceptions,
     check_form,
@@ -64,6 +70,7 @@ def check(scene: SceneRecord, intersection_map: IntersectionMap | None = None) -
         InputError: values that are not finite, an id twice, an empty track, lengths that differ.
     """
     users = read_users(scene)
+    read_objects(scene)
     known = {a.id for a in scene.agents}
     _check_ties(scene, known)
     asked = tuple(_check_pair(r, known) for r in scene.relations)
@@ -98,9 +105,13 @@ def _build_proof(
     incidental = [k for k, e in enumerate(observed.events)
                   if k not in matched and is_incidental(e, roles)]  # fmt: skip
     events = tuple(e for k, e in enumerate(observed.events) if k not in incidental)
-    said, unsaid = check_account(scene, observed.events, observed, intersection_map)
+    matching = [observed.events[k] for k in sorted(matched)]
+    left_hand = intersection_map is not None and intersection_map.left_hand_traffic
+    sights, unhidden = check_sights(scene, matching, observed, left_hand=left_hand)
+    said, unsaid = check_account(scene, observed.events, observed, intersection_map, sights=sights)
     missing = (
         *missing,
+        *unhidden,
         *unsaid,
         *find_false_labels(scene, events, lit=bool(intersection_map and scene.signals)),
         *(
@@ -114,15 +125,22 @@ def _build_proof(
     unasked = (
         *check_interference(observed, roles, expected=matched),
         *check_wrecks(observed, until=scene.meta.duration),
+        *check_contacts(scene.objects, observed.tracks),
     )
-    motion = (*check_form(scene), *_check_motion(scene, observed, intersection_map, roles))
+    motion = (
+        *check_form(scene),
+        *check_places(scene.objects, intersection_map),
+        *_check_motion(scene, observed, intersection_map, roles),
+    )
     red = _check_red_crossings(scene, observed, intersection_map, roles)
     return Proof(
         verified=not (missing or unasked or motion or red),
         events=events,
         incidental=tuple(observed.events[k] for k in incidental),
         missing=missing, interference=unasked, implausible=motion, signal_violations=red,
-        said=said, figures=_collect_figures(scene, observed, intersection_map),
+        said=said,
+        figures=_collect_figures(scene, observed, intersection_map)
+        | ({"first_visible": sights} if sights else {}),
     )  # fmt: skip
 
 

@@ -36,8 +36,10 @@ from scenewright.scene.constraints import (
     TimeGap,
     UnaryClause,
 )
+from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
+from scenewright.scene.social import ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
@@ -71,6 +73,7 @@ from scenewright.tools.solver.entry_times import (
 )
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
 from scenewright.tools.solver.nearest_miss import NearestMisses
+from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
 from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
@@ -123,11 +126,16 @@ _EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor
 
 @dataclass(frozen=True, eq=False)
 class TimedSchedule:
-    """A staging in scene time, with the scene's length and the programme's offset [s]."""
+    """A staging in scene time, with the scene's length and the programme's offset [s].
+
+    Attributes:
+        objects: what stands in the scene.
+    """
 
     schedule: PartialSchedule
     duration: float
     offset: float | None
+    objects: tuple[ObjectRecord, ...] = ()
 
 
 class Search:
@@ -140,8 +148,11 @@ class Search:
         map_areas: MapAreas,
         rng: np.random.Generator,
         lenient: bool,
+        *,
+        objects: Sequence[ObjectNode] = (),
     ) -> None:
         self._lenient = lenient
+        self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
         self._pool, self._ground, self._rng = pool, map_areas, rng
         self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
@@ -320,7 +331,11 @@ class Search:
         if offset is None and self._ground.intersection_map.signals is not None:
             self._failures["the signal programme allows no such moment"] += 1
             return None
-        return TimedSchedule(timed, duration, offset)
+        objects = self._placer.place(timed)
+        if isinstance(objects, str):
+            self._failures[objects] += 1
+            return None
+        return TimedSchedule(timed, duration, offset, objects)
 
     def _timed(self, schedule: PartialSchedule) -> PartialSchedule | None:
         """Shifted so that the first event falls anywhere where it is seen coming and ending."""
@@ -442,7 +457,7 @@ class Search:
                 name=name,
                 type=draws.route.type,
                 foreground=draws.role == "foreground",
-                make=partial(self._options, draws, moment),
+                make=partial(self._options, draws, moment, timed.objects),
                 reserve=draws.reserve,
             )
             for name, draws in self._pool.agents.items()
@@ -450,7 +465,11 @@ class Search:
         ]
 
     def _options(
-        self, draws: AgentCandidates, moment: SceneTiming, standing: Sequence[ScheduledAgent]
+        self,
+        draws: AgentCandidates,
+        moment: SceneTiming,
+        objects: Sequence[ObjectRecord],
+        standing: Sequence[ScheduledAgent],
     ) -> Iterator[Option]:
         """The ways in which an agent may take part: of its first candidate that has any.
 
@@ -460,7 +479,7 @@ class Search:
         tried = 0
         for m in range(len(draws.nll)):
             built = self._candidate(draws.name, m)
-            if built is None:
+            if built is None or is_in_way(built[0], objects):
                 continue
             ways = self._ways(draws, m, built, moment, standing, later)
             first = next(ways, None)
@@ -597,6 +616,7 @@ class Search:
             nll=nll,
             cost=sum(self._cost(name, agent.index) for name, agent in agents.items()),
             optimal=assignment.optimal,
+            objects=timed.objects,
             figures={"rounds": assignment.rounds, "pairs": assignment.pairs},
         )
 
