@@ -42,6 +42,7 @@ from scenewright.cli.errors import (
     fault_of,
 )
 from scenewright.cli.evals import evals
+from scenewright.cli.export import export
 from scenewright.cli.import_commands import fit, import_map_file, simulate
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
@@ -73,6 +74,7 @@ app.command()(chat)
 app.command()(mcp)
 app.command()(author)
 app.add_typer(dataset)
+app.command()(export)
 app.add_typer(planner)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]

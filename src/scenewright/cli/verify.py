@@ -50,7 +50,7 @@ def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked |
 
 
 def scene_files(path: str) -> list[Path]:
-    """The file itself; the scene of a folder; or all scenes of the folders in it.
+    """The file itself; the scene of a folder; all scenes of the folders in it; or all tracks in it.
 
     Raises:
         InputError: there is none, or the file is of another format.
@@ -63,10 +63,13 @@ def scene_files(path: str) -> list[Path]:
         )
     if not place.is_dir() or (place / "scene.json").exists():
         return [place]
-    inside = sorted(place.glob("*/scene.json"))
+    inside = [file.parent for file in sorted(place.glob("*/scene.json"))]
+    inside = inside or [each for each in sorted(place.iterdir()) if each.suffix.lower() in TRACKS]
     if not inside:
-        raise InputError(f"{path}: no scene.json in this folder or in the folders in it")
-    return [file.parent for file in inside]
+        raise InputError(
+            f"{path}: no scene.json in this folder or in the folders in it, and no tracks"
+        )
+    return inside
 
 
 def _check(path: Path, intersection: str | None) -> Checked | CheckedTracks:
