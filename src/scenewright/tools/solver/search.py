@@ -33,6 +33,7 @@ from scenewright.scene.constraints import (
     RunsRed,
     SameLane,
     SpeedBetween,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
@@ -117,8 +118,8 @@ _ROOM_TO_COME = 3.0
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
 
-_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor)
-_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor
+_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor, StopsBehind)
+_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | StopsBehind
 
 
 @dataclass(frozen=True, eq=False)
@@ -673,7 +674,7 @@ def _unbound(clause: PairClause) -> Rejection:
         code="malformed_program",
         agents=(clause.first, str(clause.second)),
         detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
-        "headway, gives_way or brakes_for clause",
+        "headway, gives_way, brakes_for or stops_behind clause",
     )
 
 
