@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from inline_jobs import run_jobs_inline
 from scenewright.cli.main import main
 
 ROOT = Path(__file__).parents[2]
@@ -81,6 +82,7 @@ def test_documented_commands_run(
 ) -> None:
     (tmp_path / "tracks.csv").write_text(example_tracks())
     monkeypatch.chdir(tmp_path)
+    run_jobs_inline(monkeypatch)
     monkeypatch.setenv("SCENEWRIGHT_DATA", str(tmp_path / "data"))
     for name in os.environ.keys() - offline().keys():
         monkeypatch.delenv(name)
