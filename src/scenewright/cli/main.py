@@ -214,6 +214,12 @@ def verify(
         str | None,
         typer.Option(help="Check against this map, not the one the scene names; tracks name none."),
     ] = None,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Demand a proof.json that names the digest of the whole scene.json."
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Check scenes: exit code 0 if all are verified, 1 if one is not, 2 if one is unusable.
@@ -222,7 +228,7 @@ def verify(
     """
     from scenewright.cli.verify import Checked, as_object, check_paths, is_good, notes, report
 
-    checked = check_paths(paths, intersection=intersection)
+    checked = check_paths(paths, intersection=intersection, strict=strict)
     unusable = [each for each in checked if isinstance(each, Checked) and each.error is not None]
     good = all(is_good(each) for each in checked)
     if as_json:

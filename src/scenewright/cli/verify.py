@@ -36,7 +36,9 @@ class Checked:
         return {"path": str(self.path), "verified": self.proof.verified, "proof": proof}
 
 
-def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked | CheckedTracks]:
+def check_paths(
+    paths: list[str], *, intersection: str | None, strict: bool = False
+) -> list[Checked | CheckedTracks]:
     """Every scene and file of tracks in every path, in order; what is unusable is an entry too."""
     checked: list[Checked | CheckedTracks] = []
     for path in paths:
@@ -45,7 +47,7 @@ def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked |
         except (InputError, OSError) as error:
             checked.append(Checked(Path(path), error=_reason(error)))
         else:
-            checked += [_check(file, intersection) for file in files]
+            checked += [_check(file, intersection, strict) for file in files]
     return checked
 
 
@@ -55,6 +57,8 @@ def scene_files(path: str) -> list[Path]:
     Raises:
         InputError: there is none, or the file is of another format.
     """
+    if not path.strip():
+        raise InputError("an empty path names no scene; give a scene.json, a folder or tracks")
     place = Path(path)
     if place.suffix.lower() in FOREIGN:
         raise InputError(
@@ -69,14 +73,14 @@ def scene_files(path: str) -> list[Path]:
     return [file.parent for file in inside]
 
 
-def _check(path: Path, intersection: str | None) -> Checked | CheckedTracks:
+def _check(path: Path, intersection: str | None, strict: bool) -> Checked | CheckedTracks:
     from scenewright.graph.run import load_scene, verify
 
     try:
         if path.suffix.lower() in TRACKS and not path.is_dir():
             return check_tracks(path, intersection=intersection)
         scene = load_scene(path)
-        return Checked(path, scene, verify(scene, intersection=intersection))
+        return Checked(path, scene, verify(path, intersection=intersection, strict=strict))
     except (InputError, OSError) as error:
         return Checked(path, error=_reason(error))
 

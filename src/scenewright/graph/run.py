@@ -22,10 +22,12 @@ from scenewright.backends import Backend, Call, Named, load_backend
 from scenewright.errors import InputError, ScenewrightError, Unsatisfiable
 from scenewright.files import write_atomically
 from scenewright.geometry.map_areas import MapAreas
+from scenewright.graph.written_proof import compare_proofs, read_proof
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
 from scenewright.nodes.wording import Recall, nothing_recalled
+from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.record import SceneRecord
@@ -181,17 +183,37 @@ def synthesize(
     return Scene(state["scene"], state["proof"], provenance, state, tuple(messages))
 
 
-def verify(scene: SceneRecord | Scene | str | Path, *, intersection: str | None = None) -> Proof:
+def verify(
+    scene: SceneRecord | Scene | str | Path,
+    *,
+    intersection: str | None = None,
+    strict: bool = False,
+) -> Proof:
     """The checker's verdict on a scene, a scene.json or a folder that holds one.
 
+    A proof.json beside a file must name the digest of this very scene.
+
+    Args:
+        strict: demand a proof, of the file or the `Scene`, that names the digest and is the
+            checker's own to the last figure.
+
     Raises:
-        InputError: there is no scene there, or it is none.
+        InputError: there is no scene there, or it is none; the proof beside it cannot be read.
     """
-    record = scene.record if isinstance(scene, Scene) else scene
-    if not isinstance(record, SceneRecord):
-        record = load_scene(record)
+    written: Proof | None = None
+    if isinstance(scene, str | Path):
+        file = scene_file(scene)
+        record, digest = _read_scene(file)
+        # Beside a file of another name may lie the proof of something else.
+        written = read_proof(file.with_name("proof.json")) if file.name == "scene.json" else None
+    else:
+        record, written = (scene.record, scene.proof) if isinstance(scene, Scene) else (scene, None)
+        digest = digest_scene(record)
     name = intersection or record.meta.intersection
-    return check(record, load_map(name))
+    proof = check(record, load_map(name), labelled=True)
+    proof = proof.model_copy(update={"scene_digest": digest})
+    other_map = name != record.meta.intersection
+    return compare_proofs(proof, written, strict=strict, other_map=other_map)
 
 
 def verify_tracks(
@@ -249,15 +271,41 @@ def _content(file: Path) -> bytes:
     return data
 
 
+def scene_file(path: str | Path) -> Path:
+    """The scene.json that a path names: the file, or that of a folder.
+
+    Raises:
+        InputError: the path is empty, which would name the folder that happens to be current.
+    """
+    if not str(path).strip():
+        raise InputError("the path of the scene is empty; name a scene.json or its folder")
+    return Path(path) / "scene.json" if Path(path).is_dir() else Path(path)
+
+
 def load_scene(path: str | Path) -> SceneRecord:
     """The scene in a scene.json, or in a folder that holds one.
 
     Raises:
         InputError: missing, unreadable or not a scene; says where the first fault is.
     """
-    file = Path(path) / "scene.json" if Path(path).is_dir() else Path(path)
+    return _read_scene(scene_file(path))[0]
+
+
+def _read_scene(file: Path) -> tuple[SceneRecord, str]:
+    """The scene in a file, and the digest of the file."""
+    data = _content(file)
+    record = _parse_scene(file, data)
+    if "schema_version" not in record.meta.model_fields_set:
+        raise InputError(f"{file} is not a scene: meta.schema_version is missing")
     try:
-        return SceneRecord.model_validate_json(_content(file))
+        return record, digest_json(data)
+    except ValueError as error:
+        raise InputError(f"{file} is not a scene: {error}") from error
+
+
+def _parse_scene(file: Path, data: bytes) -> SceneRecord:
+    try:
+        return SceneRecord.model_validate_json(data)
     except ValidationError as error:
         faults = error.errors(include_url=False)
         if {each["loc"][-1] for each in faults if each["type"] == "missing"} >= _PAPER_LACKS:
