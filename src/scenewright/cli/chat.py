@@ -54,6 +54,7 @@ class ChatRequest:
     refiner: str | None
     out: str | None
     memory: bool
+    time_limit: float
     quiet: bool
     as_json: bool
 
@@ -87,6 +88,7 @@ def chat(request: ChatRequest) -> None:
             },
             tell=teller,
             recall=None if episodes is None else recall_from(episodes),
+            time_limit=request.time_limit,
         )
         talk = _Talk(session, request, teller, episodes)
         talk.run()

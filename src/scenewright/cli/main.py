@@ -20,7 +20,14 @@ import typer
 
 from scenewright.cli.agent import agent
 from scenewright.cli.author import author
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout, backend_of
+from scenewright.cli.backend_options import (
+    BackendNames,
+    BaseUrl,
+    Record,
+    TimeLimit,
+    Timeout,
+    backend_of,
+)
 from scenewright.cli.batch import batch
 from scenewright.cli.chat_commands import chat, mcp, memory
 from scenewright.cli.console import (
@@ -48,6 +55,7 @@ from scenewright.cli.interrupts import watched_signals
 from scenewright.cli.planner import planner
 from scenewright.cli.tables import tables
 from scenewright.cli.understanding import understanding
+from scenewright.time_limit import DEFAULT_LIMIT
 
 app = typer.Typer(
     name="scenewright",
@@ -100,6 +108,7 @@ def make(
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     seed: Annotated[int, typer.Option(help="The same seed makes the same scene.")] = 0,
     refiner: Annotated[
         str,
@@ -148,6 +157,7 @@ def make(
         recording=not no_recording,
         gif=gif,
         lenient=lenient,
+        time_limit=time_limit,
     )
     with progress(quiet=quiet) as tell:
         made = make_scene(request, tell=tell)

@@ -19,14 +19,14 @@ from pydantic import ValidationError
 from pydantic_core import PydanticSerializationError
 
 from scenewright.backends import Backend, Call, Named, load_backend
-from scenewright.errors import InputError, ScenewrightError, Unsatisfiable
+from scenewright.errors import InputError, OutOfTime, ScenewrightError, Unsatisfiable
 from scenewright.files import write_atomically
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.graph.written_proof import compare_proofs, read_proof
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
-from scenewright.nodes.wording import Recall, nothing_recalled
+from scenewright.nodes.wording import LONGEST_REQUEST, Recall, nothing_recalled
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
@@ -35,6 +35,12 @@ from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
+from scenewright.time_limit import (
+    DEFAULT_LIMIT,
+    LONGEST_LIMIT,
+    TimeLimitReachedError,
+    limit_time,
+)
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.relation_checker import check
@@ -112,6 +118,7 @@ def synthesize(
     budgets: Budgets | None = None,
     recall: Recall | None = None,
     lenient: bool = False,
+    time_limit: float | None = DEFAULT_LIMIT,
     tell: Tell | None = None,
 ) -> Scene:
     """A verified scene for an instruction in plain language.
@@ -132,6 +139,9 @@ def synthesize(
         budgets: how often each retry edge may be taken.
         recall: finds accepted answers to requests like this one, for prompts.
         lenient: leave out words that cannot be realised, and list them, instead of refusing.
+        time_limit: longest that the stages may compute [s], without what models take to answer;
+            None for as long as their budgets of attempts last. It never changes a scene: a run
+            that reaches it is refused (OutOfTime).
         tell: called with (stage, line) as the run goes.
 
     Raises:
@@ -149,6 +159,8 @@ def synthesize(
 
     refiner = refiner_or_default(refiner)
     check_arguments(seed, refiner)
+    check_length(instruction)
+    check_time_limit(time_limit)
     context = RunContext(
         backend=_made(backend, base_url),
         ground=ground_of(intersection),
@@ -172,7 +184,8 @@ def synthesize(
         "rejections": [],
     }
     try:
-        state, seconds = _run(start, context)
+        with limit_time(time_limit):
+            state, seconds = _run(start, context)
         if "scene" not in state or state.get("refused") is not None:
             raise _refusal(state)
     except ScenewrightError as error:
@@ -373,15 +386,18 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
         stream_mode=["updates", "values"],
     )
     # As it is; but numpy finds it sooner where it is set than where it is left to default.
-    with np.errstate():
-        for mode, chunk in stream:
-            if mode == "values":
-                state = chunk
-                continue
-            now = time.perf_counter()
-            for stage in chunk:
-                seconds[stage] = seconds.get(stage, 0.0) + now - before
-            before = now
+    try:
+        with np.errstate():
+            for mode, chunk in stream:
+                if mode == "values":
+                    state = chunk
+                    continue
+                now = time.perf_counter()
+                for stage in chunk:
+                    seconds[stage] = seconds.get(stage, 0.0) + now - before
+                before = now
+    except TimeLimitReachedError as error:
+        raise _out_of_time(cast(SceneState, state), error) from error
     return cast(SceneState, state), seconds
 
 
@@ -407,6 +423,23 @@ def check_arguments(seed: int, refiner: str) -> None:
         raise InputError(f"there is no refiner {refiner!r}; choose one of: {', '.join(REFINERS)}")
 
 
+def check_length(instruction: str) -> None:
+    """Raises InputError for an instruction that is too long to be one."""
+    if len(instruction) > LONGEST_REQUEST:
+        raise InputError(
+            f"the instruction has {len(instruction):,} characters; at most {LONGEST_REQUEST:,} "
+            "are read"
+        )
+
+
+def check_time_limit(seconds: float | None) -> None:
+    """Raises InputError for a time limit that is none."""
+    if seconds is not None and not 0.0 < seconds <= LONGEST_LIMIT:
+        raise InputError(
+            f"a time limit is a number of seconds up to {LONGEST_LIMIT:g}, got {seconds:g}"
+        )
+
+
 def _refusal(state: SceneState) -> InputError | Unsatisfiable:
     rejections: tuple[Rejection, ...] = tuple(state.get("rejections", []))
     last = rejections[-1]
@@ -414,12 +447,27 @@ def _refusal(state: SceneState) -> InputError | Unsatisfiable:
         return InputError(last.detail)
     if last.stage == "scene_planner":
         return Unsatisfiable(last.detail, rejections)
+    told = _tell_best_reason(rejections)
+    return Unsatisfiable(f"no verified scene within {len(rejections)} attempts; {told}", rejections)
+
+
+def _out_of_time(state: SceneState, error: TimeLimitReachedError) -> OutOfTime:
+    rejections = tuple(state.get("rejections", []))
+    told = _tell_best_reason(rejections) if rejections else "the first attempt was not done"
+    count = f"{len(rejections)} attempt{'' if len(rejections) == 1 else 's'}"
+    return OutOfTime(
+        f"no verified scene within {error.seconds:g} s, the time limit, and {count}; {told}",
+        rejections,
+    )
+
+
+def _tell_best_reason(rejections: tuple[Rejection, ...]) -> str:
+    """The last refusal, or the one that came nearest."""
     # Where most attempts failed on a clause that never held, the nearest of them tells most.
     unserved = [each for each in rejections if each.missed is not None]
-    told = f"last: {last.detail}"
     if 2 * len(unserved) > len(rejections):
-        told = f"nearest: {min(unserved, key=_missed).detail}"
-    return Unsatisfiable(f"no verified scene within {len(rejections)} attempts; {told}", rejections)
+        return f"nearest: {min(unserved, key=_missed).detail}"
+    return f"last: {rejections[-1].detail}"
 
 
 def _missed(rejection: Rejection) -> tuple[int, float]:
