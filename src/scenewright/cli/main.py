@@ -128,6 +128,9 @@ def make(
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
     gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False,
+    html: Annotated[
+        bool, typer.Option("--html", help="Add a page that plays and explains it, scene.html.")
+    ] = False,
     no_picture: Annotated[bool, typer.Option("--no-picture", help="No scene.png.")] = False,
     no_recording: Annotated[bool, typer.Option("--no-recording", help="No scene.rrd.")] = False,
     quiet: Quiet = False,
@@ -149,6 +152,7 @@ def make(
         picture=not no_picture,
         recording=not no_recording,
         gif=gif,
+        html=html,
         lenient=lenient,
     )
     with progress(quiet=quiet) as tell:
@@ -242,8 +246,19 @@ def verify(
 @app.command()
 def show(
     scene: Annotated[str, typer.Argument(help="A scene's folder, or its scene.rrd.")],
+    html: Annotated[
+        str | None,
+        typer.Option(metavar="F", help="Write a page that plays and explains it, to share."),
+    ] = None,
+    gif: Annotated[str | None, typer.Option(metavar="F", help="Write an animation.")] = None,
 ) -> None:
-    """Open a scene's recording in the rerun viewer."""
+    """Open a scene's recording in the rerun viewer, or write its views to files."""
+    if html is not None or gif is not None:
+        from scenewright.cli.show import write_views
+
+        for name in write_views(scene, html=html, gif=gif):
+            put(f"{name}\n")
+        return
     from scenewright.viz.recording import open_recording
 
     open_recording(scene)

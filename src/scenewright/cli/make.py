@@ -41,6 +41,7 @@ class Request:
     picture: bool
     recording: bool
     gif: bool
+    html: bool = False
     lenient: bool = False
 
 
@@ -146,6 +147,7 @@ def _add_views(scene: Scene, folder: Path, request: Request, tell: Tell) -> tupl
         (request.picture, "scene.png", _draw),
         (request.recording, "scene.rrd", _record),
         (request.gif, "scene.gif", _animate),
+        (request.html, "scene.html", _write_page),
     ]
     warnings = []
     for wanted, name, write in views:
@@ -181,6 +183,14 @@ def _animate(scene: Scene, path: Path) -> None:
 
     intersection_map = load_map(scene.record.meta.intersection)
     animate_scene(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
+
+
+def _write_page(scene: Scene, path: Path) -> None:
+    from scenewright.intersections import load_map
+    from scenewright.viz.html_player import write_player
+
+    intersection_map = load_map(scene.record.meta.intersection)
+    write_player(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
 
 
 def _record(scene: Scene, path: Path) -> None:
