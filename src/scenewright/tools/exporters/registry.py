@@ -47,6 +47,10 @@ FORMATS: dict[str, Format] = {
         "write_openscenario",
         forms=("replay", "reactive"),
     ),
+    "scenarionet": Format(
+        "ScenarioNet pickles, for MetaDrive", "scenarionet", "write_scenarionet", "write_summaries"
+    ),
+    "commonroad": Format("CommonRoad XML 2020a", "commonroad", "write_commonroad"),
 }
 """By the name that `--to` takes."""
 

@@ -7,11 +7,34 @@ from collections.abc import Callable
 from pathlib import PurePath
 
 from scenewright.errors import InputError
+from scenewright.tools.track_io.commonroad import read_commonroad
+from scenewright.tools.track_io.fcd import read_fcd
 from scenewright.tools.track_io.openscenario import read_openscenario
 from scenewright.tools.track_io.sampled_recording import SampledRecording
+from scenewright.tools.track_io.scenarionet import read_scenarionet
+from scenewright.tools.track_io.xml_reading import parse_xml
+
+_HEAD = 100_000
+"""Within so many bytes a CommonRoad file begins."""
+
+
+def read_xml(data: bytes, *, name: str) -> list[SampledRecording]:
+    """Tracks in XML: CommonRoad, or SUMO's floating car data; the root element says which.
+
+    Raises:
+        InputError: neither, or damaged.
+    """
+    if b"<commonRoad" not in data[:_HEAD]:
+        return read_fcd(data, name=name)
+    return read_commonroad(parse_xml(data, name=name), name=name)
+
 
 Reader = Callable[..., list[SampledRecording]]
-_READERS: tuple[tuple[str, Reader], ...] = ((r"\.xosc", read_openscenario),)
+_READERS: tuple[tuple[str, Reader], ...] = (
+    (r"\.xosc", read_openscenario),
+    (r"\.pkl", read_scenarionet),
+    (r"\.xml", read_xml),
+)
 """(how a file's name ends, reader)."""
 
 

@@ -13,22 +13,20 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
-from scenewright.scene.track import STEP, VEHICLE_SIZES, Track
+from scenewright.scene.track import STEP, Track
 from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_track
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
-from scenewright.tools.track_io.subtypes import SUBTYPE_OF_WORD, SUBTYPES, find_subtype
+from scenewright.tools.track_io.subtypes import SUBTYPES, find_subtype
 from scenewright.tools.track_io.taf_bw import SETTLING
 
 MOST_BYTES = 400_000_000
 SMOOTHING = 0.3
 """Of positions [s], as for every real track."""
-_FCD_BEFORE_CENTRE = {name: size[0] / 2 for name, size in VEHICLE_SIZES.items()}
 _LONGEST_GAP = 0.6
 """Samples farther apart are a gap [s]; 2.5 Hz, the coarsest of the formats, is 0.4."""
 
@@ -391,54 +389,7 @@ def _trajnet(file: Path) -> dict[str, _Agent]:
     return agents
 
 
-def _fcd(file: Path) -> dict[str, _Agent]:
-    """SUMO floating car data: where vehicles' fronts are, angles clockwise from north."""
-    agents: dict[str, _Agent] = {}
-    now = 0.0
-
-    def refuse(*_: object) -> None:
-        raise InputError(f"{file} declares a document type or entities; no FCD needs them")
-
-    def start(name: str, row: dict[str, str]) -> None:
-        nonlocal now
-        try:
-            if name == "timestep":
-                now = float(row["time"])
-            elif name in ("vehicle", "person"):
-                x, y = float(row["x"]), float(row["y"])
-                word = "pedestrian" if name == "person" else _fcd_class(row.get("type", ""))
-                if name == "vehicle" and "angle" in row:
-                    turn, back = (
-                        math.radians(float(row["angle"])),
-                        _FCD_BEFORE_CENTRE.get(word, 2.3),
-                    )
-                    x, y = x - back * math.sin(turn), y - back * math.cos(turn)
-                _append(agents, f"{name} {row['id']}", word, now, x, y, str(file))
-        except (KeyError, ValueError):
-            raise InputError(f"{file} has a {name} without usable id, time, x, y") from None
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = start
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    try:
-        with file.open("rb") as stream:
-            while block := stream.read(1 << 20):
-                parser.Parse(block, False)
-        parser.Parse(b"", True)
-    except expat.ExpatError as fault:
-        raise InputError(f"{file} is not well-formed XML (line {fault.lineno})") from None
-    return agents
-
-
-def _fcd_class(word: str) -> str:
-    """The class that a vehicle type's name speaks of; a car where it speaks of none."""
-    words = (w for w, s in SUBTYPE_OF_WORD.items() if w in word.lower() and s != "pedestrian")
-    return SUBTYPE_OF_WORD[next(words, "car")]
-
-
 _READERS: Mapping[str, Callable[[Path], dict[str, _Agent]]] = {
     ".ndjson": _trajnet,
-    ".xml": _fcd,
     ".txt": _vtp,
 }
