@@ -48,14 +48,22 @@ def compare(question: dict[str, Any]) -> dict[str, Any]:
             if k >= 0:
                 there = track["state"]["position"][k, :2]
                 worst = max(worst, float(np.abs(there - np.array(xy)).max()))
+    ego = scenario["tracks"][scenario["metadata"]["sdc_id"]]["state"]
+    size = [float(ego[name][0]) for name in ("length", "width", "height")]
     return {
-        "position_error": worst, "start": start, "agents": len(scenario["tracks"]),
+        "size": size, "position_error": worst, "start": start, "agents": len(scenario["tracks"]),
         "ego": scenario["metadata"]["sdc_id"], "length": scenario["length"],
     }  # fmt: skip
 
 
 def drive(env: ScenarioEnv, index: int, about: dict[str, Any], step: float) -> dict[str, Any]:
-    """When the replayed ego first strikes a person or a vehicle."""
+    """When the replayed ego, in its own size, first strikes a person or a vehicle."""
+    length, width, height = about["size"]
+    config = {"vehicle_model": "varying_dynamics", "length": length, "width": width,
+              "height": height}  # fmt: skip
+    env.config["vehicle_config"].update(config)
+    for each in env.config["agent_configs"].values():
+        each.update(config)
     env.reset(seed=index)
     for k in range(about["length"] - 1):
         *_, terminated, truncated, info = env.step([0, 0])
