@@ -49,6 +49,7 @@ from scenewright.cli.errors import (
     fault_of,
 )
 from scenewright.cli.evals import evals
+from scenewright.cli.export import export
 from scenewright.cli.import_commands import fit, import_map_file, simulate
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
@@ -81,6 +82,7 @@ app.command()(chat)
 app.command()(mcp)
 app.command()(author)
 app.add_typer(dataset)
+app.command()(export)
 app.add_typer(planner)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
@@ -135,6 +137,9 @@ def make(
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
     gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False,
+    html: Annotated[
+        bool, typer.Option("--html", help="Add a page that plays and explains it, scene.html.")
+    ] = False,
     no_picture: Annotated[bool, typer.Option("--no-picture", help="No scene.png.")] = False,
     no_recording: Annotated[bool, typer.Option("--no-recording", help="No scene.rrd.")] = False,
     quiet: Quiet = False,
@@ -156,6 +161,7 @@ def make(
         picture=not no_picture,
         recording=not no_recording,
         gif=gif,
+        html=html,
         lenient=lenient,
         time_limit=time_limit,
     )
@@ -256,8 +262,19 @@ def verify(
 @app.command()
 def show(
     scene: Annotated[str, typer.Argument(help="A scene's folder, or its scene.rrd.")],
+    html: Annotated[
+        str | None,
+        typer.Option(metavar="F", help="Write a page that plays and explains it, to share."),
+    ] = None,
+    gif: Annotated[str | None, typer.Option(metavar="F", help="Write an animation.")] = None,
 ) -> None:
-    """Open a scene's recording in the rerun viewer."""
+    """Open a scene's recording in the rerun viewer, or write its views to files."""
+    if html is not None or gif is not None:
+        from scenewright.cli.show import write_views
+
+        for name in write_views(scene, html=html, gif=gif):
+            put(f"{name}\n")
+        return
     from scenewright.viz.recording import open_recording
 
     open_recording(scene)

@@ -42,6 +42,7 @@ class Request:
     picture: bool
     recording: bool
     gif: bool
+    html: bool = False
     lenient: bool = False
     time_limit: float = DEFAULT_LIMIT
 
@@ -149,6 +150,7 @@ def _add_views(scene: Scene, folder: Path, request: Request, tell: Tell) -> tupl
         (request.picture, "scene.png", _draw),
         (request.recording, "scene.rrd", _record),
         (request.gif, "scene.gif", _animate),
+        (request.html, "scene.html", _write_page),
     ]
     warnings = []
     for wanted, name, write in views:
@@ -184,6 +186,14 @@ def _animate(scene: Scene, path: Path) -> None:
 
     intersection_map = load_map(scene.record.meta.intersection)
     animate_scene(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
+
+
+def _write_page(scene: Scene, path: Path) -> None:
+    from scenewright.intersections import load_map
+    from scenewright.viz.html_player import write_player
+
+    intersection_map = load_map(scene.record.meta.intersection)
+    write_player(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
 
 
 def _record(scene: Scene, path: Path) -> None:

@@ -53,7 +53,7 @@ from scenewright.tools.solver.select import Mode
 from scenewright.tools.track_io.external_tracks import (
     MOST_BYTES,
     describe_too_large,
-    read_tracks,
+    read_external_recordings,
 )
 
 if TYPE_CHECKING:
@@ -257,12 +257,24 @@ def off_ground_in(tracks: ExternalTracks, *, intersection: str) -> tuple[Finding
 
 
 def load_tracks(path: str | Path) -> ExternalTracks:
-    """The tracks in a CSV or a TrajNet++ ndjson file; see docs/formats.md.
+    """The tracks in a file of one scenario; see docs/formats.md and docs/exports.md.
 
     Raises:
-        InputError: missing or unreadable; names the line and what to mend.
+        InputError: missing or unreadable, names the place and what to mend; or several scenarios.
     """
-    return read_tracks(_content(Path(path)), name=str(path))
+    recordings = load_recordings(path)
+    if len(recordings) > 1:
+        raise InputError(f"{path} holds {len(recordings)} scenarios; use load_recordings")
+    return next(iter(recordings.values()))
+
+
+def load_recordings(path: str | Path) -> dict[str, ExternalTracks]:
+    """The tracks of every scenario in a file, by its name; "" where there is but one.
+
+    Raises:
+        InputError: missing or unreadable; names the place and what to mend.
+    """
+    return read_external_recordings(_content(Path(path)), name=str(path))
 
 
 def _content(file: Path) -> bytes:
