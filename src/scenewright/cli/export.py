@@ -10,7 +10,9 @@ import typer
 from scenewright.cli.batch import folder_of_option
 from scenewright.cli.console import one_line, put, put_json, say
 
-To = Annotated[str, typer.Option("--to", metavar="FORMAT", help="Format: csv, trajnet, fcd.")]
+To = Annotated[
+    str, typer.Option("--to", metavar="FORMAT", help="Format; docs/exports.md lists them all.")
+]
 Form = Annotated[
     str | None, typer.Option(help="Form, of formats with several; openscenario: replay, reactive.")
 ]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -103,6 +102,16 @@ class ExportedAgent:
         length = np.hypot(*np.diff(rest, axis=0).T).sum()
         return resample_by_spacing(rest, ROUTE_SPACING) if length > ROUTE_SPACING else self.xy[-1:]
 
+    def shift(self, steps: int) -> ExportedAgent | None:
+        """The agent on a clock that starts `steps` later; None if it had left by then."""
+        cut = max(steps - self.first, 0)
+        if cut >= len(self.xy):
+            return None
+        return replace(
+            self, first=max(self.first - steps, 0), xy=self.xy[cut:],
+            heading=self.heading[cut:], velocity=self.velocity[cut:],
+        )  # fmt: skip
+
     def continue_until(self, last: int) -> ExportedAgent:
         """The agent going on along its route at its last speed, up to a step or the map's edge."""
         speed = max(float(self.speed[-1]), SLOWEST_CONTINUATION[self.names.is_vehicle])
@@ -116,9 +125,9 @@ class ExportedAgent:
         turn = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
         heading = wrap_angles(np.interp(at, (along[1:] + along[:-1]) / 2, turn))
         xy = np.concatenate([self.xy, more])
-        return ExportedAgent(
-            self.record, self.kind, self.first, self.step, xy,
-            np.concatenate([self.heading, heading]), _differentiate(xy, self.step),
+        return replace(
+            self, xy=xy, heading=np.concatenate([self.heading, heading]),
+            velocity=_differentiate(xy, self.step),
         )  # fmt: skip
 
 
@@ -131,6 +140,7 @@ class ExportedScene:
         steps: samples of the clock, from time 0 to the end of the scene.
         ego: the agent that is left to a user, or around which a format is centred.
         ego_named: whether the caller named the ego, and so takes it over.
+        offset: scene time of step 0 [steps].
     """
 
     record: SceneRecord
@@ -140,6 +150,7 @@ class ExportedScene:
     steps: int
     ego: ExportedAgent
     ego_named: bool = False
+    offset: int = 0
 
     @property
     def step(self) -> float:
@@ -163,11 +174,19 @@ class ExportedScene:
         for row in self.record.signals:
             name = row.stop_line or row.crosswalk or ""
             colours = lights.setdefault(name, [None] * self.steps)
-            for k in range(math.ceil(row.start / self.step - 1e-6), self.steps):
-                if k * self.step > row.end + 1e-6:
-                    break
-                colours[k] = row.colour
+            for k in range(self.steps):
+                if row.start - 1e-6 <= (k + self.offset) * self.step <= row.end + 1e-6:
+                    colours[k] = row.colour
         return lights
+
+    def begin_at_ego(self) -> ExportedScene:
+        """The scene from the moment at which the ego enters; who has left by then is gone."""
+        start = self.ego.first
+        agents = tuple(a for a in (each.shift(start) for each in self.agents) if a is not None)
+        ego = next(each for each in agents if each.id == self.ego.id)
+        return replace(
+            self, agents=agents, ego=ego, steps=self.steps - start, offset=self.offset + start
+        )
 
 
 def prepare_scene(

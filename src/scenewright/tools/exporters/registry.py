@@ -41,6 +41,16 @@ FORMATS: dict[str, Format] = {
     "csv": Format("table of tracks, as `verify` reads it", "csv_tracks", "write_csv"),
     "trajnet": Format("TrajNet++ ndjson, 2.5 Hz", "trajnet", "write_trajnet"),
     "fcd": Format("SUMO floating car data", "fcd", "write_fcd"),
+    "openscenario": Format(
+        "OpenSCENARIO 1.2 with OpenDRIVE",
+        "openscenario",
+        "write_openscenario",
+        forms=("replay", "reactive"),
+    ),
+    "scenarionet": Format(
+        "ScenarioNet pickles, for MetaDrive", "scenarionet", "write_scenarionet", "write_summaries"
+    ),
+    "commonroad": Format("CommonRoad XML 2020a", "commonroad", "write_commonroad"),
 }
 """By the name that `--to` takes."""
 
