@@ -7,10 +7,18 @@ from typing import Any, Literal
 from pydantic import Field
 
 from scenewright.scene.account import SaidRecord
-from scenewright.scene.base import AgentClass, Colour, Compass, Model, Movement, Point
+from scenewright.scene.base import (
+    AgentClass,
+    Colour,
+    Compass,
+    Model,
+    Movement,
+    Point,
+    is_left_out,
+)
 from scenewright.scene.events import EventZone
 from scenewright.scene.objects import ObjectRecord, SightRecord
-from scenewright.scene.social import Cause, EntrySide, ImpactPoint
+from scenewright.scene.social import Cause, EntrySide, ImpactPoint, Manoeuvre
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
 
@@ -87,6 +95,7 @@ class RelationRecord(Model):
 
     Attributes:
         cause, cause_agent: how it is to come about, and by whom, where the request says so.
+        manoeuvre: how it is to come about in one lane; written only where the request says so.
         zone: where the event must lie; first: who must pass first, as its relation file says.
         within: figure of the event's evidence -> lowest and highest value that prove it.
     """
@@ -97,6 +106,7 @@ class RelationRecord(Model):
     kind: str | None = None
     cause: Cause | None = None
     cause_agent: int | None = None
+    manoeuvre: Manoeuvre | None = Field(default=None, exclude_if=is_left_out)
     target_pet: float | None = None
     target_ttc: float | None = None
     impact_speed: float | None = None
@@ -139,16 +149,12 @@ class SceneRecord(Model):
     ties: tuple[TieRecord, ...] = ()
     signals: tuple[SignalRecord, ...] = ()
     said: tuple[SaidRecord, ...] = ()
-    objects: tuple[ObjectRecord, ...] = ()
-    sights: tuple[SightRecord, ...] = ()
+    objects: tuple[ObjectRecord, ...] = Field(default=(), exclude_if=is_left_out)
+    sights: tuple[SightRecord, ...] = Field(default=(), exclude_if=is_left_out)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON with the file's key names."""
-        return self.model_dump(mode="json", by_alias=True, exclude=self.list_unused())
-
-    def list_unused(self) -> set[str]:
-        """Keys that came later and are written only where they are used."""
-        return {name for name in ("objects", "sights") if not getattr(self, name)}
+        return self.model_dump(mode="json", by_alias=True)
 
     def to_paper(self) -> dict[str, Any]:
         """Plain JSON with the keys of Listing 1 alone.
