@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -26,6 +32,16 @@ class Model(BaseModel):
     """A frozen value that a language model, a file or a checkpoint may have written."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+
+class SparseModel(Model):
+    """A value that writes its `sparse` fields only where they hold something."""
+
+    sparse: ClassVar[frozenset[str]] = frozenset()
+
+    @model_serializer(mode="wrap")
+    def _leave_out_empty(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: each for key, each in write(self).items() if each or key not in self.sparse}
 
 
 def frozen(array: FloatArray) -> FloatArray:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
 from scenewright.scene.account import SaidRecord
-from scenewright.scene.base import AgentClass, Colour, Compass, Model, Movement, Point
+from scenewright.scene.base import (
+    AgentClass,
+    Colour,
+    Compass,
+    Model,
+    Movement,
+    Point,
+    SparseModel,
+)
 from scenewright.scene.events import EventZone
+from scenewright.scene.measures import MeasureKind
 from scenewright.scene.social import Cause, EntrySide, ImpactPoint
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
@@ -114,6 +123,16 @@ class TieRecord(Model):
     side: EntrySide
 
 
+class MeasureRecord(Model):
+    """A figure that was asked for, of an agent or between two, in scene ids (`UNITS`)."""
+
+    kind: MeasureKind
+    agent: int
+    other: int | None = None
+    low: float
+    high: float
+
+
 class SignalRecord(Model):
     """A stretch [s] during which the light of a stop line or crosswalk shows one colour."""
 
@@ -124,14 +143,17 @@ class SignalRecord(Model):
     colour: Colour
 
 
-class SceneRecord(Model):
+class SceneRecord(SparseModel):
     """A whole scene.json."""
+
+    sparse: ClassVar[frozenset[str]] = frozenset({"measures"})
 
     meta: SceneMeta
     agents: tuple[AgentRecord, ...]
     events: tuple[EventRecord, ...]
     relations: tuple[RelationRecord, ...] = ()
     ties: tuple[TieRecord, ...] = ()
+    measures: tuple[MeasureRecord, ...] = ()
     signals: tuple[SignalRecord, ...] = ()
     said: tuple[SaidRecord, ...] = ()
 

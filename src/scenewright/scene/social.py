@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from scenewright.scene.account import SaidSpan
-from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
+from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement, SparseModel
+from scenewright.scene.measures import Measure
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
 CollisionKind = Literal[
@@ -117,18 +118,22 @@ class SceneContext(Model):
     background: Background | None = None
 
 
-class SocialGraph(Model):
+class SocialGraph(SparseModel):
     """G = (V, E, C). No relations means a normal scene.
 
     Attributes:
         ties: entries that the text fixes by one another, such as those of oncoming vehicles.
+        measures: figures that the text asks for beside the severity of relations.
         said: what the words of the instruction became.
     """
+
+    sparse: ClassVar[frozenset[str]] = frozenset({"measures"})
 
     agents: tuple[AgentNode, ...] = Field(max_length=MOST_AGENTS)
     relations: tuple[RelationEdge, ...] = Field(default=(), max_length=MOST_RELATIONS)
     ties: tuple[EntryTie, ...] = Field(default=(), max_length=66)
     context: SceneContext = SceneContext()
+    measures: tuple[Measure, ...] = Field(default=(), max_length=24)
     said: tuple[SaidSpan, ...] = Field(default=(), max_length=500)
 
     @model_validator(mode="after")
@@ -144,6 +149,9 @@ class SocialGraph(Model):
         for tie in self.ties:
             if not {tie.agent, tie.of} <= set(ids):
                 raise ValueError("a tie of entries names an agent that is not in the scene")
+        for each in self.measures:
+            if not {each.agent, each.other or each.agent} <= set(ids):
+                raise ValueError(f"{each.kind} is asked of an agent that is not in the scene")
         return self
 
     def agent(self, agent_id: str) -> AgentNode:

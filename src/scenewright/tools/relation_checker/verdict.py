@@ -29,6 +29,7 @@ from scenewright.tools.relation_checker.events import SceneObservation, observe
 from scenewright.tools.relation_checker.external_events import MOST_PAIR_SAMPLES, count_pair_samples
 from scenewright.tools.relation_checker.labels import find_false_journeys, find_false_labels
 from scenewright.tools.relation_checker.legs import check_ties
+from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.plausibility import (
     AllowedExceptions,
     check_form,
@@ -66,6 +67,7 @@ def check(scene: SceneRecord, intersection_map: IntersectionMap | None = None) -
     users = read_users(scene)
     known = {a.id for a in scene.agents}
     _check_ties(scene, known)
+    _check_measures(scene, known)
     asked = tuple(_check_pair(r, known) for r in scene.relations)
     roles = AgentRoles(
         frozenset(a.id for a in scene.agents if a.role == "foreground").union(*asked),
@@ -102,6 +104,9 @@ def _build_proof(
     missing = (
         *missing,
         *unsaid,
+        *MeasuredFigures({}, observed.events, observed, intersection_map).list_unmet(
+            scene.measures
+        ),
         *find_false_labels(scene, events, lit=bool(intersection_map and scene.signals)),
         *(
             find_false_journeys(scene, observed.tracks, intersection_map)
@@ -195,6 +200,19 @@ def _check_ties(scene: SceneRecord, known: set[int]) -> None:
         for n in (tie.agent, tie.of):
             if n not in known:
                 raise InputError(f"ties name agent {n}, which the scene lacks")
+
+
+def _check_measures(scene: SceneRecord, known: set[int]) -> None:
+    for each in scene.measures:
+        if not {each.agent, each.agent if each.other is None else each.other} <= known:
+            raise InputError(f"measure {each.kind} names an agent that the scene lacks")
+
+
+def _check_asked_figures(
+    scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
+) -> tuple[Finding, ...]:
+    figures = MeasuredFigures({}, observed.events, observed, intersection_map)
+    return figures.list_unmet(scene.measures)
 
 
 def _drop_light_causes(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:
