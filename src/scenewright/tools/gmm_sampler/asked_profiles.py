@@ -64,8 +64,9 @@ def _draw_field(
     rng: np.random.Generator,
 ) -> None:
     own = agents[name]
-    low, high = bounds
-    values = rng.uniform(*bounds, size=len(own.nll)).tolist()
+    inside = 0.01 * (bounds[1] - bounds[0])
+    low, high = bounds[0] + inside, bounds[1] - inside
+    values = rng.uniform(low, high, size=len(own.nll)).tolist()
 
     def change(profile: DrivingProfile, m: int) -> DrivingProfile:
         usual = getattr(profile, field)
