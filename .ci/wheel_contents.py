@@ -22,6 +22,8 @@ NEEDED = (
     "scenewright/backends/builtin/reader/tokenizer.json",
     "scenewright/backends/builtin/training/instructions/*.txt",
     "scenewright/nodes/*/prompt.md",
+    "scenewright/viz/player/player.*",
+    "scenewright/cli/page/assets/app.*",
     "scenewright-*.dist-info/licenses/LICENSE",
 )
 

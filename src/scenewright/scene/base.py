@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    SerializerFunctionWrapHandler,
-    model_serializer,
-)
+from pydantic import BaseModel, ConfigDict, Field
 
 FloatArray = NDArray[np.float64]
 
@@ -28,20 +22,15 @@ AgentId = Annotated[str, Field(pattern=r"^(vehicle|pedestrian)-[1-9][0-9]*$", ma
 Point = tuple[float, float]
 
 
+def is_left_out(value: object) -> bool:
+    """Whether an optional field is empty, so that files do not hold it."""
+    return value is None or value == ()
+
+
 class Model(BaseModel):
     """A frozen value that a language model, a file or a checkpoint may have written."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
-
-
-class SparseModel(Model):
-    """A value that writes its `sparse` fields only where they hold something."""
-
-    sparse: ClassVar[frozenset[str]] = frozenset()
-
-    @model_serializer(mode="wrap")
-    def _leave_out_empty(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: each for key, each in write(self).items() if each or key not in self.sparse}
 
 
 def frozen(array: FloatArray) -> FloatArray:

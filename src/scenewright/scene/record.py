@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -14,11 +14,11 @@ from scenewright.scene.base import (
     Model,
     Movement,
     Point,
-    SparseModel,
+    is_left_out,
 )
 from scenewright.scene.events import EventZone
 from scenewright.scene.measures import MeasureKind
-from scenewright.scene.social import Cause, EntrySide, ImpactPoint
+from scenewright.scene.social import Cause, EntrySide, ImpactPoint, Manoeuvre
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
 
@@ -95,6 +95,7 @@ class RelationRecord(Model):
 
     Attributes:
         cause, cause_agent: how it is to come about, and by whom, where the request says so.
+        manoeuvre: how it is to come about in one lane; written only where the request says so.
         zone: where the event must lie; first: who must pass first, as its relation file says.
         within: figure of the event's evidence -> lowest and highest value that prove it.
     """
@@ -105,6 +106,7 @@ class RelationRecord(Model):
     kind: str | None = None
     cause: Cause | None = None
     cause_agent: int | None = None
+    manoeuvre: Manoeuvre | None = Field(default=None, exclude_if=is_left_out)
     target_pet: float | None = None
     target_ttc: float | None = None
     impact_speed: float | None = None
@@ -143,17 +145,15 @@ class SignalRecord(Model):
     colour: Colour
 
 
-class SceneRecord(SparseModel):
+class SceneRecord(Model):
     """A whole scene.json."""
-
-    sparse: ClassVar[frozenset[str]] = frozenset({"measures"})
 
     meta: SceneMeta
     agents: tuple[AgentRecord, ...]
     events: tuple[EventRecord, ...]
     relations: tuple[RelationRecord, ...] = ()
     ties: tuple[TieRecord, ...] = ()
-    measures: tuple[MeasureRecord, ...] = ()
+    measures: tuple[MeasureRecord, ...] = Field(default=(), exclude_if=is_left_out)
     signals: tuple[SignalRecord, ...] = ()
     said: tuple[SaidRecord, ...] = ()
 

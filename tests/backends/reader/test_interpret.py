@@ -330,3 +330,20 @@ def test_a_number_that_no_scene_can_have_is_refused_with_the_most(words: str, mo
     plan = plan_of(f"[veh:1 A car] {words} [hit:1>2 hits] [ped:2 a man]")
     assert isinstance(plan, Refusal)
     assert most in plan.reason
+
+
+@pytest.mark.parametrize(
+    ("event", "relation"),
+    [
+        ("[hit=rear:2>1 rear-ends it]", "collide_at"),
+        ("[near:2>1 nearly runs into it]", "near_miss"),
+        ("[!hit:2>1 stops in time]", "follow"),
+    ],
+)
+def test_who_brakes_ahead_of_another_does_so_as_a_manoeuvre(event: str, relation: str) -> None:
+    graph = graph_of(f"[veh:1 The lead car] [brake:1 brakes hard] and [veh:2 the follower] {event}")
+    (edge,) = graph.relations
+    assert (edge.type, edge.from_, edge.to) == (relation, "vehicle-2", "vehicle-1")
+    assert (edge.manoeuvre, edge.cause) == ("lead_brakes", None)
+    said = {each.words: each.became for each in graph.said}
+    assert said["brakes hard"] == "manoeuvre"

@@ -32,6 +32,7 @@ from scenewright.scene.constraints import (
     PassesThrough,
     SameLane,
     SpeedBetween,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
@@ -51,7 +52,7 @@ _WORDS = {
     "PEDESTRIAN": "a pedestrian such as pedestrian-1",
     "KIND": "a kind of collision such as angle",
     "POINT": "a point of impact such as front_left",
-    "LATE": "'late_brake'",
+    "LATE": "'late_brake' or 'lead_brakes'",
     "_WITH": "'with'",
     "_ON": "'on'",
     "COMPASS": "a direction such as north",
@@ -241,7 +242,7 @@ def _bound(clause: Clause) -> str:
             kind = "headway" if clause.clause == "time_headway" else clause.clause
             unit = UNITS[kind].unit
             return f" in [{_number(clause.low)}, {_number(clause.high)}] {unit}"
-        case TimeGap() | Headway() | BrakesFor():
+        case TimeGap() | Headway() | BrakesFor() | StopsBehind():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] s"
         case _:
             return ""
