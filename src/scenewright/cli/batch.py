@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout
+from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, TimeLimit, Timeout
 from scenewright.cli.console import is_terminal, one_line, put, put_json, say
 from scenewright.cli.interruption import keep
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import InputError
+from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.dataset.batch.answering import Asking
@@ -67,6 +68,7 @@ def batch(
     timeout: Timeout = None,
     at_once: AtOnce = None,
     row_timeout: RowTimeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     refiner: Refiner = None,
     selection: Annotated[
         Literal["draw", "map"],
@@ -112,6 +114,7 @@ def batch(
             seed=seed,
             base_url=base_url,
             lenient=lenient,
+            time_limit=time_limit,
         ),
         workers=workers or cores(),
         engine=engine,
@@ -170,6 +173,7 @@ def options_of(
     base_url: str | None,
     selection: Literal["draw", "map"] = "draw",
     lenient: bool = False,
+    time_limit: float = DEFAULT_LIMIT,
 ) -> Options:
     """What all rows share, as the command line says it."""
     from scenewright.dataset.batch.answering import BUILTIN
@@ -184,6 +188,7 @@ def options_of(
         seed=seed,
         base_url=base_url,
         lenient=lenient,
+        time_limit=time_limit,
     )
 
 

@@ -56,6 +56,7 @@ class ChatRequest:
     refiner: str | None
     out: str | None
     memory: bool
+    time_limit: float
     quiet: bool
     as_json: bool
 
@@ -89,6 +90,7 @@ def chat(request: ChatRequest) -> None:
             },
             tell=teller,
             recall=None if episodes is None else recall_from(episodes),
+            time_limit=request.time_limit,
         )
         talk = _Talk(session, request, teller, episodes)
         talk.run()

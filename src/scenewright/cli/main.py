@@ -20,7 +20,14 @@ import typer
 
 from scenewright.cli.agent import agent
 from scenewright.cli.author import author
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout, backend_of
+from scenewright.cli.backend_options import (
+    BackendNames,
+    BaseUrl,
+    Record,
+    TimeLimit,
+    Timeout,
+    backend_of,
+)
 from scenewright.cli.batch import batch
 from scenewright.cli.chat_commands import chat, mcp, memory
 from scenewright.cli.console import (
@@ -47,8 +54,10 @@ from scenewright.cli.import_commands import fit, import_map_file, simulate
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
 from scenewright.cli.planner import planner
+from scenewright.cli.serve import serve
 from scenewright.cli.tables import tables
 from scenewright.cli.understanding import understanding
+from scenewright.time_limit import DEFAULT_LIMIT
 
 app = typer.Typer(
     name="scenewright",
@@ -72,6 +81,7 @@ app.add_typer(evals)
 app.add_typer(memory)
 app.command()(chat)
 app.command()(mcp)
+app.command()(serve)
 app.command()(author)
 app.add_typer(dataset)
 app.command()(export)
@@ -102,6 +112,7 @@ def make(
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     seed: Annotated[int, typer.Option(help="The same seed makes the same scene.")] = 0,
     refiner: Annotated[
         str,
@@ -154,6 +165,7 @@ def make(
         gif=gif,
         html=html,
         lenient=lenient,
+        time_limit=time_limit,
     )
     with progress(quiet=quiet) as tell:
         made = make_scene(request, tell=tell)
@@ -220,6 +232,12 @@ def verify(
         str | None,
         typer.Option(help="Check against this map, not the one the scene names; tracks name none."),
     ] = None,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Demand a proof.json that names the digest of the whole scene.json."
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Check scenes: exit code 0 if all are verified, 1 if one is not, 2 if one is unusable.
@@ -228,7 +246,7 @@ def verify(
     """
     from scenewright.cli.verify import Checked, as_object, check_paths, is_good, notes, report
 
-    checked = check_paths(paths, intersection=intersection)
+    checked = check_paths(paths, intersection=intersection, strict=strict)
     unusable = [each for each in checked if isinstance(each, Checked) and each.error is not None]
     good = all(is_good(each) for each in checked)
     if as_json:

@@ -14,6 +14,7 @@ from scenewright.cli.console import one_line
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import target_folder, whole_folder
 from scenewright.errors import InputError, ScenewrightError
+from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.backends import Backend
@@ -43,6 +44,7 @@ class Request:
     gif: bool
     html: bool = False
     lenient: bool = False
+    time_limit: float = DEFAULT_LIMIT
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +140,7 @@ def _synthesize(request: Request, tell: Tell) -> Scene:
         refiner=request.refiner,
         selection=request.selection,
         lenient=request.lenient,
+        time_limit=request.time_limit,
         tell=tell,
     )
 

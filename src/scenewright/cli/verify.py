@@ -37,7 +37,9 @@ class Checked:
         return {"path": str(self.path), "verified": self.proof.verified, "proof": proof}
 
 
-def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked | CheckedTracks]:
+def check_paths(
+    paths: list[str], *, intersection: str | None, strict: bool = False
+) -> list[Checked | CheckedTracks]:
     """Every scene and file of tracks in every path, in order; what is unusable is an entry too."""
     checked: list[Checked | CheckedTracks] = []
     for path in paths:
@@ -46,7 +48,7 @@ def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked |
         except (InputError, OSError) as error:
             checked.append(Checked(Path(path), error=_reason(error)))
         else:
-            checked += [each for file in files for each in _check(file, intersection)]
+            checked += [each for file in files for each in _check(file, intersection, strict)]
     return checked
 
 
@@ -56,6 +58,8 @@ def scene_files(path: str) -> list[Path]:
     Raises:
         InputError: there is none, or the file is of another format.
     """
+    if not path.strip():
+        raise InputError("an empty path names no scene; give a scene.json, a folder or tracks")
     place = Path(path)
     if place.suffix.lower() in FOREIGN:
         raise InputError(
@@ -73,14 +77,14 @@ def scene_files(path: str) -> list[Path]:
     return inside
 
 
-def _check(path: Path, intersection: str | None) -> Sequence[Checked | CheckedTracks]:
+def _check(path: Path, intersection: str | None, strict: bool) -> Sequence[Checked | CheckedTracks]:
     from scenewright.graph.run import load_scene, verify
 
     try:
         if _holds_tracks(path) and not path.is_dir():
             return check_tracks(path, intersection=intersection)
         scene = load_scene(path)
-        return [Checked(path, scene, verify(scene, intersection=intersection))]
+        return [Checked(path, scene, verify(path, intersection=intersection, strict=strict))]
     except (InputError, OSError) as error:
         return [Checked(path, error=_reason(error))]
 

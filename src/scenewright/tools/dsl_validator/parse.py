@@ -30,6 +30,7 @@ from scenewright.scene.constraints import (
     PassesThrough,
     SameLane,
     SpeedBetween,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
@@ -46,7 +47,7 @@ _WORDS = {
     "PEDESTRIAN": "a pedestrian such as pedestrian-1",
     "KIND": "a kind of collision such as angle",
     "POINT": "a point of impact such as front_left",
-    "LATE": "'late_brake'",
+    "LATE": "'late_brake' or 'lead_brakes'",
     "_WITH": "'with'",
     "_ON": "'on'",
     "COMPASS": "a direction such as north",
@@ -229,7 +230,7 @@ def _bound(clause: Clause) -> str:
             return told if clause.cause is None else f"{told} {clause.cause}"
         case SpeedBetween():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] m/s"
-        case TimeGap() | Headway() | BrakesFor():
+        case TimeGap() | Headway() | BrakesFor() | StopsBehind():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] s"
         case _:
             return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from scenewright.scene.account import SaidRecord
@@ -11,12 +12,14 @@ from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
+from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
 """Checked elsewhere, as conditions on relations, ties and lights, or saying nothing of tracks."""
 
 _DAY = 24 * 60
+_CLOCK = re.compile(r"[0-9]{2}:[0-9]{2}(:[0-9]{2})?")
 
 
 def check_account(
@@ -80,15 +83,16 @@ class _EvidenceFinder:
             return None
         if entry.became in _ROUTE_WORDS:
             return self._find_route(entry)
+        of_agents = {
+            "agent": self._find_presence,
+            "runs_red": self._find_red_run,
+            "relation": self._find_event,
+            "cause": self._find_braking,
+            "manoeuvre": self._find_manoeuvre,
+        }
+        if entry.became in of_agents:
+            return of_agents[entry.became](entry)
         match entry.became:
-            case "agent":
-                return self._find_presence(entry)
-            case "runs_red":
-                return self._find_red_run(entry)
-            case "relation":
-                return self._find_event(entry)
-            case "cause":
-                return self._find_braking(entry)
             case "time_of_day":
                 return self._find_time(entry.value)
             case "density":
@@ -156,6 +160,19 @@ class _EvidenceFinder:
                 return f"agent {brakes} brakes hard in the {event.type} at {event.time:.1f} s"
         return None
 
+    def _find_manoeuvre(self, entry: SaidRecord) -> str | None:
+        """Of a relation of these agents that is to come about so."""
+        for relation in self._scene.relations:
+            pair = {relation.from_, relation.to}
+            if relation.manoeuvre != entry.value or not pair.issuperset(entry.agents):
+                continue
+            for event in self._events:
+                if event.type == relation.type and {event.from_, event.to} == pair:
+                    seen = describe_manoeuvre(relation, event, self._seen)
+                    if seen is not None:
+                        return seen
+        return None
+
     def _find_time(self, value: str | None) -> str | None:
         own = self._scene.meta.time_of_day
         if value is None or not _is_within(own, value):
@@ -197,6 +214,8 @@ def _is_within(time: str, span: str) -> bool:
     (True, True, False)
     """
     first, _, last = span.partition("-")
+    if not all(_CLOCK.fullmatch(each) for each in (first, last or first, time)):
+        return False
     start, own = _parse_minutes(first), _parse_minutes(time)
     return (own - start) % _DAY <= (_parse_minutes(last or first) - start) % _DAY
 

@@ -33,12 +33,14 @@ from scenewright.scene.constraints import (
     RunsRed,
     SameLane,
     SpeedBetween,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
+from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_offsets
@@ -117,8 +119,8 @@ _ROOM_TO_COME = 3.0
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
 
-_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor)
-_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor
+_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor, StopsBehind)
+_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | StopsBehind
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +202,7 @@ class Search:
                 orders = [self._rng.permutation(len(each.nll)) for each in draws]
 
     def _try(self, choice: dict[str, int]) -> Selection | None:
+        check_time()
         built = {name: self._candidate(name, m) for name, m in choice.items()}
         if None in built.values():
             return None
@@ -459,6 +462,7 @@ class Search:
         later: list[Option] = []
         tried = 0
         for m in range(len(draws.nll)):
+            check_time()
             built = self._candidate(draws.name, m)
             if built is None:
                 continue
@@ -673,7 +677,7 @@ def _unbound(clause: PairClause) -> Rejection:
         code="malformed_program",
         agents=(clause.first, str(clause.second)),
         detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
-        "headway, gives_way or brakes_for clause",
+        "headway, gives_way, brakes_for or stops_behind clause",
     )
 
 
