@@ -64,6 +64,7 @@ class SelectedAgent:
         stops, slowings: edits of its free time law under which every clause holds.
         contact: scene time [s] of the collision that ends it; None if it is in none.
         violates: it is the one that runs its red light.
+        exact: figures of its motion are asked for, so that it is not refined.
     """
 
     name: str
@@ -75,6 +76,7 @@ class SelectedAgent:
     slowings: tuple[Slowing, ...] = ()
     contact: float | None = None
     violates: bool = False
+    exact: bool = False
 
     @property
     def stands(self) -> tuple[Stop, ...]:

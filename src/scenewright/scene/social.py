@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement, is_left_out
+from scenewright.scene.measures import Measure
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
 CollisionKind = Literal[
@@ -174,6 +175,7 @@ class SocialGraph(Model):
     Attributes:
         ties: entries that the text fixes by one another, such as those of oncoming vehicles.
         objects: what stands on the road or the sidewalk; hides or blocks the way.
+        measures: figures that the text asks for beside the severity of relations.
         said: what the words of the instruction became.
     """
 
@@ -184,6 +186,7 @@ class SocialGraph(Model):
     objects: tuple[ObjectNode, ...] = Field(
         default=(), max_length=MOST_OBJECTS, exclude_if=is_left_out
     )
+    measures: tuple[Measure, ...] = Field(default=(), max_length=24, exclude_if=is_left_out)
     said: tuple[SaidSpan, ...] = Field(default=(), max_length=500)
 
     @model_validator(mode="after")
@@ -200,6 +203,9 @@ class SocialGraph(Model):
             if not {tie.agent, tie.of} <= set(ids):
                 raise ValueError("a tie of entries names an agent that is not in the scene")
         self._check_objects()
+        for each in self.measures:
+            if not {each.agent, each.other or each.agent} <= set(ids):
+                raise ValueError(f"{each.kind} is asked of an agent that is not in the scene")
         return self
 
     def _check_objects(self) -> None:

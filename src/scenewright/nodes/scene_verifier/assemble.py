@@ -16,6 +16,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import SightRecord
 from scenewright.scene.record import (
     AgentRecord,
+    MeasureRecord,
     RelationRecord,
     SceneMeta,
     SceneRecord,
@@ -64,6 +65,7 @@ def assemble(
             TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
             for each in graph.ties
         ),
+        measures=_measures(graph, numbers),
         signals=_signals(selection, intersection_map),
         said=number_agents(graph.said, numbers),
         objects=selection.objects,
@@ -174,6 +176,19 @@ def _relations(
             }
         )
         for index, edge in enumerate(graph.relations)
+    )
+
+
+def _measures(graph: SocialGraph, numbers: dict[str, int]) -> tuple[MeasureRecord, ...]:
+    return tuple(
+        MeasureRecord(
+            kind=each.kind,
+            agent=numbers[each.agent],
+            other=None if each.other is None else numbers[each.other],
+            low=each.low,
+            high=each.high,
+        )
+        for each in graph.measures
     )
 
 

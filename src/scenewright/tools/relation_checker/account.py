@@ -14,6 +14,7 @@ from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
+from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.objects import describe_object
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
@@ -82,6 +83,7 @@ class _EvidenceFinder:
         self._agents = {agent.id: agent for agent in scene.agents}
         self._tracks = {track.id: track for track in observed.tracks}
         numbers = {agent.name: agent.id for agent in scene.agents if agent.name is not None}
+        self._measured = MeasuredFigures(numbers, events, observed, intersection_map)
         self._asked = AskedFor(numbers, events, observed, intersection_map)
         self._by_entry: dict[str, Callable[[SaidRecord], str | None]] = {
             **dict.fromkeys(_ROUTE_WORDS, self._find_route),
@@ -108,10 +110,18 @@ class _EvidenceFinder:
                 return self._find_density(entry.value)
             case "background":
                 return self._count_background()
-            case "constraint" | "behavior":
-                return self._asked.find(entry.value, entry.words)
+            case "constraint" | "behavior" | "measure":
+                return self._find_asked(entry)
             case _:
                 return "no claim on the tracks by itself"
+
+    def _find_asked(self, entry: SaidRecord) -> str | None:
+        """Clauses, standstills and figures; the severity of an event is looked at with that."""
+        if entry.became != "measure":
+            return self._asked.find(entry.value, entry.words)
+        if " in [" not in (entry.value or ""):
+            return "no claim on the tracks by itself"
+        return self._measured.find(entry.value or "")
 
     def _find_presence(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]

@@ -34,6 +34,7 @@ from scenewright.tools.relation_checker.labels import (
     find_false_labels,
 )
 from scenewright.tools.relation_checker.legs import check_ties
+from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.metadata import RUNNERS, find_false_metadata
 from scenewright.tools.relation_checker.objects import (
     check_contacts,
@@ -83,6 +84,7 @@ def check(
     read_objects(scene)
     known = {a.id for a in scene.agents}
     _check_ties(scene, known)
+    _check_measures(scene, known)
     asked = tuple(_check_pair(r, known) for r in scene.relations)
     roles = AgentRoles(
         frozenset(a.id for a in scene.agents if a.role == "foreground").union(*asked),
@@ -126,6 +128,7 @@ def _build_proof(
         *missing,
         *unhidden,
         *unsaid,
+        *_check_asked_figures(scene, observed, intersection_map),
         *(find_false_labels(scene, events, lit=lit) if scene.events or labelled else ()),
         *find_false_metadata(scene, intersection_map),
         *find_false_behavior(scene, observed.tracks, events, intersection_map),
@@ -228,6 +231,19 @@ def _check_ties(scene: SceneRecord, known: set[int]) -> None:
         for n in (tie.agent, tie.of):
             if n not in known:
                 raise InputError(f"ties name agent {n}, which the scene lacks")
+
+
+def _check_measures(scene: SceneRecord, known: set[int]) -> None:
+    for each in scene.measures:
+        if not {each.agent, each.agent if each.other is None else each.other} <= known:
+            raise InputError(f"measure {each.kind} names an agent that the scene lacks")
+
+
+def _check_asked_figures(
+    scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
+) -> tuple[Finding, ...]:
+    figures = MeasuredFigures({}, observed.events, observed, intersection_map)
+    return figures.list_unmet(scene.measures)
 
 
 def _drop_light_causes(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:

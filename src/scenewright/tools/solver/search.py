@@ -22,6 +22,7 @@ from scenewright.geometry.landmarks import Landmarks, find_landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet
 from scenewright.scene.constraints import (
+    AgentFigure,
     Before,
     BrakesFor,
     ConstraintProgram,
@@ -30,6 +31,7 @@ from scenewright.scene.constraints import (
     Headway,
     Near,
     PairClause,
+    PairFigure,
     RunsRed,
     SameLane,
     SpeedBetween,
@@ -73,6 +75,7 @@ from scenewright.tools.solver.entry_times import (
     limit_to_leader,
     passes_on_green,
 )
+from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
 from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
@@ -160,6 +163,15 @@ class Search:
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
         self._before = tuple(c for c in program.clauses if isinstance(c, Before))
         self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
+        self._figures = tuple(c for c in program.clauses if isinstance(c, AgentFigure | PairFigure))
+        self._measured = {
+            name
+            for c in program.clauses
+            if isinstance(c, AgentFigure | PairFigure | SpeedBetween)
+            for name in ((c.first, c.second) if isinstance(c, PairFigure) else (c.agent,))
+        }
+        self._times = tuple(c for c in self._figures if c.clause == "time")
+        self._least_off: dict[AgentFigure | PairFigure, float] = {}
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
@@ -183,7 +195,7 @@ class Search:
 
     def _found(self) -> Selection | None:
         """The first surviving combination in the order drawn."""
-        wanted = max(len(self._events), 1)
+        wanted = max(len(self._events), 1) + len(self._figures)
         tuples = itertools.islice(self._tuples(), _TUPLES * wanted)
         for tried, choice in enumerate(tuples, start=1):
             selection = self._try(choice)
@@ -254,10 +266,12 @@ class Search:
         context = SolverContext(
             candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
             yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
+            figures=self._figures,
         )  # fmt: skip
         stage = ForegroundSolver(context)
         count = 0
-        for schedule in filter(self._run_first, stage.play(self._events, self._opening())):
+        staged = filter(self._run_first, stage.play(self._events, self._opening()))
+        for schedule in filter(self._is_as_measured, staged):
             selection = self._finish(schedule, choice)
             if selection is not None:
                 return selection
@@ -325,7 +339,7 @@ class Search:
         timed = None if timed is None else self._with_runners(timed, choice)
         if timed is None or not self._strangers_apart(timed):
             return None
-        if not self._in_order(timed):
+        if not (self._in_order(timed) and self._is_as_measured(timed, timed=True)):
             return None
         duration = self._duration(timed)
         if not self._run_red(timed, duration):
@@ -350,10 +364,20 @@ class Search:
         earliest = max(_FIRST_EVENT[0] - first, _SIGHT - begins)
         latest = max(min(_FIRST_EVENT[1] - first, last), earliest)
         shift = round(min(float(self._rng.uniform(earliest, latest)), last), 1)
+        shift = self._shift_to_time(schedule, shift)
         if begins + shift < 0.0:
             self._failures["the events do not fit into one scene of 30 s"] += 1
             return None
         return schedule.shifted(shift)
+
+    def _shift_to_time(self, schedule: PartialSchedule, shift: float) -> float:
+        """The shift [s] that brings an event to the time asked for; as drawn, if none is."""
+        for clause in self._times:
+            pair = {clause.first, clause.second} if isinstance(clause, PairFigure) else set()
+            for event in schedule.events:
+                if {event.clause.first, event.clause.second} == pair:
+                    return round((clause.low + clause.high) / 2 - event.time, 1)
+        return shift
 
     def _duration(self, _: PartialSchedule) -> float:
         """How long the scene lasts [s]."""
@@ -396,6 +420,15 @@ class Search:
                         self._failures[f"no_interaction({a}, {b})"] += 1
                         return False
         return True
+
+    def _is_as_measured(self, schedule: PartialSchedule, *, timed: bool = False) -> bool:
+        """Whether every figure asked for is in its range."""
+        unmet = find_unmet_figure(self._figures, schedule, timed=timed)
+        if unmet is None:
+            return True
+        clause, off = unmet
+        self._least_off[clause] = min(off, self._least_off.get(clause, np.inf))
+        return False
 
     def _in_order(self, schedule: PartialSchedule) -> bool:
         for clause in self._before:
@@ -601,6 +634,7 @@ class Search:
                 slowings=actor.slowings,
                 contact=actor.contact,
                 violates=name in self._violators,
+                exact=name in self._measured,
             )
         events = tuple(
             PlannedEvent(
@@ -627,6 +661,8 @@ class Search:
     def _rejection(self) -> Rejection:
         most = self._failures.most_common(3)
         detail = "; ".join(f"{reason} ({count}x)" for reason, count in most)
+        if self._least_off:
+            detail = "; ".join(describe_miss(c, off) for c, off in self._least_off.items())
         culprit = None if self._staged else self._shortfalls.culprit(self._events)
         if culprit is not None:
             detail = f"{format_clause(culprit.clause)}: {culprit.words}"
