@@ -10,6 +10,7 @@ from scenewright.errors import Rejected
 from scenewright.scene.base import AgentClass
 from scenewright.scene.edits import (
     AddAgent,
+    AddObject,
     ChangeAgent,
     ChangeContext,
     ComeLater,
@@ -137,6 +138,9 @@ def _touched(
                 for edge in graph.relations:
                     if name in (edge.from_, edge.to):
                         touched.add(edge.to if name == edge.from_ else edge.from_)
+            case AddObject(node=node) if node.hides is not None:
+                touched.add(node.hides)
+                other.add(str(node.hidden_from))
             case Unrelate() | RemoveAgent():
                 pass
     new = {each.id for each in graph.agents} - {each.id for each in before.agents}

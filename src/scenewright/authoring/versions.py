@@ -212,6 +212,7 @@ def earlier_of(scene: Scene) -> PreviousVersion:
         duration=selection.duration,
         signal_offset=selection.signal_offset,
         events=selection.events,
+        objects=selection.objects,
     )
 
 

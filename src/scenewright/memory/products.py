@@ -22,6 +22,7 @@ from scenewright.scene.candidates import Candidate, DrivingProfile, Path
 from scenewright.scene.frozen_agents import PreviousAgent, PreviousVersion
 from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.map import Route
+from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Slowing, Stop
 from scenewright.scene.track import Shape, Track
 
@@ -38,6 +39,11 @@ def serialize_version(earlier: PreviousVersion) -> bytes:
         "events": [asdict(each) for each in earlier.events],
         "patterns": [each.model_dump(mode="json") for each in earlier.patterns],
         "agents": [_agent(each) for each in earlier.agents.values()],
+        **(
+            {"objects": [each.model_dump(mode="json") for each in earlier.objects]}
+            if earlier.objects
+            else {}
+        ),
     }
     text = json.dumps(value, allow_nan=False, separators=(",", ":"))
     return zlib.compress(text.encode(), level=1)
@@ -63,6 +69,7 @@ def deserialize_version(data: bytes) -> PreviousVersion:
             duration=float(value["duration"]),
             signal_offset=_optional(value["signal_offset"]),
             events=tuple(_read_event(each) for each in value["events"]),
+            objects=tuple(ObjectRecord.model_validate(each) for each in value.get("objects", ())),
         )
     except (zlib.error, ValueError, KeyError, TypeError, IndexError) as error:
         raise InputError(f"a kept version cannot be read: {error}") from error

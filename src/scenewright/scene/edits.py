@@ -16,6 +16,8 @@ from scenewright.scene.social import (
     AgentNode,
     Background,
     EntryTie,
+    ObjectId,
+    ObjectNode,
     RelationEdge,
     SceneContext,
     SocialGraph,
@@ -112,6 +114,20 @@ class SetBackground(Model):
     pedestrians: int | None = Field(default=None, ge=0, le=20)
 
 
+class AddObject(Model):
+    """Something more stands in the scene."""
+
+    edit: Literal["add_object"] = "add_object"
+    node: ObjectNode
+
+
+class RemoveObject(Model):
+    """Something that stands goes."""
+
+    edit: Literal["remove_object"] = "remove_object"
+    object: ObjectId
+
+
 class SetPace(Model):
     """An agent is slower or faster: its free speed times `factor`."""
 
@@ -153,7 +169,8 @@ class Redraw(Model):
 
 Edit = (
     ChangeAgent | AddAgent | RemoveAgent | Relate | Unrelate | Tie | ChangeContext
-    | SetBackground | SetPace | MoveStop | WaitLonger | ComeLater | Redraw
+    | SetBackground | AddObject | RemoveObject | SetPace | MoveStop | WaitLonger | ComeLater
+    | Redraw
 )  # fmt: skip
 
 
@@ -212,7 +229,8 @@ def apply_edits(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
     """
     try:
         for edit in edits:
-            graph = SocialGraph.model_validate(_applied(graph, edit).model_dump(by_alias=True))
+            edited = _without_idle_hiding(_applied(graph, edit))
+            graph = SocialGraph.model_validate(edited.model_dump(by_alias=True))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
@@ -244,6 +262,10 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)
                 for edge in graph.relations
             )
+        case "object" | "sight":
+            name = (entry.value or "").split(" ", maxsplit=1)[0]
+            kept = (each for each in graph.objects if each.id == name)
+            return any(entry.became == "object" or each.hides is not None for each in kept)
         case "time_of_day" | "density":
             return bool(getattr(graph.context, entry.became) == entry.value)
         case "measure" if entry.value and " in [" in entry.value:
@@ -279,6 +301,13 @@ def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:
             told = {"density": edit.density, "time_of_day": edit.time_of_day}
             context = {**graph.context.model_dump(), **told}
             return graph.model_copy(update={"context": SceneContext.model_validate(context)})
+        case AddObject(node=node):
+            return graph.model_copy(update={"objects": (*graph.objects, node)})
+        case RemoveObject(object=name):
+            objects = tuple(each for each in graph.objects if each.id != name)
+            if len(objects) == len(graph.objects):
+                raise _refused(f"there is no {name} in the scene")
+            return graph.model_copy(update={"objects": objects})
         case SetBackground():
             before = graph.context.background or Background()
             counts = Background(
@@ -288,6 +317,19 @@ def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:
             context_ = graph.context.model_copy(update={"background": counts})
             return graph.model_copy(update={"context": context_})
     return graph
+
+
+def _without_idle_hiding(graph: SocialGraph) -> SocialGraph:
+    """The graph in which nothing hides an agent from another that it has no relation with."""
+    bound = {frozenset((edge.from_, edge.to)) for edge in graph.relations}
+    free = {"hides": None, "hidden_from": None, "lead": None}
+    objects = tuple(
+        each
+        if each.hides is None or frozenset((each.hides, each.hidden_from)) in bound
+        else each.model_copy(update=free)
+        for each in graph.objects
+    )
+    return graph.model_copy(update={"objects": objects})
 
 
 def _without(graph: SocialGraph, name: str) -> SocialGraph:
@@ -320,6 +362,8 @@ def diff_graphs(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
     found += _related(before, after, set(new))
     if _open_ties(before, set(new)) != after.ties:
         found.append(Tie(ties=after.ties))
+    found += [RemoveObject(object=o.id) for o in before.objects if o not in after.objects]
+    found += [AddObject(node=o) for o in after.objects if o not in before.objects]
     was, now = before.context, after.context
     if (was.density, was.time_of_day) != (now.density, now.time_of_day):
         found.append(ChangeContext(density=now.density, time_of_day=now.time_of_day))

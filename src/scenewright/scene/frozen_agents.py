@@ -9,6 +9,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.behavior import Segment
 from scenewright.scene.grounding import AssignedPattern
 from scenewright.scene.map import Route
+from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.selection import PlannedEvent, SelectedAgent
 from scenewright.scene.track import Track
 
@@ -37,7 +38,7 @@ class PreviousVersion:
         patterns: how its relations are played, by their place in the social graph.
         hour: time of day [h].
         duration: of the scene [s]; signal_offset: scene time 0 in the signal programme [s].
-        events: what the selection brings about.
+        events: what the selection brings about; objects: what stands.
     """
 
     agents: Mapping[str, PreviousAgent]
@@ -46,6 +47,7 @@ class PreviousVersion:
     duration: float
     signal_offset: float | None
     events: tuple[PlannedEvent, ...]
+    objects: tuple[ObjectRecord, ...] = ()
 
     @property
     def first_event(self) -> float | None:

@@ -51,7 +51,9 @@ def by_grammar(text: str, situation: Situation, people: People, *, site: Site) -
         check_scope(whole, chunks, editing=True)
     base = _Base(situation, site)
     base.change(plain, chunks, clock, people)
-    return diff_graphs(situation.graph, base.graph(clock))
+    before = situation.graph
+    after = base.graph(clock).model_copy(update={"objects": before.objects})
+    return diff_graphs(before, after)
 
 
 def _tells_time(chunks: Sequence[Chunk]) -> bool:

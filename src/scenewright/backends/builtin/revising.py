@@ -19,6 +19,7 @@ from scenewright.backends.builtin.mentions import Item, Mention, noun_phrases
 from scenewright.backends.builtin.normalise import clean, tokenise
 from scenewright.backends.builtin.redraft import by_grammar, free_name, next_item
 from scenewright.backends.builtin.references import People, Unclear
+from scenewright.backends.builtin.standing_edits import read_standing_edits
 from scenewright.errors import Rejected
 from scenewright.scene.edits import (
     AddAgent,
@@ -123,6 +124,8 @@ def _edits(words: str, situation: Situation, chosen: Mapping[str, str], site: Si
     again = _ANOTHER.match(" ".join(words.lower().split()))
     if again is not None:
         return Edits(edits=(_redraw(again, situation, chosen),))
+    if standing := read_standing_edits(words, situation):
+        return Edits(edits=standing)
     if not grammar_of_edits.is_edit(words) and not _of_scene(words, situation, chosen):
         return NewScene()
     found: list[Edit] = []

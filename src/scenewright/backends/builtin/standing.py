@@ -155,6 +155,15 @@ _THERE = re.compile(
 )
 """An object is there."""
 
+_ADDED = re.compile(
+    r"(?:please |now |then |also )*(?:add|put|place|park|include|insert|have|let) "
+    rf"(?P<object>{_STANDS})(?: (?:stand|be|there))?{_PLACE}"
+    r"(?P<hides>,? (?:so )?(?:that |which |to )?(?:it )?"
+    rf"(?:hid(?:es?|ing)|block(?:s|ing)?|conceals?|obscures?) [\w' ]+?{_LEAD})?[.!]?$",
+    re.IGNORECASE,
+)
+"""A turn of a conversation adds an object."""
+
 _EXIT = re.compile(r"\bexit\b|\b(?:after|past|beyond) the\b", re.IGNORECASE)
 _LEG = re.compile(r"\b(north|south|east|west)(?!bound)", re.IGNORECASE)
 _TOLERANCE = 0.15
@@ -266,7 +275,7 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase]) -> Social
         )  # fmt: skip
         said.append(became)
         if phrase.hides:
-            driver, walker = _find_pair(graph, phrase)
+            driver, walker = find_pair(graph, phrase)
             hidden = {"hides": walker, "hidden_from": driver, "lead": phrase.lead}
             node = node.model_copy(update=hidden)
             sight = {"became": "sight", "agents": (driver, walker), "value": node.id}
@@ -277,7 +286,18 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase]) -> Social
     return SocialGraph.model_validate(made.model_dump(by_alias=True))
 
 
-def _find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
+def find_addition(words: str) -> tuple[StandingPhrase, ...]:
+    """What a turn of a conversation adds: "put a parked truck at the kerb so that it hides her"."""
+    match = _ADDED.match(" ".join(words.split()))
+    if match is None:
+        return ()
+    lead = _read_seconds(match["seconds"])
+    return (
+        StandingPhrase(0, len(words), words, match["object"], match["hides"] is not None, lead),
+    )
+
+
+def find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
     """The driver and the pedestrian of the event in which the phrase has somebody hidden."""
     pairs = list(_list_pairs(graph))
     walkers = dict.fromkeys(walker for _, walker in pairs)

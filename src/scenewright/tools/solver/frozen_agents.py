@@ -70,6 +70,7 @@ class FrozenAgentsSearch(Search):
     ) -> None:
         super().__init__(program, pool, map_areas, rng, lenient, objects=objects)
         self._pins = frozen
+        self._placer.keep(frozen.earlier.objects)
         self._related = {frozenset(get_pair(each)) for each in self._events}
         self._events = tuple(each for each in self._events if self._open(each))
         self._near = tuple(each for each in self._near if self._open(each))

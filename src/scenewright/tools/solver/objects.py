@@ -15,7 +15,7 @@ import numpy as np
 from scenewright.scene.base import Compass
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.objects import ObjectRecord, get_subtype
 from scenewright.scene.social import DEFAULT_LEAD, ObjectNode
 from scenewright.tools.map_grounding.object_places import Side, find_places, make_footprint
 from scenewright.tools.solver.line_of_sight import find_lead
@@ -57,7 +57,12 @@ class ObjectPlacer:
     ) -> None:
         self._map, self._rng = intersection_map, rng
         self._nodes = sorted(nodes, key=lambda each: each.hides is None)
+        self._kept: dict[str, ObjectRecord] = {}
         self._places: dict[tuple[str, Compass, Side], tuple[ObjectRecord, ...]] = {}
+
+    def keep(self, earlier: Sequence[ObjectRecord]) -> None:
+        """Have objects of an earlier version stand where they stood, if that is still right."""
+        self._kept = {each.id: each for each in earlier}
 
     def place(self, schedule: PartialSchedule) -> tuple[ObjectRecord, ...] | str:
         """The objects, in the plan's order; or which of them finds no place, in words."""
@@ -76,6 +81,10 @@ class ObjectPlacer:
         self, node: ObjectNode, schedule: PartialSchedule, others: Sequence[ObjectRecord]
     ) -> Iterator[ObjectRecord]:
         """Places in random order: of those that hide whom the object is to hide, if any."""
+        kept = self._kept.get(node.id)
+        same = kept and (kept.kind, kept.subtype) == (node.kind, get_subtype(node))
+        if kept and same and _keeps_apart(kept, others) and self._hides(node, kept, schedule):
+            yield kept
         for leg, side in self._list_sides(node, schedule):
             places = self._find_places(node, leg, side)
             for k in self._rng.permutation(len(places)):
@@ -107,8 +116,8 @@ class ObjectPlacer:
             return True
         pair = {node.hides, node.hidden_from}
         times = [each.time for each in schedule.events if set(get_pair(each.clause)) == pair]
-        if not times:
-            return False
+        if not times:  # what the two do was settled in an earlier version, as was the place
+            return place is self._kept.get(node.id)
         driver, walker = schedule.actors[node.hidden_from], schedule.actors[node.hides]
         if (
             geos.distance(geos.LineString(walker.candidate.path.xy), make_footprint(place))
