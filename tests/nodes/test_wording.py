@@ -22,7 +22,7 @@ from scenewright.intersections import load_map
 from scenewright.nodes.event_reasoner.reply import StopsReply
 from scenewright.nodes.scene_planner import FOUR_LEGS, ask_for_plan, describe_routes
 from scenewright.nodes.scene_planner.reply import ID, TIME, PlanReply, completed, patterns_told
-from scenewright.nodes.scene_planner.wording import times_told, worded_plan
+from scenewright.nodes.scene_planner.wording import objects_told, times_told, worded_plan
 from scenewright.nodes.schema import inlined
 from scenewright.nodes.waypoint_filter.reply import ClausesReply
 from scenewright.nodes.wording import MOST_TOKENS, Example, compact, examples_told, tokens
@@ -423,3 +423,27 @@ def test_times_of_day_are_told_where_a_request_speaks_of_them(
 ) -> None:
     said = times_told(request_).removeprefix("Times: ").removesuffix(".\n").split(", ")
     assert [each.rpartition(" ")[0] for each in said if each] == names
+
+
+def test_a_model_is_told_of_what_stands_only_where_words_may_speak_of_it() -> None:
+    asked = worded_plan("A car hits a girl who comes from behind a parked bus", None, FOUR_LEGS)
+    plain = worded_plan("A car hits a girl", None, FOUR_LEGS)
+    assert "objects" in asked.schema["properties"]
+    assert "objects" not in plain.schema["properties"]
+    assert tokens(objects_told("behind a parked bus")) <= 60
+    assert objects_told("behind a parked bus") in asked.user
+
+
+def test_a_models_plan_may_hold_what_stands() -> None:
+    node = {"id": "object-1", "kind": "parked", "subtype": "bus", "hides": "pedestrian-1",
+            "hidden_from": "vehicle-1", "lead": [0.65, 0.95]}  # fmt: skip
+    agents = [{"id": "vehicle-1"}, {"id": "pedestrian-1"}]
+    edge = {"type": "collide_at", "from": "vehicle-1", "to": "pedestrian-1"}
+    said = ["behind a parked bus = objects", "behind = hides pedestrian-1"]
+    value = {"agents": agents, "relations": [edge], "objects": [node], "said": said}
+    plan = PlanReply.model_validate(value).root
+    assert isinstance(plan, SocialGraph)
+    assert plan.objects[0].lead == (0.65, 0.95)
+    assert [each.became for each in plan.said] == ["object", "sight"]
+    with pytest.raises(ValidationError):
+        PlanReply.model_validate({**value, "relations": []})

@@ -12,6 +12,7 @@ from scenewright.scene.account import SaidRecord, SaidSpan, list_manner, list_un
 from scenewright.scene.base import Point
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.map import IntersectionMap, Lanelet
+from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
 
 VERBS = {
@@ -29,6 +30,7 @@ def summary(scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap)
     lines = [happening(event, scene, intersection_map) for event in proof.events]
     if not lines:
         lines = ["nothing happens: no collision, near miss or yielding"]
+    lines += [_describe_object(each, scene, proof) for each in scene.objects]
     result = [verdict(proof), *(f"  {line}" for line in lines), f"  {_crowd(scene)}"]
     return [*result, *(f"  {line}" for line in unshown(proof.said))]
 
@@ -117,6 +119,19 @@ def _to_segment(spot: Point, a: Point, b: Point) -> float:
     t = 0.0 if square == 0 else (offset[0] * along[0] + offset[1] * along[1]) / square
     t = min(1.0, max(0.0, t))
     return math.dist(spot, (a[0] + t * along[0], a[1] + t * along[1]))
+
+
+def _describe_object(each: ObjectRecord, scene: SceneRecord, proof: Proof) -> str:
+    """What stands, and when who it hides is first seen."""
+    what = f"{each.kind} {each.subtype or ''}".replace("_", "-").strip()
+    names = {agent.id: agent.name for agent in scene.agents}
+    seen = [f for f in proof.figures.get("first_visible", ()) if f["object"] == each.id]
+    hides = "".join(
+        f"; hides {names[figure['subject']]} from {names[figure['observer']]} until "
+        f"{figure['before_event']:.1f} s before"
+        for figure in seen
+    )
+    return f"{each.id} ({what}) stands at ({each.x:.1f}, {each.y:.1f}){hides}"
 
 
 def _crowd(scene: SceneRecord) -> str:

@@ -52,6 +52,7 @@ SCHEMAS: Mapping[str, Fields] = {
         "pedestrians": ("int16", "how many"),
         "foreground": ("int16", "agents that the text speaks of"),
         "background": ("int16", "everybody else"),
+        "objects": ("string", "what stands, as JSON; null where nothing does"),
     },
     "agents": {
         "row": ("string", "id of the row"),
@@ -172,6 +173,7 @@ def _scene_row(files: SceneFiles) -> dict[str, Any]:
         "pedestrians": sum(agent["type"] == "pedestrian" for agent in agents),
         "foreground": sum(agent["role"] == "foreground" for agent in agents),
         "background": sum(agent["role"] == "background" for agent in agents),
+        "objects": _json(scene["objects"]) if scene.get("objects") else None,
     }
 
 

@@ -101,6 +101,14 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
                 for edge in plan.relations
                 if edge.manoeuvre and {edge.from_, edge.to}.issuperset(entry.agents)
             ]
+        case "object":
+            found = [((), f"{each.id} {each.kind}") for each in plan.objects]
+        case "sight":
+            found = [
+                ((str(each.hidden_from), each.hides), each.id)
+                for each in plan.objects
+                if each.hides is not None
+            ]
         case "time_of_day":
             time = plan.context.time_of_day
             found = [] if time is None else [((), time)]

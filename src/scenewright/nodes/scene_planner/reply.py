@@ -14,6 +14,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.scene.route_table import RouteDescription
 from scenewright.scene.social import (
+    MOST_OBJECTS,
     AgentNode,
     Cause,
     CollisionKind,
@@ -21,6 +22,7 @@ from scenewright.scene.social import (
     EntrySide,
     ImpactPoint,
     Manoeuvre,
+    ObjectKind,
     Refusal,
     RelationEdge,
     RelationType,
@@ -121,6 +123,8 @@ _KEYS = {
     **dict.fromkeys(("point_from", "point_to"), "impact_point"),
     **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
     **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
+    **dict.fromkeys(("objects", *get_args(ObjectKind)), "object"),
+    **dict.fromkeys(("hides", "hidden_from", "lead"), "sight"),
 }
 """Keys of a plan by which a model may call what words became."""
 
@@ -187,6 +191,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
             "agents": listed(closed(agent, required=("id",)), most=6),
             "relations": listed(closed(relation, required=("type", "from", "to")), most=6),
             "ties": listed(closed(tie, required=tie), most=6),
+            **objects_asked(words, side),
             "context": closed(context),
             "said": listed(text(), most=40),
             "refused": codes,
@@ -211,6 +216,31 @@ def severity_asked(words: str) -> Schema:
 def manoeuvres_asked(words: str) -> Schema:
     """How a relation in one lane comes about, where the words may speak of it."""
     return {"manoeuvre": one_of(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
+
+
+def objects_asked(words: str, side: Schema) -> Schema:
+    """What stands, as a key of the reply, where the words may speak of it."""
+    if not _STANDING.search(words):
+        return {}
+    who = shared("id")
+    node = {
+        "id": text(r"object-[1-9]"),
+        "kind": one_of(get_args(ObjectKind)),
+        "subtype": one_of(get_args(Subtype)),
+        "leg": side,
+        "hides": who,
+        "hidden_from": who,
+        "lead": {"type": "array", "items": number(0, 10), "minItems": 2, "maxItems": 2},
+    }
+    return {"objects": listed(closed(node, required=("id", "kind")), most=MOST_OBJECTS)}
+
+
+_STANDING = re.compile(
+    r"\b(?:(?:double[- ]?)?parked|stalled|broken[- ]down|behind|hidden|hides?|hiding|obscur\w+|"
+    r"occlud\w+|conceal\w+|view|sight|visible|bus stop|its stop|bins?|skip|containers?|kiosk|"
+    r"obstacle|dumpster)\b",
+    re.IGNORECASE,
+)
 
 
 def points_asked(words: str) -> Schema:

@@ -7,7 +7,12 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from scenewright.backends import Wording
-from scenewright.nodes.scene_planner.reply import manoeuvres_asked, patterns_told, plan_schema
+from scenewright.nodes.scene_planner.reply import (
+    manoeuvres_asked,
+    objects_asked,
+    patterns_told,
+    plan_schema,
+)
 from scenewright.nodes.wording import (
     LONGEST_REQUEST,
     Example,
@@ -61,18 +66,19 @@ def worded_plan(
     Args:
         left_hand: people drive on the left.
     """
+    words = f"{instruction} {previous or ''}"
     told = patterns_told(instruction, left_hand=left_hand)
     values = {
         "crosswalks": crosswalks_told(ways),
         "ways": ways_told(ways) + _uturns_told(ways),
         "traffic": traffic_told(left_hand),
-        "patterns": _patterns(told) + manoeuvres_told(f"{instruction} {previous or ''}"),
-        "times": times_told(f"{instruction} {previous or ''}"),
+        "patterns": _patterns(told) + manoeuvres_told(words) + objects_told(words),
+        "times": times_told(words),
         "previous": _previous(previous),
         "instruction": quoted(instruction),
         "faults": faults_told(rejections) + (_OR_REFUSE if rejections else ""),
     }
-    schema = plan_schema(ways, told, f"{instruction} {previous or ''}")
+    schema = plan_schema(ways, told, words)
     shown = [Example(each.request, _as_asked(each.answer)) for each in examples]
     return worded("scene_planner", "prompt.md", values, schema=schema, examples=shown)
 
@@ -133,6 +139,17 @@ _MANOEUVRES = (
     "manoeuvre, of two in one lane: lead_brakes: to brakes hard ahead of from, which hits it "
     "(collide_at rear_end), nearly does (near_miss) or stops in time (follow); no cause then.\n"
 )
+
+
+_OBJECTS = (
+    "objects stand and take no part: kind, subtype, leg if told; hides: a pedestrian, hidden_from: "
+    "the vehicle; lead, if told: seconds in sight before the event, 0.8 is [0.65,0.95].\n"
+)
+
+
+def objects_told(words: str) -> str:
+    """What may stand, where a request may speak of it."""
+    return _OBJECTS if objects_asked(words, {}) else ""
 
 
 def manoeuvres_told(words: str) -> str:
