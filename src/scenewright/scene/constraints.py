@@ -195,6 +195,13 @@ class RunsRed(Model):
     agent: AgentId
 
 
+class Pauses(Model):
+    """The pedestrian stands still for a while on its way over the road."""
+
+    clause: Literal["pauses"] = "pauses"
+    agent: PedestrianId
+
+
 class NoInteraction(Model):
     """Clearance >= 0.5 m and PET > 1.5 s between the pair; without `second`: with everybody."""
 
@@ -207,7 +214,7 @@ class NoInteraction(Model):
         return _two_agents(self, self.first, self.second)
 
 
-UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed
+UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed | Pauses
 PairClause = (
     Near
     | SameLane

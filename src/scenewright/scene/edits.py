@@ -238,6 +238,8 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 edge.type == entry.value and {edge.from_, edge.to} == set(entry.agents)
                 for edge in graph.relations
             )
+        case "motion":
+            return all(agent.motion == entry.value for agent in named)
         case "manoeuvre":
             return any(
                 edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)

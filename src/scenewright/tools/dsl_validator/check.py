@@ -12,6 +12,7 @@ from scenewright.scene.constraints import (
     OnRoad,
     OnWalkable,
     PassesThrough,
+    Pauses,
     RunsRed,
     SpeedBetween,
     UnaryClause,
@@ -69,6 +70,8 @@ def _problem(
             return None if _passes(candidate, clause, landmarks) else "does not pass there"
         case RunsRed():
             return None if landmarks.group else "there is no red light on its way to run"
+        case Pauses():
+            return None if landmarks.line is not None else "does not cross the road"
 
 
 def _below(value: float, limit: float, what: str) -> str | None:

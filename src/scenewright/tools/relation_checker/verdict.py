@@ -35,6 +35,10 @@ from scenewright.tools.relation_checker.labels import (
 )
 from scenewright.tools.relation_checker.legs import check_ties
 from scenewright.tools.relation_checker.metadata import RUNNERS, find_false_metadata
+from scenewright.tools.relation_checker.pedestrian_motions import (
+    RUNNING,
+    check_pedestrian_motions,
+)
 from scenewright.tools.relation_checker.plausibility import (
     AllowedExceptions,
     check_form,
@@ -125,6 +129,7 @@ def _build_proof(
         ),
         *_check_tied_entries(scene, observed, intersection_map),
         *_check_asked_red_runs(scene, observed, intersection_map, roles),
+        *check_pedestrian_motions(scene.agents, observed, intersection_map),
     )
     unasked = (
         *check_interference(observed, roles, expected=matched),
@@ -346,7 +351,8 @@ def _list_exceptions(agent: AgentRecord, events: Sequence[Event]) -> AllowedExce
         for e in events
         if e.type in ("collision", "near_miss") and agent.id in (e.from_, e.to)
     )
-    return AllowedExceptions(emergencies=times, running=agent.subtype in RUNNERS)
+    running = agent.subtype in RUNNERS or agent.motion in RUNNING
+    return AllowedExceptions(emergencies=times, running=running)
 
 
 def _check_time_span(track: Trajectory, duration: float) -> list[Finding]:

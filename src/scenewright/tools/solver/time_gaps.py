@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_
 _TRIES = 6
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
+
+_CLOSE, _SHORTEST = 1.05, 0.7
+"""A headway below the first is tailgating; the shortest of everybody else [s]."""
 
 _LEAST_CLEARANCE = 0.05
 """Between two that pass without touching [m]."""
@@ -81,6 +85,8 @@ def schedule_headways(
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first follows the second at the headway asked for."""
     a, b = context.both(clause, schedule)
+    if clause.high < _CLOSE and clause.first not in schedule.actors:
+        a = _at_the_pace_of(a, b)
     pair = context.find_path_conflict(clause)
     meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
     if not len(meetings):
@@ -99,7 +105,7 @@ def schedule_headways(
         if placed_a.contact is None:
             placed_a = _queued(placed_a, placed_b, pair, context.rng)
         begins = max(placed_a.enters, placed_b.enters)
-        if not _follows(placed_a, placed_b):
+        if not _follows(placed_a, placed_b, min(_SHORTEST, clause.low - STEP / 2)):
             words = f"{clause.first} does not stay behind {clause.second} for 3.6 s on end"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
@@ -132,8 +138,14 @@ def _queued(
     return a.edited(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
 
 
-def _follows(a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Whether `a` drives behind `b` at a headway of 0.7-3.6 s for 3.6 s on end."""
+def _at_the_pace_of(a: ScheduledAgent, b: ScheduledAgent) -> ScheduledAgent:
+    """Who drives close up does so at the speed of the other."""
+    candidate = replace(a.candidate, time_law=b.candidate.time_law)
+    return ScheduledAgent.unplaced(candidate, a.landmarks)
+
+
+def _follows(a: ScheduledAgent, b: ScheduledAgent, least: float) -> bool:
+    """Whether `a` drives behind `b` at a headway from `least` to 3.4 s for 3.6 s on end."""
     times = get_shared_times(a, b)
     if times is None:
         return False
@@ -141,7 +153,7 @@ def _follows(a: ScheduledAgent, b: ScheduledAgent) -> bool:
     gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
     clock = STEP * np.arange(len(a.motion.s))
     speed = np.maximum(np.interp(times - a.enters, clock, a.motion.speed), 0.5)
-    fits = (gap / speed > 0.7) & (gap / speed < 3.4)
+    fits = (gap / speed > least) & (gap / speed < 3.4)
     run = longest = 0
     for each in fits:
         run = run + 1 if each else 0
