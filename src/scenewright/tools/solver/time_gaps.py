@@ -48,6 +48,8 @@ def schedule_time_gaps(
         if not _pet_fits(clause, meetings, placed_b.enters - placed_a.enters, context):
             continue
         clearance, time, place = find_least_clearance(placed_a, placed_b)
+        if not all(_passes_the_pause(each, time) for each in (placed_a, placed_b)):
+            continue
         if clearance <= _LEAST_CLEARANCE or schedule.too_soon(time, clause):
             words = "the two touch, or are not yet free for it, at every such moment"
             context.note_miss(clause, FailureStage.COMPANY, words)
@@ -57,6 +59,12 @@ def schedule_time_gaps(
     if not len(meetings):
         words = f"the paths of {clause.first} and {clause.second} never touch"
         context.note_miss(clause, FailureStage.PATHS, words)
+
+
+def _passes_the_pause(of: ScheduledAgent, time: float) -> bool:
+    """Whether who stands still on the road does so when, or just before, the two come closest."""
+    pauses = [stop for stop in of.stops if stop.reason == "pauses"]
+    return all(stop.start - 1.0 <= time <= stop.until + 2.0 for stop in pauses)
 
 
 def _pet_fits(clause: TimeGap, meetings: Intervals, delta: float, context: SolverContext) -> bool:

@@ -53,7 +53,8 @@ _MIDWAY = re.compile(
 )
 _DARTS = re.compile(
     r"\b(?:dart\w*|dash\w* out|bolt\w*|"
-    r"(?:runs?|running|ran|races?|sprint\w*|rush\w*|jump\w*|leap\w*) out)(?: (?:in)?to the (?:road|street|roadway|crosswalk|traffic))?\b",
+    r"(?:runs?|running|ran|races?|sprint\w*|rush\w*|jump\w*|leap\w*) out)"
+    r"(?: (?:in)?to the (?:road|street|roadway|crosswalk|traffic))?\b",
     re.IGNORECASE,
 )
 _RUNS = re.compile(
