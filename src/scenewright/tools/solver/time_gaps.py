@@ -26,8 +26,11 @@ _TRIES = 6
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
 
-_CLOSE, _SHORTEST = 1.05, 0.7
-"""A headway below the first is tailgating; the shortest of everybody else [s]."""
+_CLOSE = 1.05
+"""A headway below this is tailgating [s]."""
+
+_LEAST_HEADWAY = 0.7
+"""Shortest headway at which an agent follows where none is asked for [s]."""
 
 _LEAST_CLEARANCE = 0.05
 """Between two that pass without touching [m]."""
@@ -93,7 +96,7 @@ def schedule_headways(
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first follows the second at the headway asked for."""
     a, b = context.both(clause, schedule)
-    if clause.high < _CLOSE and clause.first not in schedule.actors:
+    if clause.high < _CLOSE and clause.first not in schedule.actors and not context.figures:
         a = _at_the_pace_of(a, b)
     pair = context.find_path_conflict(clause)
     meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
@@ -101,19 +104,21 @@ def schedule_headways(
         words = f"{clause.first} and {clause.second} never share a lane"
         context.note_miss(clause, FailureStage.PATHS, words)
         return
-    for gap in context.rng.uniform(clause.low, clause.high, _TRIES):
+    low, high = _find_headways(clause, a, context)
+    least = _LEAST_HEADWAY if low >= _LEAST_HEADWAY else low - 0.1
+    for gap in context.rng.uniform(low, high, _TRIES):
         delta = float(meetings[0, 0] - gap)
         placed_a, placed_b = schedule.placed(clause, a, b, delta)
         found = float(meetings[0, 0] - (placed_b.enters - placed_a.enters))
-        if not is_in_range(clause.low, clause.high, found):
-            words = f"a headway of {clause.low:g} to {clause.high:g} s: it is {found:.1f} s"
-            off = compute_excess(clause.low, clause.high, found)
+        if not is_in_range(low, high, found):
+            words = f"a headway of {low:g} to {high:g} s: it is {found:.1f} s"
+            off = compute_excess(low, high, found)
             context.note_miss(clause, FailureStage.MEASURE, words, off=off)
             continue
         if placed_a.contact is None:
             placed_a = _queued(placed_a, placed_b, pair, context.rng)
         begins = max(placed_a.enters, placed_b.enters)
-        if not _follows(placed_a, placed_b, min(_SHORTEST, clause.low - STEP / 2)):
+        if not _follows(placed_a, placed_b, least=least):
             words = f"{clause.first} does not stay behind {clause.second} for 3.6 s on end"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
@@ -152,8 +157,19 @@ def _at_the_pace_of(a: ScheduledAgent, b: ScheduledAgent) -> ScheduledAgent:
     return ScheduledAgent.unplaced(candidate, a.landmarks)
 
 
-def _follows(a: ScheduledAgent, b: ScheduledAgent, least: float) -> bool:
-    """Whether `a` drives behind `b` at a headway from `least` to 3.4 s for 3.6 s on end."""
+def _find_headways(
+    clause: Headway, a: ScheduledAgent, context: SolverContext
+) -> tuple[float, float]:
+    """Headways [s] to draw from: those of the clause, or those that a gap asked for comes to."""
+    gap = context.find_figure("gap", clause.first, clause.second)
+    if gap is None:
+        return clause.low, clause.high
+    speed = a.candidate.time_law.speed
+    return gap.low / speed, gap.high / speed
+
+
+def _follows(a: ScheduledAgent, b: ScheduledAgent, *, least: float) -> bool:
+    """Whether `a` drives behind `b` at a headway of `least` to 3.4 s for 3.6 s on end."""
     times = get_shared_times(a, b)
     if times is None:
         return False
