@@ -50,7 +50,7 @@ _IN_LANE = re.compile(
     re.IGNORECASE,
 )
 _ON_FOOT = re.compile(
-    r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush|bolt|\bjog|freez|paus|"
+    r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|\bjog|freez|paus|"
     r"half-?way|mid-?(?:way|cross)|in the middle",
     re.IGNORECASE,
 )
