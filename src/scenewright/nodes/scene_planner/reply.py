@@ -50,8 +50,8 @@ _IN_LANE = re.compile(
     re.IGNORECASE,
 )
 _ON_FOOT = re.compile(
-    r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|\bjog|freez|paus|"
-    r"half-?way|mid-?(?:way|cross)|in the middle",
+    r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|"
+    r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
     re.IGNORECASE,
 )
 _COMMON = frozenset(
