@@ -171,6 +171,38 @@ class BrakesFor(_Pair):
         return _in_order(self, self.low, self.high)
 
 
+AgentFigureName = Literal["line_speed", "braking", "acceleration", "wait", "line_distance"]
+PairFigureName = Literal[
+    "contact_speed", "time_headway", "gap", "ttc", "time", "front_point",
+    "front_point_left", "front_point_right", "side_point",
+]  # fmt: skip
+
+
+class AgentFigure(Model):
+    """A figure of the agent's motion in the scene lies in [low, high]; units as in `UNITS`."""
+
+    clause: AgentFigureName
+    agent: AgentId
+    low: float = Field(ge=0, le=100)
+    high: float = Field(ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
+class PairFigure(_Pair):
+    """A figure of what happens between the two lies in [low, high]; units as in `UNITS`."""
+
+    clause: PairFigureName
+    low: float = Field(ge=0, le=100)
+    high: float = Field(ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
 class StopsBehind(_Pair):
     """`second` brakes hard ahead of `first` in one lane, which stops behind it without a contact.
 
@@ -195,6 +227,13 @@ class RunsRed(Model):
     agent: AgentId
 
 
+class Pauses(Model):
+    """The pedestrian stands still for a while on its way over the road."""
+
+    clause: Literal["pauses"] = "pauses"
+    agent: PedestrianId
+
+
 class NoInteraction(Model):
     """Clearance >= 0.5 m and PET > 1.5 s between the pair; without `second`: with everybody."""
 
@@ -207,7 +246,9 @@ class NoInteraction(Model):
         return _two_agents(self, self.first, self.second)
 
 
-UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed
+UnaryClause = (
+    OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed | AgentFigure | Pauses
+)
 PairClause = (
     Near
     | SameLane
@@ -219,7 +260,9 @@ PairClause = (
     | BrakesFor
     | StopsBehind
     | NoInteraction
+    | PairFigure
 )
+Figure = SpeedBetween | TimeGap | Headway | AgentFigure | PairFigure
 Clause = Annotated[UnaryClause | PairClause, Field(discriminator="clause")]
 
 
