@@ -18,7 +18,14 @@ from scenewright.scene.base import (
 )
 from scenewright.scene.events import EventZone
 from scenewright.scene.measures import MeasureKind
-from scenewright.scene.social import Cause, EntrySide, ImpactPoint, Manoeuvre
+from scenewright.scene.objects import ObjectRecord, SightRecord
+from scenewright.scene.social import (
+    Cause,
+    EntrySide,
+    ImpactPoint,
+    Manoeuvre,
+    PedestrianMotion,
+)
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
 
@@ -55,6 +62,7 @@ class AgentRecord(Model):
         trajectory: centre positions [m] every `meta.step` from `spawn_time`.
         heading: [rad], one per position.
         waypoints: K = 10 points at equal arc length of the candidate that was selected.
+        motion: how a pedestrian is to cross; written only where the request says so.
     """
 
     id: int
@@ -76,6 +84,7 @@ class AgentRecord(Model):
     segments: tuple[SegmentRecord, ...] = ()
     waypoints: tuple[Point, ...] = ()
     violates_signal: bool = False
+    motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
 
 
 class EventRecord(Model):
@@ -146,7 +155,11 @@ class SignalRecord(Model):
 
 
 class SceneRecord(Model):
-    """A whole scene.json."""
+    """A whole scene.json.
+
+    Attributes:
+        objects: what stands; sights: whom it was to hide from whom.
+    """
 
     meta: SceneMeta
     agents: tuple[AgentRecord, ...]
@@ -156,6 +169,8 @@ class SceneRecord(Model):
     measures: tuple[MeasureRecord, ...] = Field(default=(), exclude_if=is_left_out)
     signals: tuple[SignalRecord, ...] = ()
     said: tuple[SaidRecord, ...] = ()
+    objects: tuple[ObjectRecord, ...] = Field(default=(), exclude_if=is_left_out)
+    sights: tuple[SightRecord, ...] = Field(default=(), exclude_if=is_left_out)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON with the file's key names."""

@@ -8,6 +8,7 @@ from typing import Literal
 
 from scenewright.scene.base import Point
 from scenewright.scene.candidates import Candidate
+from scenewright.scene.objects import ObjectRecord
 
 AgentRole = Literal["foreground", "background"]
 
@@ -106,6 +107,7 @@ class Selection:
         nll: summed -log p_wp of the chosen candidates [nats] (Eq. 4).
         cost: the same plus -log density of the time laws [nats]; what `map` minimises.
         optimal: whether no surviving combination of the pool costs less.
+        objects: what stands in the scene.
         figures: how the search went (counts).
     """
 
@@ -116,4 +118,5 @@ class Selection:
     nll: float
     cost: float
     optimal: bool
+    objects: tuple[ObjectRecord, ...] = ()
     figures: Mapping[str, float] = field(default_factory=dict)

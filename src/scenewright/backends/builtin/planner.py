@@ -20,6 +20,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
 )
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.scope import check_language, check_text
+from scenewright.backends.builtin.standing import add_objects, take_out
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.edits import still_holds
 from scenewright.scene.measures import MeasureKind
@@ -91,7 +92,13 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
 
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
-        return decide(read_twice(text, previous, site), site)
+        check_text(text)
+        rest, standing = take_out(text)
+        earlier = None if previous is None else take_out(previous)[0]
+        found = decide(read_twice(rest, earlier, site), site)
+        if not standing or isinstance(found, Refusal):
+            return found
+        return add_objects(found, standing)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 

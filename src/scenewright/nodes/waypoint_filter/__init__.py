@@ -100,6 +100,7 @@ def _solved(
         mode=context.selection,
         lenient=len(rejections) >= _STRICT_ATTEMPTS,
         frozen=state.get("pinned"),
+        objects=state["social_graph"].objects,
     )
     tried = int(selection.figures["tuples"])
     context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")
@@ -183,6 +184,9 @@ def _facts(state: FilterReads) -> dict[str, Any]:
             | {"pattern": each.pattern, "from": each.from_, "to": each.to}
             | {"striker": graph.relations[each.edge].from_, "struck": graph.relations[each.edge].to}
             for each in played
+        ],
+        "motions": [
+            {"id": agent.id, "motion": agent.motion} for agent in graph.agents if agent.motion
         ],
         "measures": [each.model_dump() for each in graph.measures],
         "violators": sorted(

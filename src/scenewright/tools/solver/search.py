@@ -32,6 +32,7 @@ from scenewright.scene.constraints import (
     Near,
     PairClause,
     PairFigure,
+    Pauses,
     RunsRed,
     SameLane,
     SpeedBetween,
@@ -39,8 +40,10 @@ from scenewright.scene.constraints import (
     TimeGap,
     UnaryClause,
 )
+from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
+from scenewright.scene.social import ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
@@ -76,7 +79,9 @@ from scenewright.tools.solver.entry_times import (
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
 from scenewright.tools.solver.nearest_miss import NearestMisses
+from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
+from scenewright.tools.solver.pauses import draw_pauses
 from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
 from scenewright.tools.solver.reservation import Steps, find_blocked_offsets
@@ -128,11 +133,16 @@ _EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | StopsBehind
 
 @dataclass(frozen=True, eq=False)
 class TimedSchedule:
-    """A staging in scene time, with the scene's length and the programme's offset [s]."""
+    """A staging in scene time, with the scene's length and the programme's offset [s].
+
+    Attributes:
+        objects: what stands in the scene.
+    """
 
     schedule: PartialSchedule
     duration: float
     offset: float | None
+    objects: tuple[ObjectRecord, ...] = ()
 
 
 class Search:
@@ -145,8 +155,11 @@ class Search:
         map_areas: MapAreas,
         rng: np.random.Generator,
         lenient: bool,
+        *,
+        objects: Sequence[ObjectNode] = (),
     ) -> None:
         self._lenient = lenient
+        self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
         self._pool, self._ground, self._rng = pool, map_areas, rng
         self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
@@ -162,11 +175,14 @@ class Search:
         self._times = tuple(c for c in self._figures if c.clause == "time")
         self._least_off: dict[AgentFigure | PairFigure, float] = {}
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
+        self._pausing = {c.agent for c in program.clauses if isinstance(c, Pauses)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed)]
         self._bound = list(dict.fromkeys((*bound, *runners)))
+        if not self._pausing <= {*bound}:
+            raise Rejected(_pauses_alone(sorted(self._pausing - {*bound})))
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
         self._shortfalls = NearestMisses()
@@ -257,6 +273,10 @@ class Search:
             yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
             figures=self._figures,
         )  # fmt: skip
+        context.red_light_starts = {
+            **context.red_light_starts,
+            **draw_pauses(self._pausing, candidates, landmarks, self._rng),
+        }
         stage = ForegroundSolver(context)
         count = 0
         staged = filter(self._run_first, stage.play(self._events, self._opening()))
@@ -337,7 +357,11 @@ class Search:
         if offset is None and self._ground.intersection_map.signals is not None:
             self._failures["the signal programme allows no such moment"] += 1
             return None
-        return TimedSchedule(timed, duration, offset)
+        objects = self._placer.place(timed)
+        if isinstance(objects, str):
+            self._failures[objects] += 1
+            return None
+        return TimedSchedule(timed, duration, offset, objects)
 
     def _timed(self, schedule: PartialSchedule) -> PartialSchedule | None:
         """Shifted so that the first event falls anywhere where it is seen coming and ending."""
@@ -478,7 +502,7 @@ class Search:
                 name=name,
                 type=draws.route.type,
                 foreground=draws.role == "foreground",
-                make=partial(self._options, draws, moment),
+                make=partial(self._options, draws, moment, timed.objects),
                 reserve=draws.reserve,
             )
             for name, draws in self._pool.agents.items()
@@ -486,7 +510,11 @@ class Search:
         ]
 
     def _options(
-        self, draws: AgentCandidates, moment: SceneTiming, standing: Sequence[ScheduledAgent]
+        self,
+        draws: AgentCandidates,
+        moment: SceneTiming,
+        objects: Sequence[ObjectRecord],
+        standing: Sequence[ScheduledAgent],
     ) -> Iterator[Option]:
         """The ways in which an agent may take part: of its first candidate that has any.
 
@@ -497,7 +525,7 @@ class Search:
         for m in range(len(draws.nll)):
             check_time()
             built = self._candidate(draws.name, m)
-            if built is None:
+            if built is None or is_in_way(built[0], objects):
                 continue
             ways = self._ways(draws, m, built, moment, standing, later)
             first = next(ways, None)
@@ -635,6 +663,7 @@ class Search:
             nll=nll,
             cost=sum(self._cost(name, agent.index) for name, agent in agents.items()),
             optimal=assignment.optimal,
+            objects=timed.objects,
             figures={"rounds": assignment.rounds, "pairs": assignment.pairs},
         )
 
@@ -714,6 +743,15 @@ def _unbound(clause: PairClause) -> Rejection:
         agents=(clause.first, str(clause.second)),
         detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
         "headway, gives_way, brakes_for or stops_behind clause",
+    )
+
+
+def _pauses_alone(names: list[str]) -> Rejection:
+    return Rejection(
+        stage="waypoint_filter",
+        code="malformed_program",
+        agents=tuple(names),
+        detail=f"{names[0]} stops on its way, so it must also do something with another agent",
     )
 
 
