@@ -23,6 +23,7 @@ from scenewright.scene.social import (
     ImpactPoint,
     Manoeuvre,
     ObjectKind,
+    PedestrianMotion,
     Refusal,
     RelationEdge,
     RelationType,
@@ -48,6 +49,11 @@ _PARTS = re.compile(
 )
 _IN_LANE = re.compile(
     r"\bbrak|\bahead|\bbehind|\bin front|lead|tail|bumper|cuts? in|\blanes?\b|merg|swerv",
+    re.IGNORECASE,
+)
+_ON_FOOT = re.compile(
+    r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|"
+    r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
     re.IGNORECASE,
 )
 _COMMON = frozenset(
@@ -125,6 +131,7 @@ _KEYS = {
     **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
     **dict.fromkeys(("objects", *get_args(ObjectKind)), "object"),
     **dict.fromkeys(("hides", "hidden_from", "lead"), "sight"),
+    **dict.fromkeys(get_args(PedestrianMotion), "motion"),
 }
 """Keys of a plan by which a model may call what words became."""
 
@@ -164,6 +171,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         "movement": one_of([*(way.movement for way in ways), "uturn"]),
         **({"crosswalk": _crosswalks(crossed, legs)} if crossed else {}),
         "runs_red": {"type": "boolean"},
+        **motions_asked(words),
     }
     relation = {
         "type": one_of(get_args(RelationType)),
@@ -241,6 +249,11 @@ _STANDING = re.compile(
     r"obstacle|dumpster)\b",
     re.IGNORECASE,
 )
+
+
+def motions_asked(words: str) -> Schema:
+    """How a pedestrian crosses, where the words may speak of it."""
+    return {"motion": one_of(get_args(PedestrianMotion))} if _ON_FOOT.search(words) else {}
 
 
 def points_asked(words: str) -> Schema:
