@@ -218,9 +218,9 @@ def _read(match: re.Match[str], *, hides: bool) -> StandingPhrase | None:
     groups = match.groupdict()
     named = groups.get("object") or groups.get("subject") or groups.get("parked")
     lead = _read_seconds(groups.get("seconds"))
-    return StandingPhrase(
-        match.start(), match.end(), match[0].strip(" ,"), named or "", hides, lead
-    )
+    words = match[0].strip(" ,")
+    start = match.start() + match[0].index(words)
+    return StandingPhrase(start, start + len(words), words, named or "", hides, lead)
 
 
 def _fill(match: re.Match[str]) -> str:

@@ -20,6 +20,8 @@ Side = Literal["entry", "exit"]
 _GAP = 0.1
 """Between the wheels and the kerb, or the lane beside [m]."""
 _OFF_CROSSWALK = 0.3
+_KERB_GAPS = (_GAP, 0.3, 0.5)
+"""Of vehicles at the kerb, as far as their lane is wide enough [m]."""
 _STEP, _FARTHEST, _BEYOND = 0.25, 30.0, 3.0
 """Places lie this far apart along the kerb [m], up to so far from the junction; and the kerb is
 followed so far beyond the end of its lane, as far as it is straight."""
@@ -82,7 +84,8 @@ def _list_offsets(node: ObjectNode, roadside: _Roadside, width: float) -> Iterat
         case "box" | "bin":
             yield roadside.room + 0.4 + width / 2
         case _ if roadside.room >= width - _TIGHT:
-            yield roadside.room - _GAP - width / 2
+            inside = (gap for gap in _KERB_GAPS if gap == _GAP or roadside.room >= gap + width)
+            yield from (roadside.room - gap - width / 2 for gap in inside)
         case _:
             yield 2 * _GAP + width / 2
 

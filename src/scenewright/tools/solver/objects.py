@@ -77,6 +77,11 @@ class ObjectPlacer:
             placed.append(found)
         return tuple(sorted(placed, key=lambda each: each.id))
 
+    @property
+    def hides_anybody(self) -> bool:
+        """Whether an object is to hide a pedestrian."""
+        return any(each.hides is not None for each in self._nodes)
+
     def _list_places(
         self, node: ObjectNode, schedule: PartialSchedule, others: Sequence[ObjectRecord]
     ) -> Iterator[ObjectRecord]:

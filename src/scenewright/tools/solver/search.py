@@ -93,6 +93,9 @@ MAX_SECONDS = 30.0
 _FIRST_EVENT = (2.5, 26.5)
 """When the first event happens [s], as far as it is seen coming and ending."""
 
+_HIDDEN_FIRST = (4.0, 3.2, 2.5)
+"""When the first event may happen [s] where a pedestrian is hidden up to it."""
+
 _DISCHARGE = 1.0
 """How much likelier the lights are under which queues set off in view than those under which they
 form, per second of red. An event keeps many from setting off and nobody from coming to stand; in
@@ -377,7 +380,21 @@ class Search:
         if begins + shift < 0.0:
             self._failures["the events do not fit into one scene of 30 s"] += 1
             return None
-        return schedule.shifted(shift)
+        timed = schedule.shifted(shift)
+        if self._placer.hides_anybody and not self._times:
+            return self._begin_hidden(timed, first + shift)
+        return timed
+
+    def _begin_hidden(self, timed: PartialSchedule, first: float) -> PartialSchedule:
+        """The same with a scene that begins later, if only then nobody is seen too soon.
+
+        A driver far off looks along the sidewalk, behind what stands at the kerb.
+        """
+        for time in (first, *_HIDDEN_FIRST):
+            moved = timed.shifted(round(time - first, 1))
+            if not isinstance(self._placer.place(moved), str):
+                return moved
+        return timed
 
     def _shift_to_time(self, schedule: PartialSchedule, shift: float) -> float:
         """The shift [s] that brings an event to the time asked for; as drawn, if none is."""
