@@ -32,7 +32,9 @@ MovingObject: id 1 Identifier, base 2 BaseMoving, type 3 int32, vehicle_classifi
 BaseStationary: dimension 1 Dimension3d, position 2 Vector3d, orientation 3 Orientation3d
 TrafficLightClassification: color 1 int32, icon 2 int32, mode 3 int32
 TrafficLight: id 1 Identifier, base 2 BaseStationary, classification 3 TrafficLightClassification
-GroundTruth: version 1 InterfaceVersion, timestamp 2 Timestamp, host_vehicle_id 3 Identifier, moving_object 5 *MovingObject, traffic_light 7 *TrafficLight, map_reference 15 string
+StationaryClassification: type 1 int32
+StationaryObject: id 1 Identifier, base 2 BaseStationary, classification 3 StationaryClassification
+GroundTruth: version 1 InterfaceVersion, timestamp 2 Timestamp, host_vehicle_id 3 Identifier, stationary_object 4 *StationaryObject, moving_object 5 *MovingObject, traffic_light 7 *TrafficLight, map_reference 15 string
 MapAsamOpenDrive: map_reference 1 string, open_drive_xml_content 2 string
 """  # noqa: E501
 VEHICLE, PEDESTRIAN = 2, 3
