@@ -270,6 +270,31 @@ def test_foxglove_boxes_are_as_large_as_the_agents() -> None:
     assert [each["id"] for each in boxes[8 * 10**9]] == ["vehicle-2"]
 
 
+BAD = {
+    "bomb.xosc": (b"<!DOCTYPE x [<!ENTITY a 'b'>]><OpenSCENARIO/>", "document type"),
+    "cut.xosc": (b"<OpenSCENARIO>", "line 1: not well-formed"),
+    "routes.xosc": (b"<OpenSCENARIO/>", "no trajectories"),
+    "sets.xml": (
+        b"<commonRoad timeStepSize='0.1'><dynamicObstacle id='1'><type>car</type>"
+        b"<occupancySet/></dynamicObstacle></commonRoad>",
+        "obstacle 1: it is predicted by sets",
+    ),
+    "bomb.xml": (b"<!DOCTYPE x [<!ENTITY a 'b'>]><fcd-export/>", "document type"),
+    "short.pkl": (b"\x80\x04", "no pickle of plain arrays"),
+    "short.tfrecord": (b"123", "record 0: no TFRecord"),
+    "example.tfrecord": (write_records([b"\x0a\x00"]), "tf.Example records are not read"),
+    "short.parquet": (b"PAR1", "no Parquet file"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_file_that_cannot_be_read_is_refused_in_one_line(name: str) -> None:
+    content, words = BAD[name]
+    with pytest.raises(InputError, match=words) as refused:
+        read_external_recordings(content, name=name)
+    assert "\n" not in str(refused.value)
+
+
 class _Evil:
     def __reduce__(self) -> Any:
         return eval, ("1 + 1",)

@@ -73,22 +73,22 @@ def read_osi(data: bytes, *, name: str) -> list[SampledRecording]:
 
 
 def _read_messages(data: bytes, name: str) -> list[Any]:
-    from google.protobuf.message import DecodeError
-
     try:
-        reader = import_module("mcap.reader").make_reader(io.BytesIO(data))
+        library = import_module("mcap.reader")
     except ImportError as error:
         raise InputError(
             f"{name} needs the package mcap: pip install 'scenewright[export]'"
         ) from error
     truth = osi_classes()["GroundTruth"]
     try:
-        found = [
-            truth.FromString(message.data)
+        reader = library.make_reader(io.BytesIO(data), validate_crcs=True)
+        contents = [
+            message.data
             for schema, _, message in reader.iter_messages()
             if schema is not None and schema.name == "osi3.GroundTruth"
         ]
-    except (DecodeError, import_module("mcap.exceptions").McapError, ValueError, OSError) as error:
+        found = [truth.FromString(content) for content in contents]
+    except Exception as error:  # of a damaged file each decompressor raises its own
         raise InputError(f"{name} is no MCAP file that can be read") from error
     if not found:
         raise InputError(f"{name} has no OSI ground truth")
