@@ -13,6 +13,7 @@ from scenewright.scene.constraints import (
     Headway,
     OnRoad,
     OnWalkable,
+    PassesBeside,
     TimeGap,
     UnaryClause,
 )
@@ -22,14 +23,16 @@ from scenewright.tools.dsl_validator.parse import parse
 
 SERVED_BY = {
     "collide_at": Contact,
-    "near_miss": TimeGap,
+    "near_miss": TimeGap | PassesBeside,
     "yield_to": GivesWay,
     "follow": Headway,
 }
 
 
 def names(pattern) -> dict[str, str]:
-    return {"from": f"{pattern.from_.type}-1", "to": f"{pattern.to.type}-2"}
+    classes = {"rider": "cyclist"}
+    first, second = (classes.get(role.type, role.type) for role in (pattern.from_, pattern.to))
+    return {"from": f"{first}-1", "to": f"{second}-2"}
 
 
 def clauses(pattern):
@@ -50,15 +53,16 @@ def test_every_file_is_a_pattern_named_like_its_file():
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_the_clauses_serve_the_relation_and_fit_the_roles(pattern):
     found = clauses(pattern)
-    [event] = [c for c in found if isinstance(c, tuple(SERVED_BY.values()))]
+    [event] = [c for c in found if any(isinstance(c, each) for each in SERVED_BY.values())]
     assert isinstance(event, SERVED_BY[pattern.relation])
     assert (event.first, event.second) == tuple(names(pattern).values())
     if isinstance(event, Contact):
         assert event.kind in (None, pattern.kind)
     for clause in found:
         if isinstance(clause, OnRoad | OnWalkable):
-            jaywalks = {"vehicle-1": pattern.from_, "vehicle-2": pattern.to}.get(clause.agent)
-            assert (jaywalks is not None) == isinstance(clause, OnRoad)
+            role = pattern.from_ if clause.agent.endswith("-1") else pattern.to
+            walks = set(role.movements) <= {"crossing", "jaywalking"}
+            assert walks == isinstance(clause, OnWalkable)
         if isinstance(clause, UnaryClause):
             assert clause.agent in names(pattern).values()
 
@@ -67,7 +71,7 @@ def test_the_clauses_serve_the_relation_and_fit_the_roles(pattern):
 def test_roles_movements_and_segments_go_together(pattern):
     for role in (pattern.from_, pattern.to):
         on_foot = set(role.movements) <= {"crossing", "jaywalking"}
-        assert on_foot == (role.type == "pedestrian")
+        assert on_foot == (role.type == "pedestrian") or role.type == "rider"
         assert role.segments[0] == "keep"
     ends = {"terminate" in role.segments for role in (pattern.from_, pattern.to)}
     assert ends == {pattern.relation == "collide_at"}
@@ -78,12 +82,13 @@ def test_roles_movements_and_segments_go_together(pattern):
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
     """A figure that a file bounds is brought about by the clause with the same bounds."""
-    aims = {TimeGap: "pet", Headway: "least_headway"}
+    aims = {TimeGap: "pet", Headway: "least_headway", PassesBeside: "clearance"}
     for clause in clauses(pattern):
         figure = aims.get(type(clause))
         if figure in pattern.bounds():
             assert pattern.bounds()[figure] == (clause.low, clause.high)
-    assert set(pattern.bounds()) == ({"pet"} if pattern.relation == "near_miss" else set())
+    figure = "clearance" if pattern.geometry == "overtaking" else "pet"
+    assert set(pattern.bounds()) == ({figure} if pattern.relation == "near_miss" else set())
     assert pattern.proof.event == EVENT_OF_RELATION[pattern.relation]
     assert pattern.order == ("to" if pattern.relation == "yield_to" else None)
 

@@ -60,7 +60,7 @@ def _agent(agent: AgentView) -> str:
     if agent.type == "pedestrian":
         at = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"
         return f"{at}, from {agent.entry} to {agent.exit}, {pace}"
-    kind = agent.subtype or "vehicle"
+    kind = agent.subtype or agent.type
     return f"{kind}, from {agent.entry}, {agent.movement} to {agent.exit}, {pace}"
 
 

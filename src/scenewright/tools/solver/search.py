@@ -30,6 +30,7 @@ from scenewright.scene.constraints import (
     Headway,
     Near,
     PairClause,
+    PassesBeside,
     RunsRed,
     SameLane,
     SpeedBetween,
@@ -117,8 +118,8 @@ _ROOM_TO_COME = 3.0
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
 
-_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor)
-_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor
+_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor, PassesBeside)
+_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | PassesBeside
 
 
 @dataclass(frozen=True, eq=False)
