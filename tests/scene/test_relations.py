@@ -14,6 +14,7 @@ from scenewright.scene.constraints import (
     OnRoad,
     OnWalkable,
     PassesBeside,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
@@ -53,8 +54,9 @@ def test_every_file_is_a_pattern_named_like_its_file():
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_the_clauses_serve_the_relation_and_fit_the_roles(pattern):
     found = clauses(pattern)
-    [event] = [c for c in found if any(isinstance(c, each) for each in SERVED_BY.values())]
-    assert isinstance(event, SERVED_BY[pattern.relation])
+    every = (*SERVED_BY.values(), StopsBehind)
+    [event] = [c for c in found if any(isinstance(c, each) for each in every)]
+    assert isinstance(event, SERVED_BY[pattern.relation] | StopsBehind)
     assert (event.first, event.second) == tuple(names(pattern).values())
     if isinstance(event, Contact):
         assert event.kind in (None, pattern.kind)
@@ -75,19 +77,24 @@ def test_roles_movements_and_segments_go_together(pattern):
         assert role.segments[0] == "keep"
     ends = {"terminate" in role.segments for role in (pattern.from_, pattern.to)}
     assert ends == {pattern.relation == "collide_at"}
-    assert ("stop" in pattern.from_.segments) == (pattern.relation == "yield_to")
+    stops = [isinstance(each, GivesWay | StopsBehind) for each in clauses(pattern)]
+    assert ("stop" in pattern.from_.segments) == any(stops)
     assert pattern.weight > 0
 
 
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
     """A figure that a file bounds is brought about by the clause with the same bounds."""
-    aims = {TimeGap: "pet", Headway: "least_headway", PassesBeside: "clearance"}
+    aims = {
+        TimeGap: "pet", Headway: "least_headway", StopsBehind: "path_ttc",
+        PassesBeside: "clearance",
+    }  # fmt: skip
     for clause in clauses(pattern):
         figure = aims.get(type(clause))
         if figure in pattern.bounds():
             assert pattern.bounds()[figure] == (clause.low, clause.high)
-    figure = "clearance" if pattern.geometry == "overtaking" else "pet"
+    figure = "path_ttc" if pattern.manoeuvre == "lead_brakes" else "pet"
+    figure = "clearance" if pattern.geometry == "overtaking" else figure
     assert set(pattern.bounds()) == ({figure} if pattern.relation == "near_miss" else set())
     assert pattern.proof.event == EVENT_OF_RELATION[pattern.relation]
     assert pattern.order == ("to" if pattern.relation == "yield_to" else None)

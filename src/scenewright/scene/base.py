@@ -27,6 +27,11 @@ AgentId = Annotated[
 Point = tuple[float, float]
 
 
+def is_left_out(value: object) -> bool:
+    """Whether an optional field is empty, so that files do not hold it."""
+    return value is None
+
+
 class Model(BaseModel):
     """A frozen value that a language model, a file or a checkpoint may have written."""
 

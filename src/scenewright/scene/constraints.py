@@ -132,7 +132,7 @@ class Contact(_Pair):
 
     Attributes:
         point_first, point_second: where on either vehicle the contact lies.
-        cause: `first` brakes hard, but too late.
+        cause: `first` brakes hard, but too late; or `second`, driving ahead of it, brakes hard.
     """
 
     clause: Literal["contact"] = "contact"
@@ -140,7 +140,7 @@ class Contact(_Pair):
     speed: float | None = Field(default=None, gt=0, le=20)
     point_first: ImpactPoint | None = None
     point_second: ImpactPoint | None = None
-    cause: Literal["late_brake"] | None = None
+    cause: Literal["late_brake", "lead_brakes"] | None = None
 
     @model_validator(mode="after")
     def _on_vehicles(self) -> Self:
@@ -186,6 +186,23 @@ class PassesBeside(_Pair):
         return _in_order(self, self.low, self.high)
 
 
+class StopsBehind(_Pair):
+    """`second` brakes hard ahead of `first` in one lane, which stops behind it without a contact.
+
+    The least path TTC of the two lies in [low, high] [s] (SEMANTICS section 4).
+    """
+
+    clause: Literal["stops_behind"] = "stops_behind"
+    first: VehicleId
+    second: VehicleId
+    low: float = Field(ge=0, le=8)
+    high: float = Field(gt=0, le=8)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
 class RunsRed(Model):
     """The agent enters the junction or the crosswalk against its red light."""
 
@@ -216,6 +233,7 @@ PairClause = (
     | GivesWay
     | BrakesFor
     | PassesBeside
+    | StopsBehind
     | NoInteraction
 )
 Clause = Annotated[UnaryClause | PairClause, Field(discriminator="clause")]

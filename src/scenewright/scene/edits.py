@@ -238,6 +238,11 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 edge.type == entry.value and {edge.from_, edge.to} == set(entry.agents)
                 for edge in graph.relations
             )
+        case "manoeuvre":
+            return any(
+                edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)
+                for edge in graph.relations
+            )
         case "time_of_day" | "density":
             return bool(getattr(graph.context, entry.became) == entry.value)
         case "normal" | "denied" | "cause" | "background" | "tie" | "measure" | "impact_point":

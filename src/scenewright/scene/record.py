@@ -7,9 +7,17 @@ from typing import Any, Literal
 from pydantic import Field
 
 from scenewright.scene.account import SaidRecord
-from scenewright.scene.base import AgentClass, Colour, Compass, Model, Movement, Point
+from scenewright.scene.base import (
+    AgentClass,
+    Colour,
+    Compass,
+    Model,
+    Movement,
+    Point,
+    is_left_out,
+)
 from scenewright.scene.events import EventZone
-from scenewright.scene.social import Cause, EntrySide, ImpactPoint
+from scenewright.scene.social import Cause, EntrySide, ImpactPoint, Manoeuvre
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
 
@@ -86,6 +94,7 @@ class RelationRecord(Model):
 
     Attributes:
         cause, cause_agent: how it is to come about, and by whom, where the request says so.
+        manoeuvre: how it is to come about in one lane; written only where the request says so.
         zone: where the event must lie; first: who must pass first, as its relation file says.
         within: figure of the event's evidence -> lowest and highest value that prove it.
     """
@@ -96,6 +105,7 @@ class RelationRecord(Model):
     kind: str | None = None
     cause: Cause | None = None
     cause_agent: int | None = None
+    manoeuvre: Manoeuvre | None = Field(default=None, exclude_if=is_left_out)
     target_pet: float | None = None
     target_ttc: float | None = None
     impact_speed: float | None = None

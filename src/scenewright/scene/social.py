@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from scenewright.scene.account import SaidSpan
-from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
+from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement, is_left_out
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
 CollisionKind = Literal[
@@ -22,6 +22,10 @@ ImpactPoint = Literal[
 Cause = Literal["red_light_run", "late_brake"]
 EntrySide = Literal["same", "other", "opposite", "lateral", "left", "right"]
 """How one entry lies to another: one leg, not that, oncoming, on the cross street, to its left."""
+
+Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in"]
+"""How a relation in one lane comes about: `to` brakes hard ahead of `from`; `from` drives close up;
+`from` changes into the lane of `to`, ahead of it."""
 
 Density = Literal["low", "medium", "high"]
 Subtype = Literal["car", "truck", "bus", "motorcycle"]
@@ -58,6 +62,7 @@ class RelationEdge(Model):
         kind: collision kind, where the text names one (T-bone = angle, ...).
         cause: how it comes about, where the text says so.
         braker: the vehicle that brakes hard or late, where the cause is `late_brake`.
+        manoeuvre: how it comes about in one lane, where the text says so.
         pattern: id of the one relation file that may play it, where the text uses its phrase.
         target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
         point_from, point_to: where on either vehicle a collision strikes, where the text says so.
@@ -69,6 +74,7 @@ class RelationEdge(Model):
     kind: CollisionKind | None = None
     cause: Cause | None = None
     braker: AgentId | None = None
+    manoeuvre: Manoeuvre | None = Field(default=None, exclude_if=is_left_out)
     pattern: str | None = Field(default=None, max_length=64)
     target_pet: float | None = Field(default=None, ge=0, le=8)
     target_ttc: float | None = Field(default=None, ge=0, le=8)

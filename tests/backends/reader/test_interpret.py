@@ -277,3 +277,20 @@ def test_nearly_head_on_is_a_near_miss_from_opposite_sides(words: str) -> None:
     graph = graph_of(f"[veh:1,2 Two cars] [near:1>2 nearly collide] [hit=head:1>2 {words}].")
     assert [(edge.type, edge.kind) for edge in graph.relations] == [("near_miss", None)]
     assert [tie.side for tie in graph.ties] == ["opposite"]
+
+
+@pytest.mark.parametrize(
+    ("event", "relation"),
+    [
+        ("[hit=rear:2>1 rear-ends it]", "collide_at"),
+        ("[near:2>1 nearly runs into it]", "near_miss"),
+        ("[!hit:2>1 stops in time]", "follow"),
+    ],
+)
+def test_who_brakes_ahead_of_another_does_so_as_a_manoeuvre(event: str, relation: str) -> None:
+    graph = graph_of(f"[veh:1 The lead car] [brake:1 brakes hard] and [veh:2 the follower] {event}")
+    (edge,) = graph.relations
+    assert (edge.type, edge.from_, edge.to) == (relation, "vehicle-2", "vehicle-1")
+    assert (edge.manoeuvre, edge.cause) == ("lead_brakes", None)
+    said = {each.words: each.became for each in graph.said}
+    assert said["brakes hard"] == "manoeuvre"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from scenewright.scene.base import RIDERS, AgentClass
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
-from scenewright.scene.social import ImpactPoint
+from scenewright.scene.social import ImpactPoint, Manoeuvre
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 
@@ -120,6 +120,7 @@ class RelationDraft:
         point_from, point_to: where on either vehicle a collision strikes.
         pattern: id of the relation file whose phrase the text uses.
         braker: who brakes hard or late, where the text says so.
+        manoeuvre: how it comes about in one lane, where the text says so.
     """
 
     type: str
@@ -132,6 +133,7 @@ class RelationDraft:
     point_to: ImpactPoint | None = None
     pattern: str | None = None
     braker: AgentDraft | None = None
+    manoeuvre: Manoeuvre | None = None
 
     def pair(self) -> frozenset[int]:
         """The two agents, unordered."""

@@ -180,6 +180,7 @@ def make_edge(relation: RelationDraft, ids: dict[int, str], draft: Draft) -> Rel
             "kind": relation.kind if collision else None,
             "cause": relation.cause,
             "braker": None if relation.braker is None else ids[id(relation.braker)],
+            "manoeuvre": relation.manoeuvre,
             "pattern": relation.pattern,
             "target_pet": context.pet if not collision else None,
             "target_ttc": context.ttc if miss else None,

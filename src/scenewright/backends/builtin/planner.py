@@ -130,6 +130,8 @@ def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge]) -> RelationEd
         return edge
     fields = ("kind", "cause", "target_pet", "target_ttc", "impact_speed", "point_from", "point_to")
     open_ = {name: getattr(same, name) for name in fields if getattr(edge, name) is None}
+    if edge.manoeuvre is not None:  # it says who brakes
+        open_.pop("cause", None)
     return edge.model_copy(update=open_)
 
 

@@ -94,6 +94,12 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
                 for edge in plan.relations
                 if {edge.from_, edge.to}.issuperset(entry.agents)
             ]
+        case "manoeuvre":
+            found = [
+                ((edge.from_, edge.to), edge.manoeuvre)
+                for edge in plan.relations
+                if edge.manoeuvre and {edge.from_, edge.to}.issuperset(entry.agents)
+            ]
         case "time_of_day":
             time = plan.context.time_of_day
             found = [] if time is None else [((), time)]

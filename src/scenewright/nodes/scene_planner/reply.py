@@ -20,6 +20,7 @@ from scenewright.scene.social import (
     Density,
     EntrySide,
     ImpactPoint,
+    Manoeuvre,
     Refusal,
     RelationEdge,
     RelationType,
@@ -41,6 +42,10 @@ _FIGURES = re.compile(
 )
 _PARTS = re.compile(
     r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
+    re.IGNORECASE,
+)
+_IN_LANE = re.compile(
+    r"\bbrak|\bahead|\bbehind|\bin front|lead|tail|bumper|cuts? in|\blanes?\b|merg|swerv",
     re.IGNORECASE,
 )
 _COMMON = frozenset(
@@ -115,6 +120,7 @@ _KEYS = {
     **dict.fromkeys(("target_pet", "target_ttc", "impact_speed"), "measure"),
     **dict.fromkeys(("point_from", "point_to"), "impact_point"),
     **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
+    **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
 }
 """Keys of a plan by which a model may call what words became."""
 
@@ -162,6 +168,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
         "braker": who,
+        **manoeuvres_asked(words),
         **({"pattern": one_of(each.id for each in told)} if told else {}),
         **severity_asked(words),
     }
@@ -199,6 +206,11 @@ def severity_asked(words: str) -> Schema:
     if points_asked(words):
         found |= dict.fromkeys(("point_from", "point_to"), shared("point"))
     return found
+
+
+def manoeuvres_asked(words: str) -> Schema:
+    """How a relation in one lane comes about, where the words may speak of it."""
+    return {"manoeuvre": one_of(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
 
 
 def points_asked(words: str) -> Schema:

@@ -187,6 +187,7 @@ def _demands(
         "type": pattern.proof.event,
         "kind": edge.kind or pattern.proof.kind,
         "cause": edge.cause or pattern.proof.cause,
+        "manoeuvre": pattern.manoeuvre,
         "zone": pattern.zone,
         "first": roles[pattern.order] if pattern.order and not brakes else None,
         "within": {} if severe else pattern.bounds(),

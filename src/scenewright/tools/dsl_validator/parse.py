@@ -31,6 +31,7 @@ from scenewright.scene.constraints import (
     PassesThrough,
     SameLane,
     SpeedBetween,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
@@ -48,7 +49,7 @@ _WORDS = {
     "RIDER": "a rider such as cyclist-1",
     "KIND": "a kind of collision such as angle",
     "POINT": "a point of impact such as front_left",
-    "LATE": "'late_brake'",
+    "LATE": "'late_brake' or 'lead_brakes'",
     "_WITH": "'with'",
     "_ON": "'on'",
     "COMPASS": "a direction such as north",
@@ -233,7 +234,7 @@ def _bound(clause: Clause) -> str:
             return f" in [{_number(clause.low)}, {_number(clause.high)}] m/s"
         case PassesBeside():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] m"
-        case TimeGap() | Headway() | BrakesFor():
+        case TimeGap() | Headway() | BrakesFor() | StopsBehind():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] s"
         case _:
             return ""

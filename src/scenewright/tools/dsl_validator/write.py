@@ -78,6 +78,8 @@ def _clauses(pattern: Pattern, relation: dict[str, Any]) -> list[str]:
     ]
     if relation["type"] == "collide_at":
         return [_contact(line, relation) if line.startswith("contact(") else line for line in lines]
+    if pattern.manoeuvre == "lead_brakes":
+        return [_stop(line, relation) for line in lines]
     if relation["type"] == "near_miss":
         return _near_miss(lines, relation, first=pattern.order)
     pet = relation["target_pet"] if relation["type"] == "yield_to" else None
@@ -110,6 +112,15 @@ def _brakes_for(relation: dict[str, Any], ttc: float | None, *, first: RoleName 
     return f"brakes_for({', '.join(names)}) in [{low:g}, {high:g}] s"
 
 
+def _stop(line: str, relation: dict[str, Any]) -> str:
+    """The clause, if it is a stop behind the leader, with the path TTC asked for."""
+    ttc = relation["target_ttc"]
+    if ttc is None or not line.startswith("stops_behind("):
+        return line
+    low, high = _around(ttc, _TTC_BAND)
+    return f"{line.partition(' in ')[0]} in [{low:g}, {high:g}] s"
+
+
 def _time_gap(relation: dict[str, Any], pet: float) -> str:
     low, high = _around(pet, _PET_BAND)
     return f"time_gap({relation['from']}, {relation['to']}) in [{low:g}, {high:g}] s"
@@ -122,14 +133,16 @@ def _around(target: float, band: float) -> tuple[float, float]:
 def _contact(line: str, relation: dict[str, Any]) -> str:
     """The contact clause with the speed, the points of impact and the braking asked for."""
     speed = relation["impact_speed"]
-    line = line if speed is None else f"{line[:-1]}, {speed:g} m/s)"
+    line, _, cause = line.partition(") ")
+    line = line.removesuffix(")") + (")" if speed is None else f", {speed:g} m/s)")
     points = {relation["striker"]: relation["point_from"], relation["struck"]: relation["point_to"]}
     first = line[len("contact(") :].split(",")[0]
     second = next(name for name in points if name != first)
     for word, name in (("with", first), ("on", second)):
         line += f" {word} {points[name]}" if points[name] is not None else ""
     late = relation["cause"] == "late_brake" and first.startswith("vehicle")
-    return f"{line} late_brake" if late else line
+    cause = "late_brake" if late else cause
+    return f"{line} {cause}" if cause else line
 
 
 def _names_striker(line: str) -> bool:

@@ -367,6 +367,7 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
         for pattern in load_checked_patterns()
         if pattern.relation == edge.type
         and edge.pattern in (None, pattern.id)
+        and (edge.pattern is not None or pattern.manoeuvre == edge.manoeuvre)
         and (
             (pattern.from_.admits(first) and pattern.to.admits(second))
             or (pattern.from_.admits(second) and pattern.to.admits(first))
@@ -410,7 +411,8 @@ def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
 
 def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     orders = [(edge.from_, edge.to)]
-    told = edge.pattern is not None and pattern.from_.type == pattern.to.type
+    told = edge.pattern is not None or edge.manoeuvre is not None
+    told = told and pattern.from_.type == pattern.to.type
     if pattern.relation not in _SYMMETRIC or told:
         return orders  # a phrase says who does it to whom
     return [*orders, (edge.to, edge.from_)]

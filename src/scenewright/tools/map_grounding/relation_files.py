@@ -13,6 +13,7 @@ from scenewright.scene.constraints import (
     GivesWay,
     Headway,
     PassesBeside,
+    StopsBehind,
     TimeGap,
 )
 from scenewright.scene.relations import Pattern, get_pattern_file, load_patterns
@@ -21,9 +22,9 @@ from scenewright.tools.dsl_validator.parse import parse
 
 _BROUGHT_ABOUT_BY: dict[RelationType, tuple[type[Model], ...]] = {
     "collide_at": (Contact,),
-    "near_miss": (TimeGap, BrakesFor, PassesBeside),
+    "near_miss": (TimeGap, BrakesFor, StopsBehind, PassesBeside),
     "yield_to": (GivesWay,),
-    "follow": (Headway,),
+    "follow": (Headway, StopsBehind),
 }
 _PLACE = re.compile(r"line (\d+), column (\d+): (.*)", re.DOTALL)
 _HOLE = re.compile(r"\{[^{}]*\}")

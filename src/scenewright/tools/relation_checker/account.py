@@ -14,6 +14,7 @@ from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
+from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
@@ -84,15 +85,16 @@ class _EvidenceFinder:
             return None
         if entry.became in _ROUTE_WORDS:
             return self._find_route(entry)
+        of_agents = {
+            "agent": self._find_presence,
+            "runs_red": self._find_red_run,
+            "relation": self._find_event,
+            "cause": self._find_braking,
+            "manoeuvre": self._find_manoeuvre,
+        }
+        if entry.became in of_agents:
+            return of_agents[entry.became](entry)
         match entry.became:
-            case "agent":
-                return self._find_presence(entry)
-            case "runs_red":
-                return self._find_red_run(entry)
-            case "relation":
-                return self._find_event(entry)
-            case "cause":
-                return self._find_braking(entry)
             case "time_of_day":
                 return self._find_time(entry.value)
             case "density":
@@ -158,6 +160,19 @@ class _EvidenceFinder:
                 brakes = event.evidence.get("cause_agent", brakes)
             if brakes is not None and (not entry.agents or brakes in entry.agents):
                 return f"agent {brakes} brakes hard in the {event.type} at {event.time:.1f} s"
+        return None
+
+    def _find_manoeuvre(self, entry: SaidRecord) -> str | None:
+        """Of a relation of these agents that is to come about so."""
+        for relation in self._scene.relations:
+            pair = {relation.from_, relation.to}
+            if relation.manoeuvre != entry.value or not pair.issuperset(entry.agents):
+                continue
+            for event in self._events:
+                if event.type == relation.type and {event.from_, event.to} == pair:
+                    seen = describe_manoeuvre(relation, event, self._seen)
+                    if seen is not None:
+                        return seen
         return None
 
     def _find_time(self, value: str | None) -> str | None:

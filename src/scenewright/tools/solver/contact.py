@@ -12,6 +12,7 @@ from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
+from scenewright.tools.solver.lead_braking import plan_lead_braking
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.rear_end import (
@@ -56,6 +57,10 @@ def schedule_contacts(
             # Who strikes turns on a tenth of a second where one is short, such as a motorcycle.
             every = _everywhere(meetings, context)
             yield from _touching(clause, schedule, context, (a, b), every)
+        return
+    if clause.cause == "lead_brakes":
+        for follower, leader, deltas in plan_lead_braking(a, b, clause, context):
+            yield from _touching(clause, schedule, context, (follower, leader), deltas)
         return
     for follower, leader in plan_rear_ends(a, b, clause, context):
         deltas = draw_rear_end_offsets(follower, leader, context.rng)

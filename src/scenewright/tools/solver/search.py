@@ -34,6 +34,7 @@ from scenewright.scene.constraints import (
     RunsRed,
     SameLane,
     SpeedBetween,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
@@ -119,8 +120,8 @@ _ROOM_TO_COME = 3.0
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
 
-_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor, PassesBeside)
-_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | PassesBeside
+_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor, StopsBehind, PassesBeside)
+_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | StopsBehind | PassesBeside
 
 
 @dataclass(frozen=True, eq=False)
@@ -677,7 +678,7 @@ def _unbound(clause: PairClause) -> Rejection:
         code="malformed_program",
         agents=(clause.first, str(clause.second)),
         detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
-        "headway, gives_way or brakes_for clause",
+        "headway, gives_way, brakes_for or stops_behind clause",
     )
 
 

@@ -15,6 +15,7 @@ from scenewright.backends.builtin.reader.annotation import (
     SEPARATOR,
     SIDES,
 )
+from scenewright.backends.builtin.reader.manoeuvres import settle_lead_braking
 from scenewright.backends.builtin.reader.measures import Measure, measure_in, speed_range
 from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
@@ -818,10 +819,13 @@ def _settle(result: Interpretation) -> None:
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
+    settle_lead_braking(result)
     for user in result.braking:
         agent = result.users.get(user)
         for edge in result.draft.relations:
             if edge.type in ("near_miss", "collide_at") and agent in (edge.from_, edge.to):
+                if edge.manoeuvre is not None:
+                    continue
                 edge.cause = "late_brake"
                 edge.braker = agent if agent.type == "vehicle" else None  # riders brake softly
     for span in result.absent:
