@@ -44,7 +44,7 @@ def worded_edits(
         "crosswalks": crosswalks_told(ways),
         "times": times_told(words) + manoeuvres_told(words),
         "agents": compact({each.id: _agent(each) for each in front}),
-        "free": ", ".join(new_ids(situation)),
+        "free": ", ".join(new_ids(situation, words)),
         "relations": compact(relations),
         "context": f"Context: {compact(context)}." if context else "",
         "others": _counted(situation) + (f", such as {compact(others)}" if others else ""),
