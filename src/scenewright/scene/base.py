@@ -29,7 +29,7 @@ Point = tuple[float, float]
 
 def is_left_out(value: object) -> bool:
     """Whether an optional field is empty, so that files do not hold it."""
-    return value is None
+    return value is None or value == ()
 
 
 class Model(BaseModel):

@@ -186,6 +186,38 @@ class PassesBeside(_Pair):
         return _in_order(self, self.low, self.high)
 
 
+AgentFigureName = Literal["line_speed", "braking", "acceleration", "wait", "line_distance"]
+PairFigureName = Literal[
+    "contact_speed", "time_headway", "gap", "ttc", "time", "front_point",
+    "front_point_left", "front_point_right", "side_point",
+]  # fmt: skip
+
+
+class AgentFigure(Model):
+    """A figure of the agent's motion in the scene lies in [low, high]; units as in `UNITS`."""
+
+    clause: AgentFigureName
+    agent: AgentId
+    low: float = Field(ge=0, le=100)
+    high: float = Field(ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
+class PairFigure(_Pair):
+    """A figure of what happens between the two lies in [low, high]; units as in `UNITS`."""
+
+    clause: PairFigureName
+    low: float = Field(ge=0, le=100)
+    high: float = Field(ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
 class StopsBehind(_Pair):
     """`second` brakes hard ahead of `first` in one lane, which stops behind it without a contact.
 
@@ -222,7 +254,7 @@ class NoInteraction(Model):
         return _two_agents(self, self.first, self.second)
 
 
-UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed
+UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed | AgentFigure
 PairClause = (
     Near
     | SameLane
@@ -235,7 +267,9 @@ PairClause = (
     | PassesBeside
     | StopsBehind
     | NoInteraction
+    | PairFigure
 )
+Figure = SpeedBetween | TimeGap | Headway | AgentFigure | PairFigure
 Clause = Annotated[UnaryClause | PairClause, Field(discriminator="clause")]
 
 

@@ -17,6 +17,8 @@ from scenewright.scene.base import (
     is_left_out,
 )
 from scenewright.scene.events import EventZone
+from scenewright.scene.measures import MeasureKind
+from scenewright.scene.objects import ObjectRecord, SightRecord
 from scenewright.scene.social import Cause, EntrySide, ImpactPoint, Manoeuvre
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
@@ -124,6 +126,16 @@ class TieRecord(Model):
     side: EntrySide
 
 
+class MeasureRecord(Model):
+    """A figure that was asked for, of an agent or between two, in scene ids (`UNITS`)."""
+
+    kind: MeasureKind
+    agent: int
+    other: int | None = None
+    low: float
+    high: float
+
+
 class SignalRecord(Model):
     """A stretch [s] during which the light of a stop line or crosswalk shows one colour."""
 
@@ -135,15 +147,22 @@ class SignalRecord(Model):
 
 
 class SceneRecord(Model):
-    """A whole scene.json."""
+    """A whole scene.json.
+
+    Attributes:
+        objects: what stands; sights: whom it was to hide from whom.
+    """
 
     meta: SceneMeta
     agents: tuple[AgentRecord, ...]
     events: tuple[EventRecord, ...]
     relations: tuple[RelationRecord, ...] = ()
     ties: tuple[TieRecord, ...] = ()
+    measures: tuple[MeasureRecord, ...] = Field(default=(), exclude_if=is_left_out)
     signals: tuple[SignalRecord, ...] = ()
     said: tuple[SaidRecord, ...] = ()
+    objects: tuple[ObjectRecord, ...] = Field(default=(), exclude_if=is_left_out)
+    sights: tuple[SightRecord, ...] = Field(default=(), exclude_if=is_left_out)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON with the file's key names."""

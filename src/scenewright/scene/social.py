@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement, is_left_out
+from scenewright.scene.measures import Measure
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
 CollisionKind = Literal[
@@ -32,8 +33,8 @@ Subtype = Literal["car", "truck", "bus", "motorcycle"]
 TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
 
 
-MOST_AGENTS, MOST_RELATIONS = 12, 12
-"""Named agents, and relations between them, that one graph holds."""
+MOST_AGENTS, MOST_RELATIONS, MOST_OBJECTS = 12, 12, 6
+"""Named agents, relations between them, and standing objects that one graph holds."""
 
 
 class AgentNode(Model):
@@ -110,6 +111,51 @@ class EntryTie(Model):
         return self
 
 
+ObjectKind = Literal[
+    "parked", "double_parked", "stalled", "bus_stop", "box", "bin", "container"
+]  # fmt: skip
+"""What stands: vehicles at the kerb, beside those parked there, in a lane, a bus at its stop; a
+cabinet or kiosk, a litter bin, a shipping container."""
+
+ObjectId = Annotated[str, Field(pattern=r"^object-[1-9][0-9]*$", max_length=32)]
+STANDING_VEHICLES = ("parked", "double_parked", "stalled", "bus_stop")
+
+
+class ObjectNode(Model):
+    """Something that stands all the time and takes no part (SEMANTICS 8).
+
+    Attributes:
+        subtype: of a vehicle; a car where the text leaves it open, a bus at a bus stop.
+        leg: the arm it stands on; side: that of the approach (`entry`) or of the exit.
+        hides: the pedestrian that it hides from the vehicle `hidden_from`, up to `lead` before
+            what the two do.
+        lead: least and most seconds between the first free line of sight and the event.
+    """
+
+    id: ObjectId
+    kind: ObjectKind
+    subtype: Subtype | None = None
+    leg: Compass | None = None
+    side: Literal["entry", "exit"] | None = None
+    hides: AgentId | None = None
+    hidden_from: AgentId | None = None
+    lead: tuple[float, float] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.subtype is not None and self.kind not in STANDING_VEHICLES:
+            raise ValueError(f"{self.id}: a {self.kind} has no subtype")
+        if (self.hides is None) != (self.hidden_from is None):
+            raise ValueError(f"{self.id}: hides and hidden_from go together")
+        if self.lead is not None and not 0 <= self.lead[0] < self.lead[1] <= 10:
+            raise ValueError(f"{self.id}: lead must be two rising numbers of seconds up to 10")
+        return self
+
+
+DEFAULT_LEAD = (1.0, 2.0)
+"""How long before an event the line of sight is free where the text does not say [s]."""
+
+
 class Background(Model):
     """Explicit numbers of background agents; None where the text leaves a class free."""
 
@@ -130,6 +176,8 @@ class SocialGraph(Model):
 
     Attributes:
         ties: entries that the text fixes by one another, such as those of oncoming vehicles.
+        objects: what stands on the road or the sidewalk; hides or blocks the way.
+        measures: figures that the text asks for beside the severity of relations.
         said: what the words of the instruction became.
     """
 
@@ -137,6 +185,10 @@ class SocialGraph(Model):
     relations: tuple[RelationEdge, ...] = Field(default=(), max_length=MOST_RELATIONS)
     ties: tuple[EntryTie, ...] = Field(default=(), max_length=66)
     context: SceneContext = SceneContext()
+    objects: tuple[ObjectNode, ...] = Field(
+        default=(), max_length=MOST_OBJECTS, exclude_if=is_left_out
+    )
+    measures: tuple[Measure, ...] = Field(default=(), max_length=24, exclude_if=is_left_out)
     said: tuple[SaidSpan, ...] = Field(default=(), max_length=500)
 
     @model_validator(mode="after")
@@ -152,7 +204,26 @@ class SocialGraph(Model):
         for tie in self.ties:
             if not {tie.agent, tie.of} <= set(ids):
                 raise ValueError("a tie of entries names an agent that is not in the scene")
+        self._check_objects()
+        for each in self.measures:
+            if not {each.agent, each.other or each.agent} <= set(ids):
+                raise ValueError(f"{each.kind} is asked of an agent that is not in the scene")
         return self
+
+    def _check_objects(self) -> None:
+        names = [each.id for each in self.objects]
+        if len(set(names)) != len(names):
+            raise ValueError("object ids must be unique")
+        bound = {frozenset((edge.from_, edge.to)) for edge in self.relations}
+        for each in self.objects:
+            pair = frozenset((each.hides, each.hidden_from))
+            if each.hides is not None and pair not in bound:
+                raise ValueError(
+                    f"{each.id} hides {each.hides} from {each.hidden_from}, but no relation binds "
+                    "the two"
+                )
+            if each.hides is not None and not each.hides.startswith("pedestrian"):
+                raise ValueError(f"{each.id} can hide a pedestrian only, not {each.hides}")
 
     def agent(self, agent_id: str) -> AgentNode:
         """The vertex with this id; KeyError if there is none."""

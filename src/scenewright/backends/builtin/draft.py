@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from scenewright.scene.base import RIDERS, AgentClass
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import ImpactPoint, Manoeuvre
 
@@ -140,6 +141,31 @@ class RelationDraft:
         return frozenset((id(self.from_), id(self.to)))
 
 
+@dataclass(eq=False)
+class MeasureDraft:
+    """A figure that the text asks for, of one agent or between two, in [low, high]."""
+
+    kind: MeasureKind
+    agent: AgentDraft
+    other: AgentDraft | None
+    low: float
+    high: float
+
+    def named(self, ids: Mapping[int, str]) -> Measure | None:
+        """The measure with agents by name (id of a draft -> name); None if one has gone."""
+        agents = (self.agent,) if self.other is None else (self.agent, self.other)
+        if any(id(agent) not in ids for agent in agents):
+            return None
+        names = [ids[id(agent)] for agent in agents]
+        return Measure(
+            kind=self.kind,
+            agent=names[0],
+            other=names[1] if self.other is not None else None,
+            low=round(self.low, 4),
+            high=round(self.high, 4),
+        )
+
+
 @dataclass
 class ContextDraft:
     """Density, clock time, explicit background numbers, severity."""
@@ -159,6 +185,7 @@ class Draft:
 
     agents: list[AgentDraft] = field(default_factory=list)
     relations: list[RelationDraft] = field(default_factory=list)
+    measures: list[MeasureDraft] = field(default_factory=list)
     context: ContextDraft = field(default_factory=ContextDraft)
     denied: set[str] = field(default_factory=set)
     normal: bool = False

@@ -139,7 +139,14 @@ def make_graph(draft: Draft) -> SocialGraph:
         EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
         for agent, other, side in ties(draft)
     )
-    return SocialGraph(agents=nodes, relations=edges, ties=tied, context=make_context(draft))
+    measures = tuple(m for each in draft.measures if (m := each.named(ids)) is not None)
+    return SocialGraph(
+        agents=nodes,
+        relations=edges,
+        ties=tied,
+        measures=tuple(dict.fromkeys(measures)),
+        context=make_context(draft),
+    )
 
 
 def name_agents(agents: Sequence[AgentDraft]) -> dict[int, str]:

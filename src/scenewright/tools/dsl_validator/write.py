@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from scenewright.scene.constraints import ConstraintProgram
+from scenewright.scene.measures import UNITS, Measure, get_aim
 from scenewright.scene.relations import Pattern, RoleName, get_pattern
 from scenewright.tools.dsl_validator.parse import parse
 
@@ -29,8 +30,8 @@ def write_program(facts: Mapping[str, Any]) -> ConstraintProgram:
     """The program of a planned scene.
 
     Args:
-        facts: `relations` with their patterns and severity, `agents`, and `violators`, who run a
-            red light, as plain values.
+        facts: `relations` with their patterns and severity, `agents`, `violators`, who run a red
+            light, and `measures`, the figures asked for, as plain values.
     """
     return parse(_lines(facts))
 
@@ -41,6 +42,8 @@ def _lines(facts: Mapping[str, Any]) -> str:
     for relation in facts["relations"]:
         clauses = _clauses(get_pattern(relation["pattern"]), relation)
         lines += [_headway(line, relation, facts["relations"]) for line in clauses]
+    for each in facts.get("measures", ()):
+        lines = _measured(Measure.model_validate(each), lines)
     for agent in facts["agents"]:
         name = agent["id"]
         if agent["movement"] != "jaywalking":
@@ -66,6 +69,26 @@ def _headway(line: str, follow: dict[str, Any], relations: list[dict[str, Any]])
     else:
         return line
     return f"{line.partition(' in ')[0]} in [{low:g}, {high:g}] s"
+
+
+_CLAUSES = {"pet": "time_gap", "ttc": "brakes_for"}
+"""Clauses by measures that are called otherwise."""
+
+
+def _measured(measure: Measure, lines: list[str]) -> list[str]:
+    """The program's lines with the measure; a bound that is told takes the place of the written."""
+    name = _CLAUSES.get(measure.kind, measure.kind)
+    low, high = get_aim(measure)
+    bounds = f" in [{low:.4g}, {high:.4g}] {UNITS[measure.kind].unit}"
+    pairs = [f"{measure.agent}, {measure.other}", f"{measure.other}, {measure.agent}"]
+    heads = [f"{name}({pair})" for pair in pairs] if measure.other else [f"{name}({measure.agent})"]
+    head = next((head for head in heads if any(head in line for line in lines)), heads[0])
+    if name == "headway":
+        lines = [*lines, f"time_headway({pairs[0]}){bounds}"]
+    if name == "brakes_for" and not any(head in line for line in lines):
+        # Without hard braking, the figure is looked at on what comes about.
+        return [*lines, f"ttc({pairs[0]}){bounds}"]
+    return [*(line for line in lines if not line.startswith(head)), head + bounds]
 
 
 def _clauses(pattern: Pattern, relation: dict[str, Any]) -> list[str]:

@@ -15,6 +15,7 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, get_pattern
 from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
+from scenewright.tools.map_grounding.hiding import can_hide, refuse_unhidden
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 
 RouteWeight = Callable[[Route], float]
@@ -88,6 +89,9 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     for refuse in (_two_collisions, _late_without_a_clash, _brakes_on_foot, _waits_for_a_wreck):
         refuse(graph)
     grounding = Grounding(routes=routes)
+    refuse_unhidden(
+        graph, intersection_map, playable=lambda g: _playable(g, grounding, intersection_map)
+    )
     # One by one first: the search over all of them is exhaustive where one cannot be played.
     for edge in graph.relations:
         alone = graph.model_copy(update={"relations": (edge,)})
@@ -245,12 +249,15 @@ def _assign(
                 graph, intersection_map, rng, order, chosen | routes, (*played, cast_pattern)
             )
         return
-    for routes in _at_will(graph, order, chosen):
+    for routes in _at_will(graph, intersection_map, order, chosen):
         yield RoleAssignment(routes=routes, patterns=played)
 
 
 def _at_will(
-    graph: SocialGraph, order: dict[str, list[Route]], chosen: dict[str, Route]
+    graph: SocialGraph,
+    intersection_map: IntersectionMap,
+    order: dict[str, list[Route]],
+    chosen: dict[str, Route],
 ) -> Iterator[dict[str, Route]]:
     """The routes chosen and, for whom no edge binds, the first that go with them."""
     free = next((agent.id for agent in graph.agents if agent.id not in chosen), None)
@@ -258,8 +265,9 @@ def _at_will(
         yield chosen
         return
     for route in order[free]:
-        if _tied(graph, chosen | {free: route}):
-            yield from _at_will(graph, order, chosen | {free: route})
+        routes = chosen | {free: route}
+        if _tied(graph, routes) and can_hide(graph, routes, intersection_map):
+            yield from _at_will(graph, intersection_map, order, routes)
 
 
 def _tied(graph: SocialGraph, routes: dict[str, Route]) -> bool:
@@ -319,6 +327,8 @@ def _play(
                     if not _meet_so(pattern, a, b, intersection_map) or not _tied(
                         graph, chosen | routes
                     ):
+                        continue
+                    if not can_hide(graph, chosen | routes, intersection_map):
                         continue
                     if apart is not None and apart is share_green(
                         a, b, intersection_map=intersection_map

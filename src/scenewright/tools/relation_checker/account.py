@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from typing import get_args
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, get_args
 
 from scenewright.scene.account import SaidRecord
 from scenewright.scene.base import AgentClass
@@ -15,6 +15,8 @@ from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
+from scenewright.tools.relation_checker.measured import MeasuredFigures
+from scenewright.tools.relation_checker.objects import describe_object
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
@@ -29,15 +31,18 @@ def check_account(
     events: Sequence[Event],
     observed: SceneObservation,
     intersection_map: IntersectionMap | None,
+    *,
+    sights: Sequence[Mapping[str, Any]] = (),
 ) -> tuple[tuple[SaidRecord, ...], tuple[Finding, ...]]:
     """The account with evidence, and a finding for every entry that the scene does not bear out.
 
     Args:
         events: all that the tracks show, incidental ones included.
+        sights: what was measured of blocked lines of sight.
     """
     account: list[SaidRecord] = []
     findings: list[Finding] = []
-    finder = _EvidenceFinder(scene, events, observed, intersection_map)
+    finder = _EvidenceFinder(scene, events, observed, intersection_map, sights)
     for entry in scene.said:
         if entry.became in ("manner", "nothing"):
             status = "manner" if entry.became == "manner" else "unrealised"
@@ -71,29 +76,34 @@ class _EvidenceFinder:
         events: Sequence[Event],
         observed: SceneObservation,
         intersection_map: IntersectionMap | None,
+        sights: Sequence[Mapping[str, Any]],
     ) -> None:
+        self._sights = sights
         self._scene, self._events, self._seen = scene, events, observed
         self._map = intersection_map
         self._agents = {agent.id: agent for agent in scene.agents}
         self._tracks = {track.id: track for track in observed.tracks}
         numbers = {agent.name: agent.id for agent in scene.agents if agent.name is not None}
+        self._measured = MeasuredFigures(numbers, events, observed, intersection_map)
         self._asked = AskedFor(numbers, events, observed, intersection_map)
-
-    def find(self, entry: SaidRecord) -> str | None:
-        """Evidence for an entry; None where there is none."""
-        if any(number not in self._agents for number in entry.agents):
-            return None
-        if entry.became in _ROUTE_WORDS:
-            return self._find_route(entry)
-        of_agents = {
+        self._by_entry: dict[str, Callable[[SaidRecord], str | None]] = {
+            **dict.fromkeys(_ROUTE_WORDS, self._find_route),
+            **dict.fromkeys(("normal", "denied"), self._find_absence),
             "agent": self._find_presence,
             "runs_red": self._find_red_run,
             "relation": self._find_event,
             "cause": self._find_braking,
             "manoeuvre": self._find_manoeuvre,
+            "object": self._find_object,
+            "sight": self._find_sight,
         }
-        if entry.became in of_agents:
-            return of_agents[entry.became](entry)
+
+    def find(self, entry: SaidRecord) -> str | None:
+        """Evidence for an entry; None where there is none."""
+        if any(number not in self._agents for number in entry.agents):
+            return None
+        if finder := self._by_entry.get(entry.became):
+            return finder(entry)
         match entry.became:
             case "time_of_day":
                 return self._find_time(entry.value)
@@ -101,12 +111,18 @@ class _EvidenceFinder:
                 return self._find_density(entry.value)
             case "background":
                 return self._count_background()
-            case "normal" | "denied":
-                return self._find_absence(entry)
-            case "constraint" | "behavior":
-                return self._asked.find(entry.value, entry.words)
+            case "constraint" | "behavior" | "measure":
+                return self._find_asked(entry)
             case _:
                 return "no claim on the tracks by itself"
+
+    def _find_asked(self, entry: SaidRecord) -> str | None:
+        """Clauses, standstills and figures; the severity of an event is looked at with that."""
+        if entry.became != "measure":
+            return self._asked.find(entry.value, entry.words)
+        if " in [" not in (entry.value or ""):
+            return "no claim on the tracks by itself"
+        return self._measured.find(entry.value or "")
 
     def _find_presence(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]
@@ -116,6 +132,25 @@ class _EvidenceFinder:
         if named and any(a.subtype != entry.value for a in agents):
             return None
         return ", ".join(f"agent {a.id} ({a.subtype or a.type})" for a in agents) or "words alone"
+
+    def _find_object(self, entry: SaidRecord) -> str | None:
+        named = (entry.value or "").split(" ", maxsplit=1)[0]
+        found = (each for each in self._scene.objects if each.id == named)
+        return next((describe_object(each) for each in found), None)
+
+    def _find_sight(self, entry: SaidRecord) -> str | None:
+        """When the hidden one is first seen, as far as before its event."""
+        named = (entry.value or "").split(" ")[0]
+        for sight in self._sights:
+            if sight["object"] == named and set(entry.agents) <= {
+                sight["observer"], sight["subject"],
+            }:  # fmt: skip
+                seen, lead = sight["first_visible"], sight["before_event"]
+                return (
+                    f"agent {sight['observer']} first sees agent {sight['subject']} at "
+                    f"{seen:.1f} s, {lead:.2f} s before the event"
+                )
+        return None
 
     def _find_route(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]

@@ -110,7 +110,7 @@ def _inside(clause: Contact, meetings: Intervals, context: SolverContext) -> lis
     Where the vehicles strike follows from the offset, so a point asked for has all of them tried.
     """
     rng = context.rng
-    if clause.point_first or clause.point_second:
+    if clause.point_first or clause.point_second or context.wants_impact_point(clause):
         return _everywhere(meetings, context)
     share = 0.5 + 0.45 * np.sort(rng.uniform(-1, 1, _TRIES))[np.argsort(rng.random(_TRIES))]
     return [float(low + (high - low) * x) for low, high in meetings for x in share]
@@ -162,6 +162,8 @@ def _startled(
     """The striking vehicle brakes in the last moment, as drivers do, if it still strikes."""
     kind, asked, rng = a.candidate.shape.type, clause.cause == "late_brake", context.rng
     if kind != "vehicle" or a.slowings or (rng.random() > _BRAKES and not asked):
+        return a, found
+    if context.wants_impact_point(clause) and not asked:
         return a, found
     speed = found.speed * float(rng.uniform(*(_LATE if asked else (0.55, 0.85))))
     braked, again = _braked(a, b, found, speed, context)
