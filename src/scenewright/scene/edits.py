@@ -193,14 +193,7 @@ class NewScene(Model):
     reading: Literal["fresh"] = "fresh"
 
 
-class Wish(Model):
-    """The words ask for something that the session itself does."""
-
-    reading: Literal["wish"] = "wish"
-    wish: Literal["why", "undo", "redo", "show", "help", "quit"]
-
-
-Reading = Edits | Clarification | DeclinedTurn | NewScene | Wish
+Reading = Edits | Clarification | DeclinedTurn | NewScene
 """What the words of a turn amount to."""
 
 
@@ -239,6 +232,8 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 edge.type == entry.value and {edge.from_, edge.to} == set(entry.agents)
                 for edge in graph.relations
             )
+        case "motion":
+            return all(agent.motion == entry.value for agent in named)
         case "manoeuvre":
             return any(
                 edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)

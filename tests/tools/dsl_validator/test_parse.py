@@ -214,7 +214,8 @@ def test_a_program_may_be_empty(text: str) -> None:
         ),
         (
             "on_road(pedestrian-1)",
-            "line 1, column 9: expected a vehicle such as vehicle-1 or a rider such as cyclist-1, found 'pedestrian-1'",
+            "line 1, column 9: expected a vehicle such as vehicle-1 or a rider such as cyclist-1, "
+            "found 'pedestrian-1'",
         ),
         (
             "near(vehicle-1,",

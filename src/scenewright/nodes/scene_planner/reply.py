@@ -21,6 +21,7 @@ from scenewright.scene.social import (
     EntrySide,
     ImpactPoint,
     Manoeuvre,
+    PedestrianMotion,
     Refusal,
     RelationEdge,
     RelationType,
@@ -46,6 +47,11 @@ _PARTS = re.compile(
 )
 _IN_LANE = re.compile(
     r"\bbrak|\bahead|\bbehind|\bin front|lead|tail|bumper|cuts? in|\blanes?\b|merg|swerv",
+    re.IGNORECASE,
+)
+_ON_FOOT = re.compile(
+    r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|"
+    r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
     re.IGNORECASE,
 )
 _COMMON = frozenset(
@@ -121,6 +127,7 @@ _KEYS = {
     **dict.fromkeys(("point_from", "point_to"), "impact_point"),
     **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
     **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
+    **dict.fromkeys(get_args(PedestrianMotion), "motion"),
 }
 """Keys of a plan by which a model may call what words became."""
 
@@ -160,6 +167,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         "movement": one_of([*(way.movement for way in ways), "uturn"]),
         **({"crosswalk": _crosswalks(crossed, legs)} if crossed else {}),
         "runs_red": {"type": "boolean"},
+        **motions_asked(words),
     }
     relation = {
         "type": one_of(get_args(RelationType)),
@@ -211,6 +219,11 @@ def severity_asked(words: str) -> Schema:
 def manoeuvres_asked(words: str) -> Schema:
     """How a relation in one lane comes about, where the words may speak of it."""
     return {"manoeuvre": one_of(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
+
+
+def motions_asked(words: str) -> Schema:
+    """How a pedestrian crosses, where the words may speak of it."""
+    return {"motion": one_of(get_args(PedestrianMotion))} if _ON_FOOT.search(words) else {}
 
 
 def points_asked(words: str) -> Schema:

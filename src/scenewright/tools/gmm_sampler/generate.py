@@ -50,6 +50,12 @@ _SECONDS = 30.0
 _ASSIGNMENTS, _RIDER_ASSIGNMENTS = 6, 24
 """Choices of routes and patterns that the most lawful is taken of, without and with riders."""
 
+_RUNNING, _RUN_SPEED, _RUN_ACCELERATION = ("runs", "darts_out"), (2.7, 3.9), 2.0
+"""Motions of pedestrians who run; how fast [m/s], and how they set off and stop [m/s^2]."""
+
+_OVERTAKES = 0.4
+"""How much faster than the other who cuts in drives at least [m/s]."""
+
 _Role = Literal["foreground", "background"]
 
 
@@ -132,6 +138,8 @@ def amplify(
         agents[node.id] = _draw_agent(
             node.id, "foreground", route, own, size, rng, subtype=node.subtype, kind=node.type
         )
+        if node.motion in _RUNNING:
+            agents[node.id] = _let_run(agents[node.id], priors, rng)
     _draw_lane_departures(agents, assignment, priors, rng=rng)
     _fit_to_riders(agents, assignment, priors, rng=rng)
     apply_measures(agents, graph.measures, rng)
@@ -251,9 +259,29 @@ def _draw_lane_departures(
             own.drawn.waypoints, other.drawn.waypoints, rng, reverse=geometry == "opposing"
         )
         nll, component = compute_nll_and_component(prior, waypoints)
-        agents[own.name] = _replace_drawn(
-            own, replace(own.drawn, waypoints=waypoints, nll=nll, component=component), prior
-        )
+        drawn = replace(own.drawn, waypoints=waypoints, nll=nll, component=component)
+        if get_pattern(played.pattern).manoeuvre == "cuts_in":
+            drawn = _drive_faster(drawn, other.drawn)
+        agents[own.name] = _replace_drawn(own, drawn, prior)
+
+
+def _let_run(agent: AgentCandidates, priors: Priors, rng: np.random.Generator) -> AgentCandidates:
+    """The pedestrian with driving profiles of somebody who runs."""
+    drawn, rate = agent.drawn, _RUN_ACCELERATION
+    speeds = rng.uniform(*_RUN_SPEED, len(drawn.time_laws)).tolist()
+    running = tuple(
+        replace(each, speed=speed, acceleration=rate, braking=rate)
+        for each, speed in zip(drawn.time_laws, speeds, strict=True)
+    )
+    prior = priors.waypoints[agent.route.id]
+    return _replace_drawn(agent, replace(drawn, time_laws=running), prior)
+
+
+def _drive_faster(drawn: DrawnWaypoints, other: DrawnWaypoints) -> DrawnWaypoints:
+    """Driving profiles of who overtakes the other, so that it draws away after cutting in."""
+    fastest = max(each.speed for each in other.time_laws) + _OVERTAKES
+    laws = tuple(replace(each, speed=max(each.speed, fastest)) for each in drawn.time_laws)
+    return replace(drawn, time_laws=laws)
 
 
 _BESIDE_RIDERS: dict[str, tuple[float, float]] = {
