@@ -16,6 +16,7 @@ from scenewright.scene.social import CollisionKind, ImpactPoint
 _ModelT = TypeVar("_ModelT", bound=Model)
 
 VehicleId = Annotated[str, Field(pattern=r"^vehicle-[1-9][0-9]*$", max_length=32)]
+PedestrianId = Annotated[str, Field(pattern=r"^pedestrian-[1-9][0-9]*$", max_length=32)]
 OnLaneId = Annotated[str, Field(pattern=r"^(vehicle|cyclist|scooter)-[1-9][0-9]*$", max_length=32)]
 OnFootwayId = Annotated[
     str, Field(pattern=r"^(pedestrian|cyclist|scooter)-[1-9][0-9]*$", max_length=32)
