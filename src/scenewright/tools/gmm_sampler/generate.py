@@ -19,7 +19,7 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, rider_shape, vehicle_shape
-from scenewright.tools.gmm_sampler.asked_profiles import apply_measures
+from scenewright.tools.gmm_sampler.asked_profiles import apply_measures, count_slow_routes
 from scenewright.tools.gmm_sampler.beside_riders import keep_pace, make_room
 from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
@@ -47,8 +47,9 @@ are seen in 30 s: 0.19 of them at v = 5.9, 0.34 at 11.3, 0.48 at 18.1, 0.55 at 2
 _HEADWAY = (1.0, 4.0)
 """Of a vehicle that arrives close to another [s]."""
 _SECONDS = 30.0
-_ASSIGNMENTS, _RIDER_ASSIGNMENTS = 6, 24
-"""Choices of routes and patterns that the most lawful is taken of, without and with riders."""
+_ASSIGNMENTS, _RIDER_ASSIGNMENTS, _MOST_ASSIGNMENTS = 6, 24, 40
+"""Assignments drawn, of which the best is taken: without and with riders; and where a speed asked for
+wants more."""
 
 _RUNNING, _RUN_SPEED, _RUN_ACCELERATION = ("runs", "darts_out"), (2.7, 3.9), 2.0
 """Motions of pedestrians who run; how fast [m/s], and how they set off and stop [m/s^2]."""
@@ -97,19 +98,22 @@ def assign_foreground(
     def weigh(route: Route) -> float:
         return weights[route.id]
 
-    def count_faults(assignment: RoleAssignment) -> tuple[Any, int]:
+    def count_faults(assignment: RoleAssignment) -> tuple[int, Any, int]:
         violators = {each.violator for each in assignment.patterns if each.violator is not None}
-        return count_signal_conflicts(assignment, intersection_map=intersection_map), len(violators)
+        conflicts = count_signal_conflicts(assignment, intersection_map=intersection_map)
+        return count_slow_routes(graph, assignment), conflicts, len(violators)
 
-    tries = _RIDER_ASSIGNMENTS if any(a.type in RIDERS for a in graph.agents) else _ASSIGNMENTS
-    drawn = [
-        next(
+    def draw() -> RoleAssignment:
+        return next(
             find_assignments(
                 graph, grounding, intersection_map=intersection_map, rng=rng, weight=weigh
             )
         )
-        for _ in range(tries)
-    ]
+
+    tries = _RIDER_ASSIGNMENTS if any(a.type in RIDERS for a in graph.agents) else _ASSIGNMENTS
+    drawn = [draw() for _ in range(tries)]
+    while len(drawn) < _MOST_ASSIGNMENTS and min(map(count_faults, drawn))[0] > 0:
+        drawn.append(draw())
     return min(drawn, key=count_faults)
 
 
@@ -142,7 +146,7 @@ def amplify(
             agents[node.id] = _let_run(agents[node.id], priors, rng)
     _draw_lane_departures(agents, assignment, priors, rng=rng)
     _fit_to_riders(agents, assignment, priors, rng=rng)
-    apply_measures(agents, graph.measures, rng)
+    apply_measures(agents, graph, rng)
     counts = draw_background_counts(graph, priors, hour=hour, rng=rng)
     for kind, count in counts.items():
         spares = 2 + count // 2 if count else 0
