@@ -193,14 +193,7 @@ class NewScene(Model):
     reading: Literal["fresh"] = "fresh"
 
 
-class Wish(Model):
-    """The words ask for something that the session itself does."""
-
-    reading: Literal["wish"] = "wish"
-    wish: Literal["why", "undo", "redo", "show", "help", "quit"]
-
-
-Reading = Edits | Clarification | DeclinedTurn | NewScene | Wish
+Reading = Edits | Clarification | DeclinedTurn | NewScene
 """What the words of a turn amount to."""
 
 
