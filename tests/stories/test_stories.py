@@ -249,7 +249,7 @@ def test_a_model_that_errs_once_is_told_and_mends_it(
 
 def test_a_model_that_never_mends_its_plan_is_given_up() -> None:
     backend = Scripted("plan", nonsense, forever=True)
-    with pytest.raises(Unsatisfiable) as caught:
+    with pytest.raises(BackendFault, match="no usable answer") as caught:
         synthesize(LEAVES, backend=backend, seed=1)
     assert len(backend.asked) == 3
     assert [each.stage for each in caught.value.rejections] == ["scene_planner"] * 3
@@ -335,3 +335,13 @@ def test_a_bug_in_a_backend_is_not_hidden() -> None:
 
     with pytest.raises(ZeroDivisionError):
         synthesize(LEAVES, backend=Scripted("plan", broken))
+
+
+def test_a_pedestrian_from_behind_a_parked_truck_is_seen_late() -> None:
+    text = "A woman steps out from behind a parked truck and is nearly hit by a car"
+    scene = synthesize(text, seed=2)
+    (figure,) = scene.proof.figures["first_visible"]
+    assert 1.0 <= figure["before_event"] <= 2.0
+    said = {each.became: each for each in scene.proof.said}
+    assert said["sight"].status == said["object"].status == "realised"
+    assert verify(scene.record) == scene.proof

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError
 from scenewright.errors import Rejected
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
+from scenewright.scene.measures import format_measure
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import (
     AgentNode,
@@ -192,14 +193,7 @@ class NewScene(Model):
     reading: Literal["fresh"] = "fresh"
 
 
-class Wish(Model):
-    """The words ask for something that the session itself does."""
-
-    reading: Literal["wish"] = "wish"
-    wish: Literal["why", "undo", "redo", "show", "help", "quit"]
-
-
-Reading = Edits | Clarification | DeclinedTurn | NewScene | Wish
+Reading = Edits | Clarification | DeclinedTurn | NewScene
 """What the words of a turn amount to."""
 
 
@@ -238,8 +232,17 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 edge.type == entry.value and {edge.from_, edge.to} == set(entry.agents)
                 for edge in graph.relations
             )
+        case "motion":
+            return all(agent.motion == entry.value for agent in named)
+        case "manoeuvre":
+            return any(
+                edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)
+                for edge in graph.relations
+            )
         case "time_of_day" | "density":
             return bool(getattr(graph.context, entry.became) == entry.value)
+        case "measure" if entry.value and " in [" in entry.value:
+            return set(entry.value.split("; ")) <= {format_measure(m) for m in graph.measures}
         case "normal" | "denied" | "cause" | "background" | "tie" | "measure" | "impact_point":
             return False
         case _:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
-from scenewright.scene.social import ImpactPoint
+from scenewright.scene.social import ImpactPoint, Manoeuvre, PedestrianMotion
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 
@@ -71,6 +72,7 @@ class AgentDraft:
         announced: named by a heading only, so far.
         generic: introduced by a bare plural.
         words: plain words it was described with, such as colours.
+        motion: how a pedestrian crosses, where the text says so.
         role: leader or follower, where the text calls it so.
         marked: its crosswalk was called a crosswalk, not just a leg.
     """
@@ -89,6 +91,7 @@ class AgentDraft:
     generic: bool = False
     announced: bool = False
     words: frozenset[str] = frozenset()
+    motion: PedestrianMotion | None = None
     role: str | None = None
     marked: bool = False
     edited: set[str] = field(default_factory=set)
@@ -104,6 +107,7 @@ class RelationDraft:
         point_from, point_to: where on either vehicle a collision strikes.
         pattern: id of the relation file whose phrase the text uses.
         braker: who brakes hard or late, where the text says so.
+        manoeuvre: how it comes about in one lane, where the text says so.
     """
 
     type: str
@@ -116,10 +120,36 @@ class RelationDraft:
     point_to: ImpactPoint | None = None
     pattern: str | None = None
     braker: AgentDraft | None = None
+    manoeuvre: Manoeuvre | None = None
 
     def pair(self) -> frozenset[int]:
         """The two agents, unordered."""
         return frozenset((id(self.from_), id(self.to)))
+
+
+@dataclass(eq=False)
+class MeasureDraft:
+    """A figure that the text asks for, of one agent or between two, in [low, high]."""
+
+    kind: MeasureKind
+    agent: AgentDraft
+    other: AgentDraft | None
+    low: float
+    high: float
+
+    def named(self, ids: Mapping[int, str]) -> Measure | None:
+        """The measure with agents by name (id of a draft -> name); None if one has gone."""
+        agents = (self.agent,) if self.other is None else (self.agent, self.other)
+        if any(id(agent) not in ids for agent in agents):
+            return None
+        names = [ids[id(agent)] for agent in agents]
+        return Measure(
+            kind=self.kind,
+            agent=names[0],
+            other=names[1] if self.other is not None else None,
+            low=round(self.low, 4),
+            high=round(self.high, 4),
+        )
 
 
 @dataclass
@@ -141,6 +171,7 @@ class Draft:
 
     agents: list[AgentDraft] = field(default_factory=list)
     relations: list[RelationDraft] = field(default_factory=list)
+    measures: list[MeasureDraft] = field(default_factory=list)
     context: ContextDraft = field(default_factory=ContextDraft)
     denied: set[str] = field(default_factory=set)
     normal: bool = False

@@ -13,6 +13,8 @@ from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner.reply import (
     TIME,
     completed,
+    manoeuvres_asked,
+    motions_asked,
     points_asked,
     severity_asked,
 )
@@ -85,6 +87,7 @@ class AgentLine(_Line):
     movement: str | None = None
     crosswalk: str | None = None
     runs_red: bool | None = None
+    motion: str | None = None
 
 
 class RemoveLine(_Line):
@@ -110,6 +113,7 @@ class RelateLine(_Line):
     type: RelationType | Literal["none"]
     kind: str | None = None
     cause: str | None = None
+    manoeuvre: str | None = None
     target_pet: float | None = None
     target_ttc: float | None = None
     impact_speed: float | None = None
@@ -212,12 +216,13 @@ def edits_schema(
         "movement": one_of(way.movement for way in ways),
         "crosswalk": side,
         "runs_red": {"type": "boolean"},
+        **motions_asked(words),
     }
     relation: dict[str, Schema] = {
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
     }
-    relation |= severity_asked(words)
+    relation |= severity_asked(words) | manoeuvres_asked(words)
     ends = {"from": who, "to": who, "type": one_of((*get_args(RelationType), "none"))}
     context = {
         "density": one_of(get_args(Density)),

@@ -20,6 +20,8 @@ from scenewright.scene.social import (
     Density,
     EntrySide,
     ImpactPoint,
+    Manoeuvre,
+    PedestrianMotion,
     Refusal,
     RelationEdge,
     RelationType,
@@ -41,6 +43,15 @@ _FIGURES = re.compile(
 )
 _PARTS = re.compile(
     r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
+    re.IGNORECASE,
+)
+_IN_LANE = re.compile(
+    r"\bbrak|\bahead|\bbehind|\bin front|lead|tail|bumper|cuts? in|\blanes?\b|merg|swerv",
+    re.IGNORECASE,
+)
+_ON_FOOT = re.compile(
+    r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|"
+    r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
     re.IGNORECASE,
 )
 _COMMON = frozenset(
@@ -115,6 +126,8 @@ _KEYS = {
     **dict.fromkeys(("target_pet", "target_ttc", "impact_speed"), "measure"),
     **dict.fromkeys(("point_from", "point_to"), "impact_point"),
     **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
+    **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
+    **dict.fromkeys(get_args(PedestrianMotion), "motion"),
 }
 """Keys of a plan by which a model may call what words became."""
 
@@ -154,6 +167,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         "movement": one_of([*(way.movement for way in ways), "uturn"]),
         **({"crosswalk": _crosswalks(crossed, legs)} if crossed else {}),
         "runs_red": {"type": "boolean"},
+        **motions_asked(words),
     }
     relation = {
         "type": one_of(get_args(RelationType)),
@@ -162,6 +176,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
         "braker": who,
+        **manoeuvres_asked(words),
         **({"pattern": one_of(each.id for each in told)} if told else {}),
         **severity_asked(words),
     }
@@ -199,6 +214,16 @@ def severity_asked(words: str) -> Schema:
     if points_asked(words):
         found |= dict.fromkeys(("point_from", "point_to"), shared("point"))
     return found
+
+
+def manoeuvres_asked(words: str) -> Schema:
+    """How a relation in one lane comes about, where the words may speak of it."""
+    return {"manoeuvre": one_of(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
+
+
+def motions_asked(words: str) -> Schema:
+    """How a pedestrian crosses, where the words may speak of it."""
+    return {"motion": one_of(get_args(PedestrianMotion))} if _ON_FOOT.search(words) else {}
 
 
 def points_asked(words: str) -> Schema:

@@ -7,7 +7,12 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from scenewright.backends import Wording
-from scenewright.nodes.scene_planner.reply import patterns_told, plan_schema
+from scenewright.nodes.scene_planner.reply import (
+    manoeuvres_asked,
+    motions_asked,
+    patterns_told,
+    plan_schema,
+)
 from scenewright.nodes.wording import (
     LONGEST_REQUEST,
     Example,
@@ -66,7 +71,7 @@ def worded_plan(
         "crosswalks": crosswalks_told(ways),
         "ways": ways_told(ways) + _uturns_told(ways),
         "traffic": traffic_told(left_hand),
-        "patterns": _patterns(told),
+        "patterns": _patterns(told) + manoeuvres_told(f"{instruction} {previous or ''}"),
         "times": times_told(f"{instruction} {previous or ''}"),
         "previous": _previous(previous),
         "instruction": quoted(instruction),
@@ -127,6 +132,20 @@ def _patterns(told: Sequence[Pattern]) -> str:
         lines.append(f"{pattern.id} ({pattern.relation}): {' / '.join(phrases)}\n")
     head = "Patterns, to be set only if the request says just this:\n"
     return "".join([head, *lines]) if lines else ""
+
+
+_MOTIONS = "motion of a pedestrian: runs, darts_out (runs out at once), stops_midway.\n"
+_MANOEUVRES = (
+    "manoeuvre, of two in one lane: lead_brakes: to brakes hard ahead of from, which hits it "
+    "(collide_at rear_end), nearly does (near_miss) or stops in time (follow); no cause then. "
+    "tailgates (follow), cuts_in (near_miss), changes_lane (collide_at sideswipe): from does.\n"
+)
+
+
+def manoeuvres_told(words: str) -> str:
+    """What manoeuvres and motions on foot there are, where a request may speak of one."""
+    manoeuvres = _MANOEUVRES if manoeuvres_asked(words) else ""
+    return manoeuvres + (_MOTIONS if motions_asked(words) else "")
 
 
 def times_told(request: str) -> str:

@@ -13,8 +13,10 @@ from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import AssignedPattern, RoleAssignment
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import SightRecord
 from scenewright.scene.record import (
     AgentRecord,
+    MeasureRecord,
     RelationRecord,
     SceneMeta,
     SceneRecord,
@@ -24,7 +26,7 @@ from scenewright.scene.record import (
 )
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
-from scenewright.scene.social import RelationEdge, SocialGraph
+from scenewright.scene.social import DEFAULT_LEAD, PedestrianMotion, RelationEdge, SocialGraph
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 
@@ -49,8 +51,10 @@ def assemble(
     names = tuple(tracks)
     numbers = {name: number for number, name in enumerate(names, start=1)}
     numbers = numbers if pins is None else pins.numbers(names)
+    motions = {agent.id: agent.motion for agent in graph.agents}
     agents = tuple(
-        _agent(numbers[name], selection.agents[name], tracks[name], behavior) for name in numbers
+        _agent(numbers[name], selection.agents[name], tracks[name], behavior, motions.get(name))
+        for name in numbers
     )
     return SceneRecord(
         meta=_meta(
@@ -63,8 +67,25 @@ def assemble(
             TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
             for each in graph.ties
         ),
+        measures=_measures(graph, numbers),
         signals=_signals(selection, intersection_map),
         said=number_agents(graph.said, numbers),
+        objects=selection.objects,
+        sights=_list_sights(graph, numbers),
+    )
+
+
+def _list_sights(graph: SocialGraph, numbers: dict[str, int]) -> tuple[SightRecord, ...]:
+    """Every line of sight that an object is to block."""
+    return tuple(
+        SightRecord(
+            observer=numbers[each.hidden_from],
+            subject=numbers[each.hides],
+            object=each.id,
+            lead=each.lead or DEFAULT_LEAD,
+        )
+        for each in graph.objects
+        if each.hides is not None and each.hidden_from is not None
     )
 
 
@@ -99,7 +120,11 @@ def scene_id(instruction: str, intersection: str, seed: int) -> str:
 
 
 def _agent(
-    number: int, agent: SelectedAgent, track: Track, behavior: BehaviorProgram
+    number: int,
+    agent: SelectedAgent,
+    track: Track,
+    behavior: BehaviorProgram,
+    motion: PedestrianMotion | None,
 ) -> AgentRecord:
     candidate, route = agent.candidate, agent.candidate.route
     segments = tuple(
@@ -127,6 +152,7 @@ def _agent(
         segments=segments,
         waypoints=_points(candidate.waypoints),
         violates_signal=agent.violates,
+        motion=motion,
     )
 
 
@@ -160,6 +186,19 @@ def _relations(
     )
 
 
+def _measures(graph: SocialGraph, numbers: dict[str, int]) -> tuple[MeasureRecord, ...]:
+    return tuple(
+        MeasureRecord(
+            kind=each.kind,
+            agent=numbers[each.agent],
+            other=None if each.other is None else numbers[each.other],
+            low=each.low,
+            high=each.high,
+        )
+        for each in graph.measures
+    )
+
+
 def _sides(edge: RelationEdge, played: AssignedPattern, numbers: dict[str, int]) -> dict[str, Any]:
     """Who is asked for in which role; the striking agent comes first where its kind tells it."""
     sides = [(edge.from_, edge.point_from), (edge.to, edge.point_to)]
@@ -187,6 +226,7 @@ def _demands(
         "type": pattern.proof.event,
         "kind": edge.kind or pattern.proof.kind,
         "cause": edge.cause or pattern.proof.cause,
+        "manoeuvre": pattern.manoeuvre,
         "zone": pattern.zone,
         "first": roles[pattern.order] if pattern.order and not brakes else None,
         "within": {} if severe else pattern.bounds(),

@@ -19,6 +19,7 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
+from scenewright.tools.gmm_sampler.asked_profiles import apply_measures
 from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
     sample_driving_profiles,
@@ -45,6 +46,12 @@ _HEADWAY = (1.0, 4.0)
 """Of a vehicle that arrives close to another [s]."""
 _SECONDS = 30.0
 _ASSIGNMENTS = 6
+
+_RUNNING, _RUN_SPEED, _RUN_ACCELERATION = ("runs", "darts_out"), (2.7, 3.9), 2.0
+"""Motions of pedestrians who run; how fast [m/s], and how they set off and stop [m/s^2]."""
+
+_OVERTAKES = 0.4
+"""How much faster than the other who cuts in drives at least [m/s]."""
 
 _Role = Literal["foreground", "background"]
 
@@ -124,7 +131,10 @@ def amplify(
         agents[node.id] = _draw_agent(
             node.id, "foreground", route, priors, size, rng, subtype=node.subtype
         )
+        if node.motion in _RUNNING:
+            agents[node.id] = _let_run(agents[node.id], priors, rng)
     _draw_lane_departures(agents, assignment, priors, rng=rng)
+    apply_measures(agents, graph.measures, rng)
     counts = draw_background_counts(graph, priors, hour=hour, rng=rng)
     for kind, count in counts.items():
         spares = 2 + count // 2 if count else 0
@@ -240,9 +250,29 @@ def _draw_lane_departures(
             own.drawn.waypoints, other.drawn.waypoints, rng, reverse=geometry == "opposing"
         )
         nll, component = compute_nll_and_component(prior, waypoints)
-        agents[own.name] = _replace_drawn(
-            own, replace(own.drawn, waypoints=waypoints, nll=nll, component=component), prior
-        )
+        drawn = replace(own.drawn, waypoints=waypoints, nll=nll, component=component)
+        if get_pattern(played.pattern).manoeuvre == "cuts_in":
+            drawn = _drive_faster(drawn, other.drawn)
+        agents[own.name] = _replace_drawn(own, drawn, prior)
+
+
+def _let_run(agent: AgentCandidates, priors: Priors, rng: np.random.Generator) -> AgentCandidates:
+    """The pedestrian with driving profiles of somebody who runs."""
+    drawn, rate = agent.drawn, _RUN_ACCELERATION
+    speeds = rng.uniform(*_RUN_SPEED, len(drawn.time_laws)).tolist()
+    running = tuple(
+        replace(each, speed=speed, acceleration=rate, braking=rate)
+        for each, speed in zip(drawn.time_laws, speeds, strict=True)
+    )
+    prior = priors.waypoints[agent.route.id]
+    return _replace_drawn(agent, replace(drawn, time_laws=running), prior)
+
+
+def _drive_faster(drawn: DrawnWaypoints, other: DrawnWaypoints) -> DrawnWaypoints:
+    """Driving profiles of who overtakes the other, so that it draws away after cutting in."""
+    fastest = max(each.speed for each in other.time_laws) + _OVERTAKES
+    laws = tuple(replace(each, speed=max(each.speed, fastest)) for each in drawn.time_laws)
+    return replace(drawn, time_laws=laws)
 
 
 def _replace_drawn(

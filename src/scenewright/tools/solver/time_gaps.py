@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +26,12 @@ _TRIES = 6
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
 
+_CLOSE = 1.05
+"""A headway below this is tailgating [s]."""
+
+_LEAST_HEADWAY = 0.7
+"""Shortest headway at which an agent follows where none is asked for [s]."""
+
 _LEAST_CLEARANCE = 0.05
 """Between two that pass without touching [m]."""
 
@@ -44,6 +51,8 @@ def schedule_time_gaps(
         if not _pet_fits(clause, meetings, placed_b.enters - placed_a.enters, context):
             continue
         clearance, time, place = find_least_clearance(placed_a, placed_b)
+        if not all(_passes_the_pause(each, time) for each in (placed_a, placed_b)):
+            continue
         if clearance <= _LEAST_CLEARANCE or schedule.too_soon(time, clause):
             words = "the two touch, or are not yet free for it, at every such moment"
             context.note_miss(clause, FailureStage.COMPANY, words)
@@ -53,6 +62,12 @@ def schedule_time_gaps(
     if not len(meetings):
         words = f"the paths of {clause.first} and {clause.second} never touch"
         context.note_miss(clause, FailureStage.PATHS, words)
+
+
+def _passes_the_pause(of: ScheduledAgent, time: float) -> bool:
+    """Whether who stands still on the road does so when, or just before, the two come closest."""
+    pauses = [stop for stop in of.stops if stop.reason == "pauses"]
+    return all(stop.start - 1.0 <= time <= stop.until + 2.0 for stop in pauses)
 
 
 def _pet_fits(clause: TimeGap, meetings: Intervals, delta: float, context: SolverContext) -> bool:
@@ -81,25 +96,29 @@ def schedule_headways(
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first follows the second at the headway asked for."""
     a, b = context.both(clause, schedule)
+    if clause.high < _CLOSE and clause.first not in schedule.actors and not context.figures:
+        a = _at_the_pace_of(a, b)
     pair = context.find_path_conflict(clause)
     meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
     if not len(meetings):
         words = f"{clause.first} and {clause.second} never share a lane"
         context.note_miss(clause, FailureStage.PATHS, words)
         return
-    for gap in context.rng.uniform(clause.low, clause.high, _TRIES):
+    low, high = _find_headways(clause, a, context)
+    least = _LEAST_HEADWAY if low >= _LEAST_HEADWAY else low - 0.1
+    for gap in context.rng.uniform(low, high, _TRIES):
         delta = float(meetings[0, 0] - gap)
         placed_a, placed_b = schedule.placed(clause, a, b, delta)
         found = float(meetings[0, 0] - (placed_b.enters - placed_a.enters))
-        if not is_in_range(clause.low, clause.high, found):
-            words = f"a headway of {clause.low:g} to {clause.high:g} s: it is {found:.1f} s"
-            off = compute_excess(clause.low, clause.high, found)
+        if not is_in_range(low, high, found):
+            words = f"a headway of {low:g} to {high:g} s: it is {found:.1f} s"
+            off = compute_excess(low, high, found)
             context.note_miss(clause, FailureStage.MEASURE, words, off=off)
             continue
         if placed_a.contact is None:
             placed_a = _queued(placed_a, placed_b, pair, context.rng)
         begins = max(placed_a.enters, placed_b.enters)
-        if not _follows(placed_a, placed_b):
+        if not _follows(placed_a, placed_b, least=least):
             words = f"{clause.first} does not stay behind {clause.second} for 3.6 s on end"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
@@ -132,8 +151,25 @@ def _queued(
     return a.edited(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
 
 
-def _follows(a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Whether `a` drives behind `b` at a headway of 0.7-3.6 s for 3.6 s on end."""
+def _at_the_pace_of(a: ScheduledAgent, b: ScheduledAgent) -> ScheduledAgent:
+    """Who drives close up does so at the speed of the other."""
+    candidate = replace(a.candidate, time_law=b.candidate.time_law)
+    return ScheduledAgent.unplaced(candidate, a.landmarks)
+
+
+def _find_headways(
+    clause: Headway, a: ScheduledAgent, context: SolverContext
+) -> tuple[float, float]:
+    """Headways [s] to draw from: those of the clause, or those that a gap asked for comes to."""
+    gap = context.find_figure("gap", clause.first, clause.second)
+    if gap is None:
+        return clause.low, clause.high
+    speed = a.candidate.time_law.speed
+    return gap.low / speed, gap.high / speed
+
+
+def _follows(a: ScheduledAgent, b: ScheduledAgent, *, least: float) -> bool:
+    """Whether `a` drives behind `b` at a headway of `least` to 3.4 s for 3.6 s on end."""
     times = get_shared_times(a, b)
     if times is None:
         return False
@@ -141,7 +177,7 @@ def _follows(a: ScheduledAgent, b: ScheduledAgent) -> bool:
     gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
     clock = STEP * np.arange(len(a.motion.s))
     speed = np.maximum(np.interp(times - a.enters, clock, a.motion.speed), 0.5)
-    fits = (gap / speed > 0.7) & (gap / speed < 3.4)
+    fits = (gap / speed > least) & (gap / speed < 3.4)
     run = longest = 0
     for each in fits:
         run = run + 1 if each else 0
