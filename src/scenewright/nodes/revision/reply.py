@@ -88,6 +88,7 @@ class AgentLine(_Line):
     crosswalk: str | None = None
     runs_red: bool | None = None
     motion: str | None = None
+    members: int | None = None
 
 
 class RemoveLine(_Line):
