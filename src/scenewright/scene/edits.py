@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 from scenewright.errors import Rejected
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
-from scenewright.scene.measures import format_measure
+from scenewright.scene.measures import Measure, format_measure
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import (
     AgentNode,
@@ -222,6 +222,8 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
     match entry.became:
         case "entry" | "exit" | "movement" | "crosswalk":
             return all(getattr(agent, entry.became) == entry.value for agent in named)
+        case "agent" if (entry.value or "").startswith("group of "):
+            return all(f"group of {agent.members}" == entry.value for agent in named)
         case "agent":
             kinds = {kind for agent in named for kind in (agent.type, agent.subtype)}
             return entry.value is None or entry.value in kinds
@@ -264,10 +266,13 @@ def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:
             kept = [each for each in graph.relations if {each.from_, each.to} != pair]
             at = next((i for i, e in enumerate(graph.relations) if {e.from_, e.to} == pair), None)
             kept.insert(len(kept) if at is None else min(at, len(kept)), edge)
-            return graph.model_copy(update={"relations": tuple(kept)})
+            same = any({e.from_, e.to} == pair and e.type == edge.type for e in graph.relations)
+            measures = graph.measures if same else _measures_without(graph, pair)
+            return graph.model_copy(update={"relations": tuple(kept), "measures": measures})
         case Unrelate(first=first, second=second):
             kept = [each for each in graph.relations if {each.from_, each.to} != {first, second}]
-            return graph.model_copy(update={"relations": tuple(kept)})
+            measures = _measures_without(graph, {first, second})
+            return graph.model_copy(update={"relations": tuple(kept), "measures": measures})
         case Tie(ties=ties):
             return graph.model_copy(update={"ties": ties})
         case ChangeContext():
@@ -292,8 +297,14 @@ def _without(graph: SocialGraph, name: str) -> SocialGraph:
             "agents": tuple(each for each in graph.agents if each.id != name),
             "relations": tuple(e for e in graph.relations if name not in (e.from_, e.to)),
             "ties": tuple(each for each in graph.ties if name not in (each.agent, each.of)),
+            "measures": tuple(m for m in graph.measures if name not in (m.agent, m.other)),
         }
     )
+
+
+def _measures_without(graph: SocialGraph, pair: set[str]) -> tuple[Measure, ...]:
+    """The figures asked for, but for those of what happens between two agents."""
+    return tuple(each for each in graph.measures if {each.agent, each.other} != pair)
 
 
 def _known(graph: SocialGraph, name: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any, Literal
@@ -19,11 +19,12 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
-from scenewright.tools.gmm_sampler.asked_profiles import apply_measures
+from scenewright.tools.gmm_sampler.asked_profiles import apply_measures, count_slow_routes
 from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
     sample_driving_profiles,
 )
+from scenewright.tools.gmm_sampler.groups import form_group
 from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
 from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
 from scenewright.tools.gmm_sampler.sample import (
@@ -45,7 +46,8 @@ are seen in 30 s: 0.19 of them at v = 5.9, 0.34 at 11.3, 0.48 at 18.1, 0.55 at 2
 _HEADWAY = (1.0, 4.0)
 """Of a vehicle that arrives close to another [s]."""
 _SECONDS = 30.0
-_ASSIGNMENTS = 6
+_ASSIGNMENTS, _MOST_ASSIGNMENTS = 6, 40
+"""Assignments drawn, of which the best is taken; and where a speed asked for wants more."""
 
 _RUNNING, _RUN_SPEED, _RUN_ACCELERATION = ("runs", "darts_out"), (2.7, 3.9), 2.0
 """Motions of pedestrians who run; how fast [m/s], and how they set off and stop [m/s^2]."""
@@ -94,18 +96,21 @@ def assign_foreground(
     def weigh(route: Route) -> float:
         return weights[route.id]
 
-    def count_faults(assignment: RoleAssignment) -> tuple[Any, int]:
+    def count_faults(assignment: RoleAssignment) -> tuple[int, Any, int]:
         violators = {each.violator for each in assignment.patterns if each.violator is not None}
-        return count_signal_conflicts(assignment, intersection_map=intersection_map), len(violators)
+        conflicts = count_signal_conflicts(assignment, intersection_map=intersection_map)
+        return count_slow_routes(graph, assignment), conflicts, len(violators)
 
-    drawn = [
-        next(
+    def draw() -> RoleAssignment:
+        return next(
             find_assignments(
                 graph, grounding, intersection_map=intersection_map, rng=rng, weight=weigh
             )
         )
-        for _ in range(_ASSIGNMENTS)
-    ]
+
+    drawn = [draw() for _ in range(_ASSIGNMENTS)]
+    while len(drawn) < _MOST_ASSIGNMENTS and min(map(count_faults, drawn))[0] > 0:
+        drawn.append(draw())
     return min(drawn, key=count_faults)
 
 
@@ -133,15 +138,16 @@ def amplify(
         )
         if node.motion in _RUNNING:
             agents[node.id] = _let_run(agents[node.id], priors, rng)
+    groups = _form_groups(graph, agents)
     _draw_lane_departures(agents, assignment, priors, rng=rng)
-    apply_measures(agents, graph.measures, rng)
+    apply_measures(agents, graph, rng)
     counts = draw_background_counts(graph, priors, hour=hour, rng=rng)
     for kind, count in counts.items():
         spares = 2 + count // 2 if count else 0
         routes, arrivals = _draw_background(
             kind, count, spares, priors, intersection_map=intersection_map, hour=hour, rng=rng
         )
-        names = _list_free_names(graph, kind, count + spares)
+        names = _list_free_names(agents, kind, count + spares)
         for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
             agents[name] = _draw_agent(
                 name, "background", route, priors, background_size or size, rng,
@@ -149,7 +155,7 @@ def amplify(
             )  # fmt: skip
     return CandidateSet(
         agents=agents, cast=assignment, hour=hour, background=counts,
-        yielding_model=priors.yielding_model,
+        yielding_model=priors.yielding_model, groups=groups,
     )  # fmt: skip
 
 
@@ -361,8 +367,20 @@ def _get_rate(priors: Priors, route: Route, hour: float) -> float:
     return 0.0 if rates is None else float(rates[int(hour) % HOURS])
 
 
-def _list_free_names(graph: SocialGraph, kind: AgentClass, count: int) -> list[str]:
-    taken = {agent.id for agent in graph.agents}
+def _form_groups(
+    graph: SocialGraph, agents: dict[str, AgentCandidates]
+) -> dict[str, tuple[str, ...]]:
+    """Adds the other members of every group; their names, by that of their leader."""
+    groups: dict[str, tuple[str, ...]] = {}
+    for node in graph.agents:
+        if node.members is not None:
+            names = _list_free_names(agents, "pedestrian", node.members - 1)
+            agents |= form_group(agents[node.id], names)
+            groups[node.id] = tuple(names)
+    return groups
+
+
+def _list_free_names(taken: Container[str], kind: AgentClass, count: int) -> list[str]:
     free = (name for n in itertools.count(1) if (name := f"{kind}-{n}") not in taken)
     return list(itertools.islice(free, count))
 
