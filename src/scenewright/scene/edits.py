@@ -259,10 +259,6 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)
                 for edge in graph.relations
             )
-        case "object" | "sight":
-            name = (entry.value or "").split(" ", maxsplit=1)[0]
-            kept = (each for each in graph.objects if each.id == name)
-            return any(entry.became == "object" or each.hides is not None for each in kept)
         case "time_of_day" | "density":
             return bool(getattr(graph.context, entry.became) == entry.value)
         case "measure" if entry.value and " in [" in entry.value:
@@ -270,7 +266,14 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
         case "normal" | "denied" | "cause" | "background" | "tie" | "measure" | "impact_point":
             return False
         case _:
-            return True
+            return entry.became not in ("object", "sight") or _stands(entry, graph)
+
+
+def _stands(entry: SaidSpan, graph: SocialGraph) -> bool:
+    """Whether an object is in the graph and, if that is said, hides somebody."""
+    name = (entry.value or "").split(" ", maxsplit=1)[0]
+    kept = (each for each in graph.objects if each.id == name)
+    return any(entry.became == "object" or each.hides is not None for each in kept)
 
 
 def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:

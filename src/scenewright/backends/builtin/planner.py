@@ -98,7 +98,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         found = decide(read_twice(rest, earlier, site), site)
         if not standing or isinstance(found, Refusal):
             return found
-        return add_objects(found, standing)
+        return add_objects(found, standing, text)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.reader.numbers import TO_TWENTY
@@ -136,12 +136,22 @@ _HIDES = re.compile(
     rf"(?P<object>{_STANDS}){_PLACE},? (?:that |which )?"
     + _any("hides?", "conceals?", "obscures?", "occludes?", "screens?", "masks?", "blocks?",
            "covers?", "obstructs?")
-    + rf" (?:the {_WALKER}|her|him|them|(?:the |his |her |its )?{_maybe(_DRIVER + '.s ')}{_VIEW})"
+    + rf" (?:(?:the|a) {_WALKER}|her|him|them"
+    + rf"|(?:the |his |her |its )?{_maybe(_DRIVER + '.s ')}{_VIEW})"
     + rf"(?: (?:of|to|from) (?:the (?:{_WALKER}|{_DRIVER})|her|him|{_VIEW})(?:'s {_VIEW})?)*"
     + _LEAD,
     re.IGNORECASE,
 )  # fmt: skip
 """An object hides somebody or blocks a view."""
+
+_SEEN = re.compile(
+    r",? ?(?P<words>(?:and |but )?(?:(?:who|she|he|it|that) )?"
+    r"(?:(?:is|was|becomes|became|only|first|just) )*(?:seen|visible|in (?:view|sight)|(?:comes|came) into (?:view|sight))"
+    rf"(?: (?:only|just|about|for|from|at))* {_SECONDS}[ -]?(?:s|secs?|seconds?)\b"
+    rf" (?:before|prior to|ahead of) (?:(?:the|they|it|an?) )?{_EVENT})",
+    re.IGNORECASE,
+)
+"""When a hidden pedestrian is first seen, said apart from what hides it."""
 
 _THERE = re.compile(
     ",? ?"
@@ -150,7 +160,8 @@ _THERE = re.compile(
     + f" (?P<object>{_STANDS}){_maybe(' (?:standing|waiting|parked|stands)')}{_PLACE}"
     + f"|(?P<subject>{_STANDS}) (?:is|stands|sits|waits|has (?:stalled|broken down))"
     + f"{_maybe(' (?:standing|parked|waiting|there)')}{_PLACE}"
-    + f"|(?P<parked>{_THE}{_VEHICLE} (?:is|was|has|stands|has been) {_STATE}){_PLACE}",
+    + f"|(?P<parked>{_THE}{_VEHICLE} (?:is|was|has|stands|has been) {_STATE}){_PLACE}"
+    + rf"|(?P<alone>^{_THE}{_VEHICLE} {_STATE}){_PLACE}(?=\s*[;:.])",
     re.IGNORECASE,
 )
 """An object is there."""
@@ -176,7 +187,8 @@ class StandingPhrase:
 
     Attributes:
         start, end: characters of the text; object: the words that name it.
-        hides: whether it hides a road user; lead: how long before the event it is seen [s].
+        hides: whether it hides a road user; lead: how long before the event it is seen [s];
+            seen: characters that say that elsewhere.
     """
 
     start: int
@@ -185,6 +197,7 @@ class StandingPhrase:
     object: str
     hides: bool = False
     lead: tuple[float, float] | None = None
+    seen: tuple[int, int] | None = None
 
     def make_node(self, number: int) -> ObjectNode:
         """The object as a part of the plan."""
@@ -211,12 +224,24 @@ def take_out(text: str) -> tuple[str, tuple[StandingPhrase, ...]]:
             if phrase is not None:
                 found.append(phrase)
                 text = text[: match.start()] + _fill(match) + text[match.end() :]
-    return text, tuple(sorted(found, key=lambda each: each.start))
+    found.sort(key=lambda each: each.start)
+    return _take_lead(text, found)
+
+
+def _take_lead(text: str, found: list[StandingPhrase]) -> tuple[str, tuple[StandingPhrase, ...]]:
+    """Said apart from the object: "..., seen only 1 s before the impact"."""
+    match = _SEEN.search(text)
+    hiding = [each for each in found if each.hides and each.lead is None]
+    if match is None or len(hiding) != 1:
+        return text, tuple(found)
+    phrase = replace(hiding[0], lead=_read_seconds(match["seconds"]), seen=match.span("words"))
+    text = text[: match.start()] + " " * len(match[0]) + text[match.end() :]
+    return text, tuple(phrase if each is hiding[0] else each for each in found)
 
 
 def _read(match: re.Match[str], *, hides: bool) -> StandingPhrase | None:
     groups = match.groupdict()
-    named = groups.get("object") or groups.get("subject") or groups.get("parked")
+    named = next(filter(None, map(groups.get, ("object", "subject", "parked", "alone"))), None)
     lead = _read_seconds(groups.get("seconds"))
     words = match[0].strip(" ,")
     start = match.start() + match[0].index(words)
@@ -258,7 +283,7 @@ def _read_seconds(words: str | None) -> tuple[float, float] | None:
     return round(max(value - _TOLERANCE, 0.0), 3), round(value + _TOLERANCE, 3)
 
 
-def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase]) -> SocialGraph:
+def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str) -> SocialGraph:
     """The graph with the objects that a text speaks of, and the account of their words.
 
     Raises:
@@ -266,7 +291,9 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase]) -> Social
     """
     if len(phrases) > MOST_OBJECTS:
         raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
-    nodes, said = list(graph.objects), list(graph.said)
+    # Not the verbs that stand in for words about objects.
+    said = [e for e in graph.said if not any(p.start <= e.start < p.end for p in phrases)]
+    nodes = list(graph.objects)
     for phrase in phrases:
         node = phrase.make_node(len(nodes) + 1)
         became = SaidSpan(
@@ -280,6 +307,12 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase]) -> Social
             node = node.model_copy(update=hidden)
             sight = {"became": "sight", "agents": (driver, walker), "value": node.id}
             said.append(became.model_copy(update=sight))
+            if phrase.seen is not None:
+                start, end = phrase.seen
+                words = text[start:end]
+                said.append(
+                    said[-1].model_copy(update={"start": start, "end": end, "words": words})
+                )
         nodes.append(node)
     said.sort(key=lambda each: each.start)
     made = graph.model_copy(update={"objects": tuple(nodes), "said": tuple(said)})
