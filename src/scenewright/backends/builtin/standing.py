@@ -146,7 +146,8 @@ _HIDES = re.compile(
 
 _SEEN = re.compile(
     r",? ?(?P<words>(?:and |but )?(?:(?:who|she|he|it|that) )?"
-    r"(?:(?:is|was|becomes|became|only|first|just) )*(?:seen|visible|in (?:view|sight)|(?:comes|came) into (?:view|sight))"
+    r"(?:(?:is|was|becomes|became|only|first|just) )*"
+    r"(?:seen|visible|in (?:view|sight)|(?:comes|came) into (?:view|sight))"
     rf"(?: (?:only|just|about|for|from|at))* {_SECONDS}[ -]?(?:s|secs?|seconds?)\b"
     rf" (?:before|prior to|ahead of) (?:(?:the|they|it|an?) )?{_EVENT})",
     re.IGNORECASE,
