@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import (
     AgentDraft,
@@ -81,6 +81,7 @@ def read_number(
     Raises:
         Refused: a figure that no scene can have, with the most that it can.
     """
+    span = _as_driven(span, text, spans)
     before = _words_before(span, text)
     unit = range_in(span.words, before, 0.0)
     kind = _find_kind(span, users, spans, _words_after(span, text))
@@ -98,6 +99,21 @@ def read_number(
     if not bounded:
         return None
     return AskedNumber(tuple(MeasureDraft(kind, a, o, lo, hi) for lo, hi, a, o in bounded))
+
+
+def _as_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
+    """A speed "driving at" which somebody is said to be is that one's, and not of the impact."""
+    if span.tag != "impact" or not _DRIVING.search(text[: span.start] + span.words.split()[0]):
+        return span
+    mentions = [s for s in spans if s.start < span.start and s.tag in ("ref", *MENTIONS)]
+    return replace(span, tag="speed", subjects=mentions[-1].subjects) if mentions else span
+
+
+_DRIVING = re.compile(
+    r"\b(?:driv|go|travel|do|mov|rid|walk|com|run|approach)\w*(?: (?:along|up|on))?"
+    r"(?: (?:at|with))?(?: [\d.]+)?\s*$",
+    re.IGNORECASE,
+)
 
 
 def _words_before(span: ReadSpan, text: str) -> str:
