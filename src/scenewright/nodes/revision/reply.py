@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from itertools import count, islice
 from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from scenewright.backends.builtin.references import which
+from scenewright.backends.offline import which
 from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner.reply import (
     TIME,
@@ -28,7 +29,7 @@ from scenewright.nodes.schema import (
     text,
     whole,
 )
-from scenewright.scene.base import AgentClass, AgentId
+from scenewright.scene.base import RIDERS, AgentClass, AgentId
 from scenewright.scene.edits import (
     AddAgent,
     AgentView,
@@ -89,6 +90,7 @@ class AgentLine(_Line):
     crosswalk: str | None = None
     runs_red: bool | None = None
     motion: str | None = None
+    members: int | None = None
 
 
 class RemoveLine(_Line):
@@ -190,11 +192,16 @@ class EditsReply(BaseModel):
         return self
 
 
-def new_ids(situation: Situation) -> list[str]:
-    """Ids that nobody has, the first of each class."""
+_RIDES = re.compile(r"cycl|bik|scoot", re.IGNORECASE)
+
+
+def new_ids(situation: Situation, words: str = "") -> list[str]:
+    """Ids that nobody has, the first of each class; of riders where the words speak of them."""
     taken = {each.id for each in situation.present} | {e.id for e in situation.graph.agents}
     found: list[str] = []
     for kind in get_args(AgentClass):
+        if kind in RIDERS and not _RIDES.search(words):
+            continue
         free = (name for n in count(1) if (name := f"{kind}-{n}") not in taken)
         found += islice(free, _NEW)
     return found
@@ -251,7 +258,7 @@ def edits_schema(
         required=("edits",),
         defs={
             "text": text(),
-            "agent": one_of([*named, *new_ids(situation)]),
+            "agent": one_of([*named, *new_ids(situation, words)]),
             "side": one_of(side for way in ways for side in (way.entry, way.exit)),
             **points_asked(words),
         },
@@ -312,7 +319,7 @@ class _Reader:
         self.found: list[Edit] = []
         self._graph, self._ways = situation.graph, ways
         self._present = {each.id: each for each in situation.present}
-        self._free = new_ids(situation)
+        self._free = new_ids(situation, "cyclist")
 
     def take(self, line: Line) -> None:
         """One line more.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.geometry.driving_profile import Motion
+from scenewright.scene.base import RIDERS
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection
 from scenewright.scene.track import STEP
@@ -52,13 +53,17 @@ def guides_of(
 
 
 def _kept(motion: Motion, agent: SelectedAgent, selection: Selection) -> NDArray[np.bool_]:
-    """[T] samples at which the prior stays as it is."""
+    """[T] samples at which the prior stays as it is; all of them of a class the network lacks."""
+    if agent.candidate.shape.type in RIDERS:
+        return np.ones(len(motion.s), dtype=np.bool_)
     times = agent.enters + STEP * np.arange(len(motion.s))
     kept = np.asarray(motion.speed <= STANDING)
     for event in selection.events:
         if agent.name in event.agents:
             begin, end = _about(event, selection)
             kept |= (times >= begin) & (times <= end)
+    if agent.group or any(each.group == agent.name for each in selection.agents.values()):
+        kept[:] = True  # apart from one another they would be no group
     kept[: round(FIRST / STEP)] = True
     kept |= agent.exact
     if motion.ended:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 from scenewright.scene.account import SaidRecord
+from scenewright.scene.base import AgentClass
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.groups import list_groups
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 from scenewright.tools.relation_checker.measured import MeasuredFigures
@@ -23,6 +25,9 @@ _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie"
 """Checked elsewhere, as conditions on relations, ties and lights, or saying nothing of tracks."""
 
 _DAY = 24 * 60
+
+GROUP = "group of "
+"""How the value of an entry begins that stands for several who walk together."""
 _CLOCK = re.compile(r"[0-9]{2}:[0-9]{2}(:[0-9]{2})?")
 
 
@@ -127,7 +132,9 @@ class _EvidenceFinder:
 
     def _find_presence(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]
-        if entry.value in ("vehicle", "pedestrian") and any(a.type != entry.value for a in agents):
+        if (entry.value or "").startswith(GROUP):
+            return self._find_group(entry)
+        if entry.value in get_args(AgentClass) and any(a.type != entry.value for a in agents):
             return None
         named = entry.value in ("car", "truck", "bus", "motorcycle")
         if named and any(a.subtype != entry.value for a in agents):
@@ -153,6 +160,12 @@ class _EvidenceFinder:
                 )
         return None
 
+    def _find_group(self, entry: SaidRecord) -> str | None:
+        """That so many walk in the group of the agent; how, `check_groups` sees."""
+        members = list_groups(self._scene.agents).get(entry.agents[0], ()) if entry.agents else ()
+        wanted = (entry.value or "").removeprefix(GROUP)
+        return f"agents {', '.join(map(str, members))}" if str(len(members)) == wanted else None
+
     def _find_route(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]
         if any(getattr(agent, entry.became) != entry.value for agent in agents):
@@ -166,7 +179,7 @@ class _EvidenceFinder:
 
     def _find_observed_leg(self, agent: AgentRecord, field: str) -> str | None:
         """The leg that the track itself shows, where it can be told."""
-        if self._map is None or agent.type != "vehicle":
+        if self._map is None or agent.type == "pedestrian" or agent.crosswalk is not None:
             return None
         track = self._tracks[agent.id]
         if field == "entry":

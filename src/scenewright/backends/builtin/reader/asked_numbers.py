@@ -31,11 +31,13 @@ _NEEDS = {
     "acceleration": "m/s2", "headway": "s", "gap": "m", "pet": "s", "ttc": "s", "time": "s",
     "wait": "s", "line_distance": "m",
 }  # fmt: skip
-_WALKS = {"speed": 3.0, "line_speed": 3.0, "acceleration": 3.0, "braking": 3.0}
-"""The most of a pedestrian (SEMANTICS 5)."""
-
-_DRIVES = {"braking": 8.0}
-"""The most of a vehicle, where it is not the class's own."""
+_MOST: dict[str, dict[str, float]] = {
+    "vehicle": {"braking": 8.0},
+    "pedestrian": {"speed": 3.0, "line_speed": 3.0, "acceleration": 3.0, "braking": 3.0},
+    "cyclist": {"speed": 9.0, "line_speed": 9.0, "acceleration": 2.0, "braking": 3.5},
+    "scooter": {"speed": 7.0, "line_speed": 7.0, "acceleration": 2.0, "braking": 3.5},
+}
+"""The most of a class, where it is less than a scene can have (SEMANTICS 5 and 8)."""
 
 _EVENTS = ("collide_at", "near_miss", "yield_to", "follow")
 _EVENTS_OF: dict[str, tuple[str, ...]] = {
@@ -237,7 +239,7 @@ def _limit(
         Refused: nothing of the range can be, with the nearest that can.
     """
     unit = UNITS[kind]
-    most = _WALKS.get(kind, unit.most) if agent.type != "vehicle" else _DRIVES.get(kind, unit.most)
+    most = _MOST[agent.type].get(kind, unit.most)
     high = most if high is None else high
     slack = unit.tolerance
     if low + slack > most + 1e-6 and low > unit.least:
