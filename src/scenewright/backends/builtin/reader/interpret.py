@@ -387,8 +387,28 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
         _brake(result, span)
         return
+    if span.tag == "act" and _overtakes_closely(result, span):
+        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
+
+
+_OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|buzz", re.IGNORECASE)
+_CLOSELY = re.compile(r"clos|tight|narrow|inch|whisker|squeez|brush|buzz|too near", re.IGNORECASE)
+
+
+def _overtakes_closely(result: Interpretation, span: ReadSpan) -> bool:
+    """Whether a vehicle overtakes the one rider too closely, which is a near miss of its own."""
+    riders = [number for number, agent in result.users.items() if agent.rides and agent.drives]
+    drivers = [n for n in span.subjects if n in result.users and not result.users[n].rides]
+    asked = _OVERTAKES.search(span.words) and _CLOSELY.search(result.text)
+    if result.eventful or span.negated or not asked or (len(drivers), len(riders)) != (1, 1):
+        return False
+    edge = RelationDraft("near_miss", result.users[drivers[0]], result.users[riders[0]])
+    edge.pattern = "rider_close_overtaking"
+    _add_relation(result, edge)
+    result.enter(span, "relation", (*drivers, *riders), "near_miss")
+    return True
 
 
 def side_of(span: ReadSpan) -> str | None:
