@@ -411,6 +411,18 @@ def _overtakes_closely(result: Interpretation, span: ReadSpan) -> bool:
     return True
 
 
+def _read_overtaking(result: Interpretation) -> None:
+    """ "Passes too closely", where the encoder marks no event: of a vehicle, then a rider."""
+    agents, text = result.draft.agents, result.text
+    if result.eventful or result.draft.relations or len(agents) != 2:
+        return
+    first, second = agents
+    said = _OVERTAKES.search(text) and _CLOSELY.search(text)
+    if said and first.type == "vehicle" and second.rides and second.drives:
+        edge = RelationDraft("near_miss", first, second, pattern="rider_close_overtaking")
+        _add_relation(result, edge)
+
+
 def side_of(span: ReadSpan) -> str | None:
     """The compass name in the words of a span, else the one that the encoder sees there."""
     if match := _NAME.search(span.words):
@@ -905,6 +917,7 @@ def _settle(result: Interpretation) -> None:
     _read_order(result)
     _read_numbers(result)
     _read_severity(result)
+    _read_overtaking(result)
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
