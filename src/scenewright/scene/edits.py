@@ -238,6 +238,11 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 edge.type == entry.value and {edge.from_, edge.to} == set(entry.agents)
                 for edge in graph.relations
             )
+        case "order":
+            return any(
+                {edge.from_, edge.to} == set(entry.agents) and edge.get_first() == entry.agents[0]
+                for edge in graph.relations
+            )
         case "time_of_day" | "density":
             return bool(getattr(graph.context, entry.became) == entry.value)
         case "normal" | "denied" | "cause" | "background" | "tie" | "measure" | "impact_point":

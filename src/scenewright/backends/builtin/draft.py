@@ -104,6 +104,7 @@ class RelationDraft:
         point_from, point_to: where on either vehicle a collision strikes.
         pattern: id of the relation file whose phrase the text uses.
         braker: who brakes hard or late, where the text says so.
+        first: who passes first, where the text says so.
     """
 
     type: str
@@ -116,6 +117,12 @@ class RelationDraft:
     point_to: ImpactPoint | None = None
     pattern: str | None = None
     braker: AgentDraft | None = None
+    first: AgentDraft | None = None
+
+    @property
+    def ahead(self) -> AgentDraft | None:
+        """Who comes first by what the relation is; None where that is left open."""
+        return self.to if self.type in ("yield_to", "follow") or self.kind == "rear_end" else None
 
     def pair(self) -> frozenset[int]:
         """The two agents, unordered."""

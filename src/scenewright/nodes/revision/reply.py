@@ -115,6 +115,7 @@ class RelateLine(_Line):
     impact_speed: float | None = None
     point_from: str | None = None
     point_to: str | None = None
+    first: AgentId | None = None
 
 
 class PaceLine(_Line):
@@ -216,6 +217,7 @@ def edits_schema(
     relation: dict[str, Schema] = {
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
+        "first": who,
     }
     relation |= severity_asked(words)
     ends = {"from": who, "to": who, "type": one_of((*get_args(RelationType), "none"))}

@@ -115,6 +115,7 @@ _KEYS = {
     **dict.fromkeys(("target_pet", "target_ttc", "impact_speed"), "measure"),
     **dict.fromkeys(("point_from", "point_to"), "impact_point"),
     **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
+    "first": "order",
 }
 """Keys of a plan by which a model may call what words became."""
 
@@ -162,6 +163,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
         "braker": who,
+        "first": who,
         **({"pattern": one_of(each.id for each in told)} if told else {}),
         **severity_asked(words),
     }

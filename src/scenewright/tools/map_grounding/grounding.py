@@ -14,6 +14,11 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, get_pattern
 from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
+from scenewright.tools.map_grounding.orders import (
+    can_be_ordered,
+    keeps_order,
+    refuse_wrong_orders,
+)
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 
 RouteWeight = Callable[[Route], float]
@@ -84,7 +89,10 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     for agent in graph.agents:
         if not routes[agent.id]:
             raise Rejected(_no_route(agent, intersection_map))
-    for refuse in (_two_collisions, _late_without_a_clash, _brakes_on_foot, _waits_for_a_wreck):
+    for refuse in (
+        _two_collisions, _late_without_a_clash, _brakes_on_foot, _waits_for_a_wreck,
+        refuse_wrong_orders,
+    ):  # fmt: skip
         refuse(graph)
     grounding = Grounding(routes=routes)
     # One by one first: the search over all of them is exhaustive where one cannot be played.
@@ -350,6 +358,7 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
         and edge.kind in (None, pattern.kind)
         and _can_strike(pattern, edge)
         and _can_run_red(pattern, edge)
+        and can_be_ordered(pattern, edge)
     ]
 
 
@@ -380,9 +389,9 @@ def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
 def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     orders = [(edge.from_, edge.to)]
     told = edge.pattern is not None and pattern.from_.type == pattern.to.type
-    if pattern.relation not in _SYMMETRIC or told:
-        return orders  # a phrase says who does it to whom
-    return [*orders, (edge.to, edge.from_)]
+    if pattern.relation in _SYMMETRIC and not told:  # a phrase says who does it to whom
+        orders.append((edge.to, edge.from_))
+    return [each for each in orders if keeps_order(edge, pattern, each)]
 
 
 def can_serve(pattern: Pattern, a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:

@@ -11,6 +11,7 @@ from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
+from scenewright.tools.relation_checker.passing_order import find_passing_order
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
@@ -80,23 +81,20 @@ class _EvidenceFinder:
             return None
         if entry.became in _ROUTE_WORDS:
             return self._find_route(entry)
+        by_entry = {
+            "agent": self._find_presence, "runs_red": self._find_red_run,
+            "relation": self._find_event, "order": self._find_order, "cause": self._find_braking,
+            "normal": self._find_absence, "denied": self._find_absence,
+        }  # fmt: skip
+        if entry.became in by_entry:
+            return by_entry[entry.became](entry)
         match entry.became:
-            case "agent":
-                return self._find_presence(entry)
-            case "runs_red":
-                return self._find_red_run(entry)
-            case "relation":
-                return self._find_event(entry)
-            case "cause":
-                return self._find_braking(entry)
             case "time_of_day":
                 return self._find_time(entry.value)
             case "density":
                 return self._find_density(entry.value)
             case "background":
                 return self._count_background()
-            case "normal" | "denied":
-                return self._find_absence(entry)
             case "constraint" | "behavior":
                 return self._asked.find(entry.value, entry.words)
             case _:
@@ -145,6 +143,23 @@ class _EvidenceFinder:
         for event in self._events:
             if event.type == kind and {event.from_, event.to} == set(entry.agents):
                 return f"{event.type} of {event.from_} and {event.to} at {event.time:.1f} s"
+        return None
+
+    def _find_order(self, entry: SaidRecord) -> str | None:
+        """That the first agent of the entry passes before the second in an event of the two."""
+        for event in self._events:
+            if len(entry.agents) != 2 or {event.from_, event.to} != set(entry.agents):
+                continue
+            first, second = entry.agents
+            order = find_passing_order(self._seen, event)
+            if order is not None and order.first == first:
+                does = "enters the conflict zone" if event.type == "collision" else "passes"
+                return (
+                    f"agent {first} {does} at {order.first_time:.2f} s, "
+                    f"agent {second} at {order.second_time:.2f} s"
+                )
+            if order is None and event.to == first and event.type in ("yielding", "follow"):
+                return f"agent {first} goes ahead in the {event.type} at {event.time:.1f} s"
         return None
 
     def _find_braking(self, entry: SaidRecord) -> str | None:
