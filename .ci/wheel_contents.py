@@ -22,6 +22,7 @@ NEEDED = (
     "scenewright/backends/builtin/reader/tokenizer.json",
     "scenewright/backends/builtin/training/instructions/*.txt",
     "scenewright/nodes/*/prompt.md",
+    "scenewright/viz/player/player.*",
     "scenewright-*.dist-info/licenses/LICENSE",
 )
 

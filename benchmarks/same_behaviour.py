@@ -22,6 +22,8 @@ from pathlib import Path
 
 from robustness import REQUESTS
 
+from scenewright.graph.run import json_bytes
+
 ROOT = Path(__file__).parent.parent
 FILES = ("scene.json", "proof.json")
 CHATS = (
@@ -61,7 +63,17 @@ def digest_batch(
     source.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
     run_command("batch", source, "--out", out, "--quiet", *options)
     found = sorted(chain.from_iterable(out.rglob(each) for each in FILES))
-    return {f"{name}/{path.relative_to(out)}": digest(path.read_bytes()) for path in found}
+    return {f"{name}/{path.relative_to(out)}": digest_file(path) for path in found}
+
+
+def digest_file(path: Path) -> str:
+    """Of a proof without the digest of its scene, which older proofs lack and the scene betrays."""
+    data = path.read_bytes()
+    if path.name == "proof.json":
+        proof = json.loads(data)
+        proof.pop("scene_digest", None)
+        data = json_bytes(proof)
+    return digest(data)
 
 
 def digest(data: bytes) -> str:
@@ -77,7 +89,7 @@ def digest_chats(scratch: Path) -> dict[str, str]:
         words = ("chat", "--threads", scratch / "threads.sqlite", "--thread", number, "--out", out)
         run_command(*words, "--no-memory", "--quiet", text="\n".join([*lines, "/save", "/quit\n"]))
         paths = sorted(chain.from_iterable(out.rglob(each) for each in FILES))
-        found |= {f"chat/{number}/{path.name}": digest(path.read_bytes()) for path in paths}
+        found |= {f"chat/{number}/{path.name}": digest_file(path) for path in paths}
     return found
 
 

@@ -134,8 +134,8 @@ def scene(
     """A scene record; relations are (type, from, to) or (type, from, to, {more})."""
     return SceneRecord(
         meta=SceneMeta(
-            scene_id="t", map_id=0, timestamp=0.0, user_prompt="", intersection="plus", step=0.1,
-            duration=duration, time_of_day="12:00", seed=0,
+            scene_id="t", map_id=0, timestamp=43200.0, user_prompt="", intersection="plus",
+            step=0.1, duration=duration, time_of_day="12:00", seed=0,
         ),
         agents=tuple(agent(u, background=u.id in background, **changes) for u in users),
         events=(),
@@ -150,12 +150,13 @@ def scene(
 
 
 def agent(user: RoadUser, *, background: bool = False, **changes: Any) -> AgentRecord:
-    """An agent record; labels other than class, size and role are arbitrary on purpose."""
+    """An agent record; its journey is arbitrary on purpose."""
     values: dict[str, Any] = {
         "id": user.id, "type": user.shape.type, "spawn_time": round(user.track.start, 3),
         "goal": (0.0, 0.0), "trajectory": tuple(map(tuple, user.track.xy.round(3).tolist())),
-        "role": "background" if background else "foreground", "name": f"agent {user.id}",
-        "entry": "west", "exit": "east", "movement": "straight", "route": "r",
+        "role": "background" if background else "foreground",
+        "name": f"{user.shape.type}-{user.id}", "route": "r",
+        "entry": "west", "exit": "east", "movement": "straight",
         "heading": tuple(user.track.heading.tolist()), "length": user.shape.length,
         "width": user.shape.width,
     }  # fmt: skip

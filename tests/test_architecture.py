@@ -59,6 +59,7 @@ def test_public_surface() -> None:
         "Scene",
         "SocialGraph",
         "__version__",
+        "export",
         "load_backend",
         "load_intersection",
         "plan",

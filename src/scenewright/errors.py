@@ -3,6 +3,7 @@
     ScenewrightError
     ├── InputError          the caller's input is at fault; one clear line, exit code 2
     ├── Unsatisfiable       a sane request that cannot be met; carries every rejection, exit code 3
+    │   └── OutOfTime       the time limit was reached before it was met or given up
     ├── BackendFault        a backend failed for good after its retries, exit code 4
     └── Rejected            wraps a `Rejection` on its way to a retry edge; never reaches a user
 
@@ -51,6 +52,10 @@ class Unsatisfiable(ScenewrightError):
     def __init__(self, message: str, rejections: tuple[Rejection, ...] = ()) -> None:
         super().__init__(message)
         self.rejections = rejections
+
+
+class OutOfTime(Unsatisfiable):
+    """The time limit of the request was reached; a longer one, or a faster machine, may do."""
 
 
 class BackendFault(ScenewrightError):

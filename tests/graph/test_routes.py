@@ -131,6 +131,18 @@ def test_a_model_that_names_the_wrong_braker_plans_anew_within_the_planners_budg
     assert led("scene_verifier", [*other, WRONG], model=True) == "scene_planner"
 
 
+def test_a_plan_that_the_tracks_contradict_again_and_again_is_given_up() -> None:
+    most = BUDGETS.misplanned
+    found = [Rejection(stage="scene_verifier", code="wrong_braker", detail="so")] * most
+    context = SimpleNamespace(
+        backend=SimpleNamespace(deterministic=True), budgets=Budgets(generator=100)
+    )
+    for refusals, onwards in ((found, "agent_generator"), ([*found, found[0]], "give_up")):
+        state: SceneState = {"refused": found[0], "rejections": refusals}
+        told: Any = SimpleNamespace(context=context)
+        assert routes.after_scene_verifier(state, told) == onwards
+
+
 def test_a_rule_that_names_the_wrong_braker_is_not_asked_for_another_plan() -> None:
     assert led("scene_verifier", [WRONG], model=False) == "agent_generator"
 

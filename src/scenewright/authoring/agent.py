@@ -19,12 +19,18 @@ from langgraph.graph import END, START, StateGraph
 from langgraph.graph.message import add_messages
 
 from scenewright.backends import Question, load_backend
-from scenewright.errors import BackendFault, InputError, Unsatisfiable
+from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
 from scenewright.graph.run import DEFAULT_INTERSECTION, Tell, ground_of, json_bytes
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.toolbox import Recorder, Workbench, tools_of
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
+from scenewright.time_limit import (
+    DEFAULT_LIMIT,
+    TimeLimitReachedError,
+    limit_time,
+    stopped_clock,
+)
 from scenewright.tools.gmm_sampler import load_priors
 
 if TYPE_CHECKING:
@@ -74,6 +80,7 @@ def author(
     seed: int = 0,
     most_calls: int = MOST_CALLS,
     record: Recorder | None = None,
+    time_limit: float = DEFAULT_LIMIT,
     tell: Tell | None = None,
     hide: Callable[[str], str] = lambda text: text,
 ) -> Authored:
@@ -83,6 +90,7 @@ def author(
         model: calls the tools; None: they are called in their order.
         most_calls: after so many the agent is stopped.
         record: keeps the verified scene; says where.
+        time_limit: longest that the tools may compute [s].
         hide: takes secrets out of what a model's fault says.
 
     Raises:
@@ -93,10 +101,15 @@ def author(
     bench = workbench(instruction, intersection=intersection, seed=seed, record=record, tell=tell)
     calls: list[tuple[str, bool]] = []
     tools = {each.name: each for each in tools_of(bench)}
-    if model is None:
-        words = _routed(instruction, bench, tools, calls)
-    else:
-        words = _converse(instruction, model, bench, tools, calls, most_calls, hide)
+    try:
+        with limit_time(time_limit):
+            if model is None:
+                words = _routed(instruction, bench, tools, calls)
+            else:
+                words = _converse(instruction, model, bench, tools, calls, most_calls, hide)
+    except TimeLimitReachedError as error:
+        rejections = tuple(bench.state["rejections"])
+        raise OutOfTime(f"no verified scene; {error}", rejections) from error
     if not bench.verified:
         rejections = tuple(bench.state["rejections"])
         last = rejections[-1].detail if rejections else words or "the agent made no scene"
@@ -167,7 +180,8 @@ def build_agent(
 
     def think(state: AgentState) -> dict[str, Any]:
         try:
-            said = bound.invoke(state["messages"])
+            with stopped_clock():
+                said = bound.invoke(state["messages"])
         except (InputError, BackendFault):
             raise
         except Exception as error:  # every provider has exceptions of its own

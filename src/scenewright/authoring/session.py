@@ -36,6 +36,7 @@ from scenewright.graph.run import (
     Scene,
     Tell,
     check_arguments,
+    check_time_limit,
     json_bytes,
     paid_by_task,
     proof_bytes,
@@ -57,6 +58,7 @@ from scenewright.scene.edits import (
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import SocialGraph
+from scenewright.time_limit import DEFAULT_LIMIT, limit_time
 
 MAIN = "main"
 _READING: TypeAdapter[Reading] = TypeAdapter(Reading)
@@ -75,12 +77,14 @@ class SessionContext:
     Attributes:
         backend: who plans and reasons; tell: called with (stage, line) as the turn goes.
         recall: finds accepted answers to requests like this one, for prompts.
+        time_limit: longest that a turn may compute [s].
     """
 
     threads: Threads
     backend: Backend
     tell: Tell = field(default=lambda _stage, _line: None)
     recall: Recall = nothing_recalled
+    time_limit: float = DEFAULT_LIMIT
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +125,17 @@ class Session:
         setting: Heading,
         tell: Tell | None = None,
         recall: Recall | None = None,
+        time_limit: float = DEFAULT_LIMIT,
     ) -> None:
+        check_time_limit(time_limit)
         self.thread = thread
         self._threads = threads
         self._context = SessionContext(
-            threads, backend, tell or (lambda _stage, _line: None), recall or nothing_recalled
+            threads,
+            backend,
+            tell or (lambda _stage, _line: None),
+            recall or nothing_recalled,
+            time_limit,
         )
         self._graph = build_session().compile(checkpointer=threads.saver)
         self._config: RunnableConfig = {
@@ -340,25 +350,32 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
         heading["seed"],
         heading["refiner"],
         context.recall,
+        context.time_limit,
     )
     reading = _READING.validate_python(state["reading"])
     version = _found(state, None)
     try:
         if isinstance(reading, Edits) and version is not None:
             text = _joined(version["text"], state["words"])
-            made = _apart(_changed, text, reading.edits, version, setting, context)
+            made = _apart(setting, _changed, text, reading.edits, version, setting, context)
         else:
             text = _OPENING.sub("", state["words"])
-            made = _apart(begin, text, setting, tell=context.tell)
+            made = _apart(setting, begin, text, setting, tell=context.tell)
     except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
         return _refusal(state, error)
     edits = reading.edits if isinstance(reading, Edits) else ()
     return _entered(state, text, edits, made, context)
 
 
-def _apart(make: Callable[..., Made], *args: Any, **named: Any) -> Made:
-    """Run where LangGraph knows nothing of this graph: a pipeline inside it is not checkpointed."""
-    return Context().run(make, *args, **named)
+def _apart(setting: Setting, make: Callable[..., Made], *args: Any, **named: Any) -> Made:
+    """Run in the time of a turn, and where LangGraph knows nothing of this graph: a pipeline inside
+    it is not checkpointed."""
+
+    def within() -> Made:
+        with limit_time(setting.time_limit):
+            return make(*args, **named)
+
+    return Context().run(within)
 
 
 def _changed(

@@ -17,6 +17,7 @@ from scenewright.scene.edits import Edit
 from scenewright.scene.frozen_agents import FrozenAgents, PreviousAgent, PreviousVersion
 from scenewright.scene.record import SceneRecord
 from scenewright.scene.social import SocialGraph
+from scenewright.time_limit import DEFAULT_LIMIT
 
 _PINNED = Budgets(planner=0, filter=1, reasoner=1, generator=1)
 _MOST_TRIES = 10
@@ -33,6 +34,7 @@ class Setting:
     Attributes:
         intersection: name of a bundle; backend: who plans and reasons.
         seed: of everything drawn; refiner, recall: as in `synthesize`.
+        time_limit: longest that a turn may compute [s].
     """
 
     intersection: str
@@ -40,6 +42,7 @@ class Setting:
     seed: int
     refiner: str = "none"
     recall: Recall = nothing_recalled
+    time_limit: float = DEFAULT_LIMIT
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +77,7 @@ def begin(text: str, setting: Setting, *, tell: Tell | None = None) -> Made:
         seed=setting.seed,
         refiner=setting.refiner,
         recall=setting.recall,
+        time_limit=setting.time_limit,
         tell=tell,
     )
     return Made(scene, scene.state["social_graph"], earlier_of(scene))
@@ -162,6 +166,7 @@ def _solved(
         pinned=pins,
         budgets=_PINNED if pins.known else _UNPINNED,
         recall=setting.recall,
+        time_limit=setting.time_limit,
         tell=tell,
     )
 

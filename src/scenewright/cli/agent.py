@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout
+from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, TimeLimit, Timeout
 from scenewright.cli.batch import (
     AtOnce,
     EngineName,
@@ -27,6 +27,7 @@ from scenewright.cli.batch import (
 from scenewright.cli.console import one_line, put, put_json, say
 from scenewright.cli.dataset import dataset
 from scenewright.errors import BackendFault, Unsatisfiable
+from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.dataset.orders.run import Order
@@ -48,6 +49,7 @@ def agent(
     timeout: Timeout = None,
     at_once: AtOnce = None,
     row_timeout: RowTimeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     refiner: Refiner = None,
     intersection: Place = "amsterdam_120",
     seed: OrderSeed = 0,
@@ -89,6 +91,7 @@ def agent(
             refiner=refiner,
             seed=seed,
             base_url=base_url,
+            time_limit=time_limit,
         ),
         writer=writer,
         budget=budget,

@@ -33,6 +33,16 @@ Timeout = Annotated[
     float | None, typer.Option(metavar="S", help="Longest wait for one reply of a model [s].")
 ]
 
+TimeLimit = Annotated[
+    float,
+    typer.Option(
+        "--time-limit",
+        metavar="S",
+        help="Longest that a scene may be computed [s], answers of models aside; then it is "
+        "refused with the best reason so far.",
+    ),
+]
+
 
 def backend_of(
     names: list[str] | None,

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout
+from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, TimeLimit, Timeout
 from scenewright.cli.console import is_terminal, one_line, put, put_json, say
 from scenewright.cli.interruption import keep
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import InputError
+from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.dataset.batch.answering import Asking
@@ -67,6 +68,7 @@ def batch(
     timeout: Timeout = None,
     at_once: AtOnce = None,
     row_timeout: RowTimeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     refiner: Refiner = None,
     selection: Annotated[
         Literal["draw", "map"],
@@ -78,6 +80,12 @@ def batch(
         bool,
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
+    exports: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--export", metavar="FORMAT", help="Write the scenes in a format, too; repeatable."
+        ),
+    ] = None,
     limit: Annotated[int | None, typer.Option(help="Only the first rows.")] = None,
     shard: Annotated[
         str, typer.Option(metavar="I/N", help="Only every N-th row, from the I-th on.")
@@ -106,6 +114,7 @@ def batch(
             seed=seed,
             base_url=base_url,
             lenient=lenient,
+            time_limit=time_limit,
         ),
         workers=workers or cores(),
         engine=engine,
@@ -116,17 +125,36 @@ def batch(
     )
     if workers is not None and workers < 1:
         raise InputError(f"--workers is a number from 1, got {workers}")
+    _check_formats(exports or ())
     if dry_run:
         _tell_what_is_to_do(request, as_json=as_json)
         return
     with batch_progress(quiet=quiet, out=out) as tell:
         summary = run_batch(request, tell=tell)
+    _export_scenes(request.out, exports if summary.made else None)
     if not quiet:
         tell_summary(summary)
     if as_json:
         put_json({"ok": True, "out": out, **summary_object(summary)})
     else:
         put(f"{out}\n")
+
+
+def _check_formats(formats: Sequence[str]) -> None:
+    """InputError for a format that there is not, before hours are spent."""
+    from scenewright.tools.exporters import find_format
+
+    for name in formats:
+        find_format(name)
+
+
+def _export_scenes(out: Path, formats: Sequence[str] | None) -> None:
+    """All scenes of the dataset in each format, below its folder `exports`."""
+    from scenewright.dataset.batch.scenes import EXPORTS, list_scenes
+    from scenewright.graph.export import export
+
+    for name in formats or ():
+        export(list_scenes(out), name, out / EXPORTS / name)
 
 
 def cores() -> int:
@@ -145,6 +173,7 @@ def options_of(
     base_url: str | None,
     selection: Literal["draw", "map"] = "draw",
     lenient: bool = False,
+    time_limit: float = DEFAULT_LIMIT,
 ) -> Options:
     """What all rows share, as the command line says it."""
     from scenewright.dataset.batch.answering import BUILTIN
@@ -159,6 +188,7 @@ def options_of(
         seed=seed,
         base_url=base_url,
         lenient=lenient,
+        time_limit=time_limit,
     )
 
 

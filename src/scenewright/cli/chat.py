@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,7 @@ Say what shall happen, then what shall be different: "make the pedestrian come f
 /show [N]           a version in words: the current one, or number N, or branch N
 /compare A B        two versions or branches, agent by agent
 /save [DIR]         write the scene to a folder
+/html [F], /gif [F] write a page that plays the scene, or an animation
 /why                why the last words were refused
 /help, /quit"""
 
@@ -54,6 +56,7 @@ class ChatRequest:
     refiner: str | None
     out: str | None
     memory: bool
+    time_limit: float
     quiet: bool
     as_json: bool
 
@@ -87,6 +90,7 @@ def chat(request: ChatRequest) -> None:
             },
             tell=teller,
             recall=None if episodes is None else recall_from(episodes),
+            time_limit=request.time_limit,
         )
         talk = _Talk(session, request, teller, episodes)
         talk.run()
@@ -160,6 +164,8 @@ class _Talk:
             "show": self._show,
             "compare": self._compare,
             "save": self._save,
+            "html": partial(self._write_view, "html"),
+            "gif": partial(self._write_view, "gif"),
             "why": lambda _: self._why(),
             "help": lambda _: {"kind": "help", "text": HELP},
         }
@@ -285,6 +291,15 @@ class _Talk:
         folder, files, warnings = save_version(shown, told)
         warnings += self._remember(shown)
         return {"kind": "saved", "folder": str(folder), "files": files, "warnings": warnings}
+
+    def _write_view(self, kind: str, arguments: list[str]) -> dict[str, Any]:
+        """Writes the current version as one file; a file that is there is not overwritten."""
+        from scenewright.cli.save import write_view
+
+        shown = self._needed(None)
+        name = f"{self._session.thread}-{shown.version['number']}.{kind}"
+        path = write_view(shown, kind, " ".join(arguments) or name)
+        return {"kind": "saved", "folder": str(path.parent), "files": [path.name], "warnings": []}
 
     def _remember(self, shown: Shown) -> list[str]:
         """What went wrong, if it did: the scene is saved in any case."""

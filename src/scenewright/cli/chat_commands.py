@@ -6,8 +6,16 @@ from typing import Annotated
 
 import typer
 
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout, backend_of
+from scenewright.cli.backend_options import (
+    BackendNames,
+    BaseUrl,
+    Record,
+    TimeLimit,
+    Timeout,
+    backend_of,
+)
 from scenewright.cli.console import one_line, put, put_json, say
+from scenewright.time_limit import DEFAULT_LIMIT
 
 memory = typer.Typer(name="memory", help="Accepted scenes, recalled as examples for prompts.")
 
@@ -23,6 +31,7 @@ def chat(
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
     refiner: Annotated[
         str | None, typer.Option(help="trajnet or none, in a new thread; that of make.")
@@ -61,6 +70,7 @@ def chat(
             refiner=refiner,
             out=out,
             memory=not no_memory,
+            time_limit=time_limit,
             quiet=quiet,
             as_json=as_json,
         )
@@ -74,6 +84,7 @@ def mcp(
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     seed: Annotated[int, typer.Option(help="Of everything drawn, in a new thread.")] = 0,
     out: Annotated[str | None, typer.Option(help="Folder that scenes may be kept in.")] = None,
     threads: Annotated[
@@ -84,7 +95,7 @@ def mcp(
     from scenewright.cli.mcp import Served, serve
 
     speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
-    serve(Served(threads, thread, intersection, speaker, seed, out))
+    serve(Served(threads, thread, intersection, speaker, seed, out, time_limit))
 
 
 @memory.command("list")

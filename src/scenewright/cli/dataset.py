@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenewright.cli.batch import cores
+from scenewright.cli.batch import cores, folder_of_option
 from scenewright.cli.console import one_line, progress, put, put_json, say
 from scenewright.cli.errors import NOT_VERIFIED
+from scenewright.cli.export import Form, OutFolder, To, tell_files
 from scenewright.cli.interrupts import stop_if_asked
 
 if TYPE_CHECKING:
@@ -71,3 +72,20 @@ def check(
         say("note: the dataset is not complete; the command that made it goes on with it")
     if found.faults:
         raise typer.Exit(NOT_VERIFIED)
+
+
+@dataset.command("export")
+def export_dataset(
+    folder: Folder,
+    to: To,
+    out: OutFolder,
+    form: Form = None,
+    as_json: Json = False,
+) -> None:
+    """Write every scene of a dataset in another format; docs/exports.md describes each."""
+    from scenewright.dataset.batch.scenes import list_scenes
+    from scenewright.graph.export import export
+
+    scenes = list_scenes(Path(folder))
+    files = export(scenes, to, folder_of_option(out), form=form)
+    tell_files(files, scenes=len(scenes), to=to, out=out, as_json=as_json)

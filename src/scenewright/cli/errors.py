@@ -7,7 +7,7 @@ from typing import Any
 
 from scenewright.cli.console import one_line
 from scenewright.cli.interrupts import was_stopped, was_terminated
-from scenewright.errors import BackendFault, InputError, ScenewrightError, Unsatisfiable
+from scenewright.errors import BackendFault, InputError, OutOfTime, ScenewrightError, Unsatisfiable
 
 NOT_VERIFIED = 1
 UNUSABLE = 2
@@ -78,6 +78,8 @@ def fault_of(error: BaseException) -> Fault:
 def _unsatisfiable(error: Unsatisfiable) -> Fault:
     codes = [each.code for each in error.rejections]
     advice = _ADVICE.get(codes[-1]) if codes else None
+    if isinstance(error, OutOfTime):
+        advice = "A longer --time-limit, another --seed or a less exact request may help."
     details: dict[str, Any] = {
         "advice": advice,
         "rejections": [each.model_dump(mode="json") for each in error.rejections],

@@ -20,7 +20,14 @@ import typer
 
 from scenewright.cli.agent import agent
 from scenewright.cli.author import author
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout, backend_of
+from scenewright.cli.backend_options import (
+    BackendNames,
+    BaseUrl,
+    Record,
+    TimeLimit,
+    Timeout,
+    backend_of,
+)
 from scenewright.cli.batch import batch
 from scenewright.cli.chat_commands import chat, mcp, memory
 from scenewright.cli.console import (
@@ -42,12 +49,14 @@ from scenewright.cli.errors import (
     fault_of,
 )
 from scenewright.cli.evals import evals
+from scenewright.cli.export import export
 from scenewright.cli.import_commands import fit, import_map_file, simulate
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
 from scenewright.cli.planner import planner
 from scenewright.cli.tables import tables
 from scenewright.cli.understanding import understanding
+from scenewright.time_limit import DEFAULT_LIMIT
 
 app = typer.Typer(
     name="scenewright",
@@ -73,6 +82,7 @@ app.command()(chat)
 app.command()(mcp)
 app.command()(author)
 app.add_typer(dataset)
+app.command()(export)
 app.add_typer(planner)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
@@ -100,6 +110,7 @@ def make(
     base_url: BaseUrl = None,
     record: Record = None,
     timeout: Timeout = None,
+    time_limit: TimeLimit = DEFAULT_LIMIT,
     seed: Annotated[int, typer.Option(help="The same seed makes the same scene.")] = 0,
     refiner: Annotated[
         str,
@@ -126,6 +137,9 @@ def make(
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
     gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False,
+    html: Annotated[
+        bool, typer.Option("--html", help="Add a page that plays and explains it, scene.html.")
+    ] = False,
     no_picture: Annotated[bool, typer.Option("--no-picture", help="No scene.png.")] = False,
     no_recording: Annotated[bool, typer.Option("--no-recording", help="No scene.rrd.")] = False,
     quiet: Quiet = False,
@@ -147,7 +161,9 @@ def make(
         picture=not no_picture,
         recording=not no_recording,
         gif=gif,
+        html=html,
         lenient=lenient,
+        time_limit=time_limit,
     )
     with progress(quiet=quiet) as tell:
         made = make_scene(request, tell=tell)
@@ -214,6 +230,12 @@ def verify(
         str | None,
         typer.Option(help="Check against this map, not the one the scene names; tracks name none."),
     ] = None,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Demand a proof.json that names the digest of the whole scene.json."
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Check scenes: exit code 0 if all are verified, 1 if one is not, 2 if one is unusable.
@@ -222,7 +244,7 @@ def verify(
     """
     from scenewright.cli.verify import Checked, as_object, check_paths, is_good, notes, report
 
-    checked = check_paths(paths, intersection=intersection)
+    checked = check_paths(paths, intersection=intersection, strict=strict)
     unusable = [each for each in checked if isinstance(each, Checked) and each.error is not None]
     good = all(is_good(each) for each in checked)
     if as_json:
@@ -240,8 +262,19 @@ def verify(
 @app.command()
 def show(
     scene: Annotated[str, typer.Argument(help="A scene's folder, or its scene.rrd.")],
+    html: Annotated[
+        str | None,
+        typer.Option(metavar="F", help="Write a page that plays and explains it, to share."),
+    ] = None,
+    gif: Annotated[str | None, typer.Option(metavar="F", help="Write an animation.")] = None,
 ) -> None:
-    """Open a scene's recording in the rerun viewer."""
+    """Open a scene's recording in the rerun viewer, or write its views to files."""
+    if html is not None or gif is not None:
+        from scenewright.cli.show import write_views
+
+        for name in write_views(scene, html=html, gif=gif):
+            put(f"{name}\n")
+        return
     from scenewright.viz.recording import open_recording
 
     open_recording(scene)

@@ -14,6 +14,7 @@ from scenewright.cli.console import one_line
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import target_folder, whole_folder
 from scenewright.errors import InputError, ScenewrightError
+from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.backends import Backend
@@ -41,7 +42,9 @@ class Request:
     picture: bool
     recording: bool
     gif: bool
+    html: bool = False
     lenient: bool = False
+    time_limit: float = DEFAULT_LIMIT
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +140,7 @@ def _synthesize(request: Request, tell: Tell) -> Scene:
         refiner=request.refiner,
         selection=request.selection,
         lenient=request.lenient,
+        time_limit=request.time_limit,
         tell=tell,
     )
 
@@ -146,6 +150,7 @@ def _add_views(scene: Scene, folder: Path, request: Request, tell: Tell) -> tupl
         (request.picture, "scene.png", _draw),
         (request.recording, "scene.rrd", _record),
         (request.gif, "scene.gif", _animate),
+        (request.html, "scene.html", _write_page),
     ]
     warnings = []
     for wanted, name, write in views:
@@ -181,6 +186,14 @@ def _animate(scene: Scene, path: Path) -> None:
 
     intersection_map = load_map(scene.record.meta.intersection)
     animate_scene(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
+
+
+def _write_page(scene: Scene, path: Path) -> None:
+    from scenewright.intersections import load_map
+    from scenewright.viz.html_player import write_player
+
+    intersection_map = load_map(scene.record.meta.intersection)
+    write_player(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
 
 
 def _record(scene: Scene, path: Path) -> None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from scenewright.errors import InputError
 from scenewright.nodes.toolbox import AgentSegments
 from scenewright.scene.social import SocialGraph
+from scenewright.time_limit import DEFAULT_LIMIT, TimeLimitReachedError, limit_time
 
 if TYPE_CHECKING:
     from mcp.server import MCPServer
@@ -36,6 +37,7 @@ class Served:
 
     Attributes:
         out: folder that scenes are kept in; None: nowhere.
+        time_limit: longest that a call may compute [s].
     """
 
     threads: str | None
@@ -44,6 +46,7 @@ class Served:
     backend: Backend
     seed: int
     out: str | None
+    time_limit: float = DEFAULT_LIMIT
 
 
 def serve(served: Served) -> None:
@@ -95,6 +98,7 @@ class _Desk:
                 "seed": served.seed,
                 "refiner": refiner_or_default(None),
             },
+            time_limit=served.time_limit,
         )
         self._bench: Workbench | None = None
 
@@ -218,7 +222,10 @@ class _Desk:
                 "unusable_input", "there is no scene on the workbench; call start_scene first"
             )
         try:
-            return {"ok": True, **getattr(self._bench, name)(**arguments)}
+            with limit_time(self._served.time_limit):
+                return {"ok": True, **getattr(self._bench, name)(**arguments)}
+        except TimeLimitReachedError as error:
+            return _no("time_limit", str(error))
         except Rejected as error:
             told = error.rejection.model_dump(mode="json", include={"code", "agents", "detail"})
             return {"ok": False, **told}

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from scenewright.cli.console import one_line
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import target_folder, whole_folder
-from scenewright.errors import ScenewrightError
+from scenewright.errors import InputError, ScenewrightError
 
 if TYPE_CHECKING:
     from scenewright.authoring.session import Shown
@@ -48,6 +48,30 @@ def _views(shown: Shown, folder: Path) -> list[str]:
             stop_if_asked()
             warnings.append(one_line(f"no {name}: {type(error).__name__}: {error}", limit=300))
     return warnings
+
+
+def write_view(shown: Shown, kind: str, path: str) -> Path:
+    """Writes a version as one file, a page (`html`) or an animation (`gif`).
+
+    Raises:
+        InputError: there is a file already, or it cannot be written.
+    """
+    from scenewright.intersections import load_map
+
+    target = Path(path)
+    if target.exists():
+        raise InputError(f"{target} is there already; name another file")
+    facts: dict[str, Any] = {"scene": shown.record, "proof": shown.proof}
+    intersection_map = load_map(shown.record.meta.intersection)
+    if kind == "html":
+        from scenewright.viz.html_player import write_player
+
+        write_player(target, **facts, intersection=intersection_map)
+    else:
+        from scenewright.viz.animation import animate_scene
+
+        animate_scene(target, **facts, intersection=intersection_map)
+    return target
 
 
 def _draw(shown: Shown, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import SceneRecord
 
 TRACKS = (".ndjson", ".csv")
-FOREIGN = (".txt", ".parquet", ".xosc", ".mcap", ".osi")
+FOREIGN = (".txt", ".osi")
 SHOWN = 12
 """Findings listed per scene; `--json` has them all."""
 
@@ -36,7 +37,9 @@ class Checked:
         return {"path": str(self.path), "verified": self.proof.verified, "proof": proof}
 
 
-def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked | CheckedTracks]:
+def check_paths(
+    paths: list[str], *, intersection: str | None, strict: bool = False
+) -> list[Checked | CheckedTracks]:
     """Every scene and file of tracks in every path, in order; what is unusable is an entry too."""
     checked: list[Checked | CheckedTracks] = []
     for path in paths:
@@ -45,40 +48,52 @@ def check_paths(paths: list[str], *, intersection: str | None) -> list[Checked |
         except (InputError, OSError) as error:
             checked.append(Checked(Path(path), error=_reason(error)))
         else:
-            checked += [_check(file, intersection) for file in files]
+            checked += [each for file in files for each in _check(file, intersection, strict)]
     return checked
 
 
 def scene_files(path: str) -> list[Path]:
-    """The file itself; the scene of a folder; or all scenes of the folders in it.
+    """The file itself; the scene of a folder; all scenes of the folders in it; or all tracks in it.
 
     Raises:
         InputError: there is none, or the file is of another format.
     """
+    if not path.strip():
+        raise InputError("an empty path names no scene; give a scene.json, a folder or tracks")
     place = Path(path)
     if place.suffix.lower() in FOREIGN:
         raise InputError(
             f"{path}: tracks in {place.suffix} files cannot be checked yet; give a scene.json, "
-            "a .csv or a TrajNet++ .ndjson"
+            "tracks in one of the formats that docs/formats.md lists"
         )
     if not place.is_dir() or (place / "scene.json").exists():
         return [place]
-    inside = sorted(place.glob("*/scene.json"))
+    inside = [file.parent for file in sorted(place.glob("*/scene.json"))]
+    inside = inside or [each for each in sorted(place.iterdir()) if _holds_tracks(each)]
     if not inside:
-        raise InputError(f"{path}: no scene.json in this folder or in the folders in it")
-    return [file.parent for file in inside]
+        raise InputError(
+            f"{path}: no scene.json in this folder or in the folders in it, and no tracks"
+        )
+    return inside
 
 
-def _check(path: Path, intersection: str | None) -> Checked | CheckedTracks:
+def _check(path: Path, intersection: str | None, strict: bool) -> Sequence[Checked | CheckedTracks]:
     from scenewright.graph.run import load_scene, verify
 
     try:
-        if path.suffix.lower() in TRACKS and not path.is_dir():
+        if _holds_tracks(path) and not path.is_dir():
             return check_tracks(path, intersection=intersection)
         scene = load_scene(path)
-        return Checked(path, scene, verify(scene, intersection=intersection))
+        return [Checked(path, scene, verify(path, intersection=intersection, strict=strict))]
     except (InputError, OSError) as error:
-        return Checked(path, error=_reason(error))
+        return [Checked(path, error=_reason(error))]
+
+
+def _holds_tracks(path: Path) -> bool:
+    """Whether a file of that name holds tracks."""
+    from scenewright.tools.track_io.simulator_files import find_reader
+
+    return path.suffix.lower() in TRACKS or find_reader(path.name) is not None
 
 
 def _reason(error: Exception) -> str:

@@ -54,15 +54,23 @@ class CheckedTracks:
         }
 
 
-def check_tracks(path: Path, *, intersection: str | None) -> CheckedTracks:
-    """Every event in a file of tracks.
+def check_tracks(path: Path, *, intersection: str | None) -> list[CheckedTracks]:
+    """Every event in a file of tracks, scenario by scenario.
 
     Raises:
         InputError: unreadable, or no such intersection.
     """
-    from scenewright.graph.run import load_tracks, off_ground_in, verify_tracks
+    from scenewright.graph.run import load_recordings
 
-    tracks = load_tracks(path)
+    return [
+        _check_recording(Path(f"{path}:{name}") if name else path, tracks, intersection)
+        for name, tracks in load_recordings(path).items()
+    ]
+
+
+def _check_recording(path: Path, tracks: ExternalTracks, intersection: str | None) -> CheckedTracks:
+    from scenewright.graph.run import off_ground_in, verify_tracks
+
     events = verify_tracks(tracks, intersection=intersection)
     findings = () if intersection is None else off_ground_in(tracks, intersection=intersection)
     return CheckedTracks(path, tracks, events, findings)

@@ -20,6 +20,7 @@ from scenewright.nodes.scene_planner import plan_scene
 from scenewright.nodes.scene_verifier import verify_scene
 from scenewright.nodes.trajectory_refiner import refine_trajectories
 from scenewright.nodes.waypoint_filter import filter_waypoints
+from scenewright.time_limit import check_time
 
 STAGES: dict[str, Callable[..., Any]] = {
     "scene_planner": plan_scene,
@@ -72,6 +73,7 @@ def _routed(node: NodeT) -> NodeT:
 
     @wraps(node)
     def run(state: Any, *, runtime: Runtime[RunContext]) -> Any:
+        check_time()
         try:
             return {**node(state, runtime=runtime), "refused": None}
         except Rejected as error:

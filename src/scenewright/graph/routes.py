@@ -71,6 +71,8 @@ def after_scene_verifier(
     if refused is None:
         return "end"
     refinement, budgets = state.get("refinement"), runtime.context.budgets
+    if _spent(state, "scene_verifier", *MISPLANNED) > budgets.misplanned:
+        return "give_up"
     if refused.code in MISPLANNED and _plans_anew(state, runtime.context):
         asked = _spent(state, "scene_planner") + _spent(state, "scene_verifier", *MISPLANNED)
         return "scene_planner" if asked <= budgets.planner else "give_up"

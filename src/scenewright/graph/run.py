@@ -19,13 +19,15 @@ from pydantic import ValidationError
 from pydantic_core import PydanticSerializationError
 
 from scenewright.backends import Backend, Call, Named, load_backend
-from scenewright.errors import InputError, ScenewrightError, Unsatisfiable
+from scenewright.errors import InputError, OutOfTime, ScenewrightError, Unsatisfiable
 from scenewright.files import write_atomically
 from scenewright.geometry.map_areas import MapAreas
+from scenewright.graph.written_proof import compare_proofs, read_proof
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
-from scenewright.nodes.wording import Recall, nothing_recalled
+from scenewright.nodes.wording import LONGEST_REQUEST, Recall, nothing_recalled
+from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.record import SceneRecord
@@ -33,6 +35,12 @@ from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import Selection
 from scenewright.scene.social import SocialGraph
+from scenewright.time_limit import (
+    DEFAULT_LIMIT,
+    LONGEST_LIMIT,
+    TimeLimitReachedError,
+    limit_time,
+)
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.relation_checker import check
@@ -45,7 +53,7 @@ from scenewright.tools.solver.select import Mode
 from scenewright.tools.track_io.external_tracks import (
     MOST_BYTES,
     describe_too_large,
-    read_tracks,
+    read_external_recordings,
 )
 
 if TYPE_CHECKING:
@@ -110,6 +118,7 @@ def synthesize(
     budgets: Budgets | None = None,
     recall: Recall | None = None,
     lenient: bool = False,
+    time_limit: float | None = DEFAULT_LIMIT,
     tell: Tell | None = None,
 ) -> Scene:
     """A verified scene for an instruction in plain language.
@@ -130,6 +139,9 @@ def synthesize(
         budgets: how often each retry edge may be taken.
         recall: finds accepted answers to requests like this one, for prompts.
         lenient: leave out words that cannot be realised, and list them, instead of refusing.
+        time_limit: longest that the stages may compute [s], without what models take to answer;
+            None for as long as their budgets of attempts last. It never changes a scene: a run
+            that reaches it is refused (OutOfTime).
         tell: called with (stage, line) as the run goes.
 
     Raises:
@@ -147,6 +159,8 @@ def synthesize(
 
     refiner = refiner_or_default(refiner)
     check_arguments(seed, refiner)
+    check_length(instruction)
+    check_time_limit(time_limit)
     context = RunContext(
         backend=_made(backend, base_url),
         ground=ground_of(intersection),
@@ -170,7 +184,8 @@ def synthesize(
         "rejections": [],
     }
     try:
-        state, seconds = _run(start, context)
+        with limit_time(time_limit):
+            state, seconds = _run(start, context)
         if "scene" not in state or state.get("refused") is not None:
             raise _refusal(state)
     except ScenewrightError as error:
@@ -181,17 +196,37 @@ def synthesize(
     return Scene(state["scene"], state["proof"], provenance, state, tuple(messages))
 
 
-def verify(scene: SceneRecord | Scene | str | Path, *, intersection: str | None = None) -> Proof:
+def verify(
+    scene: SceneRecord | Scene | str | Path,
+    *,
+    intersection: str | None = None,
+    strict: bool = False,
+) -> Proof:
     """The checker's verdict on a scene, a scene.json or a folder that holds one.
 
+    A proof.json beside a file must name the digest of this very scene.
+
+    Args:
+        strict: demand a proof, of the file or the `Scene`, that names the digest and is the
+            checker's own to the last figure.
+
     Raises:
-        InputError: there is no scene there, or it is none.
+        InputError: there is no scene there, or it is none; the proof beside it cannot be read.
     """
-    record = scene.record if isinstance(scene, Scene) else scene
-    if not isinstance(record, SceneRecord):
-        record = load_scene(record)
+    written: Proof | None = None
+    if isinstance(scene, str | Path):
+        file = scene_file(scene)
+        record, digest = _read_scene(file)
+        # Beside a file of another name may lie the proof of something else.
+        written = read_proof(file.with_name("proof.json")) if file.name == "scene.json" else None
+    else:
+        record, written = (scene.record, scene.proof) if isinstance(scene, Scene) else (scene, None)
+        digest = digest_scene(record)
     name = intersection or record.meta.intersection
-    return check(record, load_map(name))
+    proof = check(record, load_map(name), labelled=True)
+    proof = proof.model_copy(update={"scene_digest": digest})
+    other_map = name != record.meta.intersection
+    return compare_proofs(proof, written, strict=strict, other_map=other_map)
 
 
 def verify_tracks(
@@ -222,12 +257,24 @@ def off_ground_in(tracks: ExternalTracks, *, intersection: str) -> tuple[Finding
 
 
 def load_tracks(path: str | Path) -> ExternalTracks:
-    """The tracks in a CSV or a TrajNet++ ndjson file; see docs/formats.md.
+    """The tracks in a file of one scenario; see docs/formats.md and docs/exports.md.
 
     Raises:
-        InputError: missing or unreadable; names the line and what to mend.
+        InputError: missing or unreadable, names the place and what to mend; or several scenarios.
     """
-    return read_tracks(_content(Path(path)), name=str(path))
+    recordings = load_recordings(path)
+    if len(recordings) > 1:
+        raise InputError(f"{path} holds {len(recordings)} scenarios; use load_recordings")
+    return next(iter(recordings.values()))
+
+
+def load_recordings(path: str | Path) -> dict[str, ExternalTracks]:
+    """The tracks of every scenario in a file, by its name; "" where there is but one.
+
+    Raises:
+        InputError: missing or unreadable; names the place and what to mend.
+    """
+    return read_external_recordings(_content(Path(path)), name=str(path))
 
 
 def _content(file: Path) -> bytes:
@@ -249,15 +296,41 @@ def _content(file: Path) -> bytes:
     return data
 
 
+def scene_file(path: str | Path) -> Path:
+    """The scene.json that a path names: the file, or that of a folder.
+
+    Raises:
+        InputError: the path is empty, which would name the folder that happens to be current.
+    """
+    if not str(path).strip():
+        raise InputError("the path of the scene is empty; name a scene.json or its folder")
+    return Path(path) / "scene.json" if Path(path).is_dir() else Path(path)
+
+
 def load_scene(path: str | Path) -> SceneRecord:
     """The scene in a scene.json, or in a folder that holds one.
 
     Raises:
         InputError: missing, unreadable or not a scene; says where the first fault is.
     """
-    file = Path(path) / "scene.json" if Path(path).is_dir() else Path(path)
+    return _read_scene(scene_file(path))[0]
+
+
+def _read_scene(file: Path) -> tuple[SceneRecord, str]:
+    """The scene in a file, and the digest of the file."""
+    data = _content(file)
+    record = _parse_scene(file, data)
+    if "schema_version" not in record.meta.model_fields_set:
+        raise InputError(f"{file} is not a scene: meta.schema_version is missing")
     try:
-        return SceneRecord.model_validate_json(_content(file))
+        return record, digest_json(data)
+    except ValueError as error:
+        raise InputError(f"{file} is not a scene: {error}") from error
+
+
+def _parse_scene(file: Path, data: bytes) -> SceneRecord:
+    try:
+        return SceneRecord.model_validate_json(data)
     except ValidationError as error:
         faults = error.errors(include_url=False)
         if {each["loc"][-1] for each in faults if each["type"] == "missing"} >= _PAPER_LACKS:
@@ -325,15 +398,18 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
         stream_mode=["updates", "values"],
     )
     # As it is; but numpy finds it sooner where it is set than where it is left to default.
-    with np.errstate():
-        for mode, chunk in stream:
-            if mode == "values":
-                state = chunk
-                continue
-            now = time.perf_counter()
-            for stage in chunk:
-                seconds[stage] = seconds.get(stage, 0.0) + now - before
-            before = now
+    try:
+        with np.errstate():
+            for mode, chunk in stream:
+                if mode == "values":
+                    state = chunk
+                    continue
+                now = time.perf_counter()
+                for stage in chunk:
+                    seconds[stage] = seconds.get(stage, 0.0) + now - before
+                before = now
+    except TimeLimitReachedError as error:
+        raise _out_of_time(cast(SceneState, state), error) from error
     return cast(SceneState, state), seconds
 
 
@@ -359,6 +435,23 @@ def check_arguments(seed: int, refiner: str) -> None:
         raise InputError(f"there is no refiner {refiner!r}; choose one of: {', '.join(REFINERS)}")
 
 
+def check_length(instruction: str) -> None:
+    """Raises InputError for an instruction that is too long to be one."""
+    if len(instruction) > LONGEST_REQUEST:
+        raise InputError(
+            f"the instruction has {len(instruction):,} characters; at most {LONGEST_REQUEST:,} "
+            "are read"
+        )
+
+
+def check_time_limit(seconds: float | None) -> None:
+    """Raises InputError for a time limit that is none."""
+    if seconds is not None and not 0.0 < seconds <= LONGEST_LIMIT:
+        raise InputError(
+            f"a time limit is a number of seconds up to {LONGEST_LIMIT:g}, got {seconds:g}"
+        )
+
+
 def _refusal(state: SceneState) -> InputError | Unsatisfiable:
     rejections: tuple[Rejection, ...] = tuple(state.get("rejections", []))
     last = rejections[-1]
@@ -366,12 +459,27 @@ def _refusal(state: SceneState) -> InputError | Unsatisfiable:
         return InputError(last.detail)
     if last.stage == "scene_planner":
         return Unsatisfiable(last.detail, rejections)
+    told = _tell_best_reason(rejections)
+    return Unsatisfiable(f"no verified scene within {len(rejections)} attempts; {told}", rejections)
+
+
+def _out_of_time(state: SceneState, error: TimeLimitReachedError) -> OutOfTime:
+    rejections = tuple(state.get("rejections", []))
+    told = _tell_best_reason(rejections) if rejections else "the first attempt was not done"
+    count = f"{len(rejections)} attempt{'' if len(rejections) == 1 else 's'}"
+    return OutOfTime(
+        f"no verified scene within {error.seconds:g} s, the time limit, and {count}; {told}",
+        rejections,
+    )
+
+
+def _tell_best_reason(rejections: tuple[Rejection, ...]) -> str:
+    """The last refusal, or the one that came nearest."""
     # Where most attempts failed on a clause that never held, the nearest of them tells most.
     unserved = [each for each in rejections if each.missed is not None]
-    told = f"last: {last.detail}"
     if 2 * len(unserved) > len(rejections):
-        told = f"nearest: {min(unserved, key=_missed).detail}"
-    return Unsatisfiable(f"no verified scene within {len(rejections)} attempts; {told}", rejections)
+        return f"nearest: {min(unserved, key=_missed).detail}"
+    return f"last: {rejections[-1].detail}"
 
 
 def _missed(rejection: Rejection) -> tuple[int, float]:

@@ -7,9 +7,10 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from scenewright.backends import Backend, Question
+from scenewright.backends import Backend, Question, speaker
 from scenewright.errors import Rejected
 from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
+from scenewright.time_limit import stopped_clock
 
 ReplyT = TypeVar("ReplyT", bound=BaseModel)
 
@@ -29,11 +30,19 @@ def ask(
         BackendFault: the backend cannot answer.
     """
     try:
-        return reply.model_validate(backend.answer(question))
+        return reply.model_validate(_answered(backend, question))
     except ValidationError as error:
         raise Rejected(_begun(_malformed(error, stage), of)) from error
     except Rejected as error:
         raise Rejected(_begun(error.rejection, of)) from error
+
+
+def _answered(backend: Backend, question: Question) -> Any:
+    """The answer; how long a model takes for it does not count against the time limit."""
+    if speaker(backend, question.task).deterministic:
+        return backend.answer(question)
+    with stopped_clock():
+        return backend.answer(question)
 
 
 def _begun(rejection: Rejection, of: str) -> Rejection:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from scenewright.scene.account import SaidRecord
 from scenewright.scene.base import Model, Point
@@ -67,6 +67,7 @@ class Proof(Model):
         implausible: violations of SEMANTICS section 5.
         signal_violations: red crossings by agents that nobody named as violators.
         said: what the words of the instruction became, with the evidence for it.
+        scene_digest: names the scene.json that is proven (`scene.digest`); None where none is.
     """
 
     schema_version: Literal[1] = 1
@@ -79,3 +80,11 @@ class Proof(Model):
     signal_violations: tuple[Finding, ...] = ()
     said: tuple[SaidRecord, ...] = ()
     figures: dict[str, Any] = Field(default_factory=dict)
+    scene_digest: str | None = None
+
+    @model_serializer(mode="wrap")
+    def _leave_out_no_digest(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        plain: dict[str, Any] = write(self)
+        if plain.get("scene_digest") is None:
+            plain.pop("scene_digest", None)
+        return plain

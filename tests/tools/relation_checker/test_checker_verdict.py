@@ -101,13 +101,19 @@ def collided(impact_speed: float | None = None, kind: str = "pedestrian_strike")
     # the front, at x = -47.7 + 8 t, reaches the disc at x = -8.3 after 4.925 s
     car = line(1, (-50.0, -1.75), EAST, distance(8.0, (0.0, 5.0)))
     walker = walk(2, (-8.0, -1.75 - 1.4 * 5.0), NORTH, distance(1.4, (0.0, 5.0)))
-    return scene([car, walker], ("collision", 2, 1, {"kind": kind, "impact_speed": impact_speed}))
+    return scene([car, walker], ("collision", 1, 2, {"kind": kind, "impact_speed": impact_speed}))
 
 
-def test_a_collision_asked_for_is_verified_in_either_order() -> None:
+def test_a_collision_of_any_kind_is_verified_in_either_order_a_strike_only_in_its_own() -> None:
     proof = check(collided(8.4), MAP)
     assert rules(proof) == set()
     assert proof.events[0].time == pytest.approx(39.4 / 8, abs=0.03)
+    turned = {"from_": 2, "to": 1}
+    for kind, told in ((None, set()), ("pedestrian_strike", {"relation_not_realised"})):
+        record = collided(8.4)
+        relation = record.relations[0].model_copy(update={**turned, "kind": kind})
+        found = rules(check(record.model_copy(update={"relations": (relation,)}), MAP))
+        assert found - {"unasked_collision"} == told
 
 
 def test_kind_and_impact_speed_must_be_as_asked_for() -> None:

@@ -24,7 +24,7 @@ ABOUT = (
     "refiner", "selection", "attempts",
 )  # fmt: skip
 """Columns of `scenes` that the scenes' files do not tell, or not always."""
-_ASIDE = re.compile(r"\..*|evaluation/.*|journal(-\d+-of-\d+)?\.jsonl")
+_ASIDE = re.compile(r"\..*|(evaluation|exports)/.*|journal(-\d+-of-\d+)?\.jsonl")
 """Names of files that are no part of a dataset."""
 _OWN = {"text": ("meta", "user_prompt"), "seed": ("meta", "seed")}
 """Columns of `scenes` that a scene tells as well, and where."""
@@ -232,4 +232,6 @@ def recheck(place: str) -> str | None:
         return f"cannot be checked: {error}"
     if not proof["verified"]:
         return "is not verified by the checker"
+    if "scene_digest" not in written:  # made before proofs named what they prove
+        del proof["scene_digest"]
     return None if proof == written else "has another proof than the checker's"

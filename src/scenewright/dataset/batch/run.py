@@ -19,7 +19,7 @@ from scenewright.dataset.batch.manifest import MANIFEST
 from scenewright.dataset.batch.rows import Source, read_source
 from scenewright.dataset.batch.worker import Job, Options, job_of
 from scenewright.errors import InputError
-from scenewright.graph.run import MAX_SEED, REFINERS
+from scenewright.graph.run import MAX_SEED, REFINERS, check_time_limit
 from scenewright.intersections import find_bundle_folder, load_map
 from scenewright.scene.relations import load_patterns
 
@@ -120,6 +120,7 @@ def check_request(request: Request) -> None:
     if request.limit is not None and request.limit < 1:
         raise InputError(f"--limit is a number from 1, got {request.limit}")
     check_row_timeout(request.row_timeout)
+    check_time_limit(request.options.time_limit)
     check_asking(request.asking, one_machine=request.engine == "process")
     check_options(options, request.asking)
 

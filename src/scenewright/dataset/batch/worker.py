@@ -13,7 +13,8 @@ from typing import Any, Literal
 from scenewright.backends import Backend, Question
 from scenewright.dataset.batch.answering import BUILTIN, PLAINLY, Asking, Names, label, speaking
 from scenewright.dataset.batch.rows import Named, seed_of
-from scenewright.errors import BackendFault, InputError, Unsatisfiable
+from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
+from scenewright.time_limit import DEFAULT_LIMIT
 
 Status = Literal["made", "refused", "failed"]
 FILES = ("provenance.json", "proof.json", "scene.json")
@@ -31,6 +32,8 @@ class Options:
         backend: who answers, as the command line names it.
         base_url: of the endpoint that serves the backend's model, where it has one.
         lenient: words that cannot be realised are left out and listed, not refused.
+        time_limit: longest that a scene may be computed [s]; it may change from run to run, as it
+            never changes a scene.
     """
 
     intersection: str
@@ -40,10 +43,12 @@ class Options:
     seed: int = 0
     base_url: str | None = None
     lenient: bool = False
+    time_limit: float = DEFAULT_LIMIT
 
     def settings(self) -> dict[str, Any]:
         """As plain JSON."""
         found = {**asdict(self), "backend": label(self.backend)}
+        del found["time_limit"]
         if not self.lenient:  # a dataset begun before there was this option must go on
             del found["lenient"]
         return found
@@ -73,6 +78,7 @@ class Job:
     asked: str | None = None
     base_url: str | None = None
     lenient: bool = False
+    time_limit: float = DEFAULT_LIMIT
     asking: Asking = PLAINLY
 
 
@@ -113,6 +119,7 @@ def job_of(named: Named, options: Options, asking: Asking) -> Job:
         context=own.context,
         base_url=options.base_url,
         lenient=options.lenient,
+        time_limit=options.time_limit,
         asking=asking,
     )
 
@@ -130,6 +137,10 @@ def _outcome(job: Job) -> Outcome:
         return _made(job)
     except InputError as error:
         return Outcome("refused", "unusable_input", str(error), paid=_paid(error.models))
+    except OutOfTime as error:
+        attempts = max(len(error.rejections), 1)
+        paid = _paid(error.models)
+        return Outcome("failed", "time_limit", str(error), attempts=attempts, paid=paid)
     except Unsatisfiable as error:
         codes = [each.code for each in error.rejections]
         code = codes[-1] if codes else "unsatisfiable"
@@ -159,6 +170,7 @@ def _made(job: Job) -> Outcome:
         refiner=job.refiner,
         selection=job.selection,
         lenient=job.lenient,
+        time_limit=job.time_limit,
     )
     # What differs from run to run would make every file differ; the journal has it.
     about = timeless(scene.provenance)

@@ -14,6 +14,7 @@ from scenewright.nodes.scene_verifier.assemble import assemble
 from scenewright.nodes.scene_verifier.braking import find_wrong_braker
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.candidates import CandidateSet
+from scenewright.scene.digest import digest_scene
 from scenewright.scene.events import Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.record import SceneRecord
@@ -66,7 +67,8 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
         misplanned = find_wrong_braker(state["social_graph"], scene, proof)
         raise Rejected(misplanned or _rejection(proof, scene))
     context.tell("scene_verifier", f"verified: {len(proof.events)} events")
-    return {"scene": with_events(scene, proof), "proof": proof}
+    scene = with_events(scene, proof)
+    return {"scene": scene, "proof": proof.model_copy(update={"scene_digest": digest_scene(scene)})}
 
 
 def _accounted(state: VerifierReads) -> SocialGraph:

@@ -148,19 +148,31 @@ def _relations(
     return tuple(
         RelationRecord.model_validate(
             {
-                "from": numbers[edge.from_],
-                "to": numbers[edge.to],
+                **_sides(edge, played[index], numbers),
                 "cause_agent": _culprit(edge, graph, numbers),
                 "target_pet": edge.target_pet,
                 "target_ttc": edge.target_ttc,
                 "impact_speed": edge.impact_speed,
-                "point_from": edge.point_from,
-                "point_to": edge.point_to,
                 **_demands(edge, played[index], numbers),
             }
         )
         for index, edge in enumerate(graph.relations)
     )
+
+
+def _sides(edge: RelationEdge, played: AssignedPattern, numbers: dict[str, int]) -> dict[str, Any]:
+    """Who is asked for in which role; the striking agent comes first where its kind tells it."""
+    sides = [(edge.from_, edge.point_from), (edge.to, edge.point_to)]
+    kind = edge.kind or get_pattern(played.pattern).proof.kind
+    if kind in ("rear_end", "pedestrian_strike") and edge.from_ != played.from_:
+        sides.reverse()
+    (first, point_from), (second, point_to) = sides
+    return {
+        "from": numbers[first],
+        "to": numbers[second],
+        "point_from": point_from,
+        "point_to": point_to,
+    }
 
 
 def _demands(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from scenewright.scene.account import SaidRecord
@@ -18,6 +19,7 @@ _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie"
 """Checked elsewhere, as conditions on relations, ties and lights, or saying nothing of tracks."""
 
 _DAY = 24 * 60
+_CLOCK = re.compile(r"[0-9]{2}:[0-9]{2}(:[0-9]{2})?")
 
 
 def check_account(
@@ -212,6 +214,8 @@ def _is_within(time: str, span: str) -> bool:
     (True, True, False)
     """
     first, _, last = span.partition("-")
+    if not all(_CLOCK.fullmatch(each) for each in (first, last or first, time)):
+        return False
     start, own = _parse_minutes(first), _parse_minutes(time)
     return (own - start) % _DAY <= (_parse_minutes(last or first) - start) % _DAY
 

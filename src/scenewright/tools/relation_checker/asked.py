@@ -32,13 +32,14 @@ SLACK = {"speed": 0.02, "time_gap": 0.05, "headway": 0.15, "near": 0.1, "stands"
 SPELT = {"once": 1, "twice": 2, "two times": 2, "three times": 3, "thrice": 3, "four times": 4}
 
 _NAME = r"((?:vehicle|pedestrian)-\d+)"
-_RANGE = r"in \[([\d.e+-]+), ([\d.e+-]+)\] (?:m/s|s)"
+_NUMBER = r"(-?[0-9]+(?:\.[0-9]*)?(?:e[+-]?[0-9]{1,3})?)"
+_RANGE = rf"in \[{_NUMBER}, {_NUMBER}\] (?:m/s|s)"
 _SPEED = re.compile(rf"speed\({_NAME}\) {_RANGE}")
 _PASSES = re.compile(rf"passes_through\({_NAME}, (crosswalk|leg|junction) ?(\w*)\)")
 _BEFORE = re.compile(rf"before\({_NAME}, {_NAME}\)")
 _GAP = re.compile(rf"(time_gap|headway)\({_NAME}, {_NAME}\) {_RANGE}")
-_NEAR = re.compile(rf"near\({_NAME}, {_NAME}\) <= ([\d.e+-]+) m")
-_STANDS = re.compile(rf"{_NAME} stands ([\d.]+)-([\d.]+) s")
+_NEAR = re.compile(rf"near\({_NAME}, {_NAME}\) <= {_NUMBER} m")
+_STANDS = re.compile(rf"{_NAME} stands {_NUMBER}-{_NUMBER} s")
 _TIMES = re.compile(rf"\b({'|'.join(SPELT)})\b", re.IGNORECASE)
 
 

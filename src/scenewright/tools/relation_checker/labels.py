@@ -26,6 +26,8 @@ GOAL = 15.0
 BACKWARDS = 1.0
 """How far a pedestrian may end behind its start, from its entry towards its exit [m]."""
 SYMMETRIC = ("collision", "near_miss")
+DIRECTED = ("rear_end", "pedestrian_strike")
+"""Kinds of collision in which who strikes whom is part of what was asked for."""
 
 _TOWARDS: dict[Compass, complex] = {
     "east": 1, "northeast": 1 + 1j, "north": 1j, "northwest": 1j - 1,
@@ -36,15 +38,17 @@ _TOWARDS: dict[Compass, complex] = {
 def find_false_labels(
     scene: SceneRecord, events: Sequence[Event], *, lit: bool
 ) -> tuple[Finding, ...]:
-    """Rows of `scene.events` without an event, and events without a row; none if there are no rows.
+    """Rows of `scene.events` without an event, and events without a row.
 
     Args:
         events: what the proof will show, without what is incidental.
         lit: whether the lights were looked at; if not, a red light run cannot be borne out.
     """
-    if not scene.events:
-        return ()
-    asked: set[tuple[str, int, int]] = {(r.type, r.from_, r.to) for r in scene.relations}
+    if not scene.events and not events:
+        return (_report_no_rows(),)
+    asked: set[tuple[str, int, int]] = {
+        (r.type, r.from_, r.to) for r in scene.relations if r.kind not in DIRECTED
+    }
     left = list(events)
     found: list[Finding] = []
     for label in scene.events:
@@ -83,6 +87,11 @@ def _report_contradicted(label: EventRecord) -> Finding:
         detail=f"the label {label.type} of {label.from_} and {label.to} at {label.time} s "
         "is not borne out by the tracks",
     )  # fmt: skip
+
+
+def _report_no_rows() -> Finding:
+    detail = "events is empty; where nothing happens it has one row of the type normal"
+    return Finding(rule="label_missing", agents=(), detail=detail)
 
 
 def _report_unlabelled(event: Event) -> Finding:

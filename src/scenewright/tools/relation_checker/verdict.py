@@ -17,6 +17,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, RelationRecord, SceneRecord
 from scenewright.scene.track import Shape, Track
 from scenewright.tools.relation_checker.account import check_account
+from scenewright.tools.relation_checker.behavior_labels import find_false_behavior
 from scenewright.tools.relation_checker.certificate import (
     AgentRoles,
     check_interference,
@@ -27,8 +28,13 @@ from scenewright.tools.relation_checker.collisions import is_impact_at
 from scenewright.tools.relation_checker.conditions import find_unmet_condition
 from scenewright.tools.relation_checker.events import SceneObservation, observe
 from scenewright.tools.relation_checker.external_events import MOST_PAIR_SAMPLES, count_pair_samples
-from scenewright.tools.relation_checker.labels import find_false_journeys, find_false_labels
+from scenewright.tools.relation_checker.labels import (
+    DIRECTED,
+    find_false_journeys,
+    find_false_labels,
+)
 from scenewright.tools.relation_checker.legs import check_ties
+from scenewright.tools.relation_checker.metadata import RUNNERS, find_false_metadata
 from scenewright.tools.relation_checker.plausibility import (
     AllowedExceptions,
     check_form,
@@ -45,15 +51,19 @@ TTC_TOLERANCE = 0.3
 IMPACT_TOLERANCE = 1.0
 LATEST = 3600.0
 """Longer than this [s] no scene is, and nobody waits for one to begin."""
-RUNNERS = ("running", "runner")
 
 
-def check(scene: SceneRecord, intersection_map: IntersectionMap | None = None) -> Proof:
+def check(
+    scene: SceneRecord, intersection_map: IntersectionMap | None = None, *, labelled: bool = False
+) -> Proof:
     """Proves a scene from its final tracks (SEMANTICS sections 1, 4 and 5).
 
-    Segments are not looked at; labels (`scene.events`, entries, exits, movements, goals) decide
-    nothing, but one that the tracks or the map contradict is reported as missing. Without a map,
-    ground, signals and journeys are not checked.
+    Labels (`scene.events`, journeys, waypoints, segments, names, the time of day) decide nothing,
+    but one that the tracks, the map or another label contradict is reported as missing. Without a
+    map, ground, signals and journeys are not checked.
+
+    Args:
+        labelled: whether the scene has its rows of events; if not, an empty list is none.
 
     Returns:
         The proof; `verified` if every relation asked for is observed with its roles and its cause,
@@ -82,8 +92,9 @@ def check(scene: SceneRecord, intersection_map: IntersectionMap | None = None) -
     )
     matched, missing = _match_events(asked_for, observed, intersection_map)
     return _build_proof(
-        scene, intersection_map, observed=observed, roles=roles, matched=matched, missing=missing
-    )
+        scene, intersection_map, observed=observed, roles=roles, matched=matched, missing=missing,
+        labelled=labelled,
+    )  # fmt: skip
 
 
 def _build_proof(
@@ -94,15 +105,19 @@ def _build_proof(
     roles: AgentRoles,
     matched: frozenset[int],
     missing: tuple[Finding, ...],
+    labelled: bool,
 ) -> Proof:
     incidental = [k for k, e in enumerate(observed.events)
                   if k not in matched and is_incidental(e, roles)]  # fmt: skip
     events = tuple(e for k, e in enumerate(observed.events) if k not in incidental)
     said, unsaid = check_account(scene, observed.events, observed, intersection_map)
+    lit = bool(intersection_map and scene.signals)
     missing = (
         *missing,
         *unsaid,
-        *find_false_labels(scene, events, lit=bool(intersection_map and scene.signals)),
+        *(find_false_labels(scene, events, lit=lit) if scene.events or labelled else ()),
+        *find_false_metadata(scene, intersection_map),
+        *find_false_behavior(scene, observed.tracks, events, intersection_map),
         *(
             find_false_journeys(scene, observed.tracks, intersection_map)
             if intersection_map
@@ -233,7 +248,7 @@ def _match_events(
 
 def _has_same_roles(relation: RelationRecord, event: Event) -> bool:
     asked, found = (relation.from_, relation.to), (event.from_, event.to)
-    symmetric = relation.type in ("collision", "near_miss")
+    symmetric = relation.type in ("collision", "near_miss") and relation.kind not in DIRECTED
     return relation.type == event.type and (asked == found or (symmetric and asked == found[::-1]))
 
 

@@ -28,6 +28,7 @@ from scenewright.scene.constraints import (
     TimeGap,
 )
 from scenewright.scene.selection import Stop
+from scenewright.time_limit import check_time
 from scenewright.tools.map_grounding.signal_plan import Demand
 from scenewright.tools.solver.contact import schedule_contacts
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
@@ -72,6 +73,7 @@ class ForegroundSolver:
             return
         first, *others = clauses
         for staged in _served(first, schedule, self._context):
+            check_time()
             self._context.misses.served(first)
             yield from self._play(tuple(others), staged)
 

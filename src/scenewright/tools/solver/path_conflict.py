@@ -23,6 +23,7 @@ from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Shape
+from scenewright.time_limit import check_time
 
 FOREVER = 1e4
 """Longer than any scene [s]: how long a wreck stays."""
@@ -241,6 +242,7 @@ def find_conflict_intervals(
     pair: PathConflict, a: Motion, b: Motion, *, c: float, exact: bool = False
 ) -> Intervals:
     """C(c) as disjoint intervals of delta = o_b - o_a [s]; see `find_meeting_intervals`."""
+    check_time()
     return find_meeting_intervals(pair, a, b, exact=exact).within(c)
 
 

@@ -26,6 +26,7 @@ from scenewright.geometry.driving_profile import Motion
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.track import STEP
+from scenewright.time_limit import check_time
 from scenewright.tools.solver.path_conflict import (
     SLACK,
     Half,
@@ -158,6 +159,7 @@ class ReservationTable:
         self, actor: ScheduledAgent, *, foreground: bool
     ) -> tuple[FloatArray, FloatArray]:
         """[N] ends of the intervals of entry times [s] that would bring about a meeting."""
+        check_time()
         corridor = get_corridor(actor.candidate)
         come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
         nodes, keeping, _ = self._gathered()

@@ -39,6 +39,7 @@ from scenewright.scene.constraints import (
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
+from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_offsets
@@ -200,6 +201,7 @@ class Search:
                 orders = [self._rng.permutation(len(each.nll)) for each in draws]
 
     def _try(self, choice: dict[str, int]) -> Selection | None:
+        check_time()
         built = {name: self._candidate(name, m) for name, m in choice.items()}
         if None in built.values():
             return None
@@ -459,6 +461,7 @@ class Search:
         later: list[Option] = []
         tried = 0
         for m in range(len(draws.nll)):
+            check_time()
             built = self._candidate(draws.name, m)
             if built is None:
                 continue

@@ -1,4 +1,4 @@
-"""Tracks that scenewright never made: a CSV of tracks, and TrajNet++ ndjson.
+"""Tracks that scenewright never made: CSV, TrajNet++ ndjson, files of simulators and datasets.
 
 Reading is strict, because an event found in misread tracks is worse than none: whatever is not
 clear is refused with the line of the file and what to mend. Nothing is invented: a gap in a track
@@ -14,7 +14,7 @@ import math
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import PurePath
 from typing import Any, NoReturn
@@ -26,6 +26,8 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
+from scenewright.tools.track_io.sampled_recording import SampledRecording
+from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
 from scenewright.tools.track_io.subtypes import find_subtype
 from scenewright.tools.track_io.unit_checks import find_unit_doubts
 
@@ -83,14 +85,16 @@ class _Table:
 
     Attributes:
         name: of the file; clock: what the file calls its time, `t` or `f`.
+        unit: what an agent's rows are counted in.
     """
 
     name: str
     clock: str = "t"
+    unit: str = "line"
     agents: dict[str, _Rows] = field(default_factory=dict)
 
     def refuse(self, line: int, reason: str) -> NoReturn:
-        raise InputError(f"{self.name}, line {line}: {reason}")
+        raise InputError(f"{self.name}, {self.unit} {line}: {reason}")
 
     def add(self, line: int, who: str, subtype: str, values: Mapping[str, float]) -> None:
         """Appends a row.
@@ -136,6 +140,46 @@ def read_tracks(data: bytes, *, name: str) -> ExternalTracks:
     if reader is None:
         raise InputError(f"{name}: tracks are read from .csv and .ndjson files")
     return reader(decode_text(data, name=name), name=name)
+
+
+def read_external_recordings(data: bytes, *, name: str) -> dict[str, ExternalTracks]:
+    """The tracks of every scenario in the bytes of a file, by the scenario's name.
+
+    A CSV, TrajNet++ ndjson or any file with one scenario has one entry, named "".
+
+    Raises:
+        InputError: names the line or the agent and what to mend.
+    """
+    if find_reader(name) is None:
+        return {"": read_tracks(data, name=name)}
+    recordings = read_simulator_file(data, name=name)
+    return {
+        each.name: build_sampled_tracks(each, name=f"{name} {each.name}".strip())
+        for each in recordings
+        if each.agents
+    }
+
+
+def build_sampled_tracks(recording: SampledRecording, *, name: str) -> ExternalTracks:
+    """The road users of one scenario of a simulator or motion dataset.
+
+    Raises:
+        InputError: names the agent's sample and what to mend.
+    """
+    table = _Table(name, unit="sample")
+    for agent in recording.agents:
+        for k, (t, (x, y)) in enumerate(zip(agent.t.tolist(), agent.xy.tolist(), strict=True)):
+            values = {"t": t, "x": x, "y": y}
+            if agent.heading is not None:
+                values["heading"] = float(agent.heading[k])
+            sizes = {"length": agent.length, "width": agent.width}
+            values |= {key: size for key, size in sizes.items() if size is not None}
+            checked = {key: _check_value(key, value, k, table) for key, value in values.items()}
+            table.add(k, agent.name, agent.subtype, checked)
+    tracks = _build_tracks(table, unit=1.0)
+    left_out = ", ".join(f"{n} {_crop(word) or '?'}" for word, n in recording.left_out.items())
+    notes = (f"left out, as no road users: {left_out}",) if left_out else ()
+    return replace(tracks, notes=(*tracks.notes, *recording.notes, *notes))
 
 
 def decode_text(data: bytes, *, name: str) -> str:
@@ -223,7 +267,8 @@ def _check_id(cell: str, line: int, table: _Table) -> str:
     return cell
 
 
-def _check_subtype(cell: str, line: int, table: _Table) -> str:
+def _check_subtype(cell: object, line: int, table: _Table) -> str:
+    cell = str(cell)
     subtype = find_subtype(cell)
     if subtype is None:
         table.refuse(line, f"class {_crop(cell)!r} is unknown; use vehicle or pedestrian, or one "
@@ -266,6 +311,7 @@ def _check_value(column: str, value: float, line: int, table: _Table) -> float:
 def read_trajnet(text: str, *, name: str) -> ExternalTracks:
     """Pedestrians from TrajNet++ lines: {"scene": {…, fps}} and {"track": {f, p, x, y}}.
 
+    A track with a key `class`, as our exporter writes it, is of that class.
     The scenes only say how fast the clock runs (2.5 frames/s unless they do): all tracks are taken
     for one recording. Frames keep the numbers of the video, so that the commonest step from frame
     to frame is one sample: t = f / (step in frames x fps).
@@ -317,10 +363,11 @@ def _add_track(track: Mapping[str, Any], line: int, table: _Table) -> None:
     who = track["p"]
     if isinstance(who, bool) or not isinstance(who, int | str) or who == "":
         table.refuse(line, "p must be the number of an agent")
+    subtype = _check_subtype(track["class"], line, table) if "class" in track else "pedestrian"
     numbers = {key: _check_json_number(track[key], key, line, table) for key in ("f", "x", "y")}
     if numbers["f"] != int(numbers["f"]):
         table.refuse(line, f"f = {numbers['f']:g} must be the whole number of a frame")
-    table.add(line, str(who), "pedestrian",
+    table.add(line, str(who), subtype,
               {"t": numbers["f"], "x": numbers["x"], "y": numbers["y"]})  # fmt: skip
 
 

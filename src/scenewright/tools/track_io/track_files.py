@@ -1,4 +1,4 @@
-"""Tracks of one's own in common formats: TAF-BW, inD-style, SUMO FCD, TrajNet++, VTP-TL, any CSV.
+"""Tracks of one's own: TAF-BW, inD-style, SUMO FCD, TrajNet++, VTP-TL, simulators', any CSV.
 
 Whatever the format, what comes out are rows of one agent each, at 10 Hz, cleaned like any real
 tracks. Columns, classes and units are stated by the format or by the user; nothing is guessed but
@@ -11,23 +11,22 @@ import csv
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
-from scenewright.scene.track import STEP, VEHICLE_SIZES, Track
+from scenewright.scene.track import STEP, Track
 from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_track
-from scenewright.tools.track_io.subtypes import SUBTYPE_OF_WORD, SUBTYPES, find_subtype
+from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
+from scenewright.tools.track_io.subtypes import SUBTYPES, find_subtype
 from scenewright.tools.track_io.taf_bw import SETTLING
 
 MOST_BYTES = 400_000_000
 SMOOTHING = 0.3
 """Of positions [s], as for every real track."""
-_FCD_BEFORE_CENTRE = {name: size[0] / 2 for name, size in VEHICLE_SIZES.items()}
 _LONGEST_GAP = 0.6
 """Samples farther apart are a gap [s]; 2.5 Hz, the coarsest of the formats, is 0.4."""
 
@@ -86,7 +85,7 @@ def read_track_files(
     files = [file for path in paths for file in _files(Path(path))]
     if not files:
         raise InputError(f"no tracks in {', '.join(map(str, paths))[:200]}")
-    return [_read(file, columns, scale) for file in files]
+    return [tracks for file in files for tracks in _read(file, columns, scale)]
 
 
 def _files(path: Path) -> list[Path]:
@@ -94,17 +93,26 @@ def _files(path: Path) -> list[Path]:
         raise InputError(f"cannot read {path}: there is no such file or folder")
     if path.is_file():
         return [path]
-    known = ("vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt")
+    known = (
+        "vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt",
+        "*.xosc", "*.cr.xml", "sd_*.pkl", "*.tfrecord*", "scenario_*.parquet",
+    )  # fmt: skip
     return sorted({file for pattern in known for file in path.rglob(pattern)})
 
 
-def _read(file: Path, columns: Mapping[str, str] | None, scale: float | None) -> FileTracks:
+def _read(
+    file: Path, columns: Mapping[str, str] | None, scale: float | None
+) -> Iterator[FileTracks]:
+    """The tracks of a file; one entry for each scenario of a simulator's file."""
     if file.stat().st_size > MOST_BYTES:
         raise InputError(f"{file} is larger than {MOST_BYTES / 1e6:.0f} MB; cut it into parts")
     settling: Mapping[AgentClass, float] = {"vehicle": 0.0, "pedestrian": 0.0}
     begin: float | None = None
     origin: tuple[float, float] | None = None
     try:
+        if columns is None and find_reader(file.name) is not None:
+            yield from _read_scenarios(file)
+            return
         if columns is not None:
             agents = _mapped_csv(file, columns)
         elif file.name.startswith("vehicle_tracks_"):
@@ -131,7 +139,18 @@ def _read(file: Path, columns: Mapping[str, str] | None, scale: float | None) ->
         raise InputError(
             f"positions of {file} are pixels; say metres per pixel with --scale, or --pool-scale"
         )
-    return _cleaned(file, agents, settling, begin, origin)
+    yield _cleaned(file, agents, settling, begin, origin)
+
+
+def _read_scenarios(file: Path) -> Iterator[FileTracks]:
+    """The scenarios of a file of a simulator or motion dataset; its clock is no time of day."""
+    for recording in read_simulator_file(file.read_bytes(), name=str(file)):
+        agents = {
+            agent.name: _Agent(agent.subtype, agent.t.tolist(), *agent.xy.T.tolist())
+            for agent in recording.agents
+        }
+        tracks = _cleaned(file, agents, {"vehicle": 0.0, "pedestrian": 0.0}, None, None)
+        yield replace(tracks, name=f"{tracks.name}:{recording.name}".rstrip(":"))
 
 
 def _to_metres(agents: Mapping[str, _Agent], scale: float) -> None:
@@ -370,54 +389,7 @@ def _trajnet(file: Path) -> dict[str, _Agent]:
     return agents
 
 
-def _fcd(file: Path) -> dict[str, _Agent]:
-    """SUMO floating car data: where vehicles' fronts are, angles clockwise from north."""
-    agents: dict[str, _Agent] = {}
-    now = 0.0
-
-    def refuse(*_: object) -> None:
-        raise InputError(f"{file} declares a document type or entities; no FCD needs them")
-
-    def start(name: str, row: dict[str, str]) -> None:
-        nonlocal now
-        try:
-            if name == "timestep":
-                now = float(row["time"])
-            elif name in ("vehicle", "person"):
-                x, y = float(row["x"]), float(row["y"])
-                word = "pedestrian" if name == "person" else _fcd_class(row.get("type", ""))
-                if name == "vehicle" and "angle" in row:
-                    turn, back = (
-                        math.radians(float(row["angle"])),
-                        _FCD_BEFORE_CENTRE.get(word, 2.3),
-                    )
-                    x, y = x - back * math.sin(turn), y - back * math.cos(turn)
-                _append(agents, f"{name} {row['id']}", word, now, x, y, str(file))
-        except (KeyError, ValueError):
-            raise InputError(f"{file} has a {name} without usable id, time, x, y") from None
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = start
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    try:
-        with file.open("rb") as stream:
-            while block := stream.read(1 << 20):
-                parser.Parse(block, False)
-        parser.Parse(b"", True)
-    except expat.ExpatError as fault:
-        raise InputError(f"{file} is not well-formed XML (line {fault.lineno})") from None
-    return agents
-
-
-def _fcd_class(word: str) -> str:
-    """The class that a vehicle type's name speaks of; a car where it speaks of none."""
-    words = (w for w, s in SUBTYPE_OF_WORD.items() if w in word.lower() and s != "pedestrian")
-    return SUBTYPE_OF_WORD[next(words, "car")]
-
-
 _READERS: Mapping[str, Callable[[Path], dict[str, _Agent]]] = {
     ".ndjson": _trajnet,
-    ".xml": _fcd,
     ".txt": _vtp,
 }

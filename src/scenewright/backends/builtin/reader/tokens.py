@@ -6,6 +6,8 @@ from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
+from scenewright.time_limit import stopped_clock
+
 MOST_TOKENS = 500
 """The encoder has 512 positions."""
 
@@ -18,7 +20,8 @@ def load_tokenizer() -> Any:
     text = (
         files("scenewright.backends.builtin.reader").joinpath("tokenizer.json").read_text("utf-8")
     )
-    tokenizer = Tokenizer.from_str(text)
+    with stopped_clock():  # once a process, whatever the request
+        tokenizer = Tokenizer.from_str(text)
     tokenizer.no_padding()
     tokenizer.no_truncation()
     return tokenizer

@@ -1,0 +1,57 @@
+"""`scenewright export`: scenes in the formats of other simulators and planners."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scenewright.cli.batch import folder_of_option
+from scenewright.cli.console import one_line, put, put_json, say
+
+To = Annotated[
+    str, typer.Option("--to", metavar="FORMAT", help="Format; docs/exports.md lists them all.")
+]
+Form = Annotated[
+    str | None, typer.Option(help="Form, of formats with several; openscenario: replay, reactive.")
+]
+Ego = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Agent that is left to you, such as vehicle-1.")
+]
+OutFolder = Annotated[str, typer.Option(metavar="DIR", help="Folder to write.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+def export(
+    scenes: Annotated[
+        list[str], typer.Argument(metavar="SCENE...", help="scene.json, or folders of scenes.")
+    ],
+    to: To,
+    out: OutFolder,
+    form: Form = None,
+    ego: Ego = None,
+    intersection: Annotated[
+        str | None, typer.Option(help="Map to use, not the one the scene names.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write scenes in another format; docs/exports.md describes each."""
+    from scenewright.cli.verify import scene_files
+    from scenewright.graph.export import export as write
+
+    given = [each for path in scenes for each in scene_files(path)]
+    tell_files(
+        write(given, to, folder_of_option(out), form=form, ego=ego, intersection=intersection),
+        scenes=len(given), to=to, out=out, as_json=as_json,
+    )  # fmt: skip
+
+
+def tell_files(files: list[Path], *, scenes: int, to: str, out: str, as_json: bool) -> None:
+    """What was written: one object, or the folder on stdout and a line on stderr."""
+    if as_json:
+        names = [str(file) for file in files]
+        put_json({"ok": True, "format": to, "scenes": scenes, "out": out, "files": names})
+        return
+    say(one_line(f"{scenes} scenes as {to}: {len(files)} files"))
+    put(f"{out}\n")

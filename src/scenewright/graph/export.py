@@ -1,0 +1,124 @@
+"""Scenes written in the formats of other simulators and planners (docs/exports.md)."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from scenewright.errors import InputError
+from scenewright.graph.run import Scene, load_scene
+from scenewright.intersections import load_map
+from scenewright.scene.record import SceneRecord
+from scenewright.tools.exporters import (
+    ExportedScene,
+    find_format,
+    prepare_scene,
+    write_index,
+    write_scene,
+)
+
+Exportable = Scene | SceneRecord | str | Path
+
+
+def export(
+    scenes: Exportable | Sequence[Exportable],
+    to: str,
+    out: str | Path,
+    *,
+    form: str | None = None,
+    ego: str | None = None,
+    intersection: str | None = None,
+) -> list[Path]:
+    """Write one scene or several in a format; either all files appear or none.
+
+    Args:
+        scenes: a scene, a record, a scene.json or a folder that holds one; or a sequence of these.
+        to: name of the format, a key of `scenewright.tools.exporters.FORMATS`.
+        out: folder to write into; files of the same names in it are replaced.
+        form: of the formats with several forms; None is the usual one.
+        ego: agent that a format is centred on, such as `vehicle-1`; formats in which agents have
+            controllers leave it to the user. None: the first vehicle of the foreground.
+        intersection: map to use instead of the one that the scene names.
+
+    Returns:
+        The files, in order.
+
+    Raises:
+        InputError: unreadable scene, unknown format, form or ego, a missing extra, or a folder
+            that cannot be written.
+    """
+    find_format(to)
+    given = [scenes] if isinstance(scenes, str | Path | Scene | SceneRecord) else list(scenes)
+    with _Staging(Path(out)) as staging:
+        prepared: list[ExportedScene] = []
+        for scene in _prepare(given, ego=ego, intersection=intersection):
+            staging.add(write_scene(scene, to, form=form))
+            prepared.append(scene)
+        staging.add(write_index(prepared, to))
+        return staging.publish()
+
+
+def _prepare(
+    scenes: Iterable[Exportable], *, ego: str | None, intersection: str | None
+) -> Iterable[ExportedScene]:
+    """The scenes as arrays; a second scene of the same id gets a number behind its name."""
+    seen = Counter[str]()
+    for scene in scenes:
+        record = _read_record(scene)
+        place = load_map(intersection or record.meta.intersection)
+        seen[record.meta.scene_id] += 1
+        count = seen[record.meta.scene_id]
+        name = record.meta.scene_id + (f"-{count}" if count > 1 else "")
+        yield prepare_scene(record, place, ego=ego, name=name)
+
+
+def _read_record(scene: Exportable) -> SceneRecord:
+    if isinstance(scene, Scene):
+        return scene.record
+    return scene if isinstance(scene, SceneRecord) else load_scene(scene)
+
+
+class _Staging:
+    """A folder beside the output, whose files move there once all are written."""
+
+    def __init__(self, out: Path) -> None:
+        self._out = Path(os.path.realpath(out))
+        self._part = self._out.parent / f".{self._out.name[:80]}.{secrets.token_hex(4)}.part"
+        self._names: list[str] = []
+
+    def __enter__(self) -> _Staging:
+        try:
+            self._part.mkdir(parents=True)
+        except OSError as error:
+            raise self._unwritable(error) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        shutil.rmtree(self._part, ignore_errors=True)
+
+    def add(self, files: dict[str, bytes]) -> None:
+        """Write files, by their paths below the output folder."""
+        try:
+            for name, content in files.items():
+                (self._part / name).parent.mkdir(parents=True, exist_ok=True)
+                (self._part / name).write_bytes(content)
+                self._names.append(name)
+        except OSError as error:
+            raise self._unwritable(error) from error
+
+    def publish(self) -> list[Path]:
+        """Move all files into the output folder."""
+        try:
+            for name in self._names:
+                (self._out / name).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(self._part / name, self._out / name)
+        except OSError as error:
+            raise self._unwritable(error) from error
+        return [self._out / name for name in self._names]
+
+    def _unwritable(self, error: OSError) -> InputError:
+        return InputError(f"cannot write {self._out}: {error.strerror or error}")

@@ -1,0 +1,99 @@
+"""A proof.json that lies beside a scene, held against what the checker finds now."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from scenewright.errors import InputError
+from scenewright.scene.events import Finding, Proof
+
+ROUNDING = 0.011
+"""Figures may differ by this from machine to machine: most are kept to 1 mm or 0.001 s."""
+
+
+def read_proof(file: Path) -> Proof | None:
+    """The proof in a file; None if there is no such file.
+
+    Raises:
+        InputError: it cannot be read, or is no proof; says where the first fault is.
+    """
+    if not file.exists():
+        return None
+    try:
+        return Proof.model_validate_json(file.read_bytes())
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"]) or "file"
+        raise InputError(f"{file} is not a proof: {where}: {first['msg']}") from error
+
+
+def compare_proofs(
+    found: Proof, written: Proof | None, *, strict: bool, other_map: bool = False
+) -> Proof:
+    """What the checker found, with a finding where the written proof is one of something else.
+
+    Args:
+        strict: whether there must be one that names the digest and agrees in every figure.
+        other_map: whether another map was looked at, on which there may be other events.
+    """
+    keys = None if strict else () if other_map else ("verified", "events")
+    against = _find_difference(found, written, keys)
+    if against is None:
+        return found
+    return found.model_copy(update={"verified": False, "missing": (*found.missing, against)})
+
+
+def _find_difference(
+    found: Proof, written: Proof | None, keys: tuple[str, ...] | None
+) -> Finding | None:
+    strict = keys is None
+    if written is None:
+        return _report("proof_missing", "no proof.json names the digest") if strict else None
+    if written.scene_digest is None and strict:
+        return _report(
+            "proof_missing", "proof.json names no digest; it was made before there was one"
+        )
+    if written.scene_digest not in (None, found.scene_digest):
+        return _report(
+            "scene_changed",
+            f"proof.json is that of {written.scene_digest}, the scene is {found.scene_digest}: "
+            "it was changed since, or the proof belongs to another scene",
+        )
+    place = _find_first_difference(_as_json(written, keys), _as_json(found, keys))
+    if place is None:
+        return None
+    return _report("proof_contradicted", f"proof.json has another {place} than the checker finds")
+
+
+def _report(rule: str, detail: str) -> Finding:
+    return Finding(rule=rule, agents=(), detail=detail)
+
+
+def _as_json(proof: Proof, keys: tuple[str, ...] | None) -> dict[str, Any]:
+    plain = proof.model_dump(mode="json", by_alias=True)
+    plain.pop("scene_digest", None)
+    return plain if keys is None else {key: plain[key] for key in keys}
+
+
+def _find_first_difference(one: Any, two: Any, place: str = "") -> str | None:
+    """Where two JSON values differ by more than rounding, such as `events.0.time`."""
+    if isinstance(one, Mapping) and isinstance(two, Mapping):
+        keys = one.keys() | two.keys()
+        parts = [(key, one.get(key), two.get(key)) for key in sorted(keys)]
+    elif isinstance(one, list) and isinstance(two, list) and len(one) == len(two):
+        parts = [(str(k), *pair) for k, pair in enumerate(zip(one, two, strict=True))]
+    else:
+        return None if _is_same(one, two) else place or "content"
+    found = (_find_first_difference(a, b, f"{place}.{key}".lstrip(".")) for key, a, b in parts)
+    return next((each for each in found if each is not None), None)
+
+
+def _is_same(one: Any, two: Any) -> bool:
+    numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (one, two))
+    return abs(one - two) <= ROUNDING if numbers else bool(one == two)

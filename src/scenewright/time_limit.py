@@ -1,0 +1,93 @@
+"""The longest that one request may take: a clock that long computations look at.
+
+    with limit_time(30.0):
+        ...                 # whatever calls `check_time` in here ends in time
+
+A limit only ever turns a result into a refusal. What a request gives is decided by counted
+attempts, so that the same seed gives the same bytes on any machine; the clock is the last resort
+for what these leave too long. It stands still while models are asked and code is compiled.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+DEFAULT_LIMIT = 30.0
+LONGEST_LIMIT = 86400.0
+
+
+class TimeLimitReachedError(Exception):
+    """The time is over; `seconds` were allowed."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(f"the time limit of {seconds:g} s is reached")
+        self.seconds = seconds
+
+
+class _Clock:
+    """When the time is over, by `time.monotonic` [s], and how much was allowed."""
+
+    def __init__(self, seconds: float, outer: _Clock | None) -> None:
+        self.seconds, self._outer = seconds, outer
+        self._ends = time.monotonic() + seconds
+
+    def check(self) -> None:
+        """Raises TimeLimitReachedError if this clock, or one around it, has run out."""
+        if time.monotonic() > self._ends:
+            raise TimeLimitReachedError(self.seconds)
+        if self._outer is not None:
+            self._outer.check()
+
+    def left(self) -> float:
+        """Seconds until this or an outer clock runs out."""
+        own = self._ends - time.monotonic()
+        return own if self._outer is None else min(own, self._outer.left())
+
+    def extend(self, seconds: float) -> None:
+        """Puts the end off, of the outer clocks too."""
+        self._ends += seconds
+        if self._outer is not None:
+            self._outer.extend(seconds)
+
+
+_running: ContextVar[_Clock | None] = ContextVar("running", default=None)
+
+
+@contextmanager
+def limit_time(seconds: float | None) -> Iterator[None]:
+    """Within it `check_time` raises once so many seconds are over; None sets no limit."""
+    if seconds is None:
+        yield
+        return
+    token = _running.set(_Clock(seconds, _running.get()))
+    try:
+        yield
+    finally:
+        _running.reset(token)
+
+
+def check_time() -> None:
+    """Raises TimeLimitReachedError if the time of the request is over."""
+    clock = _running.get()
+    if clock is not None:
+        clock.check()
+
+
+def find_time_left() -> float | None:
+    """Seconds until the time is over; None where there is no limit."""
+    clock = _running.get()
+    return None if clock is None else clock.left()
+
+
+@contextmanager
+def stopped_clock() -> Iterator[None]:
+    """What passes within it does not count."""
+    clock, since = _running.get(), time.monotonic()
+    try:
+        yield
+    finally:
+        if clock is not None:
+            clock.extend(time.monotonic() - since)

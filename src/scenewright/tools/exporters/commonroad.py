@@ -1,0 +1,219 @@
+"""CommonRoad XML 2020a: lanelets, lights, the junction, obstacles, the ego's planning problem.
+
+Written by hand, as commonroad-io needs an older protobuf than scenewright can have.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from itertools import groupby
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.map import Crosswalk, Lanelet
+from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.xml_writing import add, format_value, to_bytes
+
+LANELETS, LIGHTS, JUNCTION, PROBLEM = 10_001, 20_001, 30_001, 40_001
+"""First number of each kind; obstacles have the agents' ids."""
+GOAL_TOLERANCE = 5.0
+"""Length of the goal region [m]; its width is that of two lanes."""
+_KINDS = {"approach": "urban", "exit": "urban", "connector": "intersection", "parking": "parking"}
+_TURNS = {"right": "successorsRight", "straight": "successorsStraight", "left": "successorsLeft"}
+_Element = ElementTree.Element
+
+
+def write_commonroad(scene: ExportedScene) -> dict[str, bytes]:
+    """The scene; an ego that the caller named is a planning problem instead of an obstacle.
+
+    The scene then begins when the ego enters, as a planning problem begins at time step 0.
+    """
+    if scene.ego_named:
+        scene = scene.begin_at_ego()
+    place = "".join(c for c in scene.intersection_map.name.title() if c.isalnum())
+    root = ElementTree.Element("commonRoad")
+    head = {
+        "commonRoadVersion": "2020a",
+        "benchmarkID": f"ZAM_{place}-1_1_T-1",
+        "date": "2000-01-01",
+        "author": "scenewright",
+        "affiliation": "",
+        "source": f"scenewright: {scene.record.meta.user_prompt}",
+        "timeStepSize": scene.step,
+    }
+    root.attrib.update({key: format_value(value) for key, value in head.items()})
+    location = add(root, "location")
+    for name, value in (("geoNameId", -999), ("gpsLatitude", 999), ("gpsLongitude", 999)):
+        _add_text(location, name, value)
+    tags = add(root, "scenarioTags")
+    for name in ("urban", "intersection", "simulated"):
+        add(tags, name)
+    _add_map(root, scene)
+    for agent in scene.agents:
+        if not (scene.ego_named and agent.id == scene.ego.id):
+            _add_obstacle(root, agent)
+    if scene.ego_named:
+        _add_problem(root, scene)
+    return {f"{scene.name}.cr.xml": to_bytes(root)}
+
+
+def _add_map(root: _Element, scene: ExportedScene) -> None:
+    """Lanelets, of crosswalks too; traffic lights; the junction."""
+    intersection = scene.intersection_map
+    lanelets = {each.id: LANELETS + k for k, each in enumerate(intersection.lanelets)}
+    crossings = {
+        each.id: LANELETS + len(lanelets) + k for k, each in enumerate(intersection.crosswalks)
+    }
+    lights = {name: LIGHTS + k for k, name in enumerate(scene.colours())}
+    for lanelet in intersection.lanelets:
+        _add_lanelet(root, lanelet, lanelets, lights, scene)
+    for crosswalk in intersection.crosswalks:
+        _add_crossing(root, crosswalk, crossings[crosswalk.id], lights)
+    for name, colours in scene.colours().items():
+        _add_light(root, lights[name], [colour or "inactive" for colour in colours])
+    _add_junction(root, scene, lanelets, crossings)
+
+
+def _add_lanelet(
+    root: _Element,
+    lanelet: Lanelet,
+    numbers: dict[str, int],
+    lights: dict[str, int],
+    scene: ExportedScene,
+) -> None:
+    element = add(root, "lanelet", id=numbers[lanelet.id])
+    _add_points(add(element, "leftBound"), np.array(lanelet.left))
+    _add_points(add(element, "rightBound"), np.array(lanelet.right))
+    for other in scene.intersection_map.lanelets:
+        if lanelet.id in other.successors:
+            add(element, "predecessor", ref=numbers[other.id])
+    for name in lanelet.successors:
+        add(element, "successor", ref=numbers[name])
+    lines = [s for s in scene.intersection_map.stop_lines if lanelet.id in s.lanelets]
+    shown = [lights[line.id] for line in lines if line.id in lights]
+    if lines:
+        stop = add(element, "stopLine")
+        _add_text(stop, "lineMarking", "solid")
+        for number in shown:
+            add(stop, "trafficLightRef", ref=number)
+    _add_text(element, "laneletType", _KINDS[lanelet.kind])
+    _add_text(element, "userOneWay", "vehicle")
+    for number in shown:
+        add(element, "trafficLightRef", ref=number)
+
+
+def _add_crossing(
+    root: _Element, crosswalk: Crosswalk, number: int, lights: dict[str, int]
+) -> None:
+    ends = np.array(crosswalk.centreline)
+    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    aside = crosswalk.width / 2 * np.array([-along[1], along[0]])
+    element = add(root, "lanelet", id=number)
+    _add_points(add(element, "leftBound"), ends + aside)
+    _add_points(add(element, "rightBound"), ends - aside)
+    _add_text(element, "laneletType", "crosswalk")
+    _add_text(element, "userBidirectional", "pedestrian")
+    if crosswalk.id in lights:
+        add(element, "trafficLightRef", ref=lights[crosswalk.id])
+
+
+def _add_light(root: _Element, number: int, colours: list[str]) -> None:
+    """The colours of the scene as a cycle that lasts as long as the scene."""
+    cycle = add(add(root, "trafficLight", id=number), "cycle")
+    for colour, steps in groupby(colours):
+        element = add(cycle, "cycleElement")
+        _add_text(element, "duration", len(list(steps)))
+        _add_text(element, "color", colour)
+    _add_text(cycle, "timeOffset", 0)
+
+
+def _add_junction(
+    root: _Element, scene: ExportedScene, lanelets: dict[str, int], crossings: dict[str, int]
+) -> None:
+    """Where each leg's approach leads by a right turn, straight on or by a left turn."""
+    intersection = scene.intersection_map
+    turns = {name: m.turn for m in intersection.movements for name in m.lanelets}
+    approaches: dict[str, list[Lanelet]] = defaultdict(list)
+    for each in intersection.lanelets:
+        if each.kind == "approach":
+            approaches[str(each.leg)].append(each)
+    junction = add(root, "intersection", id=JUNCTION)
+    for k, lanes in enumerate(approaches.values(), start=1):
+        incoming = add(junction, "incoming", id=JUNCTION + k)
+        for lane in lanes:
+            add(incoming, "incomingLanelet", ref=lanelets[lane.id])
+        ways = sorted({name for lane in lanes for name in lane.successors})
+        for turn, tag in _TURNS.items():
+            for name in ways:
+                if turns.get(name) == turn:
+                    add(incoming, tag, ref=lanelets[name])
+    if crossings:
+        crossing = add(junction, "crossing")
+        for number in crossings.values():
+            add(crossing, "crossingLanelet", ref=number)
+
+
+def _add_obstacle(root: _Element, agent: ExportedAgent) -> None:
+    element = add(root, "dynamicObstacle", id=agent.id)
+    _add_text(element, "type", agent.names.commonroad)
+    shape = add(element, "shape")
+    if agent.record.type == "pedestrian":
+        _add_text(add(shape, "circle"), "radius", agent.record.length / 2)
+    else:
+        box = add(shape, "rectangle")
+        _add_text(box, "length", agent.record.length)
+        _add_text(box, "width", agent.record.width)
+    _add_state(add(element, "initialState"), agent, 0, exact=False)
+    track = add(element, "trajectory")
+    for k in range(1, len(agent.xy)):
+        _add_state(add(track, "state"), agent, k, exact=False)
+
+
+def _add_state(state: _Element, agent: ExportedAgent, k: int, *, exact: bool) -> None:
+    """The state of an agent at its k-th sample; `exact` adds what a planning problem needs."""
+    _add_points(add(state, "position"), agent.xy[k : k + 1])
+    _add_exact(state, "orientation", float(agent.heading[k]))
+    _add_exact(state, "time", agent.first + k)
+    _add_exact(state, "velocity", float(agent.speed[k]))
+    if exact:
+        _add_exact(state, "yawRate", 0.0)
+        _add_exact(state, "slipAngle", 0.0)
+
+
+def _add_problem(root: _Element, scene: ExportedScene) -> None:
+    """From where the ego enters to the end of its intended route, within the scene."""
+    problem = add(root, "planningProblem", id=PROBLEM)
+    _add_state(add(problem, "initialState"), scene.ego, 0, exact=True)
+    goal = add(problem, "goalState")
+    time = add(goal, "time")
+    _add_text(time, "intervalStart", 1)
+    _add_text(time, "intervalEnd", scene.steps - 1)
+    route = np.concatenate([scene.ego.xy, scene.ego.route_ahead[1:]])
+    end, before = route[-1], route[-min(len(route), 3)]
+    box = add(add(goal, "position"), "rectangle")
+    _add_text(box, "length", GOAL_TOLERANCE)
+    _add_text(box, "width", GOAL_TOLERANCE)
+    _add_text(box, "orientation", float(np.arctan2(*(end - before)[::-1])))
+    _add_point(add(box, "center"), end)
+
+
+def _add_points(parent: _Element, points: FloatArray) -> None:
+    for point in points:
+        _add_point(add(parent, "point"), point)
+
+
+def _add_point(element: _Element, point: FloatArray) -> None:
+    for name, value in zip("xy", point.tolist(), strict=True):
+        _add_text(element, name, value)
+
+
+def _add_exact(parent: _Element, name: str, value: float) -> None:
+    _add_text(add(parent, name), "exact", value)
+
+
+def _add_text(parent: _Element, name: str, value: object) -> None:
+    """An element that holds a value; the schema's decimals know no exponents."""
+    text = f"{value:.9f}" if isinstance(value, float) and "e" in repr(value) else value
+    add(parent, name).text = format_value(text)

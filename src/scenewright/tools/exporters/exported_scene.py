@@ -1,0 +1,246 @@
+"""A scene as arrays on one clock, which is what every exporter writes from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.geometry.polyline import resample_by_spacing
+from scenewright.geometry.spline import build_spline_path
+from scenewright.scene.base import Colour, FloatArray
+from scenewright.scene.candidates import K
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.tools.exporters.road_users import ROAD_USERS, RoadUserNames, find_kind
+
+ROUTE_SPACING = 2.0
+"""Between the points of a route beyond the end of a track [m]."""
+SLOWEST_CONTINUATION = {True: 3.0, False: 1.0}
+"""At which a vehicle (True) or pedestrian goes on along its route, if it was slower [m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedAgent:
+    """One agent of an exported scene.
+
+    Attributes:
+        record: the agent as in scene.json; kind: key of `ROAD_USERS`.
+        first: step of the first sample; step: time between samples [s].
+        xy: [T, 2] centre [m]; heading: [T] in [−π, π] [rad].
+        velocity: [T, 2] [m/s], by central differences of the positions.
+    """
+
+    record: AgentRecord
+    kind: str
+    first: int
+    step: float
+    xy: FloatArray
+    heading: FloatArray
+    velocity: FloatArray
+
+    @classmethod
+    def from_record(cls, record: AgentRecord, step: float) -> ExportedAgent:
+        """The agent of a scene.json whose samples are `step` seconds apart."""
+        xy = np.array(record.trajectory, dtype=np.float64).reshape(-1, 2)
+        heading = wrap_angles(np.array(record.heading, dtype=np.float64))
+        velocity = _differentiate(xy, step)
+        kind = find_kind(record.type, record.subtype)
+        first = round(record.spawn_time / step)
+        return cls(record, kind, first, step, xy, heading, velocity)
+
+    @property
+    def id(self) -> int:
+        """Number of the agent in scene.json."""
+        return self.record.id
+
+    @property
+    def names(self) -> RoadUserNames:
+        """What the formats call its kind."""
+        return ROAD_USERS[self.kind]
+
+    @property
+    def height(self) -> float:
+        """Usual height of its kind [m]."""
+        return self.names.height
+
+    @property
+    def last(self) -> int:
+        """Step of the last sample."""
+        return self.first + len(self.xy) - 1
+
+    @cached_property
+    def times(self) -> FloatArray:
+        """[T] times of the samples [s], to the millisecond."""
+        return np.round((self.first + np.arange(len(self.xy))) * self.step, 3)
+
+    @cached_property
+    def speed(self) -> FloatArray:
+        """[T] [m/s]."""
+        return np.asarray(np.hypot(*self.velocity.T))
+
+    @cached_property
+    def acceleration(self) -> FloatArray:
+        """[T, 2] [m/s²], by central differences of the velocity."""
+        return _differentiate(self.velocity, self.step)
+
+    @cached_property
+    def route_ahead(self) -> FloatArray:
+        """[M, 2] the intended route from the last sample to the map's edge [m]; M may be 1.
+
+        A collision ends a track, not the way that the agent was on.
+        """
+        if len(self.record.waypoints) != K:
+            return self.xy[-1:]
+        path = build_spline_path(np.array(self.record.waypoints)).xy
+        nearest = int(np.argmin(np.hypot(*(path - self.xy[-1]).T)))
+        rest = path[nearest:] - path[nearest] + self.xy[-1]
+        length = np.hypot(*np.diff(rest, axis=0).T).sum()
+        return resample_by_spacing(rest, ROUTE_SPACING) if length > ROUTE_SPACING else self.xy[-1:]
+
+    def shift(self, steps: int) -> ExportedAgent | None:
+        """The agent on a clock that starts `steps` later; None if it had left by then."""
+        cut = max(steps - self.first, 0)
+        if cut >= len(self.xy):
+            return None
+        return replace(
+            self, first=max(self.first - steps, 0), xy=self.xy[cut:],
+            heading=self.heading[cut:], velocity=self.velocity[cut:],
+        )  # fmt: skip
+
+    def continue_until(self, last: int) -> ExportedAgent:
+        """The agent going on along its route at its last speed, up to a step or the map's edge."""
+        speed = max(float(self.speed[-1]), SLOWEST_CONTINUATION[self.names.is_vehicle])
+        legs = np.diff(self.route_ahead, axis=0)
+        along = np.concatenate([[0.0], np.hypot(*legs.T).cumsum()])
+        count = min(int(along[-1] / (speed * self.step)), last - self.last)
+        if count < 1:
+            return self
+        at = speed * self.step * np.arange(1, count + 1)
+        more = np.stack([np.interp(at, along, self.route_ahead[:, k]) for k in (0, 1)], axis=1)
+        turn = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
+        heading = wrap_angles(np.interp(at, (along[1:] + along[:-1]) / 2, turn))
+        xy = np.concatenate([self.xy, more])
+        return replace(
+            self, xy=xy, heading=np.concatenate([self.heading, heading]),
+            velocity=_differentiate(xy, self.step),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedScene:
+    """A scene with its map, ready to be written in any format.
+
+    Attributes:
+        name: of its files.
+        steps: samples of the clock, from time 0 to the end of the scene.
+        ego: the agent that is left to a user, or around which a format is centred.
+        ego_named: whether the caller named the ego, and so takes it over.
+        offset: scene time of step 0 [steps].
+    """
+
+    record: SceneRecord
+    name: str
+    intersection_map: IntersectionMap
+    agents: tuple[ExportedAgent, ...]
+    steps: int
+    ego: ExportedAgent
+    ego_named: bool = False
+    offset: int = 0
+
+    @property
+    def step(self) -> float:
+        """Time between samples [s]."""
+        return self.record.meta.step
+
+    @property
+    def times(self) -> FloatArray:
+        """[steps] [s], to the millisecond."""
+        return np.round(np.arange(self.steps) * self.step, 3)
+
+    @cached_property
+    def collided(self) -> frozenset[int]:
+        """Ids of the agents whose tracks a collision ends."""
+        rows = [each for each in self.record.events if each.type == "collision"]
+        return frozenset(n for row in rows for n in (row.from_, row.to) if n is not None)
+
+    def colours(self) -> Mapping[str, list[Colour | None]]:
+        """By stop line or crosswalk the colour at every step; None where none is stated."""
+        lights: dict[str, list[Colour | None]] = {}
+        for row in self.record.signals:
+            name = row.stop_line or row.crosswalk or ""
+            colours = lights.setdefault(name, [None] * self.steps)
+            for k in range(self.steps):
+                if row.start - 1e-6 <= (k + self.offset) * self.step <= row.end + 1e-6:
+                    colours[k] = row.colour
+        return lights
+
+    def begin_at_ego(self) -> ExportedScene:
+        """The scene from the moment at which the ego enters; who has left by then is gone."""
+        start = self.ego.first
+        agents = tuple(a for a in (each.shift(start) for each in self.agents) if a is not None)
+        ego = next(each for each in agents if each.id == self.ego.id)
+        return replace(
+            self, agents=agents, ego=ego, steps=self.steps - start, offset=self.offset + start
+        )
+
+
+def prepare_scene(
+    record: SceneRecord,
+    intersection_map: IntersectionMap,
+    *,
+    ego: str | None = None,
+    name: str | None = None,
+) -> ExportedScene:
+    """The scene as arrays.
+
+    Args:
+        ego: name of an agent such as `vehicle-1`, or its number; None: the first vehicle of the
+            foreground, failing that the first vehicle, failing that the first agent.
+        name: of the files; None is the scene's id.
+
+    Raises:
+        InputError: no agents, no such ego, or a kind of road user that no format knows.
+    """
+    step = record.meta.step
+    agents = tuple(ExportedAgent.from_record(each, step) for each in record.agents)
+    if not agents:
+        raise InputError(f"scene {record.meta.scene_id[:40]} has no agents to export")
+    steps = max(round(record.meta.duration / step), *(each.last for each in agents)) + 1
+    file_name = _clean_name(name or record.meta.scene_id)
+    return ExportedScene(
+        record, file_name, intersection_map, agents, steps, _find_ego(agents, ego), ego is not None
+    )
+
+
+def _clean_name(text: str) -> str:
+    """A name that any file system takes."""
+    return re.sub(r"[^A-Za-z0-9._-]", "_", text)[:80].lstrip(".") or "scene"
+
+
+def _find_ego(agents: tuple[ExportedAgent, ...], ego: str | None) -> ExportedAgent:
+    if ego is None:
+        return min(
+            agents, key=lambda a: (not a.names.is_vehicle, a.record.role != "foreground", a.id)
+        )
+    for agent in agents:
+        if ego in (agent.record.name, str(agent.id)):
+            return agent
+    there = ", ".join(agent.record.name for agent in agents[:20])
+    raise InputError(f"no agent {ego[:40]!r} in the scene; there are: {there}")
+
+
+def wrap_angles(angles: FloatArray) -> FloatArray:
+    """Angles brought into [−π, π] [rad]."""
+    return np.asarray(np.arctan2(np.sin(angles), np.cos(angles)))
+
+
+def _differentiate(values: FloatArray, step: float) -> FloatArray:
+    """[T, 2] rate of change of [T, 2] samples; 0 of a single sample."""
+    if len(values) < 2:
+        return np.zeros_like(values)
+    return np.asarray(np.gradient(values, step, axis=0))

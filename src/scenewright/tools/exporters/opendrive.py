@@ -1,0 +1,258 @@
+"""The road network of an intersection as OpenDRIVE 1.7: what an OpenSCENARIO scene drives on.
+
+Every lanelet is a road of one lane, driven along the road: any map can be written so, whatever the
+shape of its legs. In right-hand traffic the road's reference line is the lanelet's left edge and
+its lane −1; in left-hand traffic it is the right edge and lane 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scenewright.geometry.polyline import (
+    drop_doubled_points,
+    measure_arc_lengths,
+    resample_to_count,
+)
+from scenewright.scene.base import FloatArray, Point
+from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet, SignalGroup, StopLine
+from scenewright.tools.exporters.xml_writing import add, to_bytes
+
+JUNCTION = 1000
+"""Number of the junction."""
+VEHICLE_LIGHT, PEDESTRIAN_LIGHT = "1000001", "1000002"
+"""Types of signals in the catalogue of OpenDRIVE."""
+_STATIONS = 24
+"""Points at which the curve of a bent lanelet and its width are given."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Road:
+    """A lanelet as a road.
+
+    Attributes:
+        line: [P, 2] reference line; width: [P] of the lane at its points [m].
+    """
+
+    number: int
+    lanelet: Lanelet
+    line: FloatArray
+    width: FloatArray
+
+    @cached_property
+    def s(self) -> FloatArray:
+        """[P] arc length at the points of the reference line [m]."""
+        return measure_arc_lengths(self.line)
+
+    @cached_property
+    def tangents(self) -> FloatArray:
+        """[P, 2] unit direction at each point."""
+        slope = np.gradient(self.line, self.s, axis=0)
+        return np.asarray(slope / np.hypot(*slope.T)[:, None])
+
+    def locate(self, point: Point) -> tuple[float, float, float]:
+        """Where a point lies: s, t and the road's heading there."""
+        offsets = np.array(point) - self.line
+        k = int(np.argmin(np.hypot(*offsets.T)))
+        ahead, left = self.tangents[k], np.array([-self.tangents[k][1], self.tangents[k][0]])
+        s = float(np.clip(self.s[k] + offsets[k] @ ahead, 0.0, self.s[-1]))
+        return s, float(offsets[k] @ left), float(np.arctan2(ahead[1], ahead[0]))
+
+
+def write_opendrive(intersection_map: IntersectionMap) -> bytes:
+    """The .xodr of a map: roads, lanes, the junction, crosswalks and signals."""
+    roads = _make_roads(intersection_map)
+    left_hand = intersection_map.left_hand_traffic
+    root = ElementTree.Element("OpenDRIVE")
+    edge = intersection_map.extent
+    add(root, "header", revMajor=1, revMinor=7, name=intersection_map.name, version=1,
+        north=edge, south=-edge, east=edge, west=-edge, vendor="scenewright")  # fmt: skip
+    elements = {name: _add_road(root, road, roads, left_hand) for name, road in roads.items()}
+    for name, road in roads.items():
+        _add_objects(elements[name], road, intersection_map)
+    if intersection_map.signals is not None:
+        for number, group in enumerate(intersection_map.signals.groups, start=2000):
+            _add_controller(root, number, group, intersection_map)
+    _add_junction(root, roads, left_hand)
+    return to_bytes(root)
+
+
+def signal_ids(intersection_map: IntersectionMap) -> dict[str, int]:
+    """Number of the signal of every stop line and crosswalk, by its id in the map."""
+    if intersection_map.signals is None:
+        return {}
+    names = [each.id for each in intersection_map.stop_lines]
+    names += [each.id for each in intersection_map.crosswalks]
+    return {name: number for number, name in enumerate(names, start=1)}
+
+
+def _make_roads(intersection_map: IntersectionMap) -> dict[str, _Road]:
+    lanelets = [each for each in intersection_map.lanelets if each.kind != "parking"]
+    return {
+        each.id: _make_road(number, each, intersection_map.left_hand_traffic)
+        for number, each in enumerate(lanelets, start=1)
+    }
+
+
+def _make_road(number: int, lanelet: Lanelet, left_hand: bool) -> _Road:
+    near, far = (lanelet.right, lanelet.left) if left_hand else (lanelet.left, lanelet.right)
+    count = 2 if len(near) == len(far) == 2 else _STATIONS
+    line = resample_to_count(drop_doubled_points(np.array(near)), count)
+    other = resample_to_count(drop_doubled_points(np.array(far)), count)
+    return _Road(number, lanelet, line, np.hypot(*(other - line).T))
+
+
+def _add_road(
+    root: ElementTree.Element, road: _Road, roads: dict[str, _Road], left_hand: bool
+) -> ElementTree.Element:
+    inside = road.lanelet.kind == "connector"
+    element = add(
+        root, "road", name=road.lanelet.id, length=float(road.s[-1]), id=road.number,
+        junction=JUNCTION if inside else -1, rule="LHT" if left_hand else "RHT",
+    )  # fmt: skip
+    link = add(element, "link")
+    before = [each for each in roads.values() if road.lanelet.id in each.lanelet.successors]
+    after = [roads[name] for name in road.lanelet.successors if name in roads]
+    if inside:
+        for tag, others, contact in (("predecessor", before, "end"), ("successor", after, "start")):
+            if others:
+                add(link, tag, elementType="road", elementId=others[0].number, contactPoint=contact)
+    elif before or after:
+        tag = "successor" if road.lanelet.kind == "approach" else "predecessor"
+        add(link, tag, elementType="junction", elementId=JUNCTION)
+    kind = add(element, "type", s=0.0, type="town")
+    add(kind, "speed", max=float(road.lanelet.speed_limit), unit="m/s")
+    _add_plan(element, road)
+    _add_lane(element, road, left_hand, before if inside else [], after if inside else [])
+    return element
+
+
+def _add_plan(element: ElementTree.Element, road: _Road) -> None:
+    """The reference line: one straight line, or a cubic curve between every two points."""
+    plan = add(element, "planView")
+    for k in range(len(road.line) - 1):
+        (x, y), tangent = road.line[k].tolist(), road.tangents[k]
+        length = float(road.s[k + 1] - road.s[k])
+        heading = float(np.arctan2(tangent[1], tangent[0]))
+        piece = add(plan, "geometry", s=float(road.s[k]), x=x, y=y, hdg=heading, length=length)
+        if len(road.line) == 2:
+            add(piece, "line")
+            continue
+        turn = np.array([[tangent[0], tangent[1]], [-tangent[1], tangent[0]]])
+        chord = turn @ (road.line[k + 1] - road.line[k])
+        end = turn @ road.tangents[k + 1] * length
+        u, v = (_cubic(chord[axis], (length, 0.0)[axis], end[axis]) for axis in (0, 1))
+        add(piece, "paramPoly3", aU=0.0, bU=u[0], cU=u[1], dU=u[2],
+            aV=0.0, bV=v[0], cV=v[1], dV=v[2], pRange="normalized")  # fmt: skip
+
+
+def _cubic(end: float, slope: float, end_slope: float) -> tuple[float, float, float]:
+    """Coefficients b, c, d of the cubic from 0 to `end` over [0, 1] with these slopes."""
+    return float(slope), float(3 * end - 2 * slope - end_slope), float(slope + end_slope - 2 * end)
+
+
+def _add_lane(
+    element: ElementTree.Element,
+    road: _Road,
+    left_hand: bool,
+    before: list[_Road],
+    after: list[_Road],
+) -> None:
+    number = 1 if left_hand else -1
+    section = add(add(element, "lanes"), "laneSection", s=0.0)
+    if left_hand:
+        lane = add(add(section, "left"), "lane", id=number, type="driving", level=False)
+    add(add(section, "center"), "lane", id=0, type="none", level=False)
+    if not left_hand:
+        lane = add(add(section, "right"), "lane", id=number, type="driving", level=False)
+    link = add(lane, "link")
+    for tag, others in (("predecessor", before), ("successor", after)):
+        if others:
+            add(link, tag, id=number)
+    for k in range(len(road.s) - 1):
+        slope = (road.width[k + 1] - road.width[k]) / (road.s[k + 1] - road.s[k])
+        add(lane, "width", sOffset=float(road.s[k]), a=float(road.width[k]), b=float(slope),
+            c=0.0, d=0.0)  # fmt: skip
+
+
+def _add_objects(
+    element: ElementTree.Element, road: _Road, intersection_map: IntersectionMap
+) -> None:
+    """Crosswalks and signals, each on the first approach lane that it belongs to."""
+    if road.lanelet.kind != "approach":
+        return
+    lanes = [each for each in intersection_map.lanelets if each.kind == "approach"]
+    first = next(each.id for each in lanes if each.leg == road.lanelet.leg) == road.lanelet.id
+    crosswalks = [c for c in intersection_map.crosswalks if first and c.leg == road.lanelet.leg]
+    objects = add(element, "objects")
+    for number, crosswalk in enumerate(crosswalks, start=1):
+        _add_crosswalk(objects, road, crosswalk, 100 * road.number + number)
+    signals, ids = add(element, "signals"), signal_ids(intersection_map)
+    lines = [s for s in intersection_map.stop_lines if s.lanelets[0] == road.lanelet.id]
+    marks: list[StopLine | Crosswalk] = [*lines, *crosswalks]
+    for mark in marks if ids else ():
+        _add_signal(signals, road, mark, ids[mark.id])
+
+
+def _add_crosswalk(
+    objects: ElementTree.Element, road: _Road, crosswalk: Crosswalk, number: int
+) -> None:
+    corners = np.array(crosswalk.polygon)
+    s, t, heading = road.locate((float(corners[:, 0].mean()), float(corners[:, 1].mean())))
+    at = add(objects, "object", id=number, name=crosswalk.id, type="crosswalk", s=s, t=t,
+             zOffset=0.0, hdg=0.0, orientation="none", validLength=0.0)  # fmt: skip
+    outline = add(add(at, "outlines"), "outline", id=0, closed=True)
+    origin = _place(road, s, t)
+    turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+    for k, (u, v) in enumerate(((corners - origin) @ turn.T).tolist()):
+        add(outline, "cornerLocal", id=k, u=u, v=v, z=0.0, height=0.0)
+
+
+def _place(road: _Road, s: float, t: float) -> FloatArray:
+    """The point at s, t of a road."""
+    k = int(np.argmin(np.abs(road.s - s)))
+    ahead = road.tangents[k]
+    return np.asarray(road.line[k] + (s - road.s[k]) * ahead + t * np.array([-ahead[1], ahead[0]]))
+
+
+def _add_signal(
+    signals: ElementTree.Element, road: _Road, mark: StopLine | Crosswalk, number: int
+) -> None:
+    """The light of a stop line beside it, or of a crosswalk at its middle."""
+    vehicle = isinstance(mark, StopLine)
+    points = np.array(mark.line if isinstance(mark, StopLine) else mark.centreline)
+    s, t, _ = road.locate((float(points[:, 0].mean()), float(points[:, 1].mean())))
+    add(
+        signals, "signal", id=number, name=mark.id, s=s, t=t, zOffset=3.0,
+        dynamic="yes", orientation="+", country="OpenDRIVE",
+        type=VEHICLE_LIGHT if vehicle else PEDESTRIAN_LIGHT, subtype=-1, value=-1.0,
+        width=0.3, height=0.9, hOffset=0.0,
+    )  # fmt: skip
+
+
+def _add_controller(
+    root: ElementTree.Element, number: int, group: SignalGroup, intersection_map: IntersectionMap
+) -> None:
+    """A signal group: the lights that always show the same."""
+    ids = signal_ids(intersection_map)
+    lines = {each.stop_line for each in intersection_map.movements if each.id in group.movements}
+    controller = add(root, "controller", id=number, name=group.id, sequence=0)
+    for name in sorted(lines) + sorted(group.crosswalks):
+        add(controller, "control", signalId=ids[name])
+
+
+def _add_junction(root: ElementTree.Element, roads: dict[str, _Road], left_hand: bool) -> None:
+    """Every way from an approach into the junction."""
+    junction = add(root, "junction", id=JUNCTION, name="junction", type="default")
+    lane, number = 1 if left_hand else -1, 0
+    for road in roads.values():
+        inside = [roads[name] for name in road.lanelet.successors if name in roads]
+        for other in inside if road.lanelet.kind == "approach" else ():
+            connection = add(junction, "connection", id=number, incomingRoad=road.number,
+                             connectingRoad=other.number, contactPoint="start")  # fmt: skip
+            add(connection, "laneLink", from_=lane, to=lane)
+            number += 1

@@ -1,0 +1,86 @@
+"""What each format calls the kinds of road users: the one table that all exporters read.
+
+A new kind is one entry of `ROAD_USERS`. Kinds are the subtypes of `scene.json`, and for an agent
+without a subtype its class.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from scenewright.errors import InputError
+
+
+@dataclass(frozen=True)
+class RoadUserNames:
+    """One kind of road user in the words of each format.
+
+    Attributes:
+        height: [m], which scenes do not state: a usual one.
+        tracks: class in a CSV of tracks and in TrajNet++ lines.
+        sumo: vClass; openscenario: VehicleCategory, or None for a pedestrian.
+        scenarionet: MetaDriveType; commonroad: obstacle type; argoverse2: object type.
+        womd: number of Track.ObjectType (1 vehicle, 2 pedestrian, 3 cyclist).
+        osi: MovingObject.Type and VehicleClassification.Type.
+    """
+
+    height: float
+    tracks: str
+    sumo: str
+    openscenario: str | None
+    scenarionet: str
+    commonroad: str
+    womd: int
+    argoverse2: str
+    osi: tuple[int, int]
+
+    @property
+    def is_vehicle(self) -> bool:
+        """Whether it has wheels: anything but a pedestrian."""
+        return self.openscenario is not None
+
+
+_CAR = RoadUserNames(
+    1.5, "car", "passenger", "car", "VEHICLE", "car", 1, "vehicle", (2, 4)
+)  # fmt: skip
+_BICYCLE = RoadUserNames(
+    1.7, "bicycle", "bicycle", "bicycle", "CYCLIST", "bicycle", 3, "cyclist", (2, 11)
+)  # fmt: skip
+_TRUCK = RoadUserNames(
+    3.2, "truck", "truck", "truck", "VEHICLE", "truck", 1, "vehicle", (2, 7)
+)  # fmt: skip
+_MOTORCYCLE = RoadUserNames(
+    1.6, "motorcycle", "motorcycle", "motorbike", "VEHICLE", "motorcycle", 1, "motorcyclist",
+    (2, 10),
+)  # fmt: skip
+ROAD_USERS: dict[str, RoadUserNames] = {
+    "vehicle": _CAR,
+    "car": _CAR,
+    "taxi": replace(_CAR, sumo="taxi", commonroad="taxi"),
+    "van": replace(_CAR, height=2.2, tracks="van", sumo="delivery", openscenario="van", osi=(2, 6)),
+    "emergency": replace(
+        _CAR, height=2.5, sumo="emergency", commonroad="priorityVehicle", osi=(2, 4)
+    ),
+    "truck": _TRUCK,
+    "bus": RoadUserNames(3.1, "bus", "bus", "bus", "VEHICLE", "bus", 1, "bus", (2, 13)),
+    "motorcycle": _MOTORCYCLE,
+    "cyclist": _BICYCLE,
+    "bicycle": _BICYCLE,
+    "scooter": replace(_BICYCLE, sumo="scooter", openscenario="bicycle"),
+    "pedestrian": RoadUserNames(
+        1.75, "pedestrian", "pedestrian", None, "PEDESTRIAN", "pedestrian", 2, "pedestrian", (3, 0)
+    ),
+}
+"""Names by kind."""
+
+
+def find_kind(agent_class: str, subtype: str | None) -> str:
+    """The kind of an agent, a key of `ROAD_USERS`.
+
+    Raises:
+        InputError: a kind that is not in the table.
+    """
+    kind = subtype or agent_class
+    if kind not in ROAD_USERS:
+        raise InputError(f"a {kind[:40]} cannot be exported; known: {', '.join(ROAD_USERS)}")
+    return kind

@@ -1,0 +1,55 @@
+"""TrajNet++ ndjson: positions of all agents every 0.4 s, and a scene row per agent to predict.
+
+Each row of a track has two keys that the benchmark does not know, `class` and `heading`: readers
+of TrajNet++ ignore them, ours uses the class.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+
+SAMPLE = 0.4
+"""Between samples [s]."""
+FPS = 2.5
+LENGTH = 21
+"""Samples of a scene of the benchmark: 9 observed, 12 predicted."""
+
+
+def write_trajnet(scene: ExportedScene) -> dict[str, bytes]:
+    """Frames are steps of 0.1 s from the start of the scene, so that every fourth has samples."""
+    stride = round(SAMPLE / scene.step)
+    rows = [*_scene_rows(scene, stride), *_track_rows(scene, stride)]
+    text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
+    return {f"{scene.name}.ndjson": text.encode()}
+
+
+def _scene_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
+    """The last 8 s of every agent that is there so long, the foreground first."""
+    number = 0
+    for agent in sorted(scene.agents, key=lambda a: a.record.role != "foreground"):
+        frames = _frames(agent, stride)
+        if len(frames) >= LENGTH:
+            ends = {"s": int(frames[-LENGTH]), "e": int(frames[-1])}
+            yield {"scene": {"id": number, "p": agent.id, **ends, "fps": FPS}}
+            number += 1
+
+
+def _track_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
+    for frame in range(0, scene.steps, stride):
+        for agent in scene.agents:
+            if agent.first <= frame <= agent.last:
+                x, y = agent.xy[frame - agent.first].tolist()
+                heading = round(float(agent.heading[frame - agent.first]), 4)
+                place = {"f": frame, "p": agent.id, "x": x, "y": y}
+                yield {"track": {**place, "class": agent.names.tracks, "heading": heading}}
+
+
+def _frames(agent: ExportedAgent, stride: int) -> np.ndarray:
+    """The frames at which the agent has a sample."""
+    return np.arange(-(-agent.first // stride) * stride, agent.last + 1, stride)

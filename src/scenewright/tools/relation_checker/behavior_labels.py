@@ -1,0 +1,126 @@
+"""Waypoints, crosswalks and segments of agents, held against their tracks.
+
+What a scene leaves empty it does not claim.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Event, Finding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import AgentRecord, SceneRecord, SegmentRecord
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.yielding import STANDING
+
+ASIDE = 2.0
+"""How far a track may lie beside the way through the waypoints [m]."""
+UNEVEN = 0.35
+"""By which share two neighbouring waypoints may be nearer or further apart than usual."""
+GOAL = 2.0
+"""How far the last waypoint may lie from the goal [m]."""
+LATE = 1.5
+"""By how much segments and track may begin apart [s]; how they end, refining decides."""
+LONGEST_STAND = 1.5
+"""Longer than this nobody stands while it keeps on or proceeds [s]."""
+ROLLING, STROLLING = 1.5, 0.7
+"""Who never becomes slower than this in a stop does not stop; the second on foot [m/s]."""
+
+
+def find_false_behavior(
+    scene: SceneRecord,
+    tracks: Sequence[Trajectory],
+    events: Sequence[Event],
+    intersection_map: IntersectionMap | None,
+) -> tuple[Finding, ...]:
+    """Agents whose waypoints, crosswalk or segments their track does not bear out."""
+    collided = {n for e in events if e.type == "collision" for n in (e.from_, e.to)}
+    return tuple(
+        Finding(rule=rule, agents=(agent.id,), detail=f"{agent.type} {agent.id}: {reason}")
+        for agent, track in zip(scene.agents, tracks, strict=True)
+        for rule, reasons in (
+            ("waypoints_contradicted", _check_waypoints(agent, track, intersection_map)),
+            ("segments_contradicted", _check_segments(agent, track, agent.id in collided)),
+        )
+        for reason in reasons
+    )
+
+
+def _check_waypoints(
+    agent: AgentRecord, track: Trajectory, intersection_map: IntersectionMap | None
+) -> Iterator[str]:
+    if len(agent.waypoints) < 2:
+        return
+    points = np.array(agent.waypoints, dtype=np.float64)
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    usual = float(np.median(steps))
+    if not np.all(np.abs(steps - usual) <= UNEVEN * usual + 0.1):
+        yield f"its waypoints are {steps.min():.1f} to {steps.max():.1f} m apart, not evenly spaced"
+    off = _find_farthest(track.xy, points)
+    if off > usual / 2 + ASIDE:
+        yield f"its track is {off:.1f} m from the nearest of its waypoints"
+    if float(np.hypot(*(points[-1] - agent.goal))) > GOAL:
+        yield "its last waypoint is not its goal"
+    if intersection_map is not None and agent.movement == "crossing":
+        yield from _check_crosswalk(agent, track, points, intersection_map)
+
+
+def _find_farthest(xy: FloatArray, points: FloatArray) -> float:
+    """How far any position [n, 2] is from the nearest point [m]."""
+    return float(np.hypot(*(xy[:, None] - points).transpose(2, 0, 1)).min(axis=1).max())
+
+
+def _check_crosswalk(
+    agent: AgentRecord, track: Trajectory, points: FloatArray, intersection_map: IntersectionMap
+) -> Iterator[str]:
+    walks = get_ground_raster(intersection_map).crosswalks
+    own = [each.area for each in walks if each.crosswalk.leg == agent.crosswalk]
+    if own and not any(geos.intersects(area, geos.LineString(points)) for area in own):
+        yield f"its waypoints do not lead over the {agent.crosswalk} crosswalk"
+    if len(track.xy) < 2:
+        return
+    walked = geos.LineString(track.xy)
+    for each in walks:
+        other = each.crosswalk.leg != agent.crosswalk
+        if other and float(geos.intersection(each.area, walked).length) > 1.0:
+            yield f"it walks on the {each.crosswalk.leg} crosswalk, not the {agent.crosswalk} one"
+
+
+def _check_segments(agent: AgentRecord, track: Trajectory, collided: bool) -> Iterator[str]:
+    segments = agent.segments
+    if not segments:
+        return
+    if any(before.end != after.start for before, after in pairwise(segments)):
+        yield "its segments do not follow one another"
+    if abs(segments[0].start - track.start) > LATE:
+        yield f"its segments begin at {segments[0].start:.1f} s, its track at {track.start:.1f} s"
+    if (segments[-1].status == "terminate") != collided:
+        yield "a collision and a segment 'terminate' at the end come together or not at all"
+    for segment in segments:
+        yield from _check_segment(segment, track)
+
+
+def _check_segment(segment: SegmentRecord, track: Trajectory) -> Iterator[str]:
+    if segment.end < segment.start:
+        yield f"a segment ends at {segment.end:.1f} s before it begins at {segment.start:.1f} s"
+    inside = (track.times >= segment.start - 1e-6) & (track.times <= segment.end + 1e-6)
+    speed = track.speed[inside]
+    if segment.status in ("keep", "proceed"):
+        stood = 0.1 * _count_longest_run(speed <= STANDING)
+        if stood > LONGEST_STAND:
+            yield f"it stands for {stood:.1f} s of the segment {segment.status}"
+    slow = STROLLING if track.type == "pedestrian" else ROLLING
+    if segment.status == "stop" and len(speed) > 10 and speed.min() > slow:
+        yield f"it never goes below {speed.min():.1f} m/s in a segment 'stop'"
+
+
+def _count_longest_run(flags: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> int:
+    """Samples of the longest stretch in which all is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
+    return int((edges[1::2] - edges[::2]).max(initial=0))

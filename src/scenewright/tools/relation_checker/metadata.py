@@ -1,0 +1,98 @@
+"""What a scene says of itself as a whole and of its agents, held against itself and the map."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from scenewright.scene.events import EVENT_OF_RELATION, Finding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.track import VEHICLE_SIZES
+
+RUNNERS = ("running", "runner")
+"""Subtypes of pedestrians."""
+_CLOCK = re.compile(r"([01]\d|2[0-3]):([0-5]\d)")
+_CUT = "…"
+"""Stands in a prompt for words of a long conversation that were left out."""
+
+
+def find_false_metadata(
+    scene: SceneRecord, intersection_map: IntersectionMap | None
+) -> tuple[Finding, ...]:
+    """What contradicts the map, or another part of the same file."""
+    told = [*_check_place(scene, intersection_map), *_check_clock(scene), *_check_words(scene)]
+    found = [Finding(rule="metadata_contradicted", agents=(), detail=each) for each in told]
+    bound = _list_bound_agents(scene)
+    for agent in scene.agents:
+        found += [
+            Finding(rule="metadata_contradicted", agents=(agent.id,), detail=each)
+            for each in _check_agent(agent, bound)
+        ]
+    return (*found, *_check_names(scene), *_check_relations_said(scene))
+
+
+def _check_place(scene: SceneRecord, intersection_map: IntersectionMap | None) -> Iterator[str]:
+    if intersection_map is not None and scene.meta.map_id != intersection_map.map_id:
+        yield (
+            f"map_id is {scene.meta.map_id}; that of {intersection_map.name} is "
+            f"{intersection_map.map_id}"
+        )
+
+
+def _check_clock(scene: SceneRecord) -> Iterator[str]:
+    time = _CLOCK.fullmatch(scene.meta.time_of_day)
+    if time is None:
+        yield f"time_of_day {scene.meta.time_of_day!r} is no time such as 08:00"
+    elif not 0.0 <= scene.meta.timestamp - 3600 * int(time[1]) - 60 * int(time[2]) < 60.0:
+        yield (
+            f"timestamp {scene.meta.timestamp:g} s after midnight is not at "
+            f"{scene.meta.time_of_day}"
+        )
+
+
+def _check_words(scene: SceneRecord) -> Iterator[str]:
+    """Words of the account stand in the instruction where the account has them."""
+    prompt = scene.meta.user_prompt
+    if _CUT in prompt:
+        return
+    for entry in scene.said:
+        if entry.end and prompt[entry.start : entry.end].casefold() != entry.words.casefold():
+            yield f"the instruction does not say {entry.words!r} where the account has it"
+
+
+def _list_bound_agents(scene: SceneRecord) -> frozenset[int]:
+    """Who is named by the instruction or by what was asked for."""
+    named = {number for entry in scene.said for number in entry.agents}
+    return frozenset(named.union(*({each.from_, each.to} for each in scene.relations)))
+
+
+def _check_agent(agent: AgentRecord, bound: frozenset[int]) -> Iterator[str]:
+    if agent.role == "background" and agent.id in bound:
+        yield f"{agent.type} {agent.id} was asked for and is called background"
+    if not re.fullmatch(rf"{agent.type}-[1-9]\d*", agent.name):
+        yield f"{agent.type} {agent.id} has the name {agent.name!r}, not one like {agent.type}-1"
+    known = RUNNERS if agent.type == "pedestrian" else VEHICLE_SIZES
+    if agent.subtype is not None and agent.subtype not in known:
+        yield f"there is no {agent.type} of the subtype {agent.subtype!r}"
+
+
+def _check_names(scene: SceneRecord) -> Iterator[Finding]:
+    first: dict[str, int] = {}
+    for agent in scene.agents:
+        other = first.setdefault(agent.name, agent.id)
+        if other != agent.id:
+            detail = f"agents {other} and {agent.id} have the same name {agent.name!r}"
+            yield Finding(rule="metadata_contradicted", agents=(other, agent.id), detail=detail)
+
+
+def _check_relations_said(scene: SceneRecord) -> Iterator[Finding]:
+    """A relation that the account says was asked for stands among the relations."""
+    asked = {(each.type, frozenset((each.from_, each.to))) for each in scene.relations}
+    for entry in scene.said:
+        event = EVENT_OF_RELATION.get(entry.value or "")
+        if entry.became != "relation" or event is None:
+            continue
+        if (event, frozenset(entry.agents)) not in asked:
+            detail = f"'{entry.words}' asks for {event}; relations has none of these agents"
+            yield Finding(rule="metadata_contradicted", agents=entry.agents, detail=detail)

@@ -1,0 +1,88 @@
+"""SUMO floating car data (FCD): where vehicles' fronts are, angles clockwise from north."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.track import VEHICLE_SIZES
+from scenewright.tools.track_io.sampled_recording import (
+    AgentSamples,
+    SampledRecording,
+    find_road_user,
+    sort_out,
+)
+from scenewright.tools.track_io.subtypes import SUBTYPE_OF_WORD
+
+_LENGTHS = {name: size[0] for name, size in VEHICLE_SIZES.items()} | {"bicycle": 1.8}
+
+
+@dataclass(eq=False)
+class _Rows:
+    """One agent's rows as they come: time, x and y of the centre, heading (NaN if not stated)."""
+
+    subtype: str
+    size: tuple[float | None, float | None]
+    rows: list[tuple[float, float, float, float]] = field(default_factory=list)
+
+
+def read_fcd(data: bytes, *, name: str) -> list[SampledRecording]:
+    """Vehicles and persons of an FCD file.
+
+    Raises:
+        InputError: not well-formed, with a document type, or a row without usable numbers.
+    """
+    agents: dict[str, _Rows] = {}
+    now = 0.0
+
+    def refuse(*_: object) -> None:
+        raise InputError(f"{name} declares a document type or entities; no FCD needs them")
+
+    def start(tag: str, row: dict[str, str]) -> None:
+        nonlocal now
+        try:
+            if tag == "timestep":
+                now = float(row["time"])
+            elif tag in ("vehicle", "person"):
+                _add_row(agents, tag, row, now)
+        except (KeyError, ValueError):
+            raise InputError(f"{name} has a {tag} without usable id, time, x, y") from None
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = start
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as fault:
+        raise InputError(f"{name} is not well-formed XML (line {fault.lineno})") from None
+    return [sort_out("", [("", _to_samples(key, agent)) for key, agent in agents.items()])]
+
+
+def _add_row(agents: dict[str, _Rows], tag: str, row: dict[str, str], now: float) -> None:
+    x, y = float(row["x"]), float(row["y"])
+    word = "pedestrian" if tag == "person" else _find_class(row.get("type", ""))
+    length, width = (float(row[key]) if key in row else None for key in ("length", "width"))
+    turn = math.nan
+    if "angle" in row:
+        turn = math.radians(90.0 - float(row["angle"]))
+        back = (length or _LENGTHS.get(word, 4.6)) / 2 if tag == "vehicle" else 0.0
+        x, y = x - back * math.cos(turn), y - back * math.sin(turn)
+    agent = agents.setdefault(f"{tag} {row['id']}", _Rows(word, (length, width)))
+    agent.rows.append((now, x, y, turn))
+
+
+def _find_class(word: str) -> str:
+    """The class that a vehicle type's name speaks of; a car where it speaks of none."""
+    words = (w for w, s in SUBTYPE_OF_WORD.items() if w in word.lower() and s != "pedestrian")
+    return find_road_user(word) or SUBTYPE_OF_WORD[next(words, "car")]
+
+
+def _to_samples(name: str, agent: _Rows) -> AgentSamples:
+    rows = np.array(agent.rows)
+    heading = None if np.isnan(rows[:, 3]).any() else rows[:, 3]
+    return AgentSamples(name, agent.subtype, rows[:, 0], rows[:, 1:3], heading, *agent.size)

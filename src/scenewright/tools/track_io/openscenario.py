@@ -1,0 +1,143 @@
+"""Trajectories in OpenSCENARIO files (.xosc, versions 1.0 to 1.3).
+
+Read are the polylines of FollowTrajectoryActions with world positions; routes, speeds and other
+actions say where an agent would drive in a simulator, not where it was.
+"""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
+from scenewright.scene.track import STEP
+from scenewright.tools.track_io.sampled_recording import (
+    AgentSamples,
+    SampledRecording,
+    find_road_user,
+    resample_if_uneven,
+    sort_out,
+)
+from scenewright.tools.track_io.xml_reading import parse_number, parse_xml
+
+_Element = ElementTree.Element
+_HELD_FROM = 0.5
+"""Nothing stands still within a step from such a speed [m/s]."""
+_FOLLOW = "Action/PrivateAction/RoutingAction/FollowTrajectoryAction"
+_TIME = "StartTrigger/ConditionGroup/Condition/ByValueCondition/SimulationTimeCondition"
+
+
+def read_openscenario(data: bytes, *, name: str) -> list[SampledRecording]:
+    """The trajectories of all entities that have one.
+
+    Vertices that are not evenly 0.1 s apart are resampled, as the standard defines the track
+    between two vertices.
+
+    Raises:
+        InputError: no OpenSCENARIO, no trajectory, or one that is not in world positions.
+    """
+    root = parse_xml(data, name=name)
+    if root.tag != "OpenSCENARIO":
+        raise InputError(f"{name} is no OpenSCENARIO file: its root is {root.tag[:40]!r}")
+    entities = {each.get("name", ""): each for each in root.iterfind("Entities/ScenarioObject")}
+    found = []
+    for group in root.iter("ManeuverGroup"):
+        actors = [each.get("entityRef", "") for each in group.iterfind("Actors/EntityRef")]
+        for event in group.iterfind("Maneuver/Event"):
+            follow = event.find(_FOLLOW)
+            if follow is not None:
+                found += [_read_agent(entities.get(a), a, event, follow, name) for a in actors]
+    if not found:
+        raise InputError(f"{name} has no trajectories; routes and speeds cannot be checked")
+    return [sort_out("", found)]
+
+
+def _read_agent(
+    entity: _Element | None, actor: str, event: _Element, follow: _Element, name: str
+) -> tuple[str, AgentSamples | None]:
+    """The word for what the entity is, and its samples if it is a road user."""
+    if entity is None:
+        raise InputError(f"{name}: no entity {actor[:40]!r}")
+    word, body = _find_word(entity)
+    subtype = find_road_user(word)
+    if subtype is None:
+        return word, None
+    t, places = _read_vertices(event, follow, f"{name}, {actor[:40]}")
+    size = None if body is None else body.find("BoundingBox/Dimensions")
+    middle = None if body is None else body.find("BoundingBox/Center")
+    heading = places[:, 2] if np.isfinite(places[:, 2]).all() else None
+    xy = places[:, :2]
+    if middle is not None and heading is not None:
+        x, y = (parse_number(middle.get(axis), name=name, what=axis) for axis in ("x", "y"))
+        c, s = np.cos(heading), np.sin(heading)
+        xy = xy + np.stack([c * x - s * y, s * x + c * y], axis=1)
+    length, width = (
+        None if size is None else parse_number(size.get(key), name=name, what=key)
+        for key in ("length", "width")
+    )
+    agent = AgentSamples(actor, subtype, t, xy, heading, length, width)
+    return word, resample_if_uneven(agent, STEP)
+
+
+def _find_word(entity: _Element) -> tuple[str, _Element | None]:
+    """What the entity is in a word, and its element, where it is not in a catalogue."""
+    for body in entity:
+        if body.tag == "Vehicle":
+            return body.get("vehicleCategory", ""), body
+        if body.tag == "Pedestrian":
+            animal = body.get("pedestrianCategory") == "animal"
+            return ("animal" if animal else "pedestrian"), body
+        if body.tag == "CatalogReference":
+            entry = body.get("entryName", "").replace("_", " ").split()
+            return next((word for word in entry if find_road_user(word)), "catalogue entry"), None
+    return "object", None
+
+
+def _read_vertices(event: _Element, follow: _Element, name: str) -> tuple[FloatArray, FloatArray]:
+    """[T] times [s] and [T, 3] x, y, heading (NaN where not stated)."""
+    vertices = list(follow.iter("Vertex"))
+    if not vertices:
+        raise InputError(f"{name}: only trajectories as polylines can be checked")
+    places = []
+    for vertex in vertices:
+        place = vertex.find("Position/WorldPosition")
+        if place is None:
+            raise InputError(f"{name}: only trajectories in world positions can be checked")
+        x, y = (parse_number(place.get(axis), name=name, what=axis) for axis in ("x", "y"))
+        turn = place.get("h")
+        h = np.nan if turn is None else parse_number(turn, name=name, what="h")
+        places.append((x, y, h))
+    times = [parse_number(vertex.get("time"), name=name, what="time") for vertex in vertices]
+    t = _to_scenario_time(np.array(times), event, follow, name)
+    if (np.diff(t) <= 0).any():
+        raise InputError(f"{name}: the times of the vertices do not rise")
+    return _drop_hold(t, np.array(places))
+
+
+def _drop_hold(t: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Without a last vertex that only holds a moving agent where a collision stopped its track."""
+    if len(t) > 2 and (places[-1] == places[-2]).all():
+        before = np.hypot(*(places[-2] - places[-3])[:2]) / (t[-2] - t[-3])
+        if before > _HELD_FROM:
+            return t[:-1], places[:-1]
+    return t, places
+
+
+def _to_scenario_time(t: FloatArray, event: _Element, follow: _Element, name: str) -> FloatArray:
+    """Times of vertices on the scenario's clock [s]."""
+    timing = follow.find("TimeReference/Timing")
+    if timing is None:
+        raise InputError(f"{name}: the trajectory has no timing, so where it is when is open")
+    scale, offset = (
+        parse_number(timing.get(key, default), name=name, what=key)
+        for key, default in (("scale", "1"), ("offset", "0"))
+    )
+    t = scale * t + offset
+    if timing.get("domainAbsoluteRelative") == "absolute":
+        return t
+    trigger = event.find(_TIME)
+    if trigger is None:
+        raise InputError(f"{name}: it starts by a trigger other than time, so when is open")
+    return t + parse_number(trigger.get("value"), name=name, what="trigger")

@@ -1,0 +1,90 @@
+"""Tracks as the files of simulators and motion datasets hold them, before they are checked."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.tools.track_io.subtypes import find_subtype
+
+_SUBTYPES = {
+    "van": "car",
+    "priorityvehicle": "car",
+    "semitrailer": "truck",
+    "construction_vehicle": "truck",
+    "delivery_truck": "truck",
+}
+"""Words of these formats that the common table does not know."""
+
+
+@dataclass(frozen=True, eq=False)
+class AgentSamples:
+    """One agent's samples as they stand in a file.
+
+    Attributes:
+        name: id in the file; subtype: as in `subtypes.SUBTYPES`.
+        t: [T] time [s]; xy: [T, 2] centre [m]; heading: [T] [rad], or None.
+        length, width: footprint [m], or None.
+    """
+
+    name: str
+    subtype: str
+    t: FloatArray
+    xy: FloatArray
+    heading: FloatArray | None = None
+    length: float | None = None
+    width: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SampledRecording:
+    """One scenario of a file.
+
+    Attributes:
+        name: of the scenario; empty where the file holds only one.
+        left_out: what is no road user, or of an unknown kind: word of the file -> how many.
+        notes: what was assumed, one sentence each.
+    """
+
+    name: str
+    agents: tuple[AgentSamples, ...]
+    left_out: Counter[str]
+    notes: tuple[str, ...] = ()
+
+
+def find_road_user(word: str) -> str | None:
+    """The subtype that a format's word for a road user means; None for any other thing."""
+    return _SUBTYPES.get(word.lower()) or find_subtype(word)
+
+
+def sort_out(
+    name: str, found: Iterable[tuple[str, AgentSamples | None]], notes: tuple[str, ...] = ()
+) -> SampledRecording:
+    """The recording of (word, samples) pairs; words without samples are counted as left out."""
+    agents, left_out = [], Counter[str]()
+    for word, agent in found:
+        if agent is None:
+            left_out[word] += 1
+        elif len(agent.t):
+            agents.append(agent)
+    return SampledRecording(name, tuple(agents), left_out, notes)
+
+
+def resample_if_uneven(agent: AgentSamples, step: float) -> AgentSamples:
+    """The agent at multiples of `step`, between samples on straight lines, if it is uneven [s].
+
+    For formats that define a track as the lines between its vertices.
+    """
+    if len(agent.t) < 2 or np.abs(np.diff(agent.t) - step).max() < 1e-6:
+        return agent
+    first, last = np.ceil(agent.t[0] / step - 1e-6), np.floor(agent.t[-1] / step + 1e-6)
+    t = np.arange(first, last + 1) * step
+    xy = np.stack([np.interp(t, agent.t, agent.xy[:, axis]) for axis in (0, 1)], axis=1)
+    heading = agent.heading
+    if heading is not None:
+        heading = np.interp(t, agent.t, np.unwrap(heading))
+    return AgentSamples(agent.name, agent.subtype, t, xy, heading, agent.length, agent.width)

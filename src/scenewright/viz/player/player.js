@@ -1,0 +1,654 @@
+"use strict";
+// Plays one scene. All text from the data is set as text, never as markup.
+const data = JSON.parse(document.getElementById("scene-data").textContent);
+const find = (id) => document.getElementById(id);
+const STEP = data.meta.step, END = data.meta.duration;
+const STATUS = { keep: "#6C8EBF", stop: "#C1272D", proceed: "#3A9D6B", terminate: "#4A4A4A" };
+const LIGHT = { green: "#19A974", yellow: "#F2B705", red: "#DB2B39" };
+const EVENT = { collision: "collides with", near_miss: "has a near miss with", yielding: "yields to", follow: "follows" };
+const SHADES = ["#D55E00", "#0072B2", "#009E73", "#AA3377", "#9A6A00", "#3C7FB0", "#5B3A9E", "#8C564B"];
+const LABEL_FONT = "600 12px system-ui, sans-serif";
+const MARK_SECONDS = 2.5, LEAD_SECONDS = 2;
+const agents = new Map(data.agents.map((each) => [each.id, each]));
+const state = { time: 0, playing: false, rate: 1, event: null, view: null, last: null };
+
+function make(tag, properties = {}, ...children) {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+}
+const describeAgent = (id) => (agents.has(id) ? agents.get(id).name : id === null ? "" : `agent ${id}`);
+const formatNumber = (value) => (Math.abs(value) < 0.05 ? 0 : value).toFixed(1);
+const formatSeconds = (value) => `${value.toFixed(1)} s`;
+const readVariable = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+// ---- samples -------------------------------------------------------------------------------
+/** Where an agent is at a time: {x, y, heading, speed}; null where it is not in the scene. */
+function sampleAgent(agent, time) {
+  const at = (time - agent.start) / STEP, last = agent.xy.length - 1;
+  if (at < -1e-6 || (at > last + 1e-6 && !agent.stays)) return null;
+  const i = Math.min(Math.max(Math.floor(at), 0), last), j = Math.min(i + 1, last);
+  const share = Math.min(Math.max(at - i, 0), 1), mix = (a, b) => a + (b - a) * share;
+  const turn = Math.atan2(Math.sin(agent.heading[j] - agent.heading[i]), Math.cos(agent.heading[j] - agent.heading[i]));
+  return {
+    x: mix(agent.xy[i][0], agent.xy[j][0]), y: mix(agent.xy[i][1], agent.xy[j][1]),
+    heading: agent.heading[i] + turn * share, speed: at > last ? 0 : mix(agent.speed[i], agent.speed[j]),
+  };
+}
+const endOf = (agent) => agent.start + STEP * (agent.xy.length - 1);
+
+function outline(agent, sample) {
+  const half = agent.length / 2, side = agent.width / 2;
+  let shape;
+  if (agent.type === "pedestrian") {
+    shape = Array.from({ length: 20 }, (_, n) => [half * Math.cos(n * Math.PI / 10), side * Math.sin(n * Math.PI / 10)]);
+  } else if (agent.type === "vehicle") {
+    const nose = half - Math.min(0.4, half / 2);
+    shape = [[-half, -side], [nose, -side], [half, -0.55 * side], [half, 0.55 * side], [nose, side], [-half, side]];
+  } else {
+    shape = [[-half, 0], [-0.2, -side], [0.3, -side], [half, 0], [0.3, side], [-0.2, side]];
+  }
+  const c = Math.cos(sample.heading), s = Math.sin(sample.heading);
+  return shape.map(([u, v]) => [sample.x + u * c - v * s, sample.y + u * s + v * c]);
+}
+
+/** Least distance between two outlines [m]; 0 where they touch. */
+function measureGap(a, b) {
+  if (contains(a, b[0]) || contains(b, a[0])) return 0;
+  let least = Infinity;
+  for (const [p, q] of [[a, b], [b, a]])
+    for (const point of p)
+      for (let i = 0; i < q.length; i += 1) least = Math.min(least, distanceToSegment(point, q[i], q[(i + 1) % q.length]));
+  return least;
+}
+function contains(ring, [x, y]) {
+  let inside = false;
+  for (let i = 0, j = ring.length - 1; i < ring.length; j = i, i += 1) {
+    const [xi, yi] = ring[i], [xj, yj] = ring[j];
+    if (yi > y !== yj > y && x < ((xj - xi) * (y - yi)) / (yj - yi) + xi) inside = !inside;
+  }
+  return inside;
+}
+function distanceToSegment([x, y], [ax, ay], [bx, by]) {
+  const dx = bx - ax, dy = by - ay, length = dx * dx + dy * dy || 1e-12;
+  const share = Math.min(Math.max(((x - ax) * dx + (y - ay) * dy) / length, 0), 1);
+  return Math.hypot(x - ax - share * dx, y - ay - share * dy);
+}
+
+// ---- the map and the agents on it --------------------------------------------------------------
+const canvas = find("map"), pen = canvas.getContext("2d");
+const reach = Math.max(data.view[1] - data.view[0], data.view[3] - data.view[2]);
+const HOME = { x: (data.view[0] + data.view[1]) / 2, y: (data.view[2] + data.view[3]) / 2, reach };
+
+function toPixels([x, y]) {
+  const { view } = state, scale = Math.min(canvas.clientWidth, canvas.clientHeight) / view.reach;
+  return [canvas.clientWidth / 2 + (x - view.x) * scale, canvas.clientHeight / 2 - (y - view.y) * scale];
+}
+const pixelsPerMetre = () => Math.min(canvas.clientWidth, canvas.clientHeight) / state.view.reach;
+
+function trace(points, close) {
+  points.forEach((point, n) => pen[n ? "lineTo" : "moveTo"](...toPixels(point)));
+  if (close) pen.closePath();
+}
+function fillAreas(areas, colour, edge) {
+  pen.beginPath();
+  for (const rings of areas) for (const ring of rings) trace(ring, true);
+  pen.fillStyle = colour;
+  pen.fill("evenodd");
+  if (edge) { pen.strokeStyle = edge; pen.lineWidth = 1; pen.stroke(); }
+}
+function strokeLines(lines, colour, width, dash = []) {
+  pen.beginPath();
+  for (const line of lines) trace(line, false);
+  pen.setLineDash(dash);
+  pen.strokeStyle = colour;
+  pen.lineWidth = width;
+  pen.stroke();
+  pen.setLineDash([]);
+}
+
+function drawMap() {
+  const metre = pixelsPerMetre(), thin = Math.max(0.15 * metre, 0.8), paint = readVariable("--paint");
+  pen.fillStyle = readVariable("--ground");
+  pen.fillRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+  const kerb = readVariable("--kerb");
+  for (const area of data.map.walkable) fillAreas([area], readVariable("--walk"), kerb);
+  for (const area of data.map.road) fillAreas([area], readVariable("--asphalt"), kerb);
+  fillAreas(data.map.bars.map((bar) => [bar]), paint, null);
+  strokeLines(data.map.paint.divider, paint, thin, [2 * metre, 2 * metre]);
+  strokeLines(data.map.paint.edge, paint, thin);
+  strokeLines(data.map.paint.median, readVariable("--median"), 1.4 * thin);
+  strokeLines(data.map.stopLines, paint, Math.max(0.5 * metre, 1));
+}
+
+function findLights(time) {
+  const rows = data.signals.filter((row) => row.start <= time + 1e-6 && time + 1e-6 < row.end);
+  return rows.map((row) => [row.stop_line ?? row.crosswalk, row.colour]);
+}
+function drawLights() {
+  for (const [name, colour] of findLights(state.time))
+    for (const place of data.map.lights[name] ?? []) {
+      pen.beginPath();
+      pen.arc(...toPixels(place), 5, 0, 2 * Math.PI);
+      pen.fillStyle = LIGHT[colour];
+      pen.fill();
+      pen.strokeStyle = readVariable("--ink");
+      pen.lineWidth = 1.2;
+      pen.stroke();
+    }
+}
+
+function drawTrail(agent) {
+  const from = Math.max(0, Math.ceil((state.time - 3 - agent.start) / STEP));
+  const to = Math.min(agent.xy.length - 1, Math.floor((state.time - agent.start) / STEP));
+  if (to <= from) return;
+  pen.globalAlpha = agent.role === "foreground" ? 0.7 : 0.3;
+  strokeLines([agent.xy.slice(from, to + 1)], agent.colour, agent.role === "foreground" ? 2.5 : 1.5);
+  pen.globalAlpha = 1;
+}
+function drawAgent(agent) {
+  const sample = sampleAgent(agent, state.time);
+  if (sample === null) return;
+  if (agent.type === "pedestrian") return drawPedestrian(agent, sample);
+  drawShape(() => trace(outline(agent, sample), true), agent);
+  if (agent.type === "vehicle") drawWindscreen(agent, sample);
+  else drawShape(() => pen.arc(...toPixels([sample.x, sample.y]), Math.max(0.25 * pixelsPerMetre(), 2.5), 0, 2 * Math.PI), agent);
+}
+function drawShape(shape, agent) {
+  pen.beginPath();
+  shape();
+  pen.fillStyle = agent.colour;
+  pen.fill();
+  pen.strokeStyle = agent.role === "foreground" ? readVariable("--ink") : readVariable("--panel");
+  pen.lineWidth = 1;
+  pen.stroke();
+}
+/** A disc large enough to be seen, with a nose that shows the way it looks. */
+function drawPedestrian(agent, sample) {
+  const [x, y] = toPixels([sample.x, sample.y]), radius = Math.max((agent.width / 2) * pixelsPerMetre(), 4.5);
+  const c = Math.cos(sample.heading), s = -Math.sin(sample.heading);
+  drawShape(() => {
+    pen.arc(x, y, radius, Math.atan2(s, c) + 0.6, Math.atan2(s, c) - 0.6);
+    pen.lineTo(x + 1.5 * radius * c, y + 1.5 * radius * s);
+    pen.closePath();
+  }, agent);
+}
+function drawWindscreen(agent, sample) {
+  const c = Math.cos(sample.heading), s = Math.sin(sample.heading), side = 0.4 * agent.width;
+  const put = (u, v) => [sample.x + u * c - v * s, sample.y + u * s + v * c];
+  const at = agent.length / 2 - Math.min(1.3, agent.length / 3);
+  pen.beginPath();
+  trace([put(at, -side), put(at - 0.5, -side), put(at - 0.5, side), put(at, side)], true);
+  pen.fillStyle = "rgba(20, 28, 40, .55)";
+  pen.fill();
+}
+function writeLabel(text, point, colour) {
+  const [x, y] = toPixels(point);
+  pen.font = LABEL_FONT;
+  pen.textAlign = "center";
+  pen.lineWidth = 4;
+  pen.lineJoin = "round";
+  pen.strokeStyle = readVariable("--halo");
+  pen.strokeText(text, x, y);
+  pen.fillStyle = colour;
+  pen.fillText(text, x, y);
+}
+/** Names of the agents of the instruction, each on the side away from the others near it. */
+function drawNames() {
+  const shown = data.agents.filter((each) => each.role === "foreground").map((agent) => [agent, sampleAgent(agent, state.time)]).filter(([, at]) => at);
+  for (const [agent, at] of shown) {
+    const near = shown.filter(([other, place]) => other !== agent && Math.hypot(place.x - at.x, place.y - at.y) < 12);
+    const below = near.some(([other, place]) => place.y > at.y || (place.y === at.y && other.id < agent.id));
+    const away = Math.max(...outline(agent, at).map(([, y]) => Math.abs(y - at.y))) + 9 / pixelsPerMetre();
+    writeLabel(agent.name, [at.x, at.y + (below ? -away - 8 / pixelsPerMetre() : away)], readVariable("--ink"));
+  }
+}
+/** The name of every leg where it leaves the view. */
+function drawLegs() {
+  const metre = pixelsPerMetre(), { view } = state;
+  pen.font = LABEL_FONT;
+  for (const leg of data.map.legs) {
+    const text = leg.road && leg.road !== leg.name ? `${leg.name} · ${leg.road}` : leg.name;
+    const aside = pen.measureText(text).width / 2 + 8;
+    const half = [(canvas.clientWidth / 2 - aside) / metre, (canvas.clientHeight / 2 - 22) / metre];
+    const ahead = [Math.cos(leg.bearing), Math.sin(leg.bearing)], centre = [view.x, view.y];
+    const reaches = [0, 1].filter((i) => Math.abs(ahead[i]) > 0.05)
+      .map((i) => (centre[i] + Math.sign(ahead[i]) * half[i]) / ahead[i]);
+    const at = Math.min(data.map.extent - 4, ...reaches);
+    if (at < 12) continue;
+    writeLabel(text, [at * ahead[0], at * ahead[1]], readVariable("--soft"));
+  }
+}
+
+/** What proves an event: its conflict zone, and each party's footprint where it passes the place. */
+function drawEvidence(event) {
+  if (event.location === null) return;
+  if (event.zone) {
+    pen.beginPath();
+    trace(event.zone, true);
+    pen.setLineDash([5, 4]);
+    pen.strokeStyle = readVariable("--bad");
+    pen.lineWidth = 1.5;
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+  for (const id of [event.from, event.to]) if (agents.has(id)) drawPassage(agents.get(id), event);
+}
+function findPassage(agent, event) {
+  let best = 0, least = Infinity;
+  agent.xy.forEach(([x, y], n) => {
+    const away = Math.hypot(x - event.location[0], y - event.location[1]);
+    if (away < least - 1e-9) { least = away; best = n; }
+  });
+  return agent.start + best * STEP;
+}
+function drawPassage(agent, event) {
+  const time = findPassage(agent, event), sample = sampleAgent(agent, time);
+  pen.globalAlpha = 0.35;
+  strokeLines([agent.xy], agent.colour, 2, [6, 4]);
+  pen.globalAlpha = 1;
+  pen.beginPath();
+  trace(outline(agent, sample), true);
+  pen.strokeStyle = agent.colour;
+  pen.lineWidth = 2;
+  pen.stroke();
+  writeLabel(formatSeconds(time), [sample.x, sample.y - agent.width / 2 - 14 / pixelsPerMetre()], agent.colour);
+}
+function drawEventMark(event) {
+  if (event.location === null || event.time === null || Math.abs(state.time - event.time) > MARK_SECONDS) return;
+  const [x, y] = toPixels(event.location), near = 1 - Math.abs(state.time - event.time) / MARK_SECONDS;
+  pen.beginPath();
+  pen.arc(x, y, 16 + 8 * (1 - near), 0, 2 * Math.PI);
+  pen.strokeStyle = readVariable("--bad");
+  pen.globalAlpha = 0.3 + 0.7 * near;
+  pen.lineWidth = 3;
+  pen.stroke();
+  pen.globalAlpha = 1;
+}
+
+function draw() {
+  const ratio = window.devicePixelRatio || 1;
+  const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  drawMap();
+  drawLegs();
+  drawLights();
+  data.agents.forEach(drawTrail);
+  if (state.event !== null) drawEvidence(data.events[state.event]);
+  data.agents.forEach(drawAgent);
+  drawNames();
+  data.events.forEach(drawEventMark);
+  drawScale();
+}
+function drawScale() {
+  const metres = [50, 20, 10, 5, 2, 1].find((n) => n <= state.view.reach / 4) ?? 1, width = metres * pixelsPerMetre();
+  const y = canvas.clientHeight - 14;
+  pen.fillStyle = readVariable("--ink");
+  pen.fillRect(12, y, width, 2);
+  pen.font = "12px system-ui, sans-serif";
+  pen.textAlign = "left";
+  pen.fillText(`${metres} m`, 12, y - 5);
+  pen.textAlign = "right";
+  pen.fillText("N ↑", canvas.clientWidth - 10, 20);
+}
+
+// ---- time ------------------------------------------------------------------------------------
+function seek(time) {
+  state.time = Math.min(Math.max(time, 0), END);
+  find("scrub").value = state.time.toFixed(1);
+  find("scrub").setAttribute("aria-valuetext", formatSeconds(state.time));
+  find("clock").textContent = `${state.time.toFixed(1)} / ${END.toFixed(1)} s`;
+  for (const cursor of document.querySelectorAll(".cursor")) cursor.style.left = `${(100 * state.time) / END}%`;
+  draw();
+  drawCharts();
+}
+function play(on) {
+  state.playing = on;
+  find("play").textContent = on ? "❚❚" : "▶";
+  find("play").setAttribute("aria-label", on ? "Pause" : "Play");
+  if (on) {
+    if (state.time >= END - 1e-6) seek(0);
+    state.last = null;
+    requestAnimationFrame(advance);
+  } else describeNow();
+}
+function advance(stamp) {
+  if (!state.playing) return;
+  if (state.last !== null) seek(state.time + ((stamp - state.last) / 1000) * state.rate);
+  state.last = stamp;
+  if (state.time >= END) play(false);
+  else requestAnimationFrame(advance);
+}
+function step(by) {
+  play(false);
+  seek(Math.round((state.time + by) / STEP) * STEP);
+  describeNow();
+}
+/** Says in words what the picture shows, for readers of the page by ear. */
+function describeNow() {
+  const seen = data.agents.filter((each) => each.role === "foreground");
+  const words = seen.map((agent) => {
+    const sample = sampleAgent(agent, state.time);
+    if (!sample) return `${agent.name} is not in the scene`;
+    return `${agent.name} ${sample.speed < 0.3 ? "stands" : `goes at ${sample.speed.toFixed(1)} m/s`}`;
+  });
+  const count = data.agents.filter((each) => sampleAgent(each, state.time)).length;
+  find("now").textContent = `${formatSeconds(state.time)}: ${[...words, `${count} agents in view`].join("; ")}.`;
+}
+
+// ---- timeline ----------------------------------------------------------------------------------
+function addBar(track, start, end, colour, title) {
+  const bar = make("span", { className: "bar", title });
+  bar.style.left = `${(100 * Math.max(start, 0)) / END}%`;
+  bar.style.width = `${(100 * (Math.min(end, END) - Math.max(start, 0))) / END}%`;
+  bar.style.background = colour;
+  track.append(bar);
+}
+function addLane(text, colour) {
+  const label = make("span", { className: "label", title: text });
+  if (colour) {
+    const dot = make("span", { className: "dot" });
+    dot.style.background = colour;
+    label.append(dot);
+  }
+  label.append(text);
+  const track = make("div", { className: "track" });
+  track.addEventListener("click", (click) => {
+    const box = track.getBoundingClientRect();
+    step(((click.clientX - box.left) / box.width) * END - state.time);
+  });
+  find("timeline").append(make("div", { className: "lane" }, label, track));
+  return track;
+}
+function buildTimeline() {
+  const marks = addLane("Events");
+  data.events.forEach((event, n) => {
+    if (event.time === null) return;
+    const tick = make("button", { type: "button", className: "tick", title: formatEvent(event) });
+    tick.setAttribute("aria-label", formatEvent(event));
+    tick.style.left = `${(100 * event.time) / END}%`;
+    tick.addEventListener("click", (click) => { click.stopPropagation(); showEvent(n); });
+    marks.append(tick);
+  });
+  const named = data.agents.filter((each) => each.role === "foreground").sort((a, b) => a.id - b.id);
+  for (const agent of named) {
+    const track = addLane(agent.name, agent.colour);
+    if (!agent.segments.length) addBar(track, agent.start, endOf(agent), agent.colour, "in the scene");
+    for (const segment of agent.segments)
+      addBar(track, segment.start, segment.end, STATUS[segment.status], `${segment.status}, ${formatSeconds(segment.start)} to ${formatSeconds(segment.end)}`);
+  }
+  for (const name of listLights(named)) {
+    const track = addLane(`light ${name}`);
+    for (const row of data.signals.filter((each) => (each.stop_line ?? each.crosswalk) === name))
+      addBar(track, row.start, row.end, LIGHT[row.colour], row.colour);
+  }
+  for (const track of document.querySelectorAll(".track")) track.append(make("span", { className: "cursor" }));
+}
+/** Lights that the agents of the instruction meet. */
+function listLights(named) {
+  const met = named.map((each) => (each.crosswalk ? [each.crosswalk, "crosswalk"] : [each.entry, "stop_line"]));
+  const names = data.signals.filter((row) =>
+    met.some(([leg, key]) => row[key] && row[key].split(":")[0] === leg)).map((row) => row.stop_line ?? row.crosswalk);
+  return [...new Set(names)].sort();
+}
+
+// ---- proof -------------------------------------------------------------------------------------
+function formatEvent(event) {
+  const when = event.time === null ? "" : `${formatSeconds(event.time)}: `;
+  if (event.type === "normal" || event.from === null) return `${when}nothing but ordinary traffic`;
+  const kind = event.kind ? ` (${event.kind.replaceAll("_", " ")})` : "";
+  return `${when}${describeAgent(event.from)} ${EVENT[event.type] ?? event.type} ${describeAgent(event.to)}${kind}`;
+}
+const FIGURES = { pet: ["PET", "s"], clearance: ["least distance", "m"], path_ttc: ["TTC along the paths", "s"],
+  ttc_2d: ["TTC", "s"], drac: ["braking needed", "m/s²"], relative_speed: ["speed of contact", "m/s"],
+  least_headway: ["least headway", "s"], least_gap: ["least gap", "m"], until: ["until", "s"] };
+function formatEvidence(evidence) {
+  return Object.entries(evidence ?? {}).filter(([, value]) => typeof value === "number").map(([key, value]) => {
+    const [name, unit] = FIGURES[key] ?? [key.replaceAll("_", " "), ""];
+    return `${name} ${Number(value.toFixed(2))} ${unit}`.trim();
+  }).join(" · ");
+}
+function showEvent(n) {
+  const event = data.events[n];
+  state.event = state.event === n ? null : n;
+  if (event.from !== null) find("who").value = String(event.from);
+  if (event.to !== null) find("other").value = String(event.to);
+  markEvent();
+  if (event.time !== null) step(event.time - state.time);
+}
+function markEvent() {
+  document.querySelectorAll("#events button").forEach((button, n) => button.setAttribute("aria-current", String(n === state.event)));
+}
+function buildProof() {
+  const verified = data.proof?.verified;
+  const words = data.proof === null ? "Not checked: the folder holds no proof" : verified ? "✓ Verified" : "✗ Not verified";
+  find("verdict").textContent = words;
+  find("verdict").className = verified ? "good" : "bad";
+  data.events.forEach((event, n) => {
+    const figures = make("span", { className: "figures", textContent: formatEvidence(event.evidence) });
+    const button = make("button", { type: "button" }, make("span", { textContent: formatEvent(event) }), figures);
+    button.addEventListener("click", () => showEvent(n));
+    find("events").append(make("li", {}, button));
+  });
+  markEvent();
+  if (data.proof === null) return;
+  for (const [key, title] of [["missing", "Asked for, not found"], ["interference", "Would be mistaken for the event"],
+    ["implausible", "Implausible motion"], ["signal_violations", "Signals not kept"]]) listFindings(data.proof[key], title);
+  const ordinary = data.proof.incidental.map((each) => formatEvent(each));
+  if (ordinary.length) find("findings").append(make("details", {}, make("summary", { textContent: `Ordinary traffic: ${ordinary.length}` }),
+    make("ul", {}, ...ordinary.map((text) => make("li", { textContent: text })))));
+}
+function listFindings(rows, title) {
+  if (!rows || !rows.length) return;
+  const items = rows.map((row) => make("li", { textContent: typeof row === "string" ? row : row.detail ?? JSON.stringify(row) }));
+  find("findings").append(make("h2", { className: "bad", textContent: title }), make("ul", {}, ...items));
+}
+
+// ---- the account of words ------------------------------------------------------------------------
+const shadeOf = (span) => SHADES[(span.agents[0] ?? 1) % SHADES.length];
+function buildInstruction() {
+  const letters = [...data.meta.user_prompt], spans = [...data.said].sort((a, b) => a.start - b.start);
+  const title = find("instruction");
+  let at = 0;
+  for (const span of spans.filter((each) => each.end > each.start)) {
+    if (span.start < at) continue;
+    title.append(letters.slice(at, span.start).join(""));
+    const mark = make("mark", { textContent: letters.slice(span.start, span.end).join(""), title: describeSpan(span) });
+    mark.style.setProperty("--shade", span.became === "nothing" ? "#888888" : shadeOf(span));
+    if (span.status === "unrealised") mark.className = "lost";
+    title.append(mark);
+    at = span.end;
+  }
+  title.append(letters.slice(at).join("") || (at ? "" : "Untitled scene"));
+}
+function describeSpan(span) {
+  const value = span.value ? `: ${span.value}` : "";
+  const whom = span.agents.map(describeAgent).join(", ");
+  return `${span.became.replaceAll("_", " ")}${value}${whom ? ` (${whom})` : ""}`;
+}
+function buildAccount() {
+  const body = find("account").tBodies[0];
+  for (const span of data.said) {
+    const seen = span.evidence ?? span.note ?? span.status ?? "";
+    body.append(make("tr", {}, ...[span.words, describeSpan(span), seen].map((text) => make("td", { textContent: text }))));
+  }
+  if (!data.said.length) body.append(make("tr", {}, make("td", { colSpan: 3, textContent: "The scene keeps no account of words." })));
+}
+
+// ---- figures over time -----------------------------------------------------------------------------
+const charts = [];
+function addChart(title, unit, measure) {
+  const board = make("canvas", {});
+  board.setAttribute("role", "img");
+  const caption = make("p", {});
+  board.addEventListener("click", (click) => {
+    const box = board.getBoundingClientRect();
+    step(((click.clientX - box.left) / box.width) * END - state.time);
+  });
+  find("charts").append(make("div", { className: "chart" }, caption, board));
+  charts.push({ board, caption, title, unit, measure });
+}
+/** Series of [time, value] of the chosen agents: their speeds. */
+const measureSpeed = (agent) => agent.xy.map((_, n) => [agent.start + n * STEP, agent.speed[n]]);
+function measureAcceleration(agent) {
+  const width = 3; // over 0.6 s, as a difference of speeds over one step is mostly rounding
+  return agent.xy.map((_, n) => {
+    const i = Math.max(n - width, 0), j = Math.min(n + width, agent.xy.length - 1);
+    return [agent.start + n * STEP, j > i ? (agent.speed[j] - agent.speed[i]) / ((j - i) * STEP) : 0];
+  });
+}
+function measureDistance(agent, other) {
+  if (!other || other === agent) return [];
+  const found = [];
+  for (let time = Math.max(agent.start, other.start); time <= Math.min(endOf(agent), endOf(other)) + 1e-6; time += STEP)
+    found.push([time, measureGap(outline(agent, sampleAgent(agent, time)), outline(other, sampleAgent(other, time)))]);
+  return found;
+}
+let series = [];
+function measureCharts() {
+  const pair = [agents.get(Number(find("who").value)), agents.get(Number(find("other").value))];
+  series = charts.map((chart) => chart.measure(...pair));
+  drawCharts();
+}
+function drawCharts() {
+  charts.forEach((chart, n) => drawChart(chart, series[n] ?? []));
+}
+function drawChart(chart, lines) {
+  const { board, caption, title, unit } = chart, ratio = window.devicePixelRatio || 1;
+  const width = board.clientWidth, height = board.clientHeight, brush = board.getContext("2d");
+  Object.assign(board, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
+  brush.setTransform(ratio, 0, 0, ratio, 0, 0);
+  const values = lines.flatMap((line) => line.points.map((point) => point[1]));
+  const high = Math.max(1, ...values), low = Math.min(0, ...values);
+  const px = (time) => (time / END) * width, py = (value) => height - 6 - ((value - low) / (high - low)) * (height - 12);
+  brush.fillStyle = readVariable("--soft");
+  brush.font = "11px system-ui, sans-serif";
+  brush.fillText(`${Number(high.toFixed(1))} ${unit}`, 4, 11);
+  brush.strokeStyle = readVariable("--line");
+  brush.beginPath(); brush.moveTo(0, py(0)); brush.lineTo(width, py(0)); brush.stroke();
+  for (const line of lines) {
+    brush.beginPath();
+    line.points.forEach(([time, value], i) => brush[i ? "lineTo" : "moveTo"](px(time), py(value)));
+    brush.strokeStyle = line.colour;
+    brush.lineWidth = 1.6;
+    brush.stroke();
+  }
+  brush.strokeStyle = readVariable("--ink");
+  brush.lineWidth = 1;
+  brush.beginPath(); brush.moveTo(px(state.time), 0); brush.lineTo(px(state.time), height); brush.stroke();
+  const now = lines.map((line) => [line.name, findValue(line.points)]).filter(([, value]) => value !== null);
+  caption.textContent = `${title}: ${now.length ? now.map(([name, value]) => `${name} ${formatNumber(value)} ${unit}`).join(", ") : "–"}`;
+  board.setAttribute("aria-label", caption.textContent);
+}
+function findValue(points) {
+  const near = points.find(([time]) => Math.abs(time - state.time) <= STEP / 2 + 1e-6);
+  return near ? near[1] : null;
+}
+const asLines = (measure) => (...pair) => pair.filter((each, n) => each && pair.indexOf(each) === n)
+  .map((agent) => ({ name: agent.name, colour: agent.colour, points: measure(agent) }));
+function buildCharts() {
+  addChart("Speed", "m/s", asLines(measureSpeed));
+  addChart("Acceleration", "m/s²", asLines(measureAcceleration));
+  addChart("Distance between the two", "m", (agent, other) => {
+    const points = measureDistance(agent, other);
+    return points.length ? [{ name: "gap", colour: readVariable("--accent"), points }] : [];
+  });
+  const event = data.events.find((each) => each.from !== null);
+  const ids = [...agents.keys()].sort((a, b) => a - b);
+  for (const [select, chosen] of [[find("who"), event?.from ?? ids[0]], [find("other"), event?.to ?? ids[1]]]) {
+    for (const id of ids) select.append(make("option", { value: String(id), textContent: describeAgent(id), selected: id === chosen }));
+    select.addEventListener("change", measureCharts);
+  }
+}
+function buildAgents() {
+  const body = find("agents").tBodies[0];
+  for (const agent of [...data.agents].sort((a, b) => a.id - b.id)) {
+    const top = Math.max(...agent.speed);
+    const cells = [`${agent.name}${agent.subtype ? ` (${agent.subtype})` : ""}`, `${agent.entry} to ${agent.exit}, ${agent.movement}`,
+      `${formatSeconds(agent.start)} to ${formatSeconds(endOf(agent))}`, `${top.toFixed(1)} m/s`];
+    body.append(make("tr", {}, ...cells.map((text) => make("td", { textContent: text }))));
+  }
+}
+
+// ---- view and keys -------------------------------------------------------------------------------
+function zoom(by, about = null) {
+  const { view } = state, reach = Math.min(Math.max(view.reach * by, 6), 3 * data.map.extent);
+  const share = 1 - reach / view.reach;
+  if (about) Object.assign(view, { x: view.x + (about[0] - view.x) * share, y: view.y + (about[1] - view.y) * share });
+  view.reach = reach;
+  draw();
+}
+function toMetres(event) {
+  const box = canvas.getBoundingClientRect(), metre = pixelsPerMetre(), { view } = state;
+  return [view.x + (event.clientX - box.left - box.width / 2) / metre, view.y - (event.clientY - box.top - box.height / 2) / metre];
+}
+function listenToPointer() {
+  canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(event.deltaY > 0 ? 1.15 : 1 / 1.15, toMetres(event)); }, { passive: false });
+  let grabbed = null;
+  canvas.addEventListener("pointerdown", (event) => { grabbed = toMetres(event); canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener("pointerup", () => { grabbed = null; });
+  canvas.addEventListener("pointermove", (event) => {
+    if (grabbed === null) return;
+    const [x, y] = toMetres(event);
+    state.view.x += grabbed[0] - x;
+    state.view.y += grabbed[1] - y;
+    draw();
+  });
+}
+function goToNextEvent() {
+  const dated = data.events.map((event, n) => [event.time, n]).filter(([time]) => time !== null).sort((a, b) => a[0] - b[0]);
+  if (!dated.length) return;
+  const [time, n] = dated.find(([at]) => at > state.time + LEAD_SECONDS) ?? dated[0];
+  state.event = n;
+  markEvent();
+  step(time - LEAD_SECONDS - state.time);
+  play(true);
+}
+const KEYS = { " ": () => play(!state.playing), ArrowLeft: () => step(-1), ArrowRight: () => step(1), ",": () => step(-STEP),
+  ".": () => step(STEP), Home: () => step(-END), End: () => step(END), e: goToNextEvent, "+": () => zoom(1 / 1.2), "-": () => zoom(1.2) };
+function listenToKeys() {
+  document.addEventListener("keydown", (event) => {
+    const typing = /^(SELECT|INPUT|TEXTAREA)$/.test(event.target.tagName);
+    const pressing = event.key === " " && event.target.tagName === "BUTTON";
+    if (typing || pressing || event.ctrlKey || event.metaKey || event.altKey || !KEYS[event.key]) return;
+    event.preventDefault();
+    KEYS[event.key]();
+  });
+}
+function chooseTheme(dark) {
+  document.documentElement.classList.toggle("dark", dark);
+  find("theme").setAttribute("aria-pressed", String(dark));
+  if (state.view) seek(state.time);
+}
+
+function start() {
+  find("facts").textContent = [data.map.title || data.map.name, data.meta.time_of_day, formatSeconds(END),
+    `${data.agents.length} agents`, `seed ${data.meta.seed}`].join(" · ");
+  find("scrub").max = String(END);
+  chooseTheme(window.matchMedia?.("(prefers-color-scheme: dark)").matches ?? false);
+  buildInstruction();
+  buildProof();
+  buildTimeline();
+  buildAccount();
+  buildAgents();
+  state.view = { ...HOME };
+  buildCharts();
+  measureCharts();
+  find("play").addEventListener("click", () => play(!state.playing));
+  find("back").addEventListener("click", () => step(-STEP));
+  find("forward").addEventListener("click", () => step(STEP));
+  find("rate").addEventListener("change", (event) => { state.rate = Number(event.target.value); });
+  find("scrub").addEventListener("input", (event) => step(Number(event.target.value) - state.time));
+  find("next-event").addEventListener("click", goToNextEvent);
+  find("theme").addEventListener("click", () => chooseTheme(!document.documentElement.classList.contains("dark")));
+  find("zoom-in").addEventListener("click", () => zoom(1 / 1.3));
+  find("zoom-out").addEventListener("click", () => zoom(1.3));
+  find("zoom-fit").addEventListener("click", () => { state.view = { ...HOME }; draw(); });
+  listenToPointer();
+  listenToKeys();
+  new ResizeObserver(() => seek(state.time)).observe(canvas);
+  seek(data.mainTime);
+  describeNow();
+}
+start();

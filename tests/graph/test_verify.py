@@ -1,0 +1,168 @@
+"""`verify` proves the whole file: by tracks and map what they decide, by the digest the rest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scenewright import synthesize, verify
+from scenewright.errors import InputError
+from scenewright.graph.run import load_scene
+from scenewright.scene.digest import digest_json
+
+Json = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made") / "yield"
+    text = "A vehicle yields to a pedestrian at 8 am"
+    return synthesize(text, seed=7, refiner="none").save(folder)
+
+
+@pytest.fixture
+def copied(made: Path, tmp_path: Path) -> Path:
+    for name in ("scene.json", "proof.json"):
+        (tmp_path / name).write_bytes((made / name).read_bytes())
+    return tmp_path
+
+
+def rewrite(file: Path, forge: Callable[[Json], object]) -> None:
+    content = json.loads(file.read_bytes())
+    forge(content)
+    file.write_text(json.dumps(content))
+
+
+def find_rules(folder: Path, *, strict: bool = False) -> set[str]:
+    proof = verify(folder, strict=strict)
+    found = {each.rule for each in (*proof.missing, *proof.interference, *proof.implausible)}
+    assert proof.verified == (not found)
+    return found
+
+
+def test_what_was_made_is_proven_whole(made: Path) -> None:
+    proof = json.loads((made / "proof.json").read_bytes())
+    assert proof["scene_digest"] == digest_json((made / "scene.json").read_bytes())
+    assert find_rules(made, strict=True) == set()
+
+
+def test_the_way_in_which_a_file_is_written_does_not_matter(copied: Path) -> None:
+    file = copied / "scene.json"
+    content = json.loads(file.read_bytes(), parse_float=float)
+    content["meta"]["timestamp"] = int(content["meta"]["timestamp"])
+    file.write_text(json.dumps(content, indent=2, sort_keys=True))
+    assert find_rules(copied, strict=True) == set()
+
+
+@pytest.mark.parametrize(
+    "forge",
+    [
+        lambda s: s["meta"].update(user_prompt=s["meta"]["user_prompt"] + " "),
+        lambda s: s["meta"].update(density="high"),
+        lambda s: s["meta"].update(seed=8),
+        lambda s: s["agents"][0].update(length=4.61),
+        lambda s: s["agents"][0].update(subtype=None),
+        lambda s: s.update(said=[]),
+    ],
+    ids=["instruction", "density", "seed", "length", "subtype", "said"],
+)
+def test_what_tracks_and_map_cannot_betray_the_digest_does(
+    copied: Path, forge: Callable[[Json], object]
+) -> None:
+    rewrite(copied / "scene.json", forge)
+    assert find_rules(copied) == find_rules(copied, strict=True) == {"scene_changed"}
+    (copied / "proof.json").unlink()
+    assert find_rules(copied) == set()
+    assert find_rules(copied, strict=True) == {"proof_missing"}
+
+
+def relabel_crosswalk(scene: Json) -> None:
+    walker = scene["agents"][1]
+    assert walker["crosswalk"] == "south"
+    x, y = walker["goal"]
+    route = walker["route"].replace(":south:", ":north:")
+    walker.update(crosswalk="north", route=route, goal=[x, -y])
+
+
+def keep_on(scene: Json) -> None:
+    for segment in scene["agents"][0]["segments"]:
+        segment["status"] = "keep"
+
+
+def make_background(scene: Json) -> None:
+    for agent in scene["agents"]:
+        agent["role"] = "background"
+
+
+@pytest.mark.parametrize(
+    ("forge", "rule"),
+    [
+        (relabel_crosswalk, "waypoints_contradicted"),
+        (keep_on, "segments_contradicted"),
+        (make_background, "metadata_contradicted"),
+        (lambda s: s.update(events=[]), "label_missing"),
+        (lambda s: s.update(relations=[]), "metadata_contradicted"),
+        (lambda s: s["meta"].update(timestamp=0.0), "metadata_contradicted"),
+        (lambda s: s["meta"].update(map_id=1), "metadata_contradicted"),
+        (lambda s: s["meta"].update(user_prompt="A bus"), "metadata_contradicted"),
+        (lambda s: s["agents"][0].update(subtype="submarine"), "metadata_contradicted"),
+        (lambda s: s["agents"][0].update(name="vehicle-2"), "metadata_contradicted"),
+        (
+            lambda s: s["agents"][0].update(
+                waypoints=[[x + 50.0, y] for x, y in s["agents"][0]["waypoints"]]
+            ),
+            "waypoints_contradicted",
+        ),
+    ],
+)
+def test_a_contradiction_within_the_file_is_found_without_a_proof(
+    copied: Path, forge: Callable[[Json], object], rule: str
+) -> None:
+    (copied / "proof.json").unlink()
+    assert find_rules(copied) == set()
+    rewrite(copied / "scene.json", forge)
+    assert rule in find_rules(copied)
+
+
+def test_a_proof_that_says_other_things_is_told(copied: Path) -> None:
+    rewrite(copied / "proof.json", lambda p: p["figures"].update(agents=3))
+    assert find_rules(copied) == set()
+    assert find_rules(copied, strict=True) == {"proof_contradicted"}
+    rewrite(copied / "proof.json", lambda p: p["events"][0].update(time=1.0))
+    assert find_rules(copied) == {"proof_contradicted"}
+    (copied / "proof.json").write_text("{}")
+    with pytest.raises(InputError, match="is not a proof"):
+        verify(copied)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        ('"schema_version":1,', "", "schema_version is missing"),
+        ('"seed":7', '"seed":7,"seed":7', "twice"),
+        ('"seed":7', '"seed":7,"density":null', "twice"),
+        ('"timestamp":28800.0', '"timestamp":NaN', "NaN is not a number"),
+        ('"timestamp":28800.0', '"timestamp":1e999', "too large"),
+    ],
+)
+def test_a_file_that_can_be_read_in_two_ways_is_none(
+    copied: Path, before: str, after: str, told: str
+) -> None:
+    file = copied / "scene.json"
+    text = file.read_text()
+    assert before in text
+    file.write_text(text.replace(before, after, 1))
+    with pytest.raises(InputError, match=told):
+        verify(copied)
+
+
+def test_an_empty_path_is_not_the_current_folder(
+    copied: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(copied)
+    with pytest.raises(InputError, match="empty"):
+        load_scene("")

@@ -1,0 +1,235 @@
+"""What every exporter keeps: the tracks, the clock, the frame, and text as text."""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import scenewright
+from exported_scenes import CONTACT, make_record, make_scene
+from scenewright.errors import InputError
+from scenewright.graph.run import load_tracks, verify_tracks
+from scenewright.tools.exporters import FORMATS, prepare_scene, write_scene
+from scenewright.tools.exporters.exported_scene import wrap_angles
+from scenewright.tools.exporters.opendrive import write_opendrive
+from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
+from scenewright.tools.track_io.external_tracks import read_external_recordings
+from scenewright.tools.track_io.scenarionet import load_arrays
+
+
+def test_headings_lie_within_pi_and_velocities_are_of_the_positions() -> None:
+    car, walker, late = make_scene().agents
+    assert car.heading == pytest.approx(math.pi / 2)
+    assert late.heading == pytest.approx(-math.pi + 0.01)
+    assert car.velocity == pytest.approx(np.tile([0.0, 10.0], (41, 1)))
+    assert walker.speed == pytest.approx(1.0)
+    assert (late.first, late.times[0], late.last) == (20, 2.0, 80)
+
+
+def test_the_intended_route_goes_on_past_a_collision() -> None:
+    car = make_scene().agents[0]
+    assert car.route_ahead[0] == pytest.approx(car.xy[-1])
+    assert car.route_ahead[-1] == pytest.approx([4.95, 49.0], abs=0.01)
+    longer = car.continue_until(80)
+    assert longer.last == 80
+    assert longer.xy[41:] == pytest.approx(
+        np.stack([np.full(40, 4.95), -9.0 + np.arange(1, 41)], axis=1), abs=1e-6
+    )
+    assert longer.heading == pytest.approx(math.pi / 2)
+
+
+def test_lights_have_a_colour_at_every_step() -> None:
+    colours = make_scene().colours()["south:stop"]
+    assert colours[:60] == ["green"] * 60
+    assert colours[60:] == ["red"] * 41
+
+
+READ_BACK = {
+    "csv": "*.csv", "fcd": "*.xml", "openscenario": "*.xosc", "scenarionet": "sd_*.pkl",
+    "commonroad": "*.xml",
+}  # fmt: skip
+"""Formats at 10 Hz that the verifier reads, and which of their files it reads."""
+
+
+@pytest.mark.parametrize("name", READ_BACK)
+def test_what_is_written_shows_the_verifier_the_same(name: str, tmp_path: Path) -> None:
+    scenewright.export(make_record(), name, tmp_path)
+    (file,) = tmp_path.glob(READ_BACK[name])
+    tracks = load_tracks(file)
+    (event,) = [each for each in verify_tracks(tracks) if each.type == "collision"]
+    struck = {tracks.subtypes[event.from_], tracks.subtypes[event.to]}
+    assert (struck, event.kind) == ({"car", "pedestrian"}, "pedestrian_strike")
+    assert event.time == pytest.approx(CONTACT, abs=0.1)
+    found = {tracks.subtypes[user.id]: user for user in tracks.users}
+    for agent in make_scene().agents:
+        user = found[agent.names.tracks]
+        assert user.track.start == pytest.approx(agent.times[0])
+        assert user.track.xy == pytest.approx(agent.xy, abs=1e-4)
+        assert wrap_angles(user.track.heading - agent.heading) == pytest.approx(0.0, abs=1e-5)
+        assert user.shape.length == pytest.approx(agent.record.length)
+
+
+def test_trajnet_frames_are_steps_with_a_sample_every_fourth() -> None:
+    (text,) = write_scene(make_scene(), "trajnet").values()
+    rows = [json.loads(line) for line in text.splitlines()]
+    tracks = [row["track"] for row in rows if "track" in row]
+    late = [(row["f"], row["x"]) for row in tracks if row["p"] == 3]
+    assert late[:2] == [(20, 49.0), (24, pytest.approx(49.0 - 3.2))]
+
+
+def test_fcd_has_fronts_and_angles_clockwise_from_north() -> None:
+    (text,) = write_scene(make_scene(), "fcd").values()
+    first = ElementTree.fromstring(text)[0]
+    assert [each.tag for each in first] == ["vehicle", "person"]
+    assert float(first[0].attrib["y"]) == pytest.approx(-49.0 + 2.3)
+    assert float(first[0].attrib["angle"]) == pytest.approx(0.0)
+    assert float(first[1].attrib["angle"]) == pytest.approx(270.0)
+
+
+@pytest.mark.parametrize("name", ["openscenario", "commonroad"])
+def test_text_never_becomes_markup(name: str) -> None:
+    for content in write_scene(make_scene(), name).values():
+        root = ElementTree.fromstring(content)
+        assert "b" not in {each.tag for each in root.iter()}
+    texts = b"".join(write_scene(make_scene(), name).values())
+    assert b"&lt;b&gt;car&lt;/b&gt; &amp; &quot;friends&quot;" in texts
+
+
+def test_an_ego_left_to_the_user_is_not_replayed() -> None:
+    scene = make_scene(ego="vehicle-2")
+    replay, _ = map(ElementTree.fromstring, write_scene(scene, "openscenario").values())
+    told = {each.get("entityRef") for each in replay.iterfind(".//ManeuverGroup/Actors/EntityRef")}
+    assert told == {"vehicle-1", "pedestrian-1"}
+    placed = {each.get("entityRef") for each in replay.iterfind(".//Init/Actions/Private")}
+    assert placed == {"vehicle-1", "pedestrian-1", "vehicle-2"}
+    (text,) = write_scene(scene, "commonroad").values()
+    root = ElementTree.fromstring(text)
+    assert [each.get("id") for each in root.iterfind("dynamicObstacle")] == ["1", "2"]
+    # It enters at 2 s, which is time step 0 of its planning problem.
+    assert root.findtext("planningProblem/initialState/position/point/x") == "49.0"
+    assert root.findtext("dynamicObstacle/initialState/position/point/y") == "-29.0"
+
+
+def test_openscenario_in_routes_waits_for_the_ego_where_it_must() -> None:
+    record = make_record()
+    late = record.agents[1].model_copy(
+        update={
+            "spawn_time": 1.0,
+            "trajectory": record.agents[1].trajectory[10:],
+            "heading": record.agents[1].heading[10:],
+        }
+    )
+    agents = (record.agents[0], late, record.agents[2])
+    scene = prepare_scene(
+        record.model_copy(update={"agents": agents}), make_scene().intersection_map
+    )
+    files = write_scene(scene, "openscenario", form="reactive")
+    root = ElementTree.fromstring(files["hand_made_1.xosc"])
+    assert not list(root.iter("FollowTrajectoryAction"))
+    (place,) = {
+        (each.get("x"), each.get("y"))
+        for each in root.iterfind(".//ReachPositionCondition/Position/WorldPosition")
+    }
+    assert place == ("4.95", "-39.0")
+
+
+def test_opendrive_lanes_end_where_the_next_begin() -> None:
+    """As the lanelets' own edges do: where the width changes, they are up to 10 cm apart."""
+    root = ElementTree.fromstring(write_opendrive(make_scene().intersection_map))
+    ends = {road.get("id"): _ends(road) for road in root.iterfind("road")}
+    links = [
+        (connection.get("incomingRoad"), connection.get("connectingRoad"))
+        for connection in root.iterfind("junction/connection")
+    ]
+    assert len(links) == 14
+    for before, after in links:
+        assert ends[before][1] == pytest.approx(ends[after][0], abs=0.11)
+    lights = [each.get("id") for each in root.iterfind("road/signals/signal")]
+    assert sorted(lights, key=int) == [str(n) for n in range(1, 9)]
+
+
+def _ends(road: ElementTree.Element) -> tuple[list[float], list[float]]:
+    """First and last point of a road's reference line."""
+    pieces = list(road.iterfind("planView/geometry"))
+    first, last = (
+        {k: float(v) for k, v in each.attrib.items()} for each in (pieces[0], pieces[-1])
+    )
+    curve = pieces[-1].find("paramPoly3")
+    u, v = last["length"], 0.0
+    if curve is not None:
+        u, v = (sum(float(curve.attrib[f"{n}{axis}"]) for n in "abcd") for axis in "UV")
+    c, s = math.cos(last["hdg"]), math.sin(last["hdg"])
+    return [first["x"], first["y"]], [last["x"] + c * u - s * v, last["y"] + s * u + c * v]
+
+
+def test_scenarionet_begins_at_the_ego_which_goes_on_after_a_collision() -> None:
+    (content,) = write_scene(make_scene(), "scenarionet").values()
+    scenario = load_arrays(content, name="it")
+    ego = scenario["tracks"]["1"]["state"]
+    assert ego["valid"][:98].all()
+    assert ego["position"][97, :2] == pytest.approx([4.95, 49.0], abs=2.0)
+    assert scenario["metadata"]["sdc_continues_from"] == 41
+    light = scenario["dynamic_map_states"]["south:approach:inner"]["state"]["object_state"]
+    assert light[59:61] == ["TRAFFIC_LIGHT_GREEN", "TRAFFIC_LIGHT_RED"]
+    (later,) = write_scene(make_scene(ego="vehicle-2"), "scenarionet").values()
+    scenario = load_arrays(later, name="it")
+    assert scenario["metadata"]["time_offset"] == 2.0
+    assert scenario["tracks"]["3"]["state"]["position"][0, 0] == pytest.approx(49.0)
+
+
+class _Evil:
+    def __reduce__(self) -> Any:
+        return eval, ("1 + 1",)
+
+
+def test_a_pickle_that_asks_for_code_is_refused() -> None:
+    with pytest.raises(InputError, match=r"no pickle of plain arrays.*builtins\.eval"):
+        load_arrays(pickle.dumps({"tracks": _Evil()}), name="evil.pkl")
+    with pytest.raises(InputError, match="no ScenarioNet scenario"):
+        read_external_recordings(pickle.dumps({"tracks": {"1": {}}}), name="odd.pkl")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_the_same_scene_gives_the_same_bytes(name: str) -> None:
+    for package in FORMATS[name].packages:
+        pytest.importorskip(package)
+    assert write_scene(make_scene(), name) == write_scene(make_scene(), name)
+
+
+def test_every_kind_of_road_user_has_words() -> None:
+    assert find_kind("vehicle", None) == "vehicle"
+    assert {"car", "truck", "bus", "motorcycle", "pedestrian", "cyclist", "scooter"} <= set(
+        ROAD_USERS
+    )
+    with pytest.raises(InputError, match="hovercraft"):
+        find_kind("vehicle", "hovercraft")
+
+
+@pytest.mark.parametrize(
+    ("to", "ego", "words"),
+    [("dvd", None, "there are: csv"), ("csv", "vehicle-9", "no agent 'vehicle-9'")],
+)
+def test_what_cannot_be_exported_leaves_nothing(
+    to: str, ego: str | None, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=words):
+        scenewright.export([make_record()], to, tmp_path / "out", ego=ego)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_scenes_of_one_id_get_files_of_their_own(tmp_path: Path) -> None:
+    files = scenewright.export([make_record(), make_record()], "csv", tmp_path)
+    assert [file.name for file in files] == ["hand_made_1.csv", "hand_made_1-2.csv"]
+
+
+def test_a_scene_without_agents_is_refused() -> None:
+    empty = make_record().model_copy(update={"agents": ()})
+    with pytest.raises(InputError, match="no agents"):
+        prepare_scene(empty, make_scene().intersection_map)
