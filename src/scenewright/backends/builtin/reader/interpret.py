@@ -91,6 +91,9 @@ _OWN_SIDE = re.compile(
     re.IGNORECASE,
 )
 _TO_NOBODY = re.compile(r"\b(?:nobody|no[- ]?one)\b", re.IGNORECASE)
+_BEHIND = re.compile(
+    r"\b(?:pass|cross|go|goes|walk|slip|get|come)(?:e?s|ing|ed)? behind\b", re.IGNORECASE
+)
 _UNTIL = re.compile(r"\b(?:until|till|before)$", re.IGNORECASE)
 _NO_TURN = re.compile(
     r"^leav|\bright (?:in front|behind|away|after|at|into the|now)\b", re.IGNORECASE
@@ -118,11 +121,11 @@ class Interpretation:
 
     Attributes:
         braking: who brakes hard; times: the spans that say the time of day; first: those that say
-            who passes first; roads: those that name a street; absent: those that
-            say that a class is not in the scene at all.
+            who passes first; behind: those that say either this or who follows; roads: those that
+            name a street; absent: those that say that a class is not in the scene at all.
         eventful: whether the text names any event.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
-            such a span has said a time.
+            such a span has said a time; settling: whether all spans have been read.
     """
 
     draft: Draft
@@ -133,11 +136,13 @@ class Interpretation:
     braking: set[int] = field(default_factory=set)
     times: list[ReadSpan] = field(default_factory=list)
     first: list[ReadSpan] = field(default_factory=list)
+    behind: list[ReadSpan] = field(default_factory=list)
     roads: list[ReadSpan] = field(default_factory=list)
     absent: list[ReadSpan] = field(default_factory=list)
     eventful: bool = False
     changing: bool = False
     retimed: bool = False
+    settling: bool = False
 
     def enter(
         self,
@@ -553,6 +558,9 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
     named = [
         (a, b) for a in span.subjects for b in span.objects if a in users and b in users and a != b
     ]
+    if span.tag == "follow" and _BEHIND.search(span.words) and not result.settling:
+        result.behind.append(span)
+        return
     pairs = _in_a_row(named) if span.tag == "follow" else named
     pairs = pairs or _with_implied(result, span)
     if not pairs:
@@ -802,6 +810,9 @@ def _follows_only(result: Interpretation) -> bool:
 def _settle(result: Interpretation) -> None:
     """Braking becomes a cause, and what is denied is held against what is said."""
     _read_roads(result)
+    result.settling = True
+    _read_behind(result)
+    result.settling = False
     _read_order(result)
     _read_severity(result)
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
@@ -838,6 +849,19 @@ def _read_order(result: Interpretation) -> None:
         if not pairs:
             result.enter(span, "nothing", span.subjects, note=_BEYOND["first"])
     result.first = []
+
+
+def _read_behind(result: Interpretation) -> None:
+    """ "Passes behind" is a follow of two in one lane; of two who cross it says who comes first."""
+    for span in result.behind:
+        one, two = (result.agents_of(each)[:1] for each in (span.subjects, span.objects))
+        entries = {agent.entry for agent in (*one, *two)} - {None}
+        classes = {agent.type for agent in (*one, *two)}
+        if one and two and (len(entries) == 2 or len(classes) == 2):
+            result.first.append(replace(span, subjects=span.objects, objects=span.subjects))
+        else:
+            _relate(result, span)
+    result.behind = []
 
 
 def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) -> None:

@@ -50,6 +50,7 @@ def orient_orders(reading: Reading) -> Reading:
 
     Where the words settle it, no doubt is left but whether they speak of an order at all.
     """
+    reading = replace(reading, spans=tuple(_name_both(reading, span) for span in reading.spans))
     settled = {
         at: found
         for at, span in enumerate(reading.spans)
@@ -71,6 +72,16 @@ def orient_orders(reading: Reading) -> Reading:
         _turn(span, settled[at]) if at in settled else span for at, span in enumerate(reading.spans)
     )
     return replace(reading, spans=spans)
+
+
+def _name_both(reading: Reading, span: ReadSpan) -> ReadSpan:
+    """The span with the other of two road users where it names but one of them."""
+    others = tuple(set(reading.users) - {*span.subjects, *span.objects})
+    if span.tag != "first" or len(reading.users) != 2 or len(others) != 1:
+        return span
+    if not span.objects:
+        return replace(span, objects=others)
+    return replace(span, subjects=others) if not span.subjects else span
 
 
 def says_order(words: str) -> bool:
