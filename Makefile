@@ -12,6 +12,8 @@ SITE := $(VENV)-docs
 INSTRUCTION ?= A vehicle yields to a pedestrian at 8 am
 SEED ?= 7
 OUT ?= scenes/demo
+# Processes that share the tests; one that has done its part takes tests of the others.
+TESTERS ?= 2
 
 .DEFAULT_GOAL := demo
 .PHONY: demo test lint format bench check crosscheck ray test-vllm test-small-weights docs
@@ -20,7 +22,7 @@ demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
 
 test: $(INSTALLED)
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses $(TESTERS) --dist worksteal
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

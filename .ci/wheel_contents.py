@@ -23,6 +23,7 @@ NEEDED = (
     "scenewright/backends/builtin/training/instructions/*.txt",
     "scenewright/nodes/*/prompt.md",
     "scenewright/viz/player/player.*",
+    "scenewright/cli/page/assets/app.*",
     "scenewright-*.dist-info/licenses/LICENSE",
 )
 

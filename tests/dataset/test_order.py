@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from inline_jobs import run_jobs_inline, spread_inline
 from scenewright.backends import TASKS, Question
 from scenewright.backends.recorded import recording
 from scenewright.backends.scripted import ScriptedSpeaker, scripted
@@ -39,14 +40,7 @@ SMALL = "2 follows and 1 normal scene at 5 am in light traffic"
 
 @pytest.fixture(autouse=True)
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(carrying, "spread", one_by_one)
-
-
-def one_by_one(
-    jobs: Iterable[Any], task: Callable[[Any], Any], *, workers: int, limit: Any = None
-) -> Iterator[tuple[Any, Any]]:
-    for job in jobs:
-        yield job, task(job)
+    run_jobs_inline(monkeypatch)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +164,7 @@ def test_an_order_is_filled_and_a_kill_changes_nothing(
     assert audit(tmp_path / "whole").faults == ()
 
     def dying(jobs: Iterable[Any], task: Any, *, workers: int, limit: Any) -> Iterator[Any]:
-        yield from one_by_one(list(jobs)[1:2], task, workers=workers, limit=limit)
+        yield from spread_inline(list(jobs)[1:2], task, workers=workers, limit=limit)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(carrying, "spread", dying)
@@ -178,7 +172,7 @@ def test_an_order_is_filled_and_a_kill_changes_nothing(
         fill(order(tmp_path / "killed"))
     book = tmp_path / "killed" / "order.jsonl"
     book.write_bytes(book.read_bytes() + b'{"id": "half')
-    monkeypatch.setattr(carrying, "spread", one_by_one)
+    monkeypatch.setattr(carrying, "spread", spread_inline)
     fill(order(tmp_path / "killed"))
     assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
 
@@ -293,7 +287,7 @@ def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
     assert report["filled"]
     assert report["by the builtin writer"] == 1
     monkeypatch.undo()
-    monkeypatch.setattr(carrying, "spread", one_by_one)
+    monkeypatch.setattr(carrying, "spread", spread_inline)
     words = ["agent", "2 follows at 5 am in light traffic", "--writer", f"recorded:{answers}"]
     out = tmp_path / "again"
     assert main([*words, "--refiner", "none", "--out", str(out), "--json"]) == 0
@@ -316,7 +310,7 @@ def test_a_backend_that_is_down_costs_no_instructions(
     assert main(words) == 4
     assert "failed for 2 of 3 scenes" in capsys.readouterr().err
     assert len((tmp_path / "out" / "order.jsonl").read_text().splitlines()) == 3
-    monkeypatch.setattr(carrying, "spread", one_by_one)
+    monkeypatch.setattr(carrying, "spread", spread_inline)
     assert main(words) == 0
     assert audit(tmp_path / "out").complete
 

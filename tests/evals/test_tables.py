@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from inline_jobs import run_jobs_inline
 from scenewright.cli.main import main
-from scenewright.dataset.batch import carry_out as carrying
 from scenewright.dataset.batch.worker import Options
 from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import Order, fill
@@ -156,17 +155,10 @@ def test_tracks_of_the_prior_spread_as_the_corpus_does_and_modes_do_not() -> Non
     assert len(held_out("amsterdam_120")) > 30
 
 
-def one_by_one(
-    jobs: Iterable[Any], task: Callable[[Any], Any], *, workers: int, limit: Any = None
-) -> Iterator[tuple[Any, Any]]:
-    for job in jobs:
-        yield job, task(job)
-
-
 def test_one_page_and_one_object_for_a_dataset(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(carrying, "spread", one_by_one)
+    run_jobs_inline(monkeypatch)
     text = "2 yields, 1 collision and 2 normal scenes at 5 am in light traffic"
     out = tmp_path / "out"
     fill(Order(text=text, wish=read_order(text), out=out, options=Options("amsterdam_120")))

@@ -13,6 +13,7 @@ from scenewright.scene.constraints import (
     Headway,
     OnRoad,
     OnWalkable,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
@@ -50,8 +51,8 @@ def test_every_file_is_a_pattern_named_like_its_file():
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_the_clauses_serve_the_relation_and_fit_the_roles(pattern):
     found = clauses(pattern)
-    [event] = [c for c in found if isinstance(c, tuple(SERVED_BY.values()))]
-    assert isinstance(event, SERVED_BY[pattern.relation])
+    [event] = [c for c in found if isinstance(c, (*SERVED_BY.values(), StopsBehind))]
+    assert isinstance(event, (SERVED_BY[pattern.relation], StopsBehind))
     assert (event.first, event.second) == tuple(names(pattern).values())
     if isinstance(event, Contact):
         assert event.kind in (None, pattern.kind)
@@ -71,19 +72,21 @@ def test_roles_movements_and_segments_go_together(pattern):
         assert role.segments[0] == "keep"
     ends = {"terminate" in role.segments for role in (pattern.from_, pattern.to)}
     assert ends == {pattern.relation == "collide_at"}
-    assert ("stop" in pattern.from_.segments) == (pattern.relation == "yield_to")
+    stops = [isinstance(each, GivesWay | StopsBehind) for each in clauses(pattern)]
+    assert ("stop" in pattern.from_.segments) == any(stops)
     assert pattern.weight > 0
 
 
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
     """A figure that a file bounds is brought about by the clause with the same bounds."""
-    aims = {TimeGap: "pet", Headway: "least_headway"}
+    aims = {TimeGap: "pet", Headway: "least_headway", StopsBehind: "path_ttc"}
     for clause in clauses(pattern):
         figure = aims.get(type(clause))
         if figure in pattern.bounds():
             assert pattern.bounds()[figure] == (clause.low, clause.high)
-    assert set(pattern.bounds()) == ({"pet"} if pattern.relation == "near_miss" else set())
+    figure = "path_ttc" if pattern.manoeuvre == "lead_brakes" else "pet"
+    assert set(pattern.bounds()) == ({figure} if pattern.relation == "near_miss" else set())
     assert pattern.proof.event == EVENT_OF_RELATION[pattern.relation]
     assert pattern.order == ("to" if pattern.relation == "yield_to" else None)
 

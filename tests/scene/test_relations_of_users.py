@@ -98,7 +98,7 @@ VEHICLE = 'type = "vehicle"\nmovements = ["straight"]'
         (
             "time_gap({from}, {to}) in {gap} s",
             "near({from}, {to}) <= 3 m",
-            "constraints: a near_miss needs a clause time_gap or brakes_for(...)",
+            "constraints: a near_miss needs a clause time_gap or brakes_for or stops_behind(...)",
         ),
         ('"{from} noses out in front of {to}"', '""', "phrases.0: String should have at least"),
         ('"{from} noses out in front of {to}"', '"{from} {to}"', "phrases: expected plain words"),

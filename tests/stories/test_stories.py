@@ -335,3 +335,13 @@ def test_a_bug_in_a_backend_is_not_hidden() -> None:
 
     with pytest.raises(ZeroDivisionError):
         synthesize(LEAVES, backend=Scripted("plan", broken))
+
+
+def test_a_pedestrian_from_behind_a_parked_truck_is_seen_late() -> None:
+    text = "A woman steps out from behind a parked truck and is nearly hit by a car"
+    scene = synthesize(text, seed=2)
+    (figure,) = scene.proof.figures["first_visible"]
+    assert 1.0 <= figure["before_event"] <= 2.0
+    said = {each.became: each for each in scene.proof.said}
+    assert said["sight"].status == said["object"].status == "realised"
+    assert verify(scene.record) == scene.proof

@@ -149,6 +149,11 @@ class Session:
         self._heading: Heading = snapshot.values.get("heading") or _checked(setting)
 
     @property
+    def heading(self) -> Heading:
+        """What all turns of the thread share: intersection, seed, refiner."""
+        return self._heading
+
+    @property
     def state(self) -> ThreadState:
         """The thread as it was last checkpointed."""
         return cast(ThreadState, self._graph.get_state(self._config).values)

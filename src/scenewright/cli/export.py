@@ -14,7 +14,7 @@ To = Annotated[
     str, typer.Option("--to", metavar="FORMAT", help="Format; docs/exports.md lists them all.")
 ]
 Form = Annotated[
-    str | None, typer.Option(help="Form, of formats with several; openscenario: replay, reactive.")
+    str | None, typer.Option(help="Form, of formats with several: replay, reactive; whole, window.")
 ]
 Ego = Annotated[
     str | None, typer.Option(metavar="NAME", help="Agent that is left to you, such as vehicle-1.")

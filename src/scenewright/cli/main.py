@@ -54,6 +54,7 @@ from scenewright.cli.import_commands import fit, import_map_file, simulate
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
 from scenewright.cli.planner import planner
+from scenewright.cli.serve import serve
 from scenewright.cli.tables import tables
 from scenewright.cli.understanding import understanding
 from scenewright.time_limit import DEFAULT_LIMIT
@@ -80,6 +81,7 @@ app.add_typer(evals)
 app.add_typer(memory)
 app.command()(chat)
 app.command()(mcp)
+app.command()(serve)
 app.command()(author)
 app.add_typer(dataset)
 app.command()(export)

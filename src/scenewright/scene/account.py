@@ -12,12 +12,14 @@ from scenewright.scene.base import Model
 Became = Literal[
     "agent", "entry", "exit", "movement", "crosswalk", "runs_red", "relation", "cause", "tie",
     "time_of_day", "density", "background", "normal", "denied", "measure", "impact_point", "order",
-    "signals", "road", "retracted", "constraint", "behavior", "manner", "nothing",
+    "signals", "road", "retracted", "manoeuvre", "object", "sight", "constraint", "behavior",
+    "manner", "nothing",
 ]  # fmt: skip
 """What words can become.
 
 `constraint` and `behavior` are no field of the plan: the waypoint filter turns the former into
-clauses, the event reasoner the latter into standstills. `manner` has no effect on tracks, `nothing`
+clauses, the event reasoner the latter into standstills. `object` is what stands, `sight` whom it
+hides; their value begins with its id. `manner` has no effect on tracks, `nothing`
 cannot be realised.
 """
 

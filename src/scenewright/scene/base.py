@@ -22,6 +22,11 @@ AgentId = Annotated[str, Field(pattern=r"^(vehicle|pedestrian)-[1-9][0-9]*$", ma
 Point = tuple[float, float]
 
 
+def is_left_out(value: object) -> bool:
+    """Whether an optional field is empty, so that files do not hold it."""
+    return value is None or value == ()
+
+
 class Model(BaseModel):
     """A frozen value that a language model, a file or a checkpoint may have written."""
 

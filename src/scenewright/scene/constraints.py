@@ -130,7 +130,7 @@ class Contact(_Pair):
 
     Attributes:
         point_first, point_second: where on either vehicle the contact lies.
-        cause: `first` brakes hard, but too late.
+        cause: `first` brakes hard, but too late; or `second`, driving ahead of it, brakes hard.
     """
 
     clause: Literal["contact"] = "contact"
@@ -138,7 +138,7 @@ class Contact(_Pair):
     speed: float | None = Field(default=None, gt=0, le=20)
     point_first: ImpactPoint | None = None
     point_second: ImpactPoint | None = None
-    cause: Literal["late_brake"] | None = None
+    cause: Literal["late_brake", "lead_brakes"] | None = None
 
     @model_validator(mode="after")
     def _on_vehicles(self) -> Self:
@@ -172,6 +172,55 @@ class BrakesFor(_Pair):
         return _in_order(self, self.low, self.high)
 
 
+AgentFigureName = Literal["line_speed", "braking", "acceleration", "wait", "line_distance"]
+PairFigureName = Literal[
+    "contact_speed", "time_headway", "gap", "ttc", "time", "front_point",
+    "front_point_left", "front_point_right", "side_point",
+]  # fmt: skip
+
+
+class AgentFigure(Model):
+    """A figure of the agent's motion in the scene lies in [low, high]; units as in `UNITS`."""
+
+    clause: AgentFigureName
+    agent: AgentId
+    low: float = Field(ge=0, le=100)
+    high: float = Field(ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
+class PairFigure(_Pair):
+    """A figure of what happens between the two lies in [low, high]; units as in `UNITS`."""
+
+    clause: PairFigureName
+    low: float = Field(ge=0, le=100)
+    high: float = Field(ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
+class StopsBehind(_Pair):
+    """`second` brakes hard ahead of `first` in one lane, which stops behind it without a contact.
+
+    The least path TTC of the two lies in [low, high] [s] (SEMANTICS section 4).
+    """
+
+    clause: Literal["stops_behind"] = "stops_behind"
+    first: VehicleId
+    second: VehicleId
+    low: float = Field(ge=0, le=8)
+    high: float = Field(gt=0, le=8)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
 class RunsRed(Model):
     """The agent enters the junction or the crosswalk against its red light."""
 
@@ -191,10 +240,21 @@ class NoInteraction(Model):
         return _two_agents(self, self.first, self.second)
 
 
-UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed
+UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed | AgentFigure
 PairClause = (
-    Near | SameLane | Before | TimeGap | Headway | Contact | GivesWay | BrakesFor | NoInteraction
+    Near
+    | SameLane
+    | Before
+    | TimeGap
+    | Headway
+    | Contact
+    | GivesWay
+    | BrakesFor
+    | StopsBehind
+    | NoInteraction
+    | PairFigure
 )
+Figure = SpeedBetween | TimeGap | Headway | AgentFigure | PairFigure
 Clause = Annotated[UnaryClause | PairClause, Field(discriminator="clause")]
 
 

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError
 from scenewright.errors import Rejected
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
+from scenewright.scene.measures import format_measure
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import (
     AgentNode,
@@ -243,8 +244,15 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 {edge.from_, edge.to} == set(entry.agents) and edge.get_first() == entry.agents[0]
                 for edge in graph.relations
             )
+        case "manoeuvre":
+            return any(
+                edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)
+                for edge in graph.relations
+            )
         case "time_of_day" | "density":
             return bool(getattr(graph.context, entry.became) == entry.value)
+        case "measure" if entry.value and " in [" in entry.value:
+            return set(entry.value.split("; ")) <= {format_measure(m) for m in graph.measures}
         case "normal" | "denied" | "cause" | "background" | "tie" | "measure" | "impact_point":
             return False
         case _:

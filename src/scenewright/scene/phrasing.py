@@ -14,6 +14,13 @@ _KINDS = {
     "rear_end": "rear-ends", "sideswipe": "sideswipes", "head_on": "collides head-on with",
     "angle": "T-bones",
 }  # fmt: skip
+_MANOEUVRES = {
+    ("lead_brakes", "collide_at"): "{1} brakes hard and {0} rear-ends it",
+    ("lead_brakes", "near_miss"): "{1} brakes hard and {0} nearly runs into it",
+    ("lead_brakes", "follow"): "{1} brakes hard and {0} behind it stops in time",
+    ("tailgates", "follow"): "{0} tailgates {1}",
+    ("cuts_in", "near_miss"): "{0} changes lanes and cuts in ahead of {1}",
+}  # fmt: skip
 _TIES = {
     "opposite": "oncoming to", "left": "from the left of", "right": "from the right of",
     "same": "from the same approach as", "lateral": "on the cross street of",
@@ -80,6 +87,8 @@ def _ways(agent: AgentNode) -> Iterator[str]:
 def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:
     verb = _KINDS.get(edge.kind or "", _VERBS[edge.type])
     words = f"{names[edge.from_]} {verb} {names[edge.to]}"
+    if edge.manoeuvre is not None:
+        words = _MANOEUVRES[edge.manoeuvre, edge.type].format(names[edge.from_], names[edge.to])
     if edge.target_pet is not None:
         words += f" with a PET of {edge.target_pet:g} s"
     if edge.target_ttc is not None:

@@ -12,6 +12,8 @@ from scenewright.scene.social import AgentNode, Plan, Refusal, SceneContext, Soc
 def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
     """The plan as {"id", "agents", "relations", "context", "refused", "reason", ...}.
 
+    `objects` are there where the plan has any.
+
     Relation types are collision | yielding | near_miss | follow | normal; a scene without a
     relation has one row `normal` with from and to null; a refusal has no agents and no relations,
     but, under `did_you_mean`, sentences that would be understood. `said` is the account of words,
@@ -42,6 +44,11 @@ def _row(
         "reason": reason,
         "said": [each.model_dump(mode="json") for each in plan.said],
         "unrealised": list(list_unrealised(plan.said)),
+        **(
+            {"objects": [each.model_dump(mode="json") for each in plan.objects]}
+            if plan.objects
+            else {}
+        ),
     }
 
 

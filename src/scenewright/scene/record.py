@@ -7,9 +7,19 @@ from typing import Any, Literal
 from pydantic import Field
 
 from scenewright.scene.account import SaidRecord
-from scenewright.scene.base import AgentClass, Colour, Compass, Model, Movement, Point
+from scenewright.scene.base import (
+    AgentClass,
+    Colour,
+    Compass,
+    Model,
+    Movement,
+    Point,
+    is_left_out,
+)
 from scenewright.scene.events import EventZone
-from scenewright.scene.social import Cause, EntrySide, ImpactPoint
+from scenewright.scene.measures import MeasureKind
+from scenewright.scene.objects import ObjectRecord, SightRecord
+from scenewright.scene.social import Cause, EntrySide, ImpactPoint, Manoeuvre
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
 
@@ -86,6 +96,7 @@ class RelationRecord(Model):
 
     Attributes:
         cause, cause_agent: how it is to come about, and by whom, where the request says so.
+        manoeuvre: how it is to come about in one lane; written only where the request says so.
         zone: where the event must lie; first: who must pass first, or enter
             the zone of a collision first, as the request or its relation file says.
         within: figure of the event's evidence -> lowest and highest value that prove it.
@@ -97,6 +108,7 @@ class RelationRecord(Model):
     kind: str | None = None
     cause: Cause | None = None
     cause_agent: int | None = None
+    manoeuvre: Manoeuvre | None = Field(default=None, exclude_if=is_left_out)
     target_pet: float | None = None
     target_ttc: float | None = None
     impact_speed: float | None = None
@@ -115,6 +127,16 @@ class TieRecord(Model):
     side: EntrySide
 
 
+class MeasureRecord(Model):
+    """A figure that was asked for, of an agent or between two, in scene ids (`UNITS`)."""
+
+    kind: MeasureKind
+    agent: int
+    other: int | None = None
+    low: float
+    high: float
+
+
 class SignalRecord(Model):
     """A stretch [s] during which the light of a stop line or crosswalk shows one colour."""
 
@@ -126,15 +148,22 @@ class SignalRecord(Model):
 
 
 class SceneRecord(Model):
-    """A whole scene.json."""
+    """A whole scene.json.
+
+    Attributes:
+        objects: what stands; sights: whom it was to hide from whom.
+    """
 
     meta: SceneMeta
     agents: tuple[AgentRecord, ...]
     events: tuple[EventRecord, ...]
     relations: tuple[RelationRecord, ...] = ()
     ties: tuple[TieRecord, ...] = ()
+    measures: tuple[MeasureRecord, ...] = Field(default=(), exclude_if=is_left_out)
     signals: tuple[SignalRecord, ...] = ()
     said: tuple[SaidRecord, ...] = ()
+    objects: tuple[ObjectRecord, ...] = Field(default=(), exclude_if=is_left_out)
+    sights: tuple[SightRecord, ...] = Field(default=(), exclude_if=is_left_out)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON with the file's key names."""

@@ -8,6 +8,7 @@ from typing import Literal
 
 from scenewright.scene.base import Point
 from scenewright.scene.candidates import Candidate
+from scenewright.scene.objects import ObjectRecord
 
 AgentRole = Literal["foreground", "background"]
 
@@ -63,6 +64,7 @@ class SelectedAgent:
         stops, slowings: edits of its free time law under which every clause holds.
         contact: scene time [s] of the collision that ends it; None if it is in none.
         violates: it is the one that runs its red light.
+        exact: figures of its motion are asked for, so that it is not refined.
     """
 
     name: str
@@ -74,6 +76,7 @@ class SelectedAgent:
     slowings: tuple[Slowing, ...] = ()
     contact: float | None = None
     violates: bool = False
+    exact: bool = False
 
     @property
     def stands(self) -> tuple[Stop, ...]:
@@ -104,6 +107,7 @@ class Selection:
         nll: summed -log p_wp of the chosen candidates [nats] (Eq. 4).
         cost: the same plus -log density of the time laws [nats]; what `map` minimises.
         optimal: whether no surviving combination of the pool costs less.
+        objects: what stands in the scene.
         figures: how the search went (counts).
     """
 
@@ -114,4 +118,5 @@ class Selection:
     nll: float
     cost: float
     optimal: bool
+    objects: tuple[ObjectRecord, ...] = ()
     figures: Mapping[str, float] = field(default_factory=dict)

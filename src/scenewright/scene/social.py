@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from scenewright.scene.account import SaidSpan
-from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
+from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement, is_left_out
+from scenewright.scene.measures import Measure
 
 RelationType = Literal["collide_at", "near_miss", "yield_to", "follow"]
 CollisionKind = Literal[
@@ -23,13 +24,17 @@ Cause = Literal["red_light_run", "late_brake"]
 EntrySide = Literal["same", "other", "opposite", "lateral", "left", "right"]
 """How one entry lies to another: one leg, not that, oncoming, on the cross street, to its left."""
 
+Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in"]
+"""How a relation in one lane comes about: `to` brakes hard ahead of `from`; `from` drives close up;
+`from` changes into the lane of `to`, ahead of it."""
+
 Density = Literal["low", "medium", "high"]
 Subtype = Literal["car", "truck", "bus", "motorcycle"]
 TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
 
 
-MOST_AGENTS, MOST_RELATIONS = 12, 12
-"""Named agents, and relations between them, that one graph holds."""
+MOST_AGENTS, MOST_RELATIONS, MOST_OBJECTS = 12, 12, 6
+"""Named agents, relations between them, and standing objects that one graph holds."""
 
 
 class AgentNode(Model):
@@ -58,6 +63,7 @@ class RelationEdge(Model):
         kind: collision kind, where the text names one (T-bone = angle, ...).
         cause: how it comes about, where the text says so.
         braker: the vehicle that brakes hard or late, where the cause is `late_brake`.
+        manoeuvre: how it comes about in one lane, where the text says so.
         pattern: id of the one relation file that may play it, where the text uses its phrase.
         target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
         point_from, point_to: where on either vehicle a collision strikes, where the text says so.
@@ -70,13 +76,14 @@ class RelationEdge(Model):
     kind: CollisionKind | None = None
     cause: Cause | None = None
     braker: AgentId | None = None
+    manoeuvre: Manoeuvre | None = Field(default=None, exclude_if=is_left_out)
     pattern: str | None = Field(default=None, max_length=64)
     target_pet: float | None = Field(default=None, ge=0, le=8)
     target_ttc: float | None = Field(default=None, ge=0, le=8)
     impact_speed: float | None = Field(default=None, gt=0, le=20)
     point_from: ImpactPoint | None = None
     point_to: ImpactPoint | None = None
-    first: AgentId | None = None
+    first: AgentId | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
     def _two_agents(self) -> Self:
@@ -87,14 +94,6 @@ class RelationEdge(Model):
         if self.first not in (None, self.from_, self.to):
             raise ValueError(f"first must be {self.from_} or {self.to}, got {self.first}")
         return self
-
-    @model_serializer(mode="wrap")
-    def _with_order_where_asked(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """The plain values; `first` only where it is said, as files of earlier plans have it."""
-        plain: dict[str, Any] = handler(self)
-        if self.first is None:
-            plain.pop("first", None)
-        return plain
 
     @property
     def brakes(self) -> bool:
@@ -124,6 +123,51 @@ class EntryTie(Model):
         return self
 
 
+ObjectKind = Literal[
+    "parked", "double_parked", "stalled", "bus_stop", "box", "bin", "container"
+]  # fmt: skip
+"""What stands: vehicles at the kerb, beside those parked there, in a lane, a bus at its stop; a
+cabinet or kiosk, a litter bin, a shipping container."""
+
+ObjectId = Annotated[str, Field(pattern=r"^object-[1-9][0-9]*$", max_length=32)]
+STANDING_VEHICLES = ("parked", "double_parked", "stalled", "bus_stop")
+
+
+class ObjectNode(Model):
+    """Something that stands all the time and takes no part (SEMANTICS 8).
+
+    Attributes:
+        subtype: of a vehicle; a car where the text leaves it open, a bus at a bus stop.
+        leg: the arm it stands on; side: that of the approach (`entry`) or of the exit.
+        hides: the pedestrian that it hides from the vehicle `hidden_from`, up to `lead` before
+            what the two do.
+        lead: least and most seconds between the first free line of sight and the event.
+    """
+
+    id: ObjectId
+    kind: ObjectKind
+    subtype: Subtype | None = None
+    leg: Compass | None = None
+    side: Literal["entry", "exit"] | None = None
+    hides: AgentId | None = None
+    hidden_from: AgentId | None = None
+    lead: tuple[float, float] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.subtype is not None and self.kind not in STANDING_VEHICLES:
+            raise ValueError(f"{self.id}: a {self.kind} has no subtype")
+        if (self.hides is None) != (self.hidden_from is None):
+            raise ValueError(f"{self.id}: hides and hidden_from go together")
+        if self.lead is not None and not 0 <= self.lead[0] < self.lead[1] <= 10:
+            raise ValueError(f"{self.id}: lead must be two rising numbers of seconds up to 10")
+        return self
+
+
+DEFAULT_LEAD = (1.0, 2.0)
+"""How long before an event the line of sight is free where the text does not say [s]."""
+
+
 class Background(Model):
     """Explicit numbers of background agents; None where the text leaves a class free."""
 
@@ -144,6 +188,8 @@ class SocialGraph(Model):
 
     Attributes:
         ties: entries that the text fixes by one another, such as those of oncoming vehicles.
+        objects: what stands on the road or the sidewalk; hides or blocks the way.
+        measures: figures that the text asks for beside the severity of relations.
         said: what the words of the instruction became.
     """
 
@@ -151,6 +197,10 @@ class SocialGraph(Model):
     relations: tuple[RelationEdge, ...] = Field(default=(), max_length=MOST_RELATIONS)
     ties: tuple[EntryTie, ...] = Field(default=(), max_length=66)
     context: SceneContext = SceneContext()
+    objects: tuple[ObjectNode, ...] = Field(
+        default=(), max_length=MOST_OBJECTS, exclude_if=is_left_out
+    )
+    measures: tuple[Measure, ...] = Field(default=(), max_length=24, exclude_if=is_left_out)
     said: tuple[SaidSpan, ...] = Field(default=(), max_length=500)
 
     @model_validator(mode="after")
@@ -166,7 +216,26 @@ class SocialGraph(Model):
         for tie in self.ties:
             if not {tie.agent, tie.of} <= set(ids):
                 raise ValueError("a tie of entries names an agent that is not in the scene")
+        self._check_objects()
+        for each in self.measures:
+            if not {each.agent, each.other or each.agent} <= set(ids):
+                raise ValueError(f"{each.kind} is asked of an agent that is not in the scene")
         return self
+
+    def _check_objects(self) -> None:
+        names = [each.id for each in self.objects]
+        if len(set(names)) != len(names):
+            raise ValueError("object ids must be unique")
+        bound = {frozenset((edge.from_, edge.to)) for edge in self.relations}
+        for each in self.objects:
+            pair = frozenset((each.hides, each.hidden_from))
+            if each.hides is not None and pair not in bound:
+                raise ValueError(
+                    f"{each.id} hides {each.hides} from {each.hidden_from}, but no relation binds "
+                    "the two"
+                )
+            if each.hides is not None and not each.hides.startswith("pedestrian"):
+                raise ValueError(f"{each.id} can hide a pedestrian only, not {each.hides}")
 
     def agent(self, agent_id: str) -> AgentNode:
         """The vertex with this id; KeyError if there is none."""

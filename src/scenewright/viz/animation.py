@@ -37,7 +37,7 @@ from scenewright.viz.figure import (
 )
 from scenewright.viz.label_placement import LabelLayout
 from scenewright.viz.road_markings import find_light_positions
-from scenewright.viz.still import EVENT_WORDS, compute_windscreen
+from scenewright.viz.still import EVENT_WORDS, compute_windscreen, draw_objects
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -96,6 +96,7 @@ class _AnimatedScene:
         rect = (0.1 / wide, 0.1 / tall, SIDE / wide, SIDE / tall)
         self.axes = add_map_axes(self.figure, rect)
         draw_basemap(self.axes, intersection, choose_view(scene, self.moving, intersection))
+        draw_objects(self.axes, scene)
         draw_scale(self.axes)
         draw_north(self.axes)
         _draw_header(self.figure, scene, proof)

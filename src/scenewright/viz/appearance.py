@@ -10,6 +10,7 @@ import numpy as np
 
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord, SegmentStatus
 
 FOREGROUND = (
@@ -25,6 +26,8 @@ FOREGROUND = (
 """Colours that colour-blind readers can tell apart, in this order (after Okabe and Ito)."""
 BACKGROUND_VEHICLE = "#8A94A3"
 BACKGROUND_PEDESTRIAN = "#A39382"
+STANDING = "#3F4650"
+"""Of objects that stand all the time."""
 LIGHTS: dict[Colour, str] = {"green": "#19A974", "yellow": "#F2B705", "red": "#DB2B39"}
 STATES: dict[SegmentStatus, str] = {
     "keep": "#6C8EBF",
@@ -97,6 +100,23 @@ def _shape_vehicle(length: float) -> FloatArray:
     """[N, 2] unit rectangle; its front corners are cut by about 0.4 m to show the heading."""
     nose = 1 - min(0.8 / length, 0.5)
     return np.array([(-1, -1), (nose, -1), (1, -0.55), (1, 0.55), (nose, 1), (-1, 1)], dtype=float)
+
+
+def outline_object(record: ObjectRecord) -> FloatArray:
+    """[N, 2] corners of a standing object [m]; a vehicle's are cut at its front."""
+    drives = record.subtype is not None
+    unit = _shape_vehicle(record.length) if drives else _shape_vehicle(np.inf)
+    cos, sin = np.cos(record.heading), np.sin(record.heading)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    half = np.array([record.length, record.width]) / 2
+    return np.asarray((unit * half) @ turn + (record.x, record.y))
+
+
+def describe_object(record: ObjectRecord) -> str:
+    """What an object is, in words: a parked truck, a bus at its stop."""
+    if record.kind == "bus_stop":
+        return "bus at its stop"
+    return f"{record.kind.replace('_', '-')} {record.subtype or ''}".strip()
 
 
 def list_motions(scene: SceneRecord) -> list[Motion]:

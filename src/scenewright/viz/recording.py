@@ -22,12 +22,15 @@ from scenewright.files import write_atomically
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
+from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import EventRecord, SceneRecord, SignalRecord
 from scenewright.viz.appearance import (
     LIGHTS,
+    STANDING,
     STATES,
     Motion,
     choose_view,
+    describe_object,
     list_motions,
     make_printable,
     parse_colour,
@@ -85,6 +88,8 @@ def record_scene(
     _log_paths(stream, "candidates", candidates or {}, moving, width=0.03, strength=0.3)
     _log_paths(stream, "priors", {n: [p] for n, p in (priors or {}).items()}, moving, width=0.09,
                strength=0.65)  # fmt: skip
+    for each in scene.objects:
+        _log_object(stream, each)
     for motion in moving:
         _log_motion(stream, motion)
     _log_states(stream, scene)
@@ -281,6 +286,22 @@ def _send(
     import rerun as rr
 
     stream.send_columns(path, indexes=[rr.TimeColumn(TIMELINE, duration=times)], columns=columns)
+
+
+def _log_object(stream: rr.RecordingStream, record: ObjectRecord) -> None:
+    """Log a standing object as a static box."""
+    import rerun as rr
+
+    usual = 1.1 if record.height == "low" else 2.0
+    height = VEHICLE_HEIGHTS.get(record.subtype or "", 1.5 if record.subtype else usual)
+    box = rr.Boxes3D(
+        half_sizes=[(record.length / 2, record.width / 2, height / 2)],
+        centers=[(record.x, record.y, height / 2)],
+        rotation_axis_angles=[rr.RotationAxisAngle((0, 0, 1), angle=record.heading)],
+        colors=[parse_colour(STANDING)], fill_mode=rr.components.FillMode.Solid,
+        labels=[f"{record.id}: {describe_object(record)}"],
+    )  # fmt: skip
+    stream.log(join_entity_path("objects", record.id), box, static=True)
 
 
 def _log_body(stream: rr.RecordingStream, motion: Motion) -> None:

@@ -17,12 +17,15 @@ from scenewright.viz.appearance import (
     BACKGROUND_PEDESTRIAN,
     BACKGROUND_VEHICLE,
     LIGHTS,
+    STANDING,
     Motion,
     choose_view,
+    describe_object,
     find_light_colours,
     find_main_time,
     list_motions,
     make_printable,
+    outline_object,
     parse_colour,
 )
 from scenewright.viz.basemap import draw_basemap, draw_north, draw_road_names, draw_scale
@@ -109,6 +112,7 @@ def _draw_agents(
     )
     draw_road_names(axes, intersection, avoid=np.vstack(layout.points))
     draw_lights(axes, scene, intersection, time)
+    draw_objects(axes, scene)
     for motion in moving:
         if motion.is_foreground:
             _draw_trail(axes, motion, time)
@@ -118,6 +122,19 @@ def _draw_agents(
     for number, motion in enumerate(moving):
         _draw_footprint(axes, motion, time, order=10 + 2 * number / len(moving))
     _draw_labels(axes, layout, scene, moving)
+
+
+def draw_objects(axes: Axes, scene: SceneRecord) -> None:
+    """Standing objects: hatched where they block the view."""
+    from matplotlib.patches import Polygon
+
+    for each in scene.objects:
+        axes.add_patch(
+            Polygon(
+                outline_object(each), closed=True, facecolor=STANDING, edgecolor="white", lw=0.9,
+                hatch="////" if each.height == "high" else None, zorder=9.5,
+            )
+        )  # fmt: skip
 
 
 def _reserve_label_space(axes: Axes, scene: SceneRecord, moving: list[Motion]) -> LabelLayout:
@@ -136,6 +153,8 @@ def _reserve_label_space(axes: Axes, scene: SceneRecord, moving: list[Motion]) -
             layout.avoid(_fill_outline(motion.compute_outline(index)))
         if motion.is_foreground:
             layout.avoid(motion.xy[::3])
+    for each in scene.objects:
+        layout.avoid(_fill_outline(outline_object(each)))
     return layout
 
 
@@ -402,6 +421,7 @@ def _list_legend_entries(
     keys = [("vehicle", BACKGROUND_VEHICLE, "background vehicle"),
             ("pedestrian", BACKGROUND_PEDESTRIAN, "background pedestrian"),
             ("dot", "#FFFFFF", "one second")]  # fmt: skip
+    rows += [[("vehicle", STANDING, f"{o.id}: {describe_object(o)}")] for o in scene.objects]
     if scene.signals:
         keys.append(("light", LIGHTS["red"], f"signal at {find_main_time(scene):.1f} s"))
     return [*rows, keys]

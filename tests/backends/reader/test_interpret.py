@@ -11,6 +11,7 @@ from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import count_in, number_in
 from scenewright.backends.builtin.reader.reading import reading_of
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
+from scenewright.scene.measures import format_measure
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 
 
@@ -253,3 +254,96 @@ def test_nearly_head_on_is_a_near_miss_from_opposite_sides(words: str) -> None:
     graph = graph_of(f"[veh:1,2 Two cars] [near:1>2 nearly collide] [hit=head:1>2 {words}].")
     assert [(edge.type, edge.kind) for edge in graph.relations] == [("near_miss", None)]
     assert [tie.side for tie in graph.ties] == ["opposite"]
+
+
+@pytest.mark.parametrize(
+    ("line", "measures"),
+    [
+        (
+            "[veh:1 A car] [red:1 runs a red light] [speed:1 at 15 m/s] and [hit:1>2 hits] "
+            "[ped:2 a man]",
+            ["line_speed(vehicle-1) in [14.5, 15.5] m/s"],
+        ),
+        (
+            "[veh:1 A car] [speed:1 doing 36 km/h] [hit:1>2 hits] [ped:2 a man] [speed:2 walking "
+            "at 1.5 m/s]",
+            ["speed(vehicle-1) in [9.5, 10.5] m/s", "speed(pedestrian-1) in [1, 2] m/s"],
+        ),
+        (
+            "[veh:1 A car] [follow:1>2 follows] [veh:2 a bus] with [headway:1>2 0.8 s headway]",
+            ["headway(vehicle-1, vehicle-2) in [0.65, 0.95] s"],
+        ),
+        (
+            "[veh:1 A car] [follow:1>2 follows] [veh:2 a bus] [gap:1 at a distance of 40 ft]",
+            ["gap(vehicle-1, vehicle-2) in [11.89, 12.49] m"],
+        ),
+        (
+            "[veh:1 A car] [near:1>2 just misses] [ped:2 a man] with [pet:1>2 PET of at most 1 s]",
+            ["pet(vehicle-1, pedestrian-1) in [0, 1] s"],
+        ),
+        (
+            "[veh:1 A car] [speed:1 no faster than 18 km/h] [yield:1>2 yields to] [ped:2 a man]",
+            ["speed(vehicle-1) in [0, 5] m/s"],
+        ),
+        (
+            "[veh:1 A car] [speed:1 at between 8 and 10 m/s] [hit:1>2 hits] [ped:2 a man] "
+            "[when between 10 and 12 s]",
+            [
+                "speed(vehicle-1) in [8, 10] m/s",
+                "time(vehicle-1, pedestrian-1) in [10, 12] s",
+            ],
+        ),
+        (
+            "[veh:1 A car] [hit:1>2 hits] [ped:2 a man] at [point:1 25 % of its front] "
+            "[speed:1 at least 10 m/s]",
+            [
+                "front_point(vehicle-1, pedestrian-1) in [20, 30] %",
+                "contact_speed(vehicle-1, pedestrian-1) in [10, 20] m/s",
+            ],
+        ),
+        (
+            "[veh:1 A car] [wait:1 waits 4 seconds], [decel:1 braking at 0.3 g], [dist:1 2 m "
+            "before the line], and [yield:1>2 lets] [ped:2 a man] cross",
+            [
+                "wait(vehicle-1) in [3.85, 4.15] s",
+                "braking(vehicle-1) in [2.443, 3.443] m/s2",
+                "line_distance(vehicle-1) in [1.7, 2.3] m",
+            ],
+        ),
+    ],
+)
+def test_numbers_become_figures_with_their_tolerance(line: str, measures: list[str]) -> None:
+    graph = graph_of(line)
+    assert [format_measure(each) for each in graph.measures] == measures
+    told = [each.value for each in graph.said if each.became == "measure"]
+    assert sorted(filter(None, told)) == sorted(measures)
+
+
+@pytest.mark.parametrize(
+    ("words", "most"),
+    [
+        ("[speed:1 at 100 km/h]", "at most 20 m/s"),
+        ("[decel:1 braking at 9.8 m/s2]", "at most 8 m/s2"),
+    ],
+)
+def test_a_number_that_no_scene_can_have_is_refused_with_the_most(words: str, most: str) -> None:
+    plan = plan_of(f"[veh:1 A car] {words} [hit:1>2 hits] [ped:2 a man]")
+    assert isinstance(plan, Refusal)
+    assert most in plan.reason
+
+
+@pytest.mark.parametrize(
+    ("event", "relation"),
+    [
+        ("[hit=rear:2>1 rear-ends it]", "collide_at"),
+        ("[near:2>1 nearly runs into it]", "near_miss"),
+        ("[!hit:2>1 stops in time]", "follow"),
+    ],
+)
+def test_who_brakes_ahead_of_another_does_so_as_a_manoeuvre(event: str, relation: str) -> None:
+    graph = graph_of(f"[veh:1 The lead car] [brake:1 brakes hard] and [veh:2 the follower] {event}")
+    (edge,) = graph.relations
+    assert (edge.type, edge.from_, edge.to) == (relation, "vehicle-2", "vehicle-1")
+    assert (edge.manoeuvre, edge.cause) == ("lead_brakes", None)
+    said = {each.words: each.became for each in graph.said}
+    assert said["brakes hard"] == "manoeuvre"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from hypothesis import given
@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from scenewright.errors import Rejected
 from scenewright.scene.constraints import (
+    AgentFigure,
+    AgentFigureName,
     Before,
     BrakesFor,
     Clause,
@@ -23,6 +25,8 @@ from scenewright.scene.constraints import (
     NoInteraction,
     OnRoad,
     OnWalkable,
+    PairFigure,
+    PairFigureName,
     PassesThrough,
     RunsRed,
     SameLane,
@@ -111,6 +115,13 @@ def paired_ranges(draw: st.DrawFn, model: type[Clause], limit: float) -> Clause:
     return draw(ranges(model, limit, first=st.just(first), second=st.just(second)))
 
 
+@st.composite
+def figures_of_two(draw: st.DrawFn) -> Clause:
+    first, second = draw(PAIR)
+    name = st.sampled_from(get_args(PairFigureName))
+    return draw(ranges(PairFigure, 100, first=st.just(first), second=st.just(second), clause=name))
+
+
 CLAUSE = st.one_of(
     st.builds(OnRoad, agent=agents("vehicle")),
     st.builds(OnWalkable, agent=agents("pedestrian")),
@@ -126,6 +137,8 @@ CLAUSE = st.one_of(
     paired_ranges(Headway, 10),
     pairs(Contact, kind=KIND | st.none(), speed=positive(20) | st.none()),
     struck(),
+    ranges(AgentFigure, 100, agent=AGENT, clause=st.sampled_from(get_args(AgentFigureName))),
+    figures_of_two(),
     ranges(BrakesFor, 8, first=agents("vehicle"), second=agents("pedestrian")),
     pairs(GivesWay),
     pairs(NoInteraction),

@@ -22,6 +22,8 @@ from scenewright.tools.exporters.opendrive import write_opendrive
 from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
 from scenewright.tools.track_io.external_tracks import read_external_recordings
 from scenewright.tools.track_io.scenarionet import load_arrays
+from scenewright.tools.track_io.tfrecord import compute_masked_crc, read_records, write_records
+from scenewright.tools.track_io.womd import scenario_class
 
 
 def test_headings_lie_within_pi_and_velocities_are_of_the_positions() -> None:
@@ -53,7 +55,7 @@ def test_lights_have_a_colour_at_every_step() -> None:
 
 READ_BACK = {
     "csv": "*.csv", "fcd": "*.xml", "openscenario": "*.xosc", "scenarionet": "sd_*.pkl",
-    "commonroad": "*.xml",
+    "commonroad": "*.xml", "womd": "*.tfrecord", "argoverse2": "*/*.parquet",
 }  # fmt: skip
 """Formats at 10 Hz that the verifier reads, and which of their files it reads."""
 
@@ -67,10 +69,9 @@ def test_what_is_written_shows_the_verifier_the_same(name: str, tmp_path: Path) 
     struck = {tracks.subtypes[event.from_], tracks.subtypes[event.to]}
     assert (struck, event.kind) == ({"car", "pedestrian"}, "pedestrian_strike")
     assert event.time == pytest.approx(CONTACT, abs=0.1)
-    found = {tracks.subtypes[user.id]: user for user in tracks.users}
+    found = {(user.shape.type, round(user.track.start, 3)): user for user in tracks.users}
     for agent in make_scene().agents:
-        user = found[agent.names.tracks]
-        assert user.track.start == pytest.approx(agent.times[0])
+        user = found[agent.record.type, agent.times[0]]
         assert user.track.xy == pytest.approx(agent.xy, abs=1e-4)
         assert wrap_angles(user.track.heading - agent.heading) == pytest.approx(0.0, abs=1e-5)
         assert user.shape.length == pytest.approx(agent.record.length)
@@ -182,6 +183,32 @@ def test_scenarionet_begins_at_the_ego_which_goes_on_after_a_collision() -> None
     scenario = load_arrays(later, name="it")
     assert scenario["metadata"]["time_offset"] == 2.0
     assert scenario["tracks"]["3"]["state"]["position"][0, 0] == pytest.approx(49.0)
+
+
+@pytest.mark.parametrize("name", ["womd", "argoverse2"])
+def test_a_window_is_as_long_as_the_dataset_has_it(name: str, tmp_path: Path) -> None:
+    scenewright.export(make_record(), name, tmp_path, form="window")
+    (file,) = tmp_path.glob(READ_BACK[name])
+    ends = max(user.track.end for user in load_tracks(file).users)
+    assert ends == pytest.approx(8.0)  # the late vehicle's end; 9.1 and 11 s are asked for
+    if name == "womd":
+        (record,) = read_records(file.read_bytes(), name="it")
+        scenario = scenario_class().FromString(record)
+        assert [len(track.states) for track in scenario.tracks] == [91] * 3
+        assert list(scenario.objects_of_interest) == [1, 2]
+
+
+def test_tfrecords_have_the_checksum_of_the_standard() -> None:
+    """0xE3069283 is the check value of CRC-32C; a record that was changed is refused."""
+    crc = 0xE3069283
+    masked = ((crc >> 15 | crc << 17) + 0xA282EAD8) & 0xFFFFFFFF
+    assert compute_masked_crc(b"123456789") == masked
+    data = write_records([b"123456789", b""])
+    assert list(read_records(data, name="it")) == [b"123456789", b""]
+    with pytest.raises(InputError, match="record 0: its checksum"):
+        list(read_records(data.replace(b"5", b"6"), name="it"))
+    with pytest.raises(InputError, match="record 1: the file is cut off"):
+        list(read_records(data[:-1], name="it"))
 
 
 class _Evil:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
-from scenewright.scene.social import ImpactPoint
+from scenewright.scene.social import ImpactPoint, Manoeuvre
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 
@@ -105,6 +106,7 @@ class RelationDraft:
         pattern: id of the relation file whose phrase the text uses.
         braker: who brakes hard or late, where the text says so.
         first: who passes first, where the text says so.
+        manoeuvre: how it comes about in one lane, where the text says so.
     """
 
     type: str
@@ -118,15 +120,42 @@ class RelationDraft:
     pattern: str | None = None
     braker: AgentDraft | None = None
     first: AgentDraft | None = None
+    manoeuvre: Manoeuvre | None = None
 
     @property
     def ahead(self) -> AgentDraft | None:
         """Who comes first by what the relation is; None where that is left open."""
-        return self.to if self.type in ("yield_to", "follow") or self.kind == "rear_end" else None
+        in_one_lane = self.kind == "rear_end" or self.manoeuvre is not None
+        return self.to if self.type in ("yield_to", "follow") or in_one_lane else None
 
     def pair(self) -> frozenset[int]:
         """The two agents, unordered."""
         return frozenset((id(self.from_), id(self.to)))
+
+
+@dataclass(eq=False)
+class MeasureDraft:
+    """A figure that the text asks for, of one agent or between two, in [low, high]."""
+
+    kind: MeasureKind
+    agent: AgentDraft
+    other: AgentDraft | None
+    low: float
+    high: float
+
+    def named(self, ids: Mapping[int, str]) -> Measure | None:
+        """The measure with agents by name (id of a draft -> name); None if one has gone."""
+        agents = (self.agent,) if self.other is None else (self.agent, self.other)
+        if any(id(agent) not in ids for agent in agents):
+            return None
+        names = [ids[id(agent)] for agent in agents]
+        return Measure(
+            kind=self.kind,
+            agent=names[0],
+            other=names[1] if self.other is not None else None,
+            low=round(self.low, 4),
+            high=round(self.high, 4),
+        )
 
 
 @dataclass
@@ -148,6 +177,7 @@ class Draft:
 
     agents: list[AgentDraft] = field(default_factory=list)
     relations: list[RelationDraft] = field(default_factory=list)
+    measures: list[MeasureDraft] = field(default_factory=list)
     context: ContextDraft = field(default_factory=ContextDraft)
     denied: set[str] = field(default_factory=set)
     normal: bool = False

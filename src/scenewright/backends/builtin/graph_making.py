@@ -140,7 +140,14 @@ def make_graph(draft: Draft) -> SocialGraph:
         EntryTie(agent=ids[id(agent)], of=ids[id(other)], side=side)
         for agent, other, side in ties(draft)
     )
-    return SocialGraph(agents=nodes, relations=edges, ties=tied, context=make_context(draft))
+    measures = tuple(m for each in draft.measures if (m := each.named(ids)) is not None)
+    return SocialGraph(
+        agents=nodes,
+        relations=edges,
+        ties=tied,
+        measures=tuple(dict.fromkeys(measures)),
+        context=make_context(draft),
+    )
 
 
 def name_agents(agents: Sequence[AgentDraft]) -> dict[int, str]:
@@ -181,6 +188,7 @@ def make_edge(relation: RelationDraft, ids: dict[int, str], draft: Draft) -> Rel
             "kind": relation.kind if collision else None,
             "cause": relation.cause,
             "braker": None if relation.braker is None else ids[id(relation.braker)],
+            "manoeuvre": relation.manoeuvre,
             "pattern": relation.pattern,
             "target_pet": context.pet if not collision else None,
             "target_ttc": context.ttc if miss else None,

@@ -20,8 +20,10 @@ from scenewright.backends.builtin.reader.learned_plan import (
 )
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.scope import check_language, check_text
+from scenewright.backends.builtin.standing import add_objects, take_out
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.edits import still_holds
+from scenewright.scene.measures import MeasureKind
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import (
@@ -90,7 +92,13 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
 
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
-        return decide(read_twice(text, previous, site), site)
+        check_text(text)
+        rest, standing = take_out(text)
+        earlier = None if previous is None else take_out(previous)[0]
+        found = decide(read_twice(rest, earlier, site), site)
+        if not standing or isinstance(found, Refusal):
+            return found
+        return add_objects(found, standing)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 
@@ -98,7 +106,7 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
 def decide(readings: Readings, site: Site) -> Plan:
     """The plan that both readings agree on, or a confident one; else what might be meant."""
     learned, other = readings.learned, readings.by_grammar
-    if readings.says_a_phrase or _names_pattern(other):
+    if (readings.says_a_phrase or _names_pattern(other)) and not _loses_numbers(other, learned):
         return _with_account(other, learned)
     doubtful = learned.confidence < SURE and learned.reading.kind == "scene"
     text = learned.reading.text
@@ -121,7 +129,22 @@ def _filled(plan: Plan, other: Plan) -> Plan:
     if isinstance(plan, Refusal) or isinstance(other, Refusal):
         return plan
     edges = tuple(_fill_edge(edge, other.relations) for edge in plan.relations)
+    # The grammar takes every speed for that of the impact, and every bound for a number.
+    asked = {each.kind for each in plan.measures}
+    dropped = [name for name, kinds in _INSTEAD.items() if asked & kinds]
+    edges = tuple(
+        edge.model_copy(update={name: getattr(own, name) for name in dropped})
+        for edge, own in zip(edges, plan.relations, strict=True)
+    )
     return plan.model_copy(update={"relations": edges})
+
+
+_INSTEAD: dict[str, set[MeasureKind]] = {
+    "impact_speed": {"speed", "line_speed", "contact_speed"},
+    "target_pet": {"pet", "headway", "gap"},
+    "target_ttc": {"ttc"},
+}
+"""Fields of a relation that are not filled in where the other reading has these measures."""
 
 
 def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge]) -> RelationEdge:
@@ -131,6 +154,8 @@ def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge]) -> RelationEd
         return edge
     fields = ("kind", "cause", "target_pet", "target_ttc", "impact_speed", "point_from", "point_to")
     open_ = {name: getattr(same, name) for name in fields if getattr(edge, name) is None}
+    if edge.manoeuvre is not None:  # it says who brakes
+        open_.pop("cause", None)
     return edge.model_copy(update=open_)
 
 
@@ -158,12 +183,21 @@ def _names_pattern(plan: Plan) -> bool:
     return isinstance(plan, SocialGraph) and any(edge.pattern for edge in plan.relations)
 
 
+def _loses_numbers(plan: Plan, learned: LearnedPlan) -> bool:
+    """Whether figures that the learned reading sees are of other agents than the grammar's."""
+    if isinstance(plan, Refusal) or isinstance(learned.plan, Refusal):
+        return False
+    ways = [[(a.id, a.type, a.entry) for a in each.agents] for each in (plan, learned.plan)]
+    return bool(learned.plan.measures) and ways[0] != ways[1]
+
+
 def _with_account(plan: Plan, learned: LearnedPlan) -> Plan:
     """The grammar's plan with as much of the learned account as is true of it."""
     if isinstance(plan, SocialGraph) and isinstance(learned.plan, SocialGraph):
         said = learned.plan.said
         edges = tuple(_fill_order(edge, learned.plan.relations) for edge in plan.relations)
         plan = plan.model_copy(update={"relations": edges})
+        plan = plan.model_copy(update={"measures": learned.plan.measures})
         held = tuple(e for e in said if e.became != "nothing" and still_holds(e, plan))
         return plan.model_copy(update={"said": held})
     return plan

@@ -249,7 +249,11 @@ def paper_wish(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
     normal, collision, yielding = (max(round(scale * n), 1) for n in (100, 40, 50))
     quotas = [Quota(NORMAL, normal, NORMAL, backend=None, foreground=True)]
     leaves = {
-        relation: tuple(each.id for each in load_patterns() if each.relation == relation)
+        relation: tuple(
+            each.id
+            for each in load_patterns()
+            if each.relation == relation and each.manoeuvre is None
+        )
         for relation in ("collide_at", "yield_to")
     }
     for place, backend in enumerate(backends):

@@ -174,8 +174,9 @@ def _meet(
 
 
 def twins(pattern: Pattern) -> bool:
-    """Whether a likelier pattern has the same parties, so that only its own phrase names it."""
-    return any(
+    """Whether only its own phrase names it: a likelier pattern has the same parties, or none does
+    it without saying how."""
+    return pattern.manoeuvre is not None or any(
         other.id != pattern.id
         and other.weight > pattern.weight
         and _shape(other) == _shape(pattern)

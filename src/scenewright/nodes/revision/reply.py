@@ -13,6 +13,8 @@ from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner.reply import (
     TIME,
     completed,
+    manoeuvres_asked,
+    order_asked,
     points_asked,
     severity_asked,
 )
@@ -110,6 +112,7 @@ class RelateLine(_Line):
     type: RelationType | Literal["none"]
     kind: str | None = None
     cause: str | None = None
+    manoeuvre: str | None = None
     target_pet: float | None = None
     target_ttc: float | None = None
     impact_speed: float | None = None
@@ -217,9 +220,9 @@ def edits_schema(
     relation: dict[str, Schema] = {
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
-        "first": who,
+        **order_asked(words, who),
     }
-    relation |= severity_asked(words)
+    relation |= severity_asked(words) | manoeuvres_asked(words)
     ends = {"from": who, "to": who, "type": one_of((*get_args(RelationType), "none"))}
     context = {
         "density": one_of(get_args(Density)),

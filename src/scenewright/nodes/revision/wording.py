@@ -6,7 +6,13 @@ from collections.abc import Mapping, Sequence
 
 from scenewright.backends import Wording
 from scenewright.nodes.revision.reply import edits_schema, new_ids
-from scenewright.nodes.scene_planner.wording import crosswalks_told, times_told, ways_told
+from scenewright.nodes.scene_planner.wording import (
+    crosswalks_told,
+    manoeuvres_told,
+    order_told,
+    times_told,
+    ways_told,
+)
 from scenewright.nodes.wording import compact, faults_told, quoted, traffic_told, worded
 from scenewright.scene.edits import AgentView, Situation
 from scenewright.scene.route_table import RouteDescription
@@ -37,7 +43,7 @@ def worded_edits(
         "ways": ways_told(ways),
         "traffic": traffic_told(left_hand),
         "crosswalks": crosswalks_told(ways),
-        "times": times_told(words),
+        "times": times_told(words) + manoeuvres_told(words) + order_told(words),
         "agents": compact({each.id: _agent(each) for each in front}),
         "free": ", ".join(new_ids(situation)),
         "relations": compact(relations),

@@ -8,7 +8,8 @@ from itertools import chain
 
 from scenewright.backends import Question
 from scenewright.errors import Rejected
-from scenewright.scene.account import SaidSpan
+from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.measures import format_measure
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph
 
@@ -41,7 +42,7 @@ def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
     text = str(question.facts["instruction"])
     located = tuple(_locate(plan.said, text))
     said = tuple(chain.from_iterable(_fill_values(each, plan) for each in located))
-    read = _read_offline(question)
+    read = tuple(_leave_to_a_stage(each, plan) for each in _read_offline(question))
     if not located:
         kept = (each for each in read if each.became in ("manner", *_UNPLANNED))
         return tuple(_with_agents_of(plan, each) for each in kept)
@@ -101,6 +102,12 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
                 if {edge.from_, edge.to}.issuperset(entry.agents)
                 and (first := edge.get_first()) is not None
             ]
+        case "manoeuvre":
+            found = [
+                ((edge.from_, edge.to), edge.manoeuvre)
+                for edge in plan.relations
+                if edge.manoeuvre and {edge.from_, edge.to}.issuperset(entry.agents)
+            ]
         case "time_of_day":
             time = plan.context.time_of_day
             found = [] if time is None else [((), time)]
@@ -132,6 +139,21 @@ def _uncovered_spans(
             yield _left_out(each.start, each.end, each.words)
         elif each.became in _UNPLANNED and not overlaps:
             yield _with_agents_of(plan, each)
+
+
+def _leave_to_a_stage(entry: SaidSpan, plan: SocialGraph) -> SaidSpan:
+    """A figure that the offline planner reads and the plan lacks is left to a later stage."""
+    value = entry.value or ""
+    if entry.became != "measure" or " in [" not in value:
+        return entry
+    if set(value.split("; ")) <= {format_measure(each) for each in plan.measures}:
+        return entry
+    became: Became = "behavior" if value.startswith(_IN_BEHAVIOR) else "constraint"
+    return entry.model_copy(update={"became": became, "value": None})
+
+
+_IN_BEHAVIOR = ("wait(", "braking(", "acceleration(")
+"""Figures that the event reasoner may serve; clauses may serve the others."""
 
 
 def _with_agents_of(plan: SocialGraph, entry: SaidSpan) -> SaidSpan:

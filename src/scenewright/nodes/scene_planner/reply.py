@@ -20,6 +20,7 @@ from scenewright.scene.social import (
     Density,
     EntrySide,
     ImpactPoint,
+    Manoeuvre,
     Refusal,
     RelationEdge,
     RelationType,
@@ -41,6 +42,15 @@ _FIGURES = re.compile(
 )
 _PARTS = re.compile(
     r"front|rear|back|side|corner|bumper|fender|door|nose|tail|wing|hood|bonnet|boot|trunk|flank",
+    re.IGNORECASE,
+)
+_IN_LANE = re.compile(
+    r"\bbrak|\bahead|\bbehind|\bin front|lead|tail|bumper|cuts? in|\blanes?\b|merg|swerv",
+    re.IGNORECASE,
+)
+_IN_ORDER = re.compile(
+    r"\b(?:first|second|last|before|after|until|once|ahead|behind|in front|beats?|cut|cuts|"
+    r"cutting|prior|order|(?:step|pull|dart|dash|run|walk|jump)(?:s|ped|ed|ing)? out)\b|\bpreced",
     re.IGNORECASE,
 )
 _COMMON = frozenset(
@@ -116,6 +126,7 @@ _KEYS = {
     **dict.fromkeys(("point_from", "point_to"), "impact_point"),
     **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
     "first": "order",
+    **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
 }
 """Keys of a plan by which a model may call what words became."""
 
@@ -163,7 +174,8 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
         "braker": who,
-        "first": who,
+        **order_asked(words, who),
+        **manoeuvres_asked(words),
         **({"pattern": one_of(each.id for each in told)} if told else {}),
         **severity_asked(words),
     }
@@ -201,6 +213,16 @@ def severity_asked(words: str) -> Schema:
     if points_asked(words):
         found |= dict.fromkeys(("point_from", "point_to"), shared("point"))
     return found
+
+
+def manoeuvres_asked(words: str) -> Schema:
+    """How a relation in one lane comes about, where the words may speak of it."""
+    return {"manoeuvre": one_of(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
+
+
+def order_asked(words: str, who: Schema) -> Schema:
+    """The key of a relation that says who passes first, where the words may speak of that."""
+    return {"first": who} if _IN_ORDER.search(words) else {}
 
 
 def points_asked(words: str) -> Schema:

@@ -7,7 +7,12 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from scenewright.backends import Wording
-from scenewright.nodes.scene_planner.reply import patterns_told, plan_schema
+from scenewright.nodes.scene_planner.reply import (
+    manoeuvres_asked,
+    order_asked,
+    patterns_told,
+    plan_schema,
+)
 from scenewright.nodes.wording import (
     LONGEST_REQUEST,
     Example,
@@ -62,11 +67,12 @@ def worded_plan(
         left_hand: people drive on the left.
     """
     told = patterns_told(instruction, left_hand=left_hand)
+    said = f"{instruction} {previous or ''}"
     values = {
         "crosswalks": crosswalks_told(ways),
         "ways": ways_told(ways) + _uturns_told(ways),
         "traffic": traffic_told(left_hand),
-        "patterns": _patterns(told),
+        "patterns": _patterns(told) + manoeuvres_told(said) + order_told(said),
         "times": times_told(f"{instruction} {previous or ''}"),
         "previous": _previous(previous),
         "instruction": quoted(instruction),
@@ -127,6 +133,28 @@ def _patterns(told: Sequence[Pattern]) -> str:
         lines.append(f"{pattern.id} ({pattern.relation}): {' / '.join(phrases)}\n")
     head = "Patterns, to be set only if the request says just this:\n"
     return "".join([head, *lines]) if lines else ""
+
+
+_MANOEUVRES = (
+    "manoeuvre, of two in one lane: lead_brakes: to brakes hard ahead of from, which hits it "
+    "(collide_at rear_end), nearly does (near_miss) or stops in time (follow); no cause then.\n"
+)
+
+
+def manoeuvres_told(words: str) -> str:
+    """What manoeuvres there are, where a request may speak of one."""
+    return _MANOEUVRES if manoeuvres_asked(words) else ""
+
+
+_ORDER = (
+    'first, who passes first (collide_at: is in the way first): "X cuts off Y", "steps out before '
+    'Y", "goes ahead of Y": X; "only after Y", "second to Y": Y. Not for follow and rear_end.\n'
+)
+
+
+def order_told(words: str) -> str:
+    """What `first` is, where a request may speak of an order."""
+    return _ORDER if order_asked(words, {}) else ""
 
 
 def times_told(request: str) -> str:

@@ -13,8 +13,10 @@ from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import AssignedPattern, RoleAssignment
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import SightRecord
 from scenewright.scene.record import (
     AgentRecord,
+    MeasureRecord,
     RelationRecord,
     SceneMeta,
     SceneRecord,
@@ -24,7 +26,7 @@ from scenewright.scene.record import (
 )
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
-from scenewright.scene.social import RelationEdge, SocialGraph
+from scenewright.scene.social import DEFAULT_LEAD, RelationEdge, SocialGraph
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 
@@ -63,8 +65,25 @@ def assemble(
             TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
             for each in graph.ties
         ),
+        measures=_measures(graph, numbers),
         signals=_signals(selection, intersection_map),
         said=number_agents(graph.said, numbers),
+        objects=selection.objects,
+        sights=_list_sights(graph, numbers),
+    )
+
+
+def _list_sights(graph: SocialGraph, numbers: dict[str, int]) -> tuple[SightRecord, ...]:
+    """Every line of sight that an object is to block."""
+    return tuple(
+        SightRecord(
+            observer=numbers[each.hidden_from],
+            subject=numbers[each.hides],
+            object=each.id,
+            lead=each.lead or DEFAULT_LEAD,
+        )
+        for each in graph.objects
+        if each.hides is not None and each.hidden_from is not None
     )
 
 
@@ -160,6 +179,19 @@ def _relations(
     )
 
 
+def _measures(graph: SocialGraph, numbers: dict[str, int]) -> tuple[MeasureRecord, ...]:
+    return tuple(
+        MeasureRecord(
+            kind=each.kind,
+            agent=numbers[each.agent],
+            other=None if each.other is None else numbers[each.other],
+            low=each.low,
+            high=each.high,
+        )
+        for each in graph.measures
+    )
+
+
 def _sides(edge: RelationEdge, played: AssignedPattern, numbers: dict[str, int]) -> dict[str, Any]:
     """Who is asked for in which role; the striking agent comes first where its kind tells it."""
     sides = [(edge.from_, edge.point_from), (edge.to, edge.point_to)]
@@ -188,6 +220,7 @@ def _demands(
         "type": pattern.proof.event,
         "kind": edge.kind or pattern.proof.kind,
         "cause": edge.cause or pattern.proof.cause,
+        "manoeuvre": pattern.manoeuvre,
         "zone": pattern.zone,
         "first": by_file if edge.first is None else numbers[edge.first],
         "within": {} if severe else pattern.bounds(),

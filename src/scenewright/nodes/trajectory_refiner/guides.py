@@ -60,6 +60,7 @@ def _kept(motion: Motion, agent: SelectedAgent, selection: Selection) -> NDArray
             begin, end = _about(event, selection)
             kept |= (times >= begin) & (times <= end)
     kept[: round(FIRST / STEP)] = True
+    kept |= agent.exact
     if motion.ended:
         kept[-1] = True
     return kept

@@ -100,6 +100,7 @@ def _solved(
         mode=context.selection,
         lenient=len(rejections) >= _STRICT_ATTEMPTS,
         frozen=state.get("pinned"),
+        objects=state["social_graph"].objects,
     )
     tried = int(selection.figures["tuples"])
     context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")
@@ -184,6 +185,7 @@ def _facts(state: FilterReads) -> dict[str, Any]:
             | {"striker": graph.relations[each.edge].from_, "struck": graph.relations[each.edge].to}
             for each in played
         ],
+        "measures": [each.model_dump() for each in graph.measures],
         "violators": sorted(
             {each.violator for each in played if each.violator}
             | {agent.id for agent in graph.agents if agent.runs_red}

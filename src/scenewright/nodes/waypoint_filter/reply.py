@@ -25,13 +25,13 @@ from scenewright.tools.dsl_validator.parse import MAX_CLAUSES, format_clause
 
 _SERVES: dict[str, tuple[str, ...]] = {
     "collide_at": ("contact",),
-    "near_miss": ("time_gap", "brakes_for"),
+    "near_miss": ("time_gap", "brakes_for", "stops_behind"),
     "yield_to": ("gives_way",),
-    "follow": ("headway",),
+    "follow": ("headway", "stops_behind"),
 }
 """By relation: the clauses of which one must bind its two agents."""
 
-_DIRECTED = frozenset({"gives_way", "headway"})
+_DIRECTED = frozenset({"gives_way", "headway", "stops_behind"})
 _GROUND = (OnRoad, OnWalkable)
 
 

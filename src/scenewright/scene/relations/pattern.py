@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from scenewright.scene.base import AgentClass, Model, Movement
 from scenewright.scene.events import EVENT_OF_RELATION, EventType, EventZone
 from scenewright.scene.record import SegmentStatus
-from scenewright.scene.social import Cause, CollisionKind, RelationType
+from scenewright.scene.social import Cause, CollisionKind, Manoeuvre, RelationType
 
 Geometry = Literal["crossing", "merging", "same_lane", "same_way", "lane_change", "opposing"]
 RoleName = Literal["from", "to"]
@@ -96,6 +96,7 @@ class Pattern(Model):
         zone: where the event must lie (docs/relations.md).
         order: who passes first; None: either.
         violator: the role that runs the red light where the two never have green together.
+        manoeuvre: how it comes about; such a pattern is drawn only where the request says that.
         weight: how often it is drawn where the text leaves the pattern open.
         phrases: words that ask for this pattern, `{from} ... {to}` or `{to} ... {from}`.
         thresholds: named numbers, or ranges [low, high], for clauses and proof.
@@ -112,6 +113,7 @@ class Pattern(Model):
     zone: EventZone
     order: RoleName | None = None
     violator: RoleName | None = None
+    manoeuvre: Manoeuvre | None = None
     weight: float = Field(default=1.0, gt=0.0, le=1000.0, allow_inf_nan=False)
     phrases: tuple[_Line, ...] = Field(min_length=1, max_length=12)
     constraints: tuple[_Line, ...] = Field(min_length=1, max_length=40)

@@ -8,6 +8,7 @@ from scenewright.geometry.landmarks import Landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import (
+    AgentFigure,
     MinLength,
     OnRoad,
     OnWalkable,
@@ -67,6 +68,8 @@ def _problem(
             return None if inside else f"free speed {candidate.time_law.speed:.1f} m/s"
         case PassesThrough():
             return None if _passes(candidate, clause, landmarks) else "does not pass there"
+        case AgentFigure():
+            return None  # of the motion in the scene, which the solver measures
         case RunsRed():
             return None if landmarks.group else "there is no red light on its way to run"
 

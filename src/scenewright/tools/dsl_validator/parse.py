@@ -19,6 +19,7 @@ from pydantic import ValidationError
 from scenewright.errors import Rejected
 from scenewright.scene.base import Model
 from scenewright.scene.constraints import (
+    AgentFigure,
     BrakesFor,
     Clause,
     ConstraintProgram,
@@ -27,26 +28,31 @@ from scenewright.scene.constraints import (
     MinLength,
     Near,
     PairClause,
+    PairFigure,
     PassesThrough,
     SameLane,
     SpeedBetween,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
+from scenewright.scene.measures import UNITS
 from scenewright.scene.rejection import Rejection
 
 MAX_BYTES = 20_000
 MAX_CLAUSES = 200
 
 _MODELS: dict[str, type[Model]] = {
-    model.model_fields["clause"].default: model for model in get_args(UnaryClause | PairClause)
+    name: model
+    for model in get_args(UnaryClause | PairClause)
+    for name in get_args(model.model_fields["clause"].annotation)
 }
 _WORDS = {
     "VEHICLE": "a vehicle such as vehicle-1",
     "PEDESTRIAN": "a pedestrian such as pedestrian-1",
     "KIND": "a kind of collision such as angle",
     "POINT": "a point of impact such as front_left",
-    "LATE": "'late_brake'",
+    "LATE": "'late_brake' or 'lead_brakes'",
     "_WITH": "'with'",
     "_ON": "'on'",
     "COMPASS": "a direction such as north",
@@ -60,6 +66,8 @@ _WORDS = {
     "_METRES": "the unit 'm'",
     "_SECONDS": "the unit 's'",
     "_METRES_PER_SECOND": "the unit 'm/s'",
+    "_METRES_PER_SECOND_2": "the unit 'm/s2'",
+    "_PERCENT": "'%'",
     "_SEPARATOR": "a new line or ';'",
     "LPAR": "'('",
     "RPAR": "')'",
@@ -128,7 +136,8 @@ def _clause(tree: Tree[Token]) -> Clause:
     names = [name for name in model.model_fields if name != "clause"]
     values = [None if token is None else str(token) for token in tree.children]
     try:
-        return cast("Clause", model.model_validate(dict(zip(names, values, strict=False))))
+        told = {"clause": str(tree.data), **dict(zip(names, values, strict=False))}
+        return cast("Clause", model.model_validate(told))
     except ValidationError as error:
         detail = f"{_place(tree.meta.line, tree.meta.column)}: {tree.data}: {_wrong_value(error)}"
         raise _refused(detail, agents=_agents(tree)) from None
@@ -229,7 +238,11 @@ def _bound(clause: Clause) -> str:
             return told if clause.cause is None else f"{told} {clause.cause}"
         case SpeedBetween():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] m/s"
-        case TimeGap() | Headway() | BrakesFor():
+        case AgentFigure() | PairFigure():
+            kind = "headway" if clause.clause == "time_headway" else clause.clause
+            unit = UNITS[kind].unit
+            return f" in [{_number(clause.low)}, {_number(clause.high)}] {unit}"
+        case TimeGap() | Headway() | BrakesFor() | StopsBehind():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] s"
         case _:
             return ""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from scenewright.scene.constraints import ConstraintProgram
+from scenewright.scene.measures import UNITS, Measure, get_aim
 from scenewright.scene.relations import Pattern, get_pattern
 from scenewright.tools.dsl_validator.parse import parse
 
@@ -29,8 +30,8 @@ def write_program(facts: Mapping[str, Any]) -> ConstraintProgram:
     """The program of a planned scene.
 
     Args:
-        facts: `relations` with their patterns and severity, `agents`, and `violators`, who run a
-            red light, as plain values.
+        facts: `relations` with their patterns and severity, `agents`, `violators`, who run a red
+            light, and `measures`, the figures asked for, as plain values.
     """
     return parse(_lines(facts))
 
@@ -41,6 +42,8 @@ def _lines(facts: Mapping[str, Any]) -> str:
     for relation in facts["relations"]:
         clauses = _clauses(get_pattern(relation["pattern"]), relation)
         lines += [_headway(line, relation, facts["relations"]) for line in clauses]
+    for each in facts.get("measures", ()):
+        lines = _measured(Measure.model_validate(each), lines)
     for agent in facts["agents"]:
         name = agent["id"]
         if agent["movement"] != "jaywalking":
@@ -67,6 +70,26 @@ def _headway(line: str, follow: dict[str, Any], relations: list[dict[str, Any]])
     return f"{line.partition(' in ')[0]} in [{low:g}, {high:g}] s"
 
 
+_CLAUSES = {"pet": "time_gap", "ttc": "brakes_for"}
+"""Clauses by measures that are called otherwise."""
+
+
+def _measured(measure: Measure, lines: list[str]) -> list[str]:
+    """The program's lines with the measure; a bound that is told takes the place of the written."""
+    name = _CLAUSES.get(measure.kind, measure.kind)
+    low, high = get_aim(measure)
+    bounds = f" in [{low:.4g}, {high:.4g}] {UNITS[measure.kind].unit}"
+    pairs = [f"{measure.agent}, {measure.other}", f"{measure.other}, {measure.agent}"]
+    heads = [f"{name}({pair})" for pair in pairs] if measure.other else [f"{name}({measure.agent})"]
+    head = next((head for head in heads if any(head in line for line in lines)), heads[0])
+    if name == "headway":
+        lines = [*lines, f"time_headway({pairs[0]}){bounds}"]
+    if name == "brakes_for" and not any(head in line for line in lines):
+        # Without hard braking, the figure is looked at on what comes about.
+        return [*lines, f"ttc({pairs[0]}){bounds}"]
+    return [*(line for line in lines if not line.startswith(head)), head + bounds]
+
+
 def _clauses(pattern: Pattern, relation: dict[str, Any]) -> list[str]:
     """The pattern's clauses, with the severity that the relation asks for."""
     names = {"from_": relation["from"], "to": relation["to"]}
@@ -81,6 +104,8 @@ def _clauses(pattern: Pattern, relation: dict[str, Any]) -> list[str]:
             _contact(each, relation) if each.startswith("contact(") else each for each in lines
         ]
         return [*lines, *_before(relation)]
+    if pattern.manoeuvre == "lead_brakes":
+        return [_stop(line, relation) for line in lines]
     if relation["type"] == "near_miss":
         return _near_miss([*lines, *_before(relation)], relation, first=first)
     pet = relation["target_pet"] if relation["type"] == "yield_to" else None
@@ -121,6 +146,15 @@ def _brakes_for(relation: dict[str, Any], ttc: float | None, *, first: str | Non
     return f"brakes_for({', '.join(names)}) in [{low:g}, {high:g}] s"
 
 
+def _stop(line: str, relation: dict[str, Any]) -> str:
+    """The clause, if it is a stop behind the leader, with the path TTC asked for."""
+    ttc = relation["target_ttc"]
+    if ttc is None or not line.startswith("stops_behind("):
+        return line
+    low, high = _around(ttc, _TTC_BAND)
+    return f"{line.partition(' in ')[0]} in [{low:g}, {high:g}] s"
+
+
 def _time_gap(relation: dict[str, Any], pet: float) -> str:
     low, high = _around(pet, _PET_BAND)
     return f"time_gap({relation['from']}, {relation['to']}) in [{low:g}, {high:g}] s"
@@ -133,14 +167,16 @@ def _around(target: float, band: float) -> tuple[float, float]:
 def _contact(line: str, relation: dict[str, Any]) -> str:
     """The contact clause with the speed, the points of impact and the braking asked for."""
     speed = relation["impact_speed"]
-    line = line if speed is None else f"{line[:-1]}, {speed:g} m/s)"
+    line, _, cause = line.partition(") ")
+    line = line.removesuffix(")") + (")" if speed is None else f", {speed:g} m/s)")
     points = {relation["striker"]: relation["point_from"], relation["struck"]: relation["point_to"]}
     first = line[len("contact(") :].split(",")[0]
     second = next(name for name in points if name != first)
     for word, name in (("with", first), ("on", second)):
         line += f" {word} {points[name]}" if points[name] is not None else ""
     late = relation["cause"] == "late_brake" and first.startswith("vehicle")
-    return f"{line} late_brake" if late else line
+    cause = "late_brake" if late else cause
+    return f"{line} {cause}" if cause else line
 
 
 def _names_striker(line: str) -> bool:

@@ -102,14 +102,15 @@ class ExportedAgent:
         length = np.hypot(*np.diff(rest, axis=0).T).sum()
         return resample_by_spacing(rest, ROUTE_SPACING) if length > ROUTE_SPACING else self.xy[-1:]
 
-    def shift(self, steps: int) -> ExportedAgent | None:
-        """The agent on a clock that starts `steps` later; None if it had left by then."""
-        cut = max(steps - self.first, 0)
-        if cut >= len(self.xy):
+    def shift(self, start: int, steps: int) -> ExportedAgent | None:
+        """The agent on a clock that starts at `start` and has `steps`; None if it is not there."""
+        first = max(self.first - start, 0)
+        part = slice(max(start - self.first, 0), max(start + steps - self.first, 0))
+        if not len(self.xy[part]):
             return None
         return replace(
-            self, first=max(self.first - steps, 0), xy=self.xy[cut:],
-            heading=self.heading[cut:], velocity=self.velocity[cut:],
+            self, first=first, xy=self.xy[part], heading=self.heading[part],
+            velocity=self.velocity[part],
         )  # fmt: skip
 
     def continue_until(self, last: int) -> ExportedAgent:
@@ -181,12 +182,34 @@ class ExportedScene:
 
     def begin_at_ego(self) -> ExportedScene:
         """The scene from the moment at which the ego enters; who has left by then is gone."""
-        start = self.ego.first
-        agents = tuple(a for a in (each.shift(start) for each in self.agents) if a is not None)
-        ego = next(each for each in agents if each.id == self.ego.id)
-        return replace(
-            self, agents=agents, ego=ego, steps=self.steps - start, offset=self.offset + start
+        return self.cut(self.ego.first, self.steps - self.ego.first)
+
+    def cut(self, start: int, steps: int) -> ExportedScene:
+        """The scene from a step on (0 if below), so many steps long; who is not in it is gone.
+
+        Raises:
+            InputError: nobody is there, or a named ego is not.
+        """
+        start = max(start, 0)
+        agents = tuple(
+            a for a in (each.shift(start, steps) for each in self.agents) if a is not None
         )
+        there = [each for each in agents if each.id == self.ego.id]
+        if not agents or (self.ego_named and not there):
+            raise InputError(f"the ego of scene {self.name} is not there in the stretch cut out")
+        ego = there[0] if there else _find_ego(agents, None)
+        return replace(self, agents=agents, ego=ego, steps=steps, offset=self.offset + start)
+
+    def find_event_step(self) -> int:
+        """Step of the first event; the middle of the scene where there is none."""
+        times = [event.time for event in self.record.events if event.time is not None]
+        return round(min(times) / self.step) if times else self.steps // 2
+
+    def list_event_agents(self) -> list[int]:
+        """Ids of the agents of the events that are in the scene, in order of the events."""
+        present = {agent.id for agent in self.agents}
+        ids = [n for event in self.record.events for n in (event.from_, event.to)]
+        return [n for n in dict.fromkeys(ids) if n in present and n is not None]
 
 
 def prepare_scene(

@@ -51,6 +51,15 @@ FORMATS: dict[str, Format] = {
         "ScenarioNet pickles, for MetaDrive", "scenarionet", "write_scenarionet", "write_summaries"
     ),
     "commonroad": Format("CommonRoad XML 2020a", "commonroad", "write_commonroad"),
+    "womd": Format(
+        "Waymo Motion Scenario records", "womd", "write_womd", forms=("whole", "window")
+    ),
+    "argoverse2": Format(
+        "Argoverse 2 Parquet and map JSON",
+        "argoverse2",
+        "write_argoverse2",
+        forms=("whole", "window"),
+    ),
 }
 """By the name that `--to` takes."""
 

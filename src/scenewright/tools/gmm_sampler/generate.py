@@ -19,6 +19,7 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
+from scenewright.tools.gmm_sampler.asked_profiles import apply_measures
 from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
     sample_driving_profiles,
@@ -125,6 +126,7 @@ def amplify(
             node.id, "foreground", route, priors, size, rng, subtype=node.subtype
         )
     _draw_lane_departures(agents, assignment, priors, rng=rng)
+    apply_measures(agents, graph.measures, rng)
     counts = draw_background_counts(graph, priors, hour=hour, rng=rng)
     for kind, count in counts.items():
         spares = 2 + count // 2 if count else 0

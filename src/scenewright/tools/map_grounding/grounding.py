@@ -14,6 +14,7 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, get_pattern
 from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
+from scenewright.tools.map_grounding.hiding import can_hide, refuse_unhidden
 from scenewright.tools.map_grounding.orders import (
     can_be_ordered,
     keeps_order,
@@ -95,6 +96,9 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
     ):  # fmt: skip
         refuse(graph)
     grounding = Grounding(routes=routes)
+    refuse_unhidden(
+        graph, intersection_map, playable=lambda g: _playable(g, grounding, intersection_map)
+    )
     # One by one first: the search over all of them is exhaustive where one cannot be played.
     for edge in graph.relations:
         alone = graph.model_copy(update={"relations": (edge,)})
@@ -238,12 +242,15 @@ def _assign(
                 graph, intersection_map, rng, order, chosen | routes, (*played, cast_pattern)
             )
         return
-    for routes in _at_will(graph, order, chosen):
+    for routes in _at_will(graph, intersection_map, order, chosen):
         yield RoleAssignment(routes=routes, patterns=played)
 
 
 def _at_will(
-    graph: SocialGraph, order: dict[str, list[Route]], chosen: dict[str, Route]
+    graph: SocialGraph,
+    intersection_map: IntersectionMap,
+    order: dict[str, list[Route]],
+    chosen: dict[str, Route],
 ) -> Iterator[dict[str, Route]]:
     """The routes chosen and, for whom no edge binds, the first that go with them."""
     free = next((agent.id for agent in graph.agents if agent.id not in chosen), None)
@@ -251,8 +258,9 @@ def _at_will(
         yield chosen
         return
     for route in order[free]:
-        if _tied(graph, chosen | {free: route}):
-            yield from _at_will(graph, order, chosen | {free: route})
+        routes = chosen | {free: route}
+        if _tied(graph, routes) and can_hide(graph, routes, intersection_map):
+            yield from _at_will(graph, intersection_map, order, routes)
 
 
 def _tied(graph: SocialGraph, routes: dict[str, Route]) -> bool:
@@ -311,6 +319,8 @@ def _play(
                         graph, chosen | routes
                     ):
                         continue
+                    if not can_hide(graph, chosen | routes, intersection_map):
+                        continue
                     if apart is not None and apart is share_green(
                         a, b, intersection_map=intersection_map
                     ):
@@ -354,6 +364,7 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
         for pattern in load_checked_patterns()
         if pattern.relation == edge.type
         and edge.pattern in (None, pattern.id)
+        and (edge.pattern is not None or pattern.manoeuvre == edge.manoeuvre)
         and {pattern.from_.type, pattern.to.type} == classes
         and edge.kind in (None, pattern.kind)
         and _can_strike(pattern, edge)
@@ -388,7 +399,8 @@ def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
 
 def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     orders = [(edge.from_, edge.to)]
-    told = edge.pattern is not None and pattern.from_.type == pattern.to.type
+    told = edge.pattern is not None or edge.manoeuvre is not None
+    told = told and pattern.from_.type == pattern.to.type
     if pattern.relation in _SYMMETRIC and not told:  # a phrase says who does it to whom
         orders.append((edge.to, edge.from_))
     return [each for each in orders if keeps_order(edge, pattern, each)]

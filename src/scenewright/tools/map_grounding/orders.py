@@ -43,11 +43,11 @@ def refuse_wrong_orders(graph: SocialGraph) -> None:
 def find_wrong_order(edge: RelationEdge, graph: SocialGraph) -> str | None:
     """Why the relation cannot have its order, and what would work; None where it can."""
     second = edge.to if edge.first == edge.from_ else edge.from_
-    if edge.type == "follow" or edge.kind in _UNORDERED:
+    if edge.type == "follow" or edge.kind in _UNORDERED or edge.manoeuvre is not None:
         return (
-            f"{edge.kind or edge.type} has no order of passing, as the two share one road and "
-            f"{edge.to if edge.type == 'follow' else 'whoever is struck'} is ahead; leave first "
-            "out, or ask for a near_miss, a yield_to or an angle collision of two that cross"
+            f"{edge.manoeuvre or edge.kind or edge.type} has no order of passing, as the two share "
+            f"one road, where {edge.to} is ahead or beside; leave first out, or ask for a "
+            "near_miss, a yield_to or an angle collision of two that cross"
         )
     if edge.type == "yield_to" and edge.first == edge.from_:
         return (

@@ -12,6 +12,7 @@ from scenewright.scene.constraints import (
     Contact,
     GivesWay,
     Headway,
+    StopsBehind,
     TimeGap,
 )
 from scenewright.scene.relations import Pattern, get_pattern_file, load_patterns
@@ -20,9 +21,9 @@ from scenewright.tools.dsl_validator.parse import parse
 
 _BROUGHT_ABOUT_BY: dict[RelationType, tuple[type[Model], ...]] = {
     "collide_at": (Contact,),
-    "near_miss": (TimeGap, BrakesFor),
+    "near_miss": (TimeGap, BrakesFor, StopsBehind),
     "yield_to": (GivesWay,),
-    "follow": (Headway,),
+    "follow": (Headway, StopsBehind),
 }
 _PLACE = re.compile(r"line (\d+), column (\d+): (.*)", re.DOTALL)
 _HOLE = re.compile(r"\{[^{}]*\}")

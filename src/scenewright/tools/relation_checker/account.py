@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from scenewright.scene.account import SaidRecord
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
@@ -12,6 +13,9 @@ from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
+from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
+from scenewright.tools.relation_checker.measured import MeasuredFigures
+from scenewright.tools.relation_checker.objects import describe_object
 from scenewright.tools.relation_checker.passing_order import find_passing_order
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
@@ -27,15 +31,18 @@ def check_account(
     events: Sequence[Event],
     observed: SceneObservation,
     intersection_map: IntersectionMap | None,
+    *,
+    sights: Sequence[Mapping[str, Any]] = (),
 ) -> tuple[tuple[SaidRecord, ...], tuple[Finding, ...]]:
     """The account with evidence, and a finding for every entry that the scene does not bear out.
 
     Args:
         events: all that the tracks show, incidental ones included.
+        sights: what was measured of blocked lines of sight.
     """
     account: list[SaidRecord] = []
     findings: list[Finding] = []
-    finder = _EvidenceFinder(scene, events, observed, intersection_map)
+    finder = _EvidenceFinder(scene, events, observed, intersection_map, sights)
     for entry in scene.said:
         if entry.became in ("manner", "nothing"):
             status = "manner" if entry.became == "manner" else "unrealised"
@@ -69,27 +76,35 @@ class _EvidenceFinder:
         events: Sequence[Event],
         observed: SceneObservation,
         intersection_map: IntersectionMap | None,
+        sights: Sequence[Mapping[str, Any]],
     ) -> None:
+        self._sights = sights
         self._scene, self._events, self._seen = scene, events, observed
         self._map = intersection_map
         self._agents = {agent.id: agent for agent in scene.agents}
         self._tracks = {track.id: track for track in observed.tracks}
         numbers = {agent.name: agent.id for agent in scene.agents if agent.name is not None}
+        self._measured = MeasuredFigures(numbers, events, observed, intersection_map)
         self._asked = AskedFor(numbers, events, observed, intersection_map)
+        self._by_entry: dict[str, Callable[[SaidRecord], str | None]] = {
+            **dict.fromkeys(_ROUTE_WORDS, self._find_route),
+            **dict.fromkeys(("normal", "denied"), self._find_absence),
+            "agent": self._find_presence,
+            "runs_red": self._find_red_run,
+            "relation": self._find_event,
+            "cause": self._find_braking,
+            "order": self._find_order,
+            "manoeuvre": self._find_manoeuvre,
+            "object": self._find_object,
+            "sight": self._find_sight,
+        }
 
     def find(self, entry: SaidRecord) -> str | None:
         """Evidence for an entry; None where there is none."""
         if any(number not in self._agents for number in entry.agents):
             return None
-        if entry.became in _ROUTE_WORDS:
-            return self._find_route(entry)
-        by_entry = {
-            "agent": self._find_presence, "runs_red": self._find_red_run,
-            "relation": self._find_event, "order": self._find_order, "cause": self._find_braking,
-            "normal": self._find_absence, "denied": self._find_absence,
-        }  # fmt: skip
-        if entry.became in by_entry:
-            return by_entry[entry.became](entry)
+        if finder := self._by_entry.get(entry.became):
+            return finder(entry)
         match entry.became:
             case "time_of_day":
                 return self._find_time(entry.value)
@@ -97,10 +112,18 @@ class _EvidenceFinder:
                 return self._find_density(entry.value)
             case "background":
                 return self._count_background()
-            case "constraint" | "behavior":
-                return self._asked.find(entry.value, entry.words)
+            case "constraint" | "behavior" | "measure":
+                return self._find_asked(entry)
             case _:
                 return "no claim on the tracks by itself"
+
+    def _find_asked(self, entry: SaidRecord) -> str | None:
+        """Clauses, standstills and figures; the severity of an event is looked at with that."""
+        if entry.became != "measure":
+            return self._asked.find(entry.value, entry.words)
+        if " in [" not in (entry.value or ""):
+            return "no claim on the tracks by itself"
+        return self._measured.find(entry.value or "")
 
     def _find_presence(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]
@@ -110,6 +133,25 @@ class _EvidenceFinder:
         if named and any(a.subtype != entry.value for a in agents):
             return None
         return ", ".join(f"agent {a.id} ({a.subtype or a.type})" for a in agents) or "words alone"
+
+    def _find_object(self, entry: SaidRecord) -> str | None:
+        named = (entry.value or "").split(" ", maxsplit=1)[0]
+        found = (each for each in self._scene.objects if each.id == named)
+        return next((describe_object(each) for each in found), None)
+
+    def _find_sight(self, entry: SaidRecord) -> str | None:
+        """When the hidden one is first seen, as far as before its event."""
+        named = (entry.value or "").split(" ")[0]
+        for sight in self._sights:
+            if sight["object"] == named and set(entry.agents) <= {
+                sight["observer"], sight["subject"],
+            }:  # fmt: skip
+                seen, lead = sight["first_visible"], sight["before_event"]
+                return (
+                    f"agent {sight['observer']} first sees agent {sight['subject']} at "
+                    f"{seen:.1f} s, {lead:.2f} s before the event"
+                )
+        return None
 
     def _find_route(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]
@@ -171,6 +213,19 @@ class _EvidenceFinder:
                 brakes = event.evidence.get("cause_agent", brakes)
             if brakes is not None and (not entry.agents or brakes in entry.agents):
                 return f"agent {brakes} brakes hard in the {event.type} at {event.time:.1f} s"
+        return None
+
+    def _find_manoeuvre(self, entry: SaidRecord) -> str | None:
+        """Of a relation of these agents that is to come about so."""
+        for relation in self._scene.relations:
+            pair = {relation.from_, relation.to}
+            if relation.manoeuvre != entry.value or not pair.issuperset(entry.agents):
+                continue
+            for event in self._events:
+                if event.type == relation.type and {event.from_, event.to} == pair:
+                    seen = describe_manoeuvre(relation, event, self._seen)
+                    if seen is not None:
+                        return seen
         return None
 
     def _find_time(self, value: str | None) -> str | None:

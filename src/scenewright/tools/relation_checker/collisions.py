@@ -197,9 +197,16 @@ def find_cause(
 
 
 def find_late_braker(first: Trajectory, second: Trajectory, *, time: float) -> int | None:
-    """The id of the first of the two that brakes late before a time [s]; None if neither does."""
-    late = (m.id for m in (first, second) if m.is_vehicle and _brakes_late(m, time))
-    return next(late, None)
+    """The id of the first of the two that brakes late before a time [s]; None if neither does.
+
+    Of two that drive one way it is the one that began: the other brakes because of it.
+    """
+    late = [m for m in (first, second) if m.is_vehicle and _brakes_late(m, time)]
+    if len(late) == 2:
+        headings = (m.at(np.array([time]))[1] for m in late)
+        if float(compute_angle_between(*headings)[0]) <= np.deg2rad(30.0):
+            late.sort(key=lambda each: _find_onset(each, time))
+    return late[0].id if late else None
 
 
 def find_red_run(
@@ -212,11 +219,16 @@ def find_red_run(
     return None
 
 
-def _brakes_late(track: Trajectory, time: float) -> bool:
+def _find_onset(track: Trajectory, time: float) -> float:
+    """When it begins to brake hard in the 3 s before a time [s]; inf if it does not."""
     hard = track.acceleration < -3.4
     hard &= (track.times >= time - 3.0) & (track.times <= time + 1e-6)
-    if not hard.any():
+    return float(track.times[int(np.argmax(hard))]) if hard.any() else float("inf")
+
+
+def _brakes_late(track: Trajectory, time: float) -> bool:
+    onset = _find_onset(track, time)
+    if not np.isfinite(onset):
         return False
-    onset = float(track.times[int(np.argmax(hard))])
     before = (track.times >= onset - 1.5) & (track.times <= onset - 0.5)
     return bool(before.any()) and not bool((track.acceleration[before] < -CURVE_BRAKING).any())

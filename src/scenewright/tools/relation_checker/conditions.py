@@ -14,6 +14,7 @@ from scenewright.tools.relation_checker.conflict_zones import SHARED, find_confl
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.footprints import compute_angle_between
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
 from scenewright.tools.relation_checker.passing_order import find_passing_order
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import Trajectory, extend_straight
@@ -40,6 +41,7 @@ def find_unmet_condition(
     return (
         _check_bounds(relation, event)
         or _check_order(relation, event, observed)
+        or find_missing_manoeuvre(relation, event, observed)
         or (_check_zone(relation, event, observed, intersection_map))
     )
 

@@ -34,7 +34,14 @@ from scenewright.tools.relation_checker.labels import (
     find_false_labels,
 )
 from scenewright.tools.relation_checker.legs import check_ties
+from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.metadata import RUNNERS, find_false_metadata
+from scenewright.tools.relation_checker.objects import (
+    check_contacts,
+    check_places,
+    check_sights,
+    read_objects,
+)
 from scenewright.tools.relation_checker.plausibility import (
     AllowedExceptions,
     check_form,
@@ -74,8 +81,10 @@ def check(
         InputError: values that are not finite, an id twice, an empty track, lengths that differ.
     """
     users = read_users(scene)
+    read_objects(scene)
     known = {a.id for a in scene.agents}
     _check_ties(scene, known)
+    _check_measures(scene, known)
     asked = tuple(_check_pair(r, known) for r in scene.relations)
     roles = AgentRoles(
         frozenset(a.id for a in scene.agents if a.role == "foreground").union(*asked),
@@ -110,11 +119,16 @@ def _build_proof(
     incidental = [k for k, e in enumerate(observed.events)
                   if k not in matched and is_incidental(e, roles)]  # fmt: skip
     events = tuple(e for k, e in enumerate(observed.events) if k not in incidental)
-    said, unsaid = check_account(scene, observed.events, observed, intersection_map)
+    matching = [observed.events[k] for k in sorted(matched)]
+    left_hand = intersection_map is not None and intersection_map.left_hand_traffic
+    sights, unhidden = check_sights(scene, matching, observed, left_hand=left_hand)
+    said, unsaid = check_account(scene, observed.events, observed, intersection_map, sights=sights)
     lit = bool(intersection_map and scene.signals)
     missing = (
         *missing,
+        *unhidden,
         *unsaid,
+        *_check_asked_figures(scene, observed, intersection_map),
         *(find_false_labels(scene, events, lit=lit) if scene.events or labelled else ()),
         *find_false_metadata(scene, intersection_map),
         *find_false_behavior(scene, observed.tracks, events, intersection_map),
@@ -129,15 +143,22 @@ def _build_proof(
     unasked = (
         *check_interference(observed, roles, expected=matched),
         *check_wrecks(observed, until=scene.meta.duration),
+        *check_contacts(scene.objects, observed.tracks),
     )
-    motion = (*check_form(scene), *_check_motion(scene, observed, intersection_map, roles))
+    motion = (
+        *check_form(scene),
+        *check_places(scene.objects, intersection_map),
+        *_check_motion(scene, observed, intersection_map, roles),
+    )
     red = _check_red_crossings(scene, observed, intersection_map, roles)
     return Proof(
         verified=not (missing or unasked or motion or red),
         events=events,
         incidental=tuple(observed.events[k] for k in incidental),
         missing=missing, interference=unasked, implausible=motion, signal_violations=red,
-        said=said, figures=_collect_figures(scene, observed, intersection_map),
+        said=said,
+        figures=_collect_figures(scene, observed, intersection_map)
+        | ({"first_visible": sights} if sights else {}),
     )  # fmt: skip
 
 
@@ -210,6 +231,19 @@ def _check_ties(scene: SceneRecord, known: set[int]) -> None:
         for n in (tie.agent, tie.of):
             if n not in known:
                 raise InputError(f"ties name agent {n}, which the scene lacks")
+
+
+def _check_measures(scene: SceneRecord, known: set[int]) -> None:
+    for each in scene.measures:
+        if not {each.agent, each.agent if each.other is None else each.other} <= known:
+            raise InputError(f"measure {each.kind} names an agent that the scene lacks")
+
+
+def _check_asked_figures(
+    scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
+) -> tuple[Finding, ...]:
+    figures = MeasuredFigures({}, observed.events, observed, intersection_map)
+    return figures.list_unmet(scene.measures)
 
 
 def _drop_light_causes(relations: Sequence[RelationRecord]) -> tuple[RelationRecord, ...]:

@@ -11,6 +11,7 @@ from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
+from scenewright.tools.solver.lead_braking import plan_lead_braking
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals
 from scenewright.tools.solver.rear_end import (
@@ -55,6 +56,10 @@ def schedule_contacts(
             # Who strikes turns on a tenth of a second where one is short, such as a motorcycle.
             every = _everywhere(meetings, context)
             yield from _touching(clause, schedule, context, (a, b), every)
+        return
+    if clause.cause == "lead_brakes":
+        for follower, leader, deltas in plan_lead_braking(a, b, clause, context):
+            yield from _touching(clause, schedule, context, (follower, leader), deltas)
         return
     for follower, leader in plan_rear_ends(a, b, clause, context):
         deltas = draw_rear_end_offsets(follower, leader, context.rng)
@@ -104,7 +109,7 @@ def _inside(clause: Contact, meetings: Intervals, context: SolverContext) -> lis
     Where the vehicles strike follows from the offset, so a point asked for has all of them tried.
     """
     rng = context.rng
-    if clause.point_first or clause.point_second:
+    if clause.point_first or clause.point_second or context.wants_impact_point(clause):
         return _everywhere(meetings, context)
     share = 0.5 + 0.45 * np.sort(rng.uniform(-1, 1, _TRIES))[np.argsort(rng.random(_TRIES))]
     return [float(low + (high - low) * x) for low, high in meetings for x in share]
@@ -156,6 +161,8 @@ def _startled(
     """The striking vehicle brakes in the last moment, as drivers do, if it still strikes."""
     kind, asked, rng = a.candidate.route.type, clause.cause == "late_brake", context.rng
     if kind != "vehicle" or a.slowings or (rng.random() > _BRAKES and not asked):
+        return a, found
+    if context.wants_impact_point(clause) and not asked:
         return a, found
     speed = found.speed * float(rng.uniform(*(_LATE if asked else (0.55, 0.85))))
     braked, again = _braked(a, b, found, speed, context)

@@ -8,7 +8,7 @@ import numpy as np
 
 from scenewright.geometry.landmarks import Landmarks
 from scenewright.scene.candidates import Candidate
-from scenewright.scene.constraints import PairClause, TimeGap
+from scenewright.scene.constraints import AgentFigure, PairClause, PairFigure, TimeGap
 from scenewright.scene.track import STEP
 from scenewright.scene.yielding_behavior import YieldingBehavior, YieldingModel
 from scenewright.tools.solver.nearest_miss import FailureStage, NearestMiss, NearestMisses
@@ -38,6 +38,7 @@ class SolverContext:
         misses: where the nearest miss of every clause is noted.
         yielding_model: how agents give way here; without one they stand a while near the zone.
         red_light_starts: the agents that wait at red before anything happens.
+        figures: what is asked for of the agents' motion and of what happens between them.
     """
 
     def __init__(
@@ -50,7 +51,9 @@ class SolverContext:
         misses: NearestMisses | None = None,
         yielding_model: YieldingModel | None = None,
         red_light_starts: Mapping[str, ScheduledAgent] | None = None,
+        figures: tuple[AgentFigure | PairFigure, ...] = (),
     ) -> None:
+        self._figures = figures
         self.red_light_starts = red_light_starts or {}
         self.yielding_model: YieldingModel = {} if yielding_model is None else yielding_model
         self.busy: frozenset[str] = frozenset()
@@ -106,6 +109,20 @@ class SolverContext:
     def get_requested_pet(self, clause: PairClause) -> TimeGap | None:
         """The PET asked for between the clause's two agents, by a clause of its own."""
         return self.pets.get(get_pair(clause)) or self.pets.get(get_pair(clause)[::-1])
+
+    def find_figure(self, name: str, *agents: str) -> AgentFigure | PairFigure | None:
+        """The figure of this name that is asked for of these agents."""
+        for each in self._figures:
+            of = (each.agent,) if isinstance(each, AgentFigure) else (each.first, each.second)
+            if each.clause == name and of == agents:
+                return each
+        return None
+
+    def wants_impact_point(self, clause: PairClause) -> bool:
+        """Whether it is asked where on an agent the contact lies, in per cent."""
+        pair = set(get_pair(clause))
+        points = (c for c in self._figures if isinstance(c, PairFigure) and "_point" in c.clause)
+        return any({each.first, each.second} == pair for each in points)
 
     def note_miss(
         self, clause: PairClause, reached: FailureStage, words: str, *, off: float = 0.0

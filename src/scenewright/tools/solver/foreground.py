@@ -10,6 +10,7 @@ is placed keeps its time, the other one gets the delta that the clause wants.
     gives_way  `first` is held upstream of the zone until `second` has left it; delta such that,
                unheld, it would have been there while `second` was (SEMANTICS 4, cause)
     brakes_for delta inside C(0) of the free motions, outside of it once `first` brakes hard
+    stops_behind  delta such that `first` answers the braking of `second` a reaction time later
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from scenewright.scene.constraints import (
     GivesWay,
     Headway,
     PairClause,
+    StopsBehind,
     TimeGap,
 )
 from scenewright.scene.selection import Stop
@@ -34,6 +36,7 @@ from scenewright.tools.solver.contact import schedule_contacts
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.entry_times import START_LAG
 from scenewright.tools.solver.hard_braking import schedule_hard_braking
+from scenewright.tools.solver.lead_braking import schedule_stops_behind
 from scenewright.tools.solver.path_conflict import PathConflict, find_conflict_intervals
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
@@ -92,6 +95,8 @@ def _served(
             return schedule_yields(clause, schedule, context)
         case BrakesFor():
             return schedule_hard_braking(clause, schedule, context)
+        case StopsBehind():
+            return schedule_stops_behind(clause, schedule, context)
         case _:
             raise ValueError(f"{clause.clause} is not staged")
 

@@ -11,7 +11,7 @@ have come into somebody's way are seated anew.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from scenewright.scene.candidates import Candidate, CandidateSet
 from scenewright.scene.constraints import ConstraintProgram, PairClause
 from scenewright.scene.frozen_agents import FrozenAgents, without_edits
 from scenewright.scene.selection import SelectedAgent, Selection
+from scenewright.scene.social import ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.tools.map_grounding.signal_plan import Demand, feasible_offsets
 from scenewright.tools.solver.background_assignment import (
@@ -31,6 +32,7 @@ from scenewright.tools.solver.background_assignment import (
     assign_in_turn,
 )
 from scenewright.tools.solver.foreground import list_signal_demands
+from scenewright.tools.solver.objects import is_in_way
 from scenewright.tools.solver.reservation import ReservationTable, find_blocked_offsets
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
@@ -64,8 +66,9 @@ class FrozenAgentsSearch(Search):
         lenient: bool,
         *,
         frozen: FrozenAgents,
+        objects: Sequence[ObjectNode] = (),
     ) -> None:
-        super().__init__(program, pool, map_areas, rng, lenient)
+        super().__init__(program, pool, map_areas, rng, lenient, objects=objects)
         self._pins = frozen
         self._related = {frozenset(get_pair(each)) for each in self._events}
         self._events = tuple(each for each in self._events if self._open(each))
@@ -211,6 +214,8 @@ class FrozenAgentsSearch(Search):
         standing: list[ScheduledAgent] = []
         for name, agent in self._pins.fixed.items():
             if name in self._settled or name not in self._pool.agents:
+                continue
+            if is_in_way(agent.candidate, timed.objects):
                 continue
             actor = rebuild_agent(agent, self._marks(agent.candidate))
             local = actor.shifted(-actor.enters).until(timed.duration - actor.enters)

@@ -136,7 +136,7 @@ class _HardBraking:
     def braked(self, how: _BrakingManeuver) -> Iterator[PartialSchedule]:
         """Every offset at which this braking leads to the TTC asked for, up to a number."""
         braked = _edited(self.a, how)
-        hardest = float(-_change(braked)[1:-1].min(initial=0.0))
+        hardest = float(-compute_smooth_acceleration(braked)[1:-1].min(initial=0.0))
         if not _HARD[0] <= hardest <= _HARD[1]:
             words = f"{self.clause.first} is too slow on this movement, its hardest is"
             words = f"braking of more than 5 m/s^2: {words} {hardest:.1f} m/s^2"
@@ -209,7 +209,9 @@ class _HardBraking:
             words = f"a PET of {self.pet.low:g} to {self.pet.high:g} s: the nearest is {pet:.1f} s"
             self.note_miss(FailureStage.COMPANY, words, off=off)
             return False
-        if pet <= _CLOSE_PET or (pet <= _LONGEST_PET and _while_braking(a, near) <= _CLOSE_TTC):
+        if pet <= _CLOSE_PET or (
+            pet <= _LONGEST_PET and find_ttc_while_braking(a, near) <= _CLOSE_TTC
+        ):
             return True
         words = "a near miss needs a PET of at most 1.5 s, or a path TTC of at most 1.5 s under"
         found = f"the nearest has a PET of {pet:.1f} s and a path TTC of {near.least:.1f} s"
@@ -265,24 +267,24 @@ def _edited(
 
 def _warned(a: ScheduledAgent) -> bool:
     """Whether, in the second that ends 0.5 s before it brakes hard, it brakes as for no curve."""
-    change = _change(a)
+    change = compute_smooth_acceleration(a)
     onset = int(np.argmax(change < -3.4))
     return bool((change[max(onset - 15, 0) : max(onset - 4, 0)] < -2.3).any())
 
 
 def _last_hard(a: ScheduledAgent) -> float:
     """When it last brakes hard [s]."""
-    return a.enters + STEP * float(np.nonzero(_change(a) < -3.6)[0][-1])
+    return a.enters + STEP * float(np.nonzero(compute_smooth_acceleration(a) < -3.6)[0][-1])
 
 
-def _while_braking(a: ScheduledAgent, near: PathTtc) -> float:
+def find_ttc_while_braking(a: ScheduledAgent, near: PathTtc) -> float:
     """The least path TTC [s] at a moment of braking harder than 4 m/s^2."""
     clock = STEP * np.arange(len(a.motion.s))
-    hard = np.interp(near.times - a.enters, clock, _change(a)) < -4.0
+    hard = np.interp(near.times - a.enters, clock, compute_smooth_acceleration(a)) < -4.0
     return float(near.ttc[hard].min(initial=np.inf))
 
 
-def _change(a: ScheduledAgent) -> FloatArray:
+def compute_smooth_acceleration(a: ScheduledAgent) -> FloatArray:
     """[T] its acceleration over 0.3 s [m/s^2]."""
     change = np.gradient(a.motion.speed, STEP)
     smooth: FloatArray = np.convolve(change, np.full(3, 1 / 3), mode="same")

@@ -24,11 +24,11 @@ from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.entry_times import (
     QUEUE_GAP,
     RedLightWait,
-    SceneTiming,
     find_entry_times,
     find_queue_tail,
 )
 from scenewright.tools.solver.foreground import ForegroundSolver
+from scenewright.tools.solver.objects import is_in_way
 from scenewright.tools.solver.offers import AgentOffers, CandidateOffer
 from scenewright.tools.solver.schedule import PartialSchedule
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
@@ -134,7 +134,7 @@ class MinCostSearch(Search):
     ) -> tuple[list[AgentOffers], ConflictTable, Mapping[AgentClass, int]]:
         """Everybody else, around the foreground."""
         table = ConflictTable(each.until(timed.duration) for each in timed.schedule.actors.values())
-        return self._invited(self._moment(timed), table.fixed), table, self._pool.background
+        return self._invited(timed, table.fixed), table, self._pool.background
 
     def _stagings(
         self, candidates: Mapping[str, Candidate], landmarks: Mapping[str, Landmarks]
@@ -178,36 +178,36 @@ class MinCostSearch(Search):
         fits = (m for m in _ranked(draws) if self._candidate(draws.name, m) is not None)
         return next((self._cost(draws.name, m) for m in fits), float("inf"))
 
-    def _invited(self, moment: SceneTiming, fixed: Sequence[ScheduledAgent]) -> list[AgentOffers]:
+    def _invited(self, timed: TimedSchedule, fixed: Sequence[ScheduledAgent]) -> list[AgentOffers]:
         """Everybody else by their candidates, built when they are looked at."""
         return [
             AgentOffers(
                 name=draws.name,
                 type=draws.route.type,
                 foreground=draws.role == "foreground",
-                offers=self._offers(draws, moment, fixed),
+                offers=self._offers(draws, timed, fixed),
             )
             for draws in self._unbound()
             if not draws.reserve
         ]
 
     def _offers(
-        self, draws: AgentCandidates, moment: SceneTiming, fixed: Sequence[ScheduledAgent]
+        self, draws: AgentCandidates, timed: TimedSchedule, fixed: Sequence[ScheduledAgent]
     ) -> tuple[CandidateOffer, ...]:
-        ways = partial(self._at_any_time, draws, moment=moment, fixed=fixed)
+        ways = partial(self._at_any_time, draws, timed=timed, fixed=fixed)
         return tuple(
             CandidateOffer(self._cost(draws.name, m), partial(ways, m)) for m in _ranked(draws)
         )
 
     def _at_any_time(
-        self, draws: AgentCandidates, m: int, moment: SceneTiming, fixed: Sequence[ScheduledAgent]
+        self, draws: AgentCandidates, m: int, timed: TimedSchedule, fixed: Sequence[ScheduledAgent]
     ) -> Iterator[Option]:
         """Passing on green whenever there is room, else waiting: one candidate, one likelihood.
 
         Of ways that are equally likely, the earlier is preferred.
         """
-        built = self._candidate(draws.name, m)
-        if built is None:
+        built, moment = self._candidate(draws.name, m), self._moment(timed)
+        if built is None or is_in_way(built[0], timed.objects):
             return
         actor = ScheduledAgent.unplaced(*built)
         half = STEP * len(actor.motion.s) / 2

@@ -22,6 +22,7 @@ from scenewright.geometry.landmarks import Landmarks, find_landmarks
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet
 from scenewright.scene.constraints import (
+    AgentFigure,
     Before,
     BrakesFor,
     ConstraintProgram,
@@ -30,14 +31,18 @@ from scenewright.scene.constraints import (
     Headway,
     Near,
     PairClause,
+    PairFigure,
     RunsRed,
     SameLane,
     SpeedBetween,
+    StopsBehind,
     TimeGap,
     UnaryClause,
 )
+from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
+from scenewright.scene.social import ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
@@ -70,8 +75,10 @@ from scenewright.tools.solver.entry_times import (
     limit_to_leader,
     passes_on_green,
 )
+from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
 from scenewright.tools.solver.nearest_miss import NearestMisses
+from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
 from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
@@ -118,17 +125,22 @@ _ROOM_TO_COME = 3.0
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
 
-_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor)
-_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor
+_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor, StopsBehind)
+_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | StopsBehind
 
 
 @dataclass(frozen=True, eq=False)
 class TimedSchedule:
-    """A staging in scene time, with the scene's length and the programme's offset [s]."""
+    """A staging in scene time, with the scene's length and the programme's offset [s].
+
+    Attributes:
+        objects: what stands in the scene.
+    """
 
     schedule: PartialSchedule
     duration: float
     offset: float | None
+    objects: tuple[ObjectRecord, ...] = ()
 
 
 class Search:
@@ -141,13 +153,25 @@ class Search:
         map_areas: MapAreas,
         rng: np.random.Generator,
         lenient: bool,
+        *,
+        objects: Sequence[ObjectNode] = (),
     ) -> None:
         self._lenient = lenient
+        self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
         self._pool, self._ground, self._rng = pool, map_areas, rng
         self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
         self._near = tuple(c for c in program.clauses if isinstance(c, Near | SameLane))
         self._before = tuple(c for c in program.clauses if isinstance(c, Before))
         self._unary = [c for c in program.clauses if isinstance(c, UnaryClause)]
+        self._figures = tuple(c for c in program.clauses if isinstance(c, AgentFigure | PairFigure))
+        self._measured = {
+            name
+            for c in program.clauses
+            if isinstance(c, AgentFigure | PairFigure | SpeedBetween)
+            for name in ((c.first, c.second) if isinstance(c, PairFigure) else (c.agent,))
+        }
+        self._times = tuple(c for c in self._figures if c.clause == "time")
+        self._least_off: dict[AgentFigure | PairFigure, float] = {}
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
@@ -171,7 +195,7 @@ class Search:
 
     def _found(self) -> Selection | None:
         """The first surviving combination in the order drawn."""
-        wanted = max(len(self._events), 1)
+        wanted = max(len(self._events), 1) + len(self._figures)
         tuples = itertools.islice(self._tuples(), _TUPLES * wanted)
         for tried, choice in enumerate(tuples, start=1):
             selection = self._try(choice)
@@ -242,10 +266,12 @@ class Search:
         context = SolverContext(
             candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
             yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
+            figures=self._figures,
         )  # fmt: skip
         stage = ForegroundSolver(context)
         count = 0
-        for schedule in filter(self._run_first, stage.play(self._events, self._opening())):
+        staged = filter(self._run_first, stage.play(self._events, self._opening()))
+        for schedule in filter(self._is_as_measured, staged):
             selection = self._finish(schedule, choice)
             if selection is not None:
                 return selection
@@ -313,7 +339,7 @@ class Search:
         timed = None if timed is None else self._with_runners(timed, choice)
         if timed is None or not self._strangers_apart(timed):
             return None
-        if not self._in_order(timed):
+        if not (self._in_order(timed) and self._is_as_measured(timed, timed=True)):
             return None
         duration = self._duration(timed)
         if not self._run_red(timed, duration):
@@ -322,7 +348,11 @@ class Search:
         if offset is None and self._ground.intersection_map.signals is not None:
             self._failures["the signal programme allows no such moment"] += 1
             return None
-        return TimedSchedule(timed, duration, offset)
+        objects = self._placer.place(timed)
+        if isinstance(objects, str):
+            self._failures[objects] += 1
+            return None
+        return TimedSchedule(timed, duration, offset, objects)
 
     def _timed(self, schedule: PartialSchedule) -> PartialSchedule | None:
         """Shifted so that the first event falls anywhere where it is seen coming and ending."""
@@ -334,10 +364,20 @@ class Search:
         earliest = max(_FIRST_EVENT[0] - first, _SIGHT - begins)
         latest = max(min(_FIRST_EVENT[1] - first, last), earliest)
         shift = round(min(float(self._rng.uniform(earliest, latest)), last), 1)
+        shift = self._shift_to_time(schedule, shift)
         if begins + shift < 0.0:
             self._failures["the events do not fit into one scene of 30 s"] += 1
             return None
         return schedule.shifted(shift)
+
+    def _shift_to_time(self, schedule: PartialSchedule, shift: float) -> float:
+        """The shift [s] that brings an event to the time asked for; as drawn, if none is."""
+        for clause in self._times:
+            pair = {clause.first, clause.second} if isinstance(clause, PairFigure) else set()
+            for event in schedule.events:
+                if {event.clause.first, event.clause.second} == pair:
+                    return round((clause.low + clause.high) / 2 - event.time, 1)
+        return shift
 
     def _duration(self, _: PartialSchedule) -> float:
         """How long the scene lasts [s]."""
@@ -380,6 +420,15 @@ class Search:
                         self._failures[f"no_interaction({a}, {b})"] += 1
                         return False
         return True
+
+    def _is_as_measured(self, schedule: PartialSchedule, *, timed: bool = False) -> bool:
+        """Whether every figure asked for is in its range."""
+        unmet = find_unmet_figure(self._figures, schedule, timed=timed)
+        if unmet is None:
+            return True
+        clause, off = unmet
+        self._least_off[clause] = min(off, self._least_off.get(clause, np.inf))
+        return False
 
     def _in_order(self, schedule: PartialSchedule) -> bool:
         for clause in self._before:
@@ -444,7 +493,7 @@ class Search:
                 name=name,
                 type=draws.route.type,
                 foreground=draws.role == "foreground",
-                make=partial(self._options, draws, moment),
+                make=partial(self._options, draws, moment, timed.objects),
                 reserve=draws.reserve,
             )
             for name, draws in self._pool.agents.items()
@@ -452,7 +501,11 @@ class Search:
         ]
 
     def _options(
-        self, draws: AgentCandidates, moment: SceneTiming, standing: Sequence[ScheduledAgent]
+        self,
+        draws: AgentCandidates,
+        moment: SceneTiming,
+        objects: Sequence[ObjectRecord],
+        standing: Sequence[ScheduledAgent],
     ) -> Iterator[Option]:
         """The ways in which an agent may take part: of its first candidate that has any.
 
@@ -463,7 +516,7 @@ class Search:
         for m in range(len(draws.nll)):
             check_time()
             built = self._candidate(draws.name, m)
-            if built is None:
+            if built is None or is_in_way(built[0], objects):
                 continue
             ways = self._ways(draws, m, built, moment, standing, later)
             first = next(ways, None)
@@ -581,6 +634,7 @@ class Search:
                 slowings=actor.slowings,
                 contact=actor.contact,
                 violates=name in self._violators,
+                exact=name in self._measured,
             )
         events = tuple(
             PlannedEvent(
@@ -600,12 +654,15 @@ class Search:
             nll=nll,
             cost=sum(self._cost(name, agent.index) for name, agent in agents.items()),
             optimal=assignment.optimal,
+            objects=timed.objects,
             figures={"rounds": assignment.rounds, "pairs": assignment.pairs},
         )
 
     def _rejection(self) -> Rejection:
         most = self._failures.most_common(3)
         detail = "; ".join(f"{reason} ({count}x)" for reason, count in most)
+        if self._least_off:
+            detail = "; ".join(describe_miss(c, off) for c, off in self._least_off.items())
         culprit = None if self._staged else self._shortfalls.culprit(self._events)
         if culprit is not None:
             detail = f"{format_clause(culprit.clause)}: {culprit.words}"
@@ -676,7 +733,7 @@ def _unbound(clause: PairClause) -> Rejection:
         code="malformed_program",
         agents=(clause.first, str(clause.second)),
         detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
-        "headway, gives_way or brakes_for clause",
+        "headway, gives_way, brakes_for or stops_behind clause",
     )
 
 

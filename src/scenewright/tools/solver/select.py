@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.selection import Selection
+from scenewright.scene.social import ObjectNode
 from scenewright.tools.solver.frozen_agents import FrozenAgentsSearch
 from scenewright.tools.solver.min_cost_search import MinCostSearch
 from scenewright.tools.solver.search import Search
@@ -27,6 +29,7 @@ def select(
     mode: Mode = "draw",
     lenient: bool = True,
     frozen: FrozenAgents | None = None,
+    objects: Sequence[ObjectNode] = (),
 ) -> Selection:
     """The surviving combination.
 
@@ -34,11 +37,14 @@ def select(
         mode: `draw`, the first survivor in the order drawn; `map`, the one of least cost.
         lenient: take schedules that drivers would choose differently, if they do what was asked.
         frozen: agents of an earlier version that stay; the first survivor around them is taken.
+        objects: what stands in the scene, to be placed.
 
     Raises:
         Rejected: `no_surviving_combination`, naming the clause that most tuples fail.
     """
     if frozen is not None:
-        return FrozenAgentsSearch(program, pool, map_areas, rng, lenient, frozen=frozen).run()
+        return FrozenAgentsSearch(
+            program, pool, map_areas, rng, lenient, frozen=frozen, objects=objects
+        ).run()
     search = MinCostSearch if mode == "map" else Search
-    return search(program, pool, map_areas, rng, lenient).run()
+    return search(program, pool, map_areas, rng, lenient, objects=objects).run()

@@ -25,6 +25,9 @@ _TRIES = 6
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
 
+_LEAST_HEADWAY = 0.7
+"""Shortest headway at which an agent follows where none is asked for [s]."""
+
 _LEAST_CLEARANCE = 0.05
 """Between two that pass without touching [m]."""
 
@@ -87,19 +90,21 @@ def schedule_headways(
         words = f"{clause.first} and {clause.second} never share a lane"
         context.note_miss(clause, FailureStage.PATHS, words)
         return
-    for gap in context.rng.uniform(clause.low, clause.high, _TRIES):
+    low, high = _find_headways(clause, a, context)
+    least = _LEAST_HEADWAY if low >= _LEAST_HEADWAY else low - 0.1
+    for gap in context.rng.uniform(low, high, _TRIES):
         delta = float(meetings[0, 0] - gap)
         placed_a, placed_b = schedule.placed(clause, a, b, delta)
         found = float(meetings[0, 0] - (placed_b.enters - placed_a.enters))
-        if not is_in_range(clause.low, clause.high, found):
-            words = f"a headway of {clause.low:g} to {clause.high:g} s: it is {found:.1f} s"
-            off = compute_excess(clause.low, clause.high, found)
+        if not is_in_range(low, high, found):
+            words = f"a headway of {low:g} to {high:g} s: it is {found:.1f} s"
+            off = compute_excess(low, high, found)
             context.note_miss(clause, FailureStage.MEASURE, words, off=off)
             continue
         if placed_a.contact is None:
             placed_a = _queued(placed_a, placed_b, pair, context.rng)
         begins = max(placed_a.enters, placed_b.enters)
-        if not _follows(placed_a, placed_b):
+        if not _follows(placed_a, placed_b, least=least):
             words = f"{clause.first} does not stay behind {clause.second} for 3.6 s on end"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
@@ -132,8 +137,19 @@ def _queued(
     return a.edited(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
 
 
-def _follows(a: ScheduledAgent, b: ScheduledAgent) -> bool:
-    """Whether `a` drives behind `b` at a headway of 0.7-3.6 s for 3.6 s on end."""
+def _find_headways(
+    clause: Headway, a: ScheduledAgent, context: SolverContext
+) -> tuple[float, float]:
+    """Headways [s] to draw from: those of the clause, or those that a gap asked for comes to."""
+    gap = context.find_figure("gap", clause.first, clause.second)
+    if gap is None:
+        return clause.low, clause.high
+    speed = a.candidate.time_law.speed
+    return gap.low / speed, gap.high / speed
+
+
+def _follows(a: ScheduledAgent, b: ScheduledAgent, *, least: float) -> bool:
+    """Whether `a` drives behind `b` at a headway of `least` to 3.4 s for 3.6 s on end."""
     times = get_shared_times(a, b)
     if times is None:
         return False
@@ -141,7 +157,7 @@ def _follows(a: ScheduledAgent, b: ScheduledAgent) -> bool:
     gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
     clock = STEP * np.arange(len(a.motion.s))
     speed = np.maximum(np.interp(times - a.enters, clock, a.motion.speed), 0.5)
-    fits = (gap / speed > 0.7) & (gap / speed < 3.4)
+    fits = (gap / speed > least) & (gap / speed < 3.4)
     run = longest = 0
     for each in fits:
         run = run + 1 if each else 0

@@ -7,11 +7,13 @@ from collections.abc import Callable
 from pathlib import PurePath
 
 from scenewright.errors import InputError
+from scenewright.tools.track_io.argoverse2 import read_argoverse2
 from scenewright.tools.track_io.commonroad import read_commonroad
 from scenewright.tools.track_io.fcd import read_fcd
 from scenewright.tools.track_io.openscenario import read_openscenario
 from scenewright.tools.track_io.sampled_recording import SampledRecording
 from scenewright.tools.track_io.scenarionet import read_scenarionet
+from scenewright.tools.track_io.womd import read_womd
 from scenewright.tools.track_io.xml_reading import parse_xml
 
 _HEAD = 100_000
@@ -34,6 +36,8 @@ _READERS: tuple[tuple[str, Reader], ...] = (
     (r"\.xosc", read_openscenario),
     (r"\.pkl", read_scenarionet),
     (r"\.xml", read_xml),
+    (r"\.tfrecord(-\d+-of-\d+)?", read_womd),
+    (r"\.parquet", read_argoverse2),
 )
 """(how a file's name ends, reader)."""
 

@@ -7,7 +7,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from scenewright.backends.builtin.clock import read_clock, read_time_words
-from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft, Site
+from scenewright.backends.builtin.draft import (
+    AgentDraft,
+    Draft,
+    MeasureDraft,
+    Refused,
+    RelationDraft,
+    Site,
+)
 from scenewright.backends.builtin.normalise import clean
 from scenewright.backends.builtin.reader.annotation import (
     EVENTS,
@@ -15,7 +22,9 @@ from scenewright.backends.builtin.reader.annotation import (
     SEPARATOR,
     SIDES,
 )
-from scenewright.backends.builtin.reader.measures import Measure, measure_in, speed_range
+from scenewright.backends.builtin.reader.asked_numbers import NUMBERS, read_number
+from scenewright.backends.builtin.reader.manoeuvres import settle_lead_braking
+from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.orders import says_order
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
@@ -23,6 +32,7 @@ from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
 from scenewright.backends.builtin.scope import not_english, nothing_planned
 from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.measures import format_measure
 
 OPPOSITE = {
     "north": "south", "south": "north", "east": "west", "west": "east",
@@ -113,6 +123,12 @@ class AccountEntry:
     users: tuple[int, ...] = ()
     value: str | None = None
     note: str | None = None
+    measures: tuple[MeasureDraft, ...] = ()
+
+    def tell(self, names: dict[int, str]) -> str | None:
+        """The value with agents by name (id of a draft -> name in the social graph)."""
+        told = [measure for each in self.measures if (measure := each.named(names)) is not None]
+        return "; ".join(map(format_measure, told)) if told else self.value
 
 
 @dataclass
@@ -139,6 +155,8 @@ class Interpretation:
     behind: list[ReadSpan] = field(default_factory=list)
     roads: list[ReadSpan] = field(default_factory=list)
     absent: list[ReadSpan] = field(default_factory=list)
+    numbers: list[ReadSpan] = field(default_factory=list)
+    spans: tuple[ReadSpan, ...] = ()
     eventful: bool = False
     changing: bool = False
     retimed: bool = False
@@ -178,7 +196,7 @@ class Interpretation:
                     for number in each.users
                     if number in self.users and id(self.users[number]) in names
                 ),
-                value=each.value,
+                value=each.tell(names),
                 note=each.note,
             )
             for each in sorted(self.entries, key=lambda entry: entry.span.start)
@@ -202,6 +220,7 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
     result = Interpretation(Draft(site=site), reading.text)
     result.eventful = any(span.tag in EVENTS and not span.negated for span in reading.spans)
     change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
+    result.spans = tuple(sorted(reading.spans, key=lambda each: each.start))
     _introduce(result, reading)
     for span in sorted(_owned(result, reading), key=lambda each: each.start):
         if 0 <= change < span.start and not result.changing:
@@ -362,21 +381,8 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
         _brake(result, span)
         return
-    if span.tag == "speed" and _gives_speed(result, span):
-        result.enter(span, "constraint", span.subjects)
-        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
-
-
-def _gives_speed(result: Interpretation, span: ReadSpan) -> bool:
-    """Whether the span gives agents of the scene a speed that a clause can hold."""
-    agents = result.agents_of(span.subjects)
-    return (
-        not span.negated
-        and len(agents) == len(span.subjects) > 0
-        and all(speed_range(span.words, agent.type) for agent in agents)
-    )
 
 
 def side_of(span: ReadSpan) -> str | None:
@@ -781,30 +787,68 @@ def _specific(names: list[str]) -> list[str]:
     return names
 
 
-def _measure(result: Interpretation, span: ReadSpan) -> None:
-    context, measure = result.draft.context, measure_in(span.words)
-    if measure is None:
+def _keep_number(result: Interpretation, span: ReadSpan) -> None:
+    result.numbers.append(span)
+
+
+_SEVERITY = {"pet": "pet", "ttc": "ttc", "contact_speed": "speed"}
+"""Fields of the draft's context by kind of measure."""
+
+_TOLD = {"pet": "pet {:.4g} s", "ttc": "ttc {:.4g} s", "contact_speed": "impact_speed {:.4g} m/s"}
+
+
+def _read_numbers(result: Interpretation) -> None:
+    """Figures, once all that happens is known."""
+    for span in result.numbers:
+        asked = read_number(span, result.text, result.draft, result.users, result.spans)
+        if asked is None:
+            _pass_over_number(result, span)
+        elif asked.severity is not None:
+            kind, value = asked.severity
+            setattr(result.draft.context, _SEVERITY[kind], value)
+            result.enter(span, "measure", value=_TOLD[kind].format(value))
+        else:
+            _add_measures(result, span, asked.measures)
+    result.numbers = []
+
+
+def _add_measures(
+    result: Interpretation, span: ReadSpan, measures: tuple[MeasureDraft, ...]
+) -> None:
+    """Measures in the draft; in a change they take the place of earlier ones of their kind."""
+    drafts = result.draft.measures
+    for new in measures:
+        same = [e for e in drafts if (e.kind, e.agent, e.other) == (new.kind, new.agent, new.other)]
+        if result.changing:
+            drafts[:] = [each for each in drafts if each not in same]
+        drafts.append(new)
+    result.entries.append(AccountEntry(span, "measure", span.subjects, measures=measures))
+
+
+_SEVERE = ("impact", "pet", "ttc", "gap")
+
+
+def _has_figure(result: Interpretation, span: ReadSpan) -> bool:
+    """Whether other words give the figure that these announce: "approaching", "at 10 m/s"."""
+    return any(
+        other is not span
+        and other.tag == span.tag
+        and measure_in(other.words) is not None
+        and set(other.subjects) == set(span.subjects)
+        for other in result.numbers
+    )
+
+
+def _pass_over_number(result: Interpretation, span: ReadSpan) -> None:
+    """Words of a measure that give no figure a scene can have."""
+    bare = measure_in(span.words) is None
+    if bare and (span.tag in _SEVERE or _has_figure(result, span)):
         result.enter(span, "manner", span.subjects)
-    elif span.tag == "impact" and measure.unit == "m/s":
-        context.speed = measure.value
-        result.enter(span, "measure", value=f"impact_speed {measure.value:.4g} m/s")
-    elif _in_seconds(measure) and span.tag in ("pet", "gap") and not _follows_only(result):
-        context.pet = measure.value
-        result.enter(span, "measure", value=f"pet {measure.value:.4g} s")
-    elif _in_seconds(measure) and span.tag == "ttc":
-        context.ttc = measure.value
-        result.enter(span, "measure", value=f"ttc {measure.value:.4g} s")
+    elif span.tag == "point":
+        result.enter(span, "impact_point", span.subjects)
     else:
-        result.enter(span, "nothing", span.subjects, note=_BEYOND.get(span.tag, "not modelled"))
-
-
-def _in_seconds(measure: Measure) -> bool:
-    return measure.unit in ("s", "")
-
-
-def _follows_only(result: Interpretation) -> bool:
-    relations = result.draft.relations
-    return bool(relations) and all(edge.type == "follow" for edge in relations)
+        note = _BEYOND.get(span.tag, "not modelled")
+        result.enter(span, "nothing", span.subjects, note=note)
 
 
 def _settle(result: Interpretation) -> None:
@@ -814,14 +858,18 @@ def _settle(result: Interpretation) -> None:
     _read_behind(result)
     result.settling = False
     _read_order(result)
+    _read_numbers(result)
     _read_severity(result)
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
+    settle_lead_braking(result)
     for user in result.braking:
         agent = result.users.get(user)
         for edge in result.draft.relations:
             if edge.type in ("near_miss", "collide_at") and agent in (edge.from_, edge.to):
+                if edge.manoeuvre is not None:
+                    continue
                 edge.cause = "late_brake"
                 edge.braker = agent if agent.type == "vehicle" else None
     for span in result.absent:
@@ -984,7 +1032,7 @@ _RULES: dict[str, Rule] = {
     **dict.fromkeys(("left", "right", "straight", "uturn", "cross", "jay"), _move),
     **dict.fromkeys(EVENTS, _relate),
     **dict.fromkeys(("density", "normal", "bgveh", "bgped", "bgall"), _set_context),
-    **dict.fromkeys(("impact", "pet", "ttc", "gap"), _measure),
+    **dict.fromkeys(("impact", "pet", "ttc", *NUMBERS), _keep_number),
     **dict.fromkeys(("drop", "swap", "becomes"), _edit),
     **dict.fromkeys(("manner", "pace", "turn"), _note("manner")),
     "time": _set_time,
@@ -995,7 +1043,6 @@ _RULES: dict[str, Rule] = {
     "place": _refuse_place,
     "ref": _note("agent"),
     "del": _note("retracted"),
-    "point": _note("impact_point"),
     "light": _note("signals"),
     "road": _keep_road,
 }

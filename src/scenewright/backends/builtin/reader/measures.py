@@ -75,6 +75,72 @@ def measure_in(words: str) -> Measure | None:
     return Measure(number, "s" if _SECONDS.search(low) else "")
 
 
+_BOUNDS = (
+    (
+        re.compile(
+            r"\bno (?:less|fewer|slower|shorter|sooner|earlier) than|\bnot (?:below|under|less)\b|"
+            r"\bnever below|≥|>="
+        ),
+        True,
+    ),
+    (
+        re.compile(
+            r"\bno (?:more|faster|longer|greater|later|harder) than|"
+            r"\bnot (?:above|over|more|exceeding)\b|\bnever above|≤|<="
+        ),
+        False,
+    ),
+    (
+        re.compile(
+            r"\b(?:at least|(?:more|faster|longer|greater|harder|later) than|over|above|exceed\w*|"
+            r"a minimum of|minimum|min\.?|upwards of|or more|or faster|or longer)\b|>"
+        ),
+        True,
+    ),
+    (
+        re.compile(
+            r"\b(?:at most|(?:less|slower|shorter|earlier) than|under|below|up to|a maximum of|"
+            r"maximum|max\.?|within|or less|or slower|tops)\b|<"
+        ),
+        False,
+    ),
+)
+"""Words that make a number a lower bound (True) or an upper one; negations come first."""
+
+_TWO = re.compile(r"(\d+(?:[.,]\d+)?)[^\d]{0,12}?(?:\band\b|\bto\b|-|–|—)\s*(\d+(?:[.,]\d+)?)")
+_PERCENT = re.compile(r"%|\bper ?cent\b|\bpct\b")
+_MIDDLE = re.compile(r"\b(?:middle|centre|center|dead[- ]cent(?:re|er)|half ?way|midpoint)\b")
+
+
+def range_in(words: str, before: str, tolerance: float) -> tuple[float, float | None, str] | None:
+    """The bounds that words give a figure, in SI units, and its unit; None without a number.
+
+    Args:
+        before: the words just before, in which a bound such as "at least" may stand.
+        tolerance: how far from a plain number the figure may be, in SI units.
+
+    Returns:
+        low, high (None: as high as can be) and the unit: m/s, m, s, m/s2, % or empty.
+    """
+    low = words.lower()
+    measure = measure_in(low)
+    if measure is None:
+        return (50.0 - tolerance, 50.0 + tolerance, "%") if _MIDDLE.search(low) else None
+    if _PERCENT.search(low):
+        measure = Measure(measure.value, "%")
+    if (two := _TWO.search(low)) is not None and measure.unit:
+        figure = float(two[1].replace(",", "."))
+        scale = measure.value / figure if figure else 1.0
+        first, second = sorted((measure.value, float(two[2].replace(",", ".")) * scale))
+        return first, second, measure.unit
+    around = f"{before.lower()} {low}"
+    for bound, least in _BOUNDS:
+        if bound.search(around):
+            ends = (measure.value, None) if least else (0.0, measure.value)
+            return *ends, measure.unit
+    return max(measure.value - tolerance, 0.0), measure.value + tolerance, measure.unit
+
+
 def speed_range(words: str, agent: str) -> tuple[float, float] | None:
     """The speeds [m/s] that words such as "at 30 km/h" allow an agent; None where they give none.
 

@@ -1,0 +1,224 @@
+"""Numbers with a unit, as figures that the plan asks for (SEMANTICS 8)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from scenewright.backends.builtin.draft import (
+    AgentDraft,
+    Draft,
+    MeasureDraft,
+    Refused,
+    RelationDraft,
+)
+from scenewright.backends.builtin.reader.annotation import EVENTS, MENTIONS
+from scenewright.backends.builtin.reader.measures import range_in
+from scenewright.backends.builtin.reader.reading import ReadSpan
+from scenewright.scene.measures import UNITS, MeasureKind
+
+NUMBERS = ("speed", "headway", "gap", "dist", "wait", "when", "decel", "accel", "point")
+"""Tags whose words give a figure."""
+
+_KIND_OF: dict[str, MeasureKind] = {
+    "speed": "speed", "headway": "headway", "gap": "gap", "dist": "line_distance", "wait": "wait",
+    "when": "time", "decel": "braking", "accel": "acceleration", "point": "front_point",
+    "pet": "pet", "ttc": "ttc", "impact": "contact_speed",
+}  # fmt: skip
+_NEEDS = {
+    "speed": "m/s", "line_speed": "m/s", "contact_speed": "m/s", "braking": "m/s2",
+    "acceleration": "m/s2", "headway": "s", "gap": "m", "pet": "s", "ttc": "s", "time": "s",
+    "wait": "s", "line_distance": "m",
+}  # fmt: skip
+_WALKS = {"speed": 3.0, "line_speed": 3.0, "acceleration": 3.0, "braking": 3.0}
+"""The most of a pedestrian (SEMANTICS 5)."""
+
+_DRIVES = {"braking": 8.0}
+"""The most of a vehicle, where it is not the class's own."""
+
+_EVENTS = ("collide_at", "near_miss", "yield_to", "follow")
+_EVENTS_OF: dict[str, tuple[str, ...]] = {
+    "headway": ("follow",),
+    "gap": ("follow",),
+    "contact_speed": ("collide_at",),
+    "pet": ("near_miss", "yield_to"),
+    "ttc": ("near_miss",),
+}
+"""Relations whose figure a kind is; any, where it is not here."""
+
+_SEVERITY = ("contact_speed", "pet", "ttc")
+"""Kinds for which a relation has a field of its own, where the text gives a plain number."""
+
+_BEFORE = 24
+"""Characters before a figure in which a bound such as "at least" may stand."""
+
+_BOUND_BEFORE = re.compile(
+    r"(?:at least|at most|(?:no )?(?:more|less|faster|slower) than|over|"
+    r"under|above|below|up to|within|a (?:minimum|maximum) of|exceeding)\s+(?:an? |the |its )?$",
+    re.IGNORECASE,
+)
+_LEFT = re.compile(r"from (?:the|its) left|left[- ]hand", re.IGNORECASE)
+_RIGHT = re.compile(r"from (?:the|its) right|right[- ]hand", re.IGNORECASE)
+_SIDE = re.compile(r"\b(?:side|flank|length|doors?)\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class AskedNumber:
+    """What one span asks for; `severity` names a figure that a relation has a field for."""
+
+    measures: tuple[MeasureDraft, ...] = ()
+    severity: tuple[str, float] | None = None
+
+
+def read_number(
+    span: ReadSpan, text: str, draft: Draft, users: dict[int, AgentDraft], spans: Sequence[ReadSpan]
+) -> AskedNumber | None:
+    """What the words of a span ask for; None where they give no figure that a scene can have.
+
+    Args:
+        spans: all spans of the text, in order.
+
+    Raises:
+        Refused: a figure that no scene can have, with the most that it can.
+    """
+    before = _words_before(span, text)
+    unit = range_in(span.words, before, 0.0)
+    kind = _find_kind(span, users, spans)
+    kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft)
+    if span.negated or kind is None:
+        return None
+    found = range_in(span.words, before, UNITS[kind].tolerance)
+    if found is None:
+        return None
+    low, high, _ = found
+    if kind in _SEVERITY and unit is not None and unit[0] == unit[1]:
+        return AskedNumber(severity=(kind, unit[0]))
+    ends = _find_ends(kind, span, draft, users, spans)
+    bounded = [(*_limit(kind, agent, low, high, span.words), agent, other) for agent, other in ends]
+    if not bounded:
+        return None
+    return AskedNumber(tuple(MeasureDraft(kind, a, o, lo, hi) for lo, hi, a, o in bounded))
+
+
+def _words_before(span: ReadSpan, text: str) -> str:
+    match = _BOUND_BEFORE.search(text[max(0, span.start - _BEFORE) : span.start])
+    return match[0] if match else ""
+
+
+def _find_kind(
+    span: ReadSpan, users: dict[int, AgentDraft], spans: Sequence[ReadSpan]
+) -> MeasureKind | None:
+    """The kind of measure that a tag and its company say."""
+    kind = _KIND_OF.get(span.tag)
+    if span.tag == "point":
+        return _find_point(span)
+    if span.tag != "speed":
+        return kind
+    before = [s for s in spans if s.start < span.start and not s.negated]
+    near = next((s for s in reversed(before) if s.tag in ("red", "ref", *MENTIONS)), None)
+    own = set(span.subjects)
+    if near is not None and near.tag == "red":
+        return "line_speed"
+    hits = [s for s in before if s.tag == "hit" and own and own <= set(s.subjects)]
+    met = near is not None and bool(hits) and set(near.subjects) <= set(hits[-1].objects)
+    drives = all(users[n].type == "vehicle" for n in own if n in users)
+    return "contact_speed" if met and drives else kind
+
+
+def _find_point(span: ReadSpan) -> MeasureKind:
+    if _SIDE.search(span.words) and "front" not in span.words.lower():
+        return "side_point"
+    if _LEFT.search(span.words):
+        return "front_point_left"
+    return "front_point_right" if _RIGHT.search(span.words) else "front_point"
+
+
+def _fit_unit(kind: MeasureKind, unit: str, draft: Draft) -> MeasureKind | None:
+    """The kind that has this unit, where words such as "gap" leave that open."""
+    follows = bool(draft.relations) and all(each.type == "follow" for each in draft.relations)
+    if kind.endswith("_point") or "_point_" in kind:
+        return kind if unit == "%" else None
+    if kind in ("headway", "gap"):
+        if unit == "m":
+            return "gap" if follows else None
+        return ("headway" if follows else "pet") if unit == "s" else None
+    if kind == "line_distance" and follows and unit == "m":
+        return "gap"
+    if unit == "" and kind in ("pet", "ttc"):
+        return kind
+    return kind if unit == _NEEDS[kind] else None
+
+
+def _find_ends(
+    kind: MeasureKind,
+    span: ReadSpan,
+    draft: Draft,
+    users: dict[int, AgentDraft],
+    spans: Sequence[ReadSpan],
+) -> Iterator[tuple[AgentDraft, AgentDraft | None]]:
+    """Of whom the figure is asked."""
+    subjects = [users[n] for n in span.subjects if n in users]
+    if not UNITS[kind].of_two:
+        vehicles = [agent for agent in draft.agents if agent.type == "vehicle"]
+        if not subjects:
+            subjects = vehicles if len(vehicles) == 1 else []
+        yield from ((agent, None) for agent in subjects)
+        return
+    relation = _find_relation(kind, span, draft, subjects, users, spans)
+    if relation is not None:
+        first, second = relation.from_, relation.to
+        strikes = first.type == "vehicle" or second.type != "vehicle"
+        turned = "_point" in kind and subjects and subjects[0] is second
+        yield (second, first) if turned or not strikes else (first, second)
+
+
+def _find_relation(
+    kind: MeasureKind,
+    span: ReadSpan,
+    draft: Draft,
+    subjects: Sequence[AgentDraft],
+    users: dict[int, AgentDraft],
+    spans: Sequence[ReadSpan],
+) -> RelationDraft | None:
+    """The event whose figure it is: of the agents named, else the last one told before."""
+    wanted = ("collide_at",) if "_point" in kind else _EVENTS_OF.get(kind, tuple(_EVENTS))
+    fitting = [each for each in draft.relations if each.type in wanted]
+    named = [e for e in fitting if any(a in (e.from_, e.to) for a in subjects)] if subjects else []
+    named = named or fitting
+    if len(named) <= 1:
+        return named[0] if named else None
+    told = [s for s in spans if s.tag in EVENTS and s.start < span.start]
+    for event in reversed(told):
+        pair = {id(users[n]) for n in (*event.subjects, *event.objects) if n in users}
+        found = [each for each in named if each.pair() <= pair]
+        if found:
+            return found[-1]
+    return None
+
+
+def _limit(
+    kind: MeasureKind, agent: AgentDraft, low: float, high: float | None, words: str
+) -> tuple[float, float]:
+    """The bounds, within what a scene can have.
+
+    Raises:
+        Refused: nothing of the range can be, with the nearest that can.
+    """
+    unit = UNITS[kind]
+    most = _WALKS.get(kind, unit.most) if agent.type != "vehicle" else _DRIVES.get(kind, unit.most)
+    high = most if high is None else high
+    slack = unit.tolerance
+    if low + slack > most + 1e-6 and low > unit.least:
+        raise Refused(
+            "impossible",
+            f"'{words}' is more than a scene can have: {kind.replace('_', ' ')} of a {agent.type} "
+            f"is at most {most:g} {unit.unit}.",
+        )
+    if high - slack < unit.least - 1e-6 and high < most:
+        raise Refused(
+            "impossible",
+            f"'{words}' is less than a scene can have: {kind.replace('_', ' ')} of a {agent.type} "
+            f"is at least {unit.least:g} {unit.unit}.",
+        )
+    return min(low, most), min(high, most)

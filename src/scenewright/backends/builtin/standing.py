@@ -1,0 +1,323 @@
+"""Words about what stands: read by a small grammar and taken out of a text before the readings.
+
+"A woman steps out from behind a parked truck and is hit by a car" is read as "A woman steps out
+and is hit by a car"; the truck becomes an object of the plan that hides the woman from the car.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from scenewright.backends.builtin.draft import Refused
+from scenewright.backends.builtin.reader.numbers import TO_TWENTY
+from scenewright.backends.builtin.reader.words import subtype_in
+from scenewright.scene.account import SaidSpan
+from scenewright.scene.social import MOST_OBJECTS, ObjectKind, ObjectNode, SocialGraph
+
+
+def _any(*words: str, then: str = "") -> str:
+    """One of some words, each with the same to follow."""
+    return f"(?:{'|'.join(words)}){then}"
+
+
+def _maybe(pattern: str) -> str:
+    return f"(?:{pattern})?"
+
+
+_STATE = _maybe(_any("illegally", "legally", "badly", then=" ")) + _any(
+    r"double[- ]?parked", r"parked(?:[- ]up)?", "stalled", "stranded", "broken[- ]down",
+    "disabled", "abandoned", "unloading",
+)  # fmt: skip
+_AT_REST = _any(_STATE, "stationary", "standing", "stopped", "waiting", "halted")
+_KIND_OF_VEHICLE = _any(
+    "delivery", "moving", "removal", "panel", "box", "dump", "tow", "garbage", "bin", "fire",
+    "police", "school", "city", "tour", "courier", "white", "red", "blue", "big", "large", "tall",
+    "small", "long", "heavy", "cargo", then=" ",
+)  # fmt: skip
+_VEHICLE = f"(?:{_KIND_OF_VEHICLE})*" + _any(
+    "cars?", "vans?", "trucks?", "lorr(?:y|ies)", "bus(?:es)?", "coach(?:es)?", "taxis?", "cabs?",
+    "suvs?", "pick-?ups?", "vehicles?", "minivans?", "minibus(?:es)?", "motorcycles?",
+    "motorbikes?", "mopeds?", "ambulances?", "hgvs?", "tankers?", "campers?", "jeeps?", "sedans?",
+)  # fmt: skip
+_KIND_OF_THING = _any(
+    "large", "big", "tall", "metal", "litter", "rubbish", "trash", "garbage", "wheelie",
+    "recycling", "shipping", "construction", "waste", "electrical", "utility", "switch", "control",
+    "telephone", "phone", "news", "market", "wooden", "storage", then=" ",
+)  # fmt: skip
+_THING = f"(?:{_KIND_OF_THING})*" + _any(
+    "bins?", "trash cans?", "dustbins?", "dumpsters?", "skips?", "containers?", "kiosks?",
+    "cabinets?", "box(?:es)?", "booths?", "stalls?", "newsstands?",
+)  # fmt: skip
+_THE = _maybe(_any("an?", "the", "one", "another", "some", then=" "))
+_ADJECTIVES = r"(?:(?!and\b|of\b|by\b|is\b|hits?\b)[\w-]+,? ){0,2}?"
+_THAT_IS = _maybe(r" (?:that|which) (?:is|was|has)")
+_BUS_AT_STOP = (
+    f"{_THE}{_ADJECTIVES}(?:bus|coach){_THAT_IS}{_maybe(' (?:standing|stopped|waiting|stopping)')}"
+    " (?:at|in) (?:a|the|its) (?:bus )?(?:stop|bay)"
+)
+_PARKED = _any(
+    f"{_THE}{_ADJECTIVES}{_STATE} {_ADJECTIVES}{_VEHICLE}", f"{_THE}{_VEHICLE}{_THAT_IS} {_STATE}"
+)
+_STANDS = _any(_BUS_AT_STOP, _PARKED, f"{_THE}{_THING}")
+_RESTS = _any(
+    _STANDS, f"{_THE}{_ADJECTIVES}{_AT_REST} {_VEHICLE}", f"{_THE}{_VEHICLE} {_AT_REST}",
+    f"{_THE}{_VEHICLE}",
+)  # fmt: skip
+"""What is said to hide somebody stands, be that said or not: "from behind a bus"."""
+
+_COMPASS = r"(?:north|south|east|west)(?:ern)?(?:bound)?"
+_ON = _any(
+    f"(?:on|at|in|along) the {_COMPASS}"
+    + _maybe(" (?:leg|arm|approach|exit|side|street|road|entry|kerb|curb|sidewalk|pavement)")
+    + "(?! ?(?:cross|zebra))",
+    f"{_any('before', 'by', 'at', 'near', 'beside', 'in front of', 'next to', 'ahead of')} the "
+    f"{_maybe(_COMPASS + ' ')}"
+    + _any("crosswalk", "zebra crossing", "crossing", "corner", "kerb", "curb", "kerbside",
+           "curbside", "bus stop", "stop line", "intersection", "junction"),
+    "(?:on|by|at|along) the (?:sidewalk|pavement|roadside|kerb|curb|side|street|road)"
+    + _maybe(" of the (?:road|street)"),
+    "in (?:the|a|its) " + _maybe("(?:right|left|outer|inner|parking) ") + "(?:lane|bay)",
+    "there",
+)  # fmt: skip
+_PLACE = _maybe(
+    f",? {_maybe(_any('standing', 'parked', 'waiting', then=' '))}"
+    f"{_maybe(_any('right', 'just', 'directly', 'close', 'shortly', then=' '))}{_ON}"
+)
+_SECONDS = rf"(?P<seconds>\d+(?:[.,]\d+)?|{'|'.join(TO_TWENTY)}|half a)"
+_EVENT = _any(
+    "impact", "collision", "crash", "contact", "conflict", "near[- ]miss", "event", "incident",
+    "encounter", "meet", "hit",
+)  # fmt: skip
+_LEAD = _maybe(
+    ",? "
+    + f"(?:{_any('and', 'but', 'is', 'was', 'only', 'just', 'first', 'becomes', then=' ')})*"
+    + _maybe(_any("until", "till", "up to", "visible", "seen", "in(?:to)? (?:view|sight)"))
+    + f"(?: {_any('only', 'just', 'about', 'for', 'from', 'at', 'some')})*"
+    + rf" ?{_SECONDS}[ -]?(?:s|secs?|seconds?)\b"
+    + _maybe(f" (?:before|prior to|ahead of) {_maybe('(?:the|they|it|an?) ')}{_EVENT}")
+)
+_DRIVER = r"(?:driver|car|van|truck|bus|vehicle|taxi|motorcycle|motorcyclist)"
+_WALKER = r"(?:pedestrian|woman|man|child|boy|girl|walker|person|kid)"
+_VIEW = r"(?:view|sight|line of sight|sightline|vision)"
+_HIDDEN = (
+    _any("hidden", "obscured", "occluded", "concealed", "masked", "screened", "blocked", "covered",
+         "obstructed", "shielded", "invisible", "unseen", "not visible", "out of (?:sight|view)")
+    + _maybe(f" (?:from|to|for) (?:{_VIEW}|the {_DRIVER}{_maybe(chr(39) + 's ' + _VIEW)})")
+    + _maybe(" (?:at first|initially)")
+    + " (?:by|behind|because of)"
+)  # fmt: skip
+_BLOCKED_VIEW = (
+    _maybe(_any("because", "as", "since", "while", "with", "and", then=" "))
+    + rf"(?:the {_DRIVER}(?:'s)?|its|his|her|their|the) {_maybe('driver.s ')}{_VIEW}"
+    + _maybe(r" of (?:the \w+|her|him|them|it)")
+    + _maybe(" (?:is|was|being|gets|got)")
+    + " (?:blocked|obstructed|obscured|hidden|restricted|occluded) by"
+)
+_CANNOT_SEE = (
+    _maybe(_any("and", "but", "who", "whose driver", "the driver", then=" "))
+    + _any("cannot", "can't", "could not", "couldn't", "does not", "doesn't", "did not", "didn't")
+    + r" see (?:the \w+|her|him|them|it) (?:because of|due to|past|behind|for)"
+)
+_WHO = _any(
+    ",? ?(?:who|that|which) (?:(?:is|was|had been|has been|were) )?", ",? ?(?:is|was|being) ", ""
+)
+_OUT = r"(?P<out>(?:emerg(?:es?|ed|ing)|appear(?:s|ed|ing)?|(?:com(?:es?|ing)|came|pops?) out) )?"
+
+_HIDING = re.compile(
+    rf"(?:,? ?(?:{_BLOCKED_VIEW}|{_CANNOT_SEE})|{_WHO}(?:{_HIDDEN}|{_OUT}(?:from )?behind)) "
+    rf"(?P<object>{_RESTS}){_PLACE}{_LEAD}",
+    re.IGNORECASE,
+)
+"""Somebody comes from behind an object, is hidden by it, or a view is blocked by it."""
+
+_HIDES = re.compile(
+    rf"(?P<object>{_STANDS}){_PLACE},? (?:that |which )?"
+    + _any("hides?", "conceals?", "obscures?", "occludes?", "screens?", "masks?", "blocks?",
+           "covers?", "obstructs?")
+    + rf" (?:the {_WALKER}|her|him|them|(?:the |his |her |its )?{_maybe(_DRIVER + '.s ')}{_VIEW})"
+    + rf"(?: (?:of|to|from) (?:the (?:{_WALKER}|{_DRIVER})|her|him|{_VIEW})(?:'s {_VIEW})?)*"
+    + _LEAD,
+    re.IGNORECASE,
+)  # fmt: skip
+"""An object hides somebody or blocks a view."""
+
+_THERE = re.compile(
+    ",? ?"
+    + _maybe(_any("and", "while", "where", then=" "))
+    + _any("there(?:'s| is| are| stands?)", "with", "past", "next to", "beside", "near")
+    + f" (?P<object>{_STANDS}){_maybe(' (?:standing|waiting|parked|stands)')}{_PLACE}"
+    + f"|(?P<subject>{_STANDS}) (?:is|stands|sits|waits|has (?:stalled|broken down))"
+    + f"{_maybe(' (?:standing|parked|waiting|there)')}{_PLACE}"
+    + f"|(?P<parked>{_THE}{_VEHICLE} (?:is|was|has|stands|has been) {_STATE}){_PLACE}",
+    re.IGNORECASE,
+)
+"""An object is there."""
+
+_EXIT = re.compile(r"\bexit\b|\b(?:after|past|beyond) the\b", re.IGNORECASE)
+_LEG = re.compile(r"\b(north|south|east|west)(?!bound)", re.IGNORECASE)
+_TOLERANCE = 0.15
+"""Of a time that is asked for [s] (SEMANTICS 8)."""
+
+
+@dataclass(frozen=True)
+class StandingPhrase:
+    """Words about something that stands.
+
+    Attributes:
+        start, end: characters of the text; object: the words that name it.
+        hides: whether it hides a road user; lead: how long before the event it is seen [s].
+    """
+
+    start: int
+    end: int
+    words: str
+    object: str
+    hides: bool = False
+    lead: tuple[float, float] | None = None
+
+    def make_node(self, number: int) -> ObjectNode:
+        """The object as a part of the plan."""
+        kind = _find_kind(self.words)
+        leg = _LEG.search(self.words)
+        vehicle = kind in ("parked", "double_parked", "stalled")
+        return ObjectNode.model_validate(
+            {
+                "id": f"object-{number}",
+                "kind": kind,
+                "subtype": subtype_in(self.object) if vehicle else None,
+                "leg": leg[1].lower() if leg else None,
+                "side": "exit" if _EXIT.search(self.words) else None,
+            }
+        )
+
+
+def take_out(text: str) -> tuple[str, tuple[StandingPhrase, ...]]:
+    """A text without its words about what stands, as long as before, and those words."""
+    found: list[StandingPhrase] = []
+    for pattern in (_HIDES, _HIDING, _THERE):
+        for match in pattern.finditer(text):
+            phrase = _read(match, hides=pattern is not _THERE)
+            if phrase is not None:
+                found.append(phrase)
+                text = text[: match.start()] + _fill(match) + text[match.end() :]
+    return text, tuple(sorted(found, key=lambda each: each.start))
+
+
+def _read(match: re.Match[str], *, hides: bool) -> StandingPhrase | None:
+    groups = match.groupdict()
+    named = groups.get("object") or groups.get("subject") or groups.get("parked")
+    lead = _read_seconds(groups.get("seconds"))
+    return StandingPhrase(
+        match.start(), match.end(), match[0].strip(" ,"), named or "", hides, lead
+    )
+
+
+def _fill(match: re.Match[str]) -> str:
+    """What takes the place of the words: blanks, or a verb if they are all that an agent does."""
+    verb = match.groupdict().get("out")
+    whole = match[0]
+    if verb and not re.match(r",? ?(?:who|that|which)\b", whole, re.IGNORECASE):
+        walks = "walking" if verb.strip().endswith("ing") else "walks"
+        lead = whole.lower().index(verb.lower())
+        return (" " * lead + walks).ljust(len(whole))[: len(whole)]
+    return " " * len(whole)
+
+
+def _find_kind(words: str) -> ObjectKind:
+    low = words.lower()
+    if re.search(r"double[- ]?parked|in the lane\b", low):
+        return "double_parked"
+    if re.search(r"stalled|stranded|broken|disabled|has stalled", low):
+        return "stalled"
+    if re.search(r"\b(?:bus|buses|coach|minibus)\b", low) and "parked" not in low:
+        return "bus_stop"
+    if re.search(rf"\b{_VEHICLE}\b", low):
+        return "parked"
+    if re.search(r"container|skip|dumpster", low):
+        return "container"
+    return "bin" if re.search(r"\b(?:dust)?bins?\b|trash can", low) else "box"
+
+
+def _read_seconds(words: str | None) -> tuple[float, float] | None:
+    if not words:
+        return None
+    low = words.lower().replace(",", ".")
+    spelt = {word: float(number) for number, word in enumerate(TO_TWENTY)} | {"half a": 0.5}
+    value = spelt[low] if low in spelt else float(low)
+    return round(max(value - _TOLERANCE, 0.0), 3), round(value + _TOLERANCE, 3)
+
+
+def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase]) -> SocialGraph:
+    """The graph with the objects that a text speaks of, and the account of their words.
+
+    Raises:
+        Refused: it is not clear whom an object hides from whom, or there are too many.
+    """
+    if len(phrases) > MOST_OBJECTS:
+        raise Refused("out_of_scope", f"At most {MOST_OBJECTS} standing objects can be placed.")
+    nodes, said = list(graph.objects), list(graph.said)
+    for phrase in phrases:
+        node = phrase.make_node(len(nodes) + 1)
+        became = SaidSpan(
+            start=phrase.start, end=phrase.end, words=phrase.words, became="object",
+            value=f"{node.id} {node.kind} {node.subtype or ''}".strip(),
+        )  # fmt: skip
+        said.append(became)
+        if phrase.hides:
+            driver, walker = _find_pair(graph, phrase)
+            hidden = {"hides": walker, "hidden_from": driver, "lead": phrase.lead}
+            node = node.model_copy(update=hidden)
+            sight = {"became": "sight", "agents": (driver, walker), "value": node.id}
+            said.append(became.model_copy(update=sight))
+        nodes.append(node)
+    said.sort(key=lambda each: each.start)
+    made = graph.model_copy(update={"objects": tuple(nodes), "said": tuple(said)})
+    return SocialGraph.model_validate(made.model_dump(by_alias=True))
+
+
+def _find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
+    """The driver and the pedestrian of the event in which the phrase has somebody hidden."""
+    pairs = list(_list_pairs(graph))
+    walkers = dict.fromkeys(walker for _, walker in pairs)
+    if not walkers:
+        raise Refused(
+            "out_of_scope",
+            f"'{phrase.words}' says that something is hidden, and only a pedestrian that a vehicle "
+            "hits, nearly hits or gives way to can be; say such an event.",
+        )
+    named = _find_nearest(graph, phrase)
+    if named is not None and named.startswith("vehicle"):
+        raise Refused(
+            "out_of_scope",
+            f"'{phrase.words}' seems to hide {named}, and only pedestrians can be hidden; say "
+            "who comes out: 'a pedestrian steps out from behind a parked truck'.",
+        )
+    walker = named if named in walkers else next(iter(walkers))
+    if named not in walkers and len(walkers) > 1:
+        raise Refused("out_of_scope", f"It is not clear whom '{phrase.words}' hides; say who.")
+    return next(pair for pair in pairs if pair[1] == walker)
+
+
+def _list_pairs(graph: SocialGraph) -> Iterator[tuple[str, str]]:
+    types = {agent.id: agent.type for agent in graph.agents}
+    for edge in graph.relations:
+        pair = sorted((edge.from_, edge.to), key=lambda name: types[name] == "pedestrian")
+        if [types[name] for name in pair] == ["vehicle", "pedestrian"]:
+            yield pair[0], pair[1]
+
+
+def _find_nearest(graph: SocialGraph, phrase: StandingPhrase) -> str | None:
+    """The agent mentioned last before the words, if they say that somebody comes out or is hidden.
+
+    What blocks a view is said of nobody in particular.
+    """
+    if re.match(r".*\b(?:view|sight|sightline|see|vision)\b", phrase.words, re.IGNORECASE):
+        return None
+    before = [
+        each
+        for each in graph.said
+        if each.became == "agent" and each.end <= phrase.start + 1 and len(each.agents) == 1
+    ]
+    return max(before, key=lambda each: each.end).agents[0] if before else None

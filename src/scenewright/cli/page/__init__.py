@@ -1,0 +1,1 @@
+"""`scenewright serve`: a local page on which scenes are made, changed, seen and shared."""

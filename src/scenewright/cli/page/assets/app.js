@@ -1,0 +1,277 @@
+"use strict";
+// The page around the player: conversation, versions, places. All text is set as text, never as markup.
+const find = (id) => document.getElementById(id);
+const token = new URLSearchParams(location.search).get("token") ?? "";
+const EXAMPLES = ["A car from the north turning left narrowly misses a pedestrian on the east crosswalk at 8 am",
+  "A van is rear-ended by a car on the approach from the south", "A truck turning right yields to a pedestrian", "A normal morning in dense traffic"];
+const app = { thread: null, state: null, busy: false, place: null };
+
+function make(tag, properties = {}, ...children) {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+}
+function address(path, query = {}) {
+  return `${path}?${new URLSearchParams({ ...query, token })}`;
+}
+async function ask(path, { query = {}, body = null } = {}) {
+  const options = { headers: { "x-token": token } };
+  if (body !== null) Object.assign(options, { method: "POST", body: JSON.stringify(body) });
+  const answer = await fetch(`${path}?${new URLSearchParams(query)}`, options);
+  const value = await answer.json();
+  if (!answer.ok) throw new Error(value.reason);
+  return value;
+}
+const threadPath = (rest = "") => `/api/threads/${encodeURIComponent(app.thread)}${rest}`;
+
+// ---- the log ------------------------------------------------------------------------------------
+function addToLog(element) {
+  find("log").append(element);
+  element.scrollIntoView({ block: "end" });
+}
+function logWords(words) {
+  addToLog(make("div", { className: "said", textContent: words }));
+}
+function logReply({ kind, lines, why = [] }) {
+  const box = make("div", { className: `answer ${kind}` }, ...lines.map((line) => make("p", { textContent: line })));
+  if (why.length) box.append(make("details", {}, make("summary", { textContent: "Why" }), ...why.map((line) => make("p", { textContent: line }))));
+  addToLog(box);
+}
+function logFault(error) {
+  logReply({ kind: "refused", lines: [error.message === "Failed to fetch" ? "The server does not answer; is `scenewright serve` still running?" : error.message] });
+}
+function offerChoices(choices) {
+  find("choices").replaceChildren(...choices.map((answer) => {
+    const button = make("button", { type: "button", textContent: answer });
+    button.addEventListener("click", () => takeTurn("say", answer));
+    return button;
+  }));
+}
+
+// ---- turns --------------------------------------------------------------------------------------
+function setBusy(busy) {
+  app.busy = busy;
+  for (const id of ["send", "undo", "redo", "branch", "new"]) find(id).disabled = busy;
+  if (!busy) find("progress").textContent = "";
+}
+async function takeTurn(action, argument = "") {
+  if (app.busy) return;
+  setBusy(true);
+  offerChoices([]);
+  if (action === "say") logWords(argument);
+  try {
+    if (app.thread === null) await createThread();
+    const reply = await readTurn(action, argument);
+    logReply(reply);
+    offerChoices(reply.choices ?? []);
+    await refresh();
+  } catch (error) {
+    logFault(error);
+  } finally {
+    setBusy(false);
+    find("words").focus();
+  }
+}
+async function readTurn(action, argument) {
+  const answer = await fetch(threadPath("/turn"), { method: "POST", headers: { "x-token": token }, body: JSON.stringify({ action, argument }) });
+  if (!answer.ok) throw new Error((await answer.json()).reason);
+  const reader = answer.body.getReader(), decoder = new TextDecoder();
+  let rest = "", reply = null;
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) break;
+    const lines = (rest + decoder.decode(value, { stream: true })).split("\n");
+    rest = lines.pop();
+    for (const line of lines.map((each) => JSON.parse(each))) {
+      if (line.reply) reply = line.reply;
+      else find("progress").textContent = `${line.stage.replaceAll("_", " ")}: ${line.line}`;
+    }
+  }
+  if (reply === null) throw new Error("The server stopped in the middle of the turn; the scene is as it was.");
+  return reply;
+}
+
+// ---- threads and versions -------------------------------------------------------------------------
+async function createThread() {
+  const made = await ask("/api/threads", { body: { intersection: app.place } });
+  app.thread = made.thread;
+  addThread(made.thread);
+}
+function addThread(name) {
+  if (![...find("thread").options].some((each) => each.value === name)) find("thread").append(make("option", { value: name, textContent: name }));
+  find("thread").value = name;
+}
+async function openThread(name) {
+  app.thread = name || null;
+  find("log").replaceChildren();
+  offerChoices([]);
+  await refresh();
+  for (const version of app.state?.versions ?? []) {
+    logWords(version.words);
+    logReply({ kind: "made", lines: [`version ${version.number}`] });
+  }
+  if (app.state?.interrupted) logReply({ kind: "nothing", lines: [`The last turn was cut short and left nothing behind: ${app.state.interrupted}`] });
+  if (app.state?.busy) waitUntilFree();
+}
+async function waitUntilFree() {
+  setBusy(true);
+  find("progress").textContent = "A turn is still being worked on …";
+  while (app.state?.busy) {
+    await new Promise((done) => setTimeout(done, 500));
+    await refresh();
+  }
+  setBusy(false);
+}
+async function refresh(shown = null) {
+  app.state = app.thread === null ? null : await ask(threadPath());
+  history.replaceState(null, "", address("/", app.thread ? { thread: app.thread } : {}));
+  const versions = app.state?.versions ?? [], current = shown ?? app.state?.current ?? null;
+  fillVersions(find("version"), versions, current, null);
+  fillVersions(find("against"), versions, null, "–");
+  drawTree(versions, current);
+  showVersion(current);
+}
+function fillVersions(select, versions, chosen, none) {
+  const options = versions.map((each) => make("option", { value: String(each.number), textContent: `${each.number}: ${each.words.slice(0, 40)}` }));
+  select.replaceChildren(...(none ? [make("option", { value: "", textContent: none })] : []), ...options);
+  if (chosen !== null) select.value = String(chosen);
+}
+async function showVersion(number, against = "") {
+  const shown = number !== null, versions = shown ? [number, against].filter((each) => each !== "") : [];
+  find("start").hidden = shown;
+  find("players").replaceChildren(...versions.map((version) => make("iframe", {
+    title: `Version ${version}`, src: address(threadPath("/page.html"), { version }),
+  })));
+  for (const [id, name] of [["share", "page.html"], ["json", "scene.json"], ["proof", "proof.json"]]) {
+    find(id).setAttribute("aria-disabled", String(!shown));
+    find(id).href = shown ? address(threadPath(`/${name}`), { version: number, download: 1 }) : "#";
+  }
+  find("made").hidden = true;
+  find("making").setAttribute("aria-expanded", "false");
+  find("differences").hidden = against === "";
+  if (against === "") return;
+  try {
+    const { lines } = await ask(threadPath("/compare"), { query: { first: number, second: against } });
+    find("differences").replaceChildren(...lines.map((line) => make("li", { textContent: line.trim() })));
+  } catch (error) { logFault(error); }
+}
+/** Versions from left to right, a branch below what it grew from. */
+function drawTree(versions, current) {
+  const tree = find("tree"), rows = new Map(), column = new Map();
+  tree.replaceChildren();
+  let most = 0;
+  versions.forEach((version, n) => {
+    const taken = versions.slice(0, n).some((each) => each.parent === version.parent && version.parent !== null);
+    const row = version.parent === null ? 0 : rows.get(version.parent) + (taken ? 1 : 0);
+    rows.set(version.number, row);
+    column.set(version.number, n);
+    most = Math.max(most, row);
+  });
+  const at = (number) => [18 + 34 * column.get(number), 16 + 28 * rows.get(number)];
+  tree.style.height = `${32 + 28 * most}px`;
+  for (const { number, parent } of versions) if (parent !== null && column.has(parent)) {
+    const [x1, y1] = at(parent), [x2, y2] = at(number);
+    tree.append(draw("line", { x1, y1, x2, y2 }));
+  }
+  for (const { number, words } of versions) {
+    const [cx, cy] = at(number), text = draw("text", { x: cx, y: cy + 4, "text-anchor": "middle" }), title = draw("title", {});
+    text.textContent = String(number);
+    title.textContent = words;
+    const node = draw("g", { class: `node${number === current ? " current" : ""}` });
+    node.append(title, draw("circle", { cx, cy, r: 12 }), text);
+    node.addEventListener("click", () => chooseVersion(number));
+    tree.append(node);
+  }
+}
+function draw(tag, attributes) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
+  return element;
+}
+function chooseVersion(number) {
+  find("version").value = String(number);
+  find("against").value = "";
+  drawTree(app.state.versions, number);
+  showVersion(number);
+}
+async function toggleMaking() {
+  const box = find("made"), open = box.hidden;
+  find("making").setAttribute("aria-expanded", String(open));
+  box.hidden = !open;
+  if (!open) return;
+  try {
+    const made = await ask(threadPath("/made"), { query: { version: find("version").value } });
+    box.replaceChildren(describeMaking(made));
+  } catch (error) { logFault(error); }
+}
+function describeMaking(made) {
+  const row = (name, value) => make("tr", {}, make("th", { scope: "row", textContent: name }), make("td", { textContent: value }));
+  const seconds = Object.entries(made.seconds ?? {}).map(([stage, value]) => `${stage.replaceAll("_", " ")} ${value.toFixed(2)} s`).join(", ");
+  const refused = (made.rejections ?? []).map((each) => `${each.stage.replaceAll("_", " ")}: ${each.detail}`);
+  const rows = [row("stages", seconds || "–"), row("attempts", String(refused.length + 1)),
+    ...refused.slice(0, 20).map((line, n) => row(n ? "" : "refused on the way", line)),
+    row("backend", JSON.stringify(made.backend ?? "")), row("seed", String(made.seed ?? ""))];
+  return make("table", {}, make("tbody", {}, ...rows));
+}
+
+// ---- places -----------------------------------------------------------------------------------------
+function showPlaces(places, chosen) {
+  app.place = chosen;
+  find("places").replaceChildren(...places.map(({ name, title }) => {
+    const picture = make("img", { src: address(`/api/intersections/${encodeURIComponent(name)}.png`), alt: "", loading: "lazy" });
+    const button = make("button", { type: "button" }, picture, make("strong", { textContent: name }), make("span", { className: "quiet", textContent: title }));
+    button.setAttribute("aria-pressed", String(name === chosen));
+    button.addEventListener("click", () => { app.thread = null; find("thread").value = ""; showPlaces(places, name); });
+    return button;
+  }));
+}
+function showExamples() {
+  find("examples").replaceChildren(...EXAMPLES.map((text) => {
+    const button = make("button", { type: "button", textContent: text });
+    button.addEventListener("click", () => takeTurn("say", text));
+    return make("li", {}, button);
+  }));
+}
+function chooseTheme(dark) {
+  document.documentElement.classList.toggle("dark", dark);
+  find("theme").setAttribute("aria-pressed", String(dark));
+}
+
+function listen() {
+  find("form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const words = find("words").value.trim();
+    if (!words || app.busy) return;
+    find("words").value = "";
+    takeTurn("say", words);
+  });
+  find("words").addEventListener("keydown", (event) => {
+    if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); find("form").requestSubmit(); }
+  });
+  find("undo").addEventListener("click", () => takeTurn("undo"));
+  find("redo").addEventListener("click", () => takeTurn("redo"));
+  find("branch").addEventListener("click", () => { find("name").value = ""; find("ask").showModal(); });
+  find("ask").addEventListener("close", () => { if (find("ask").returnValue === "ok") takeTurn("branch", find("name").value); });
+  find("new").addEventListener("click", () => { find("thread").value = ""; openThread(null).catch(logFault); });
+  find("thread").addEventListener("change", (event) => openThread(event.target.value).catch(logFault));
+  find("version").addEventListener("change", (event) => chooseVersion(Number(event.target.value)));
+  find("against").addEventListener("change", (event) => showVersion(find("version").value, event.target.value));
+  find("making").addEventListener("click", toggleMaking);
+  find("theme").addEventListener("click", () => chooseTheme(!document.documentElement.classList.contains("dark")));
+}
+async function start() {
+  chooseTheme(window.matchMedia("(prefers-color-scheme: dark)").matches);
+  listen();
+  showExamples();
+  try {
+    const facts = await ask("/api/start");
+    find("backend").textContent = `backend: ${facts.backend}`;
+    find("thread").append(make("option", { value: "", textContent: "new" }), ...facts.threads.map((name) => make("option", { value: name, textContent: name })));
+    showPlaces(facts.intersections, facts.intersection);
+    const wanted = new URLSearchParams(location.search).get("thread");
+    if (wanted && facts.threads.includes(wanted)) addThread(wanted);
+    await openThread(find("thread").value);
+  } catch (error) { logFault(error); }
+  find("words").focus();
+}
+start();

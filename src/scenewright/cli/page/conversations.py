@@ -1,0 +1,185 @@
+"""The conversations that a page works on, each of which takes one turn at a time."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from scenewright.authoring.compare import compared
+from scenewright.authoring.explain import why
+from scenewright.authoring.session import MAIN, Session, Shown, branches_of
+from scenewright.authoring.thread_state import Heading
+from scenewright.backends import Backend
+from scenewright.cli.chat import facts
+from scenewright.cli.turn_report import told
+from scenewright.errors import InputError
+from scenewright.graph.run import refiner_or_default
+from scenewright.intersections import load_map
+from scenewright.memory.threads import Threads
+from scenewright.viz.html_player import build_player
+
+Tell = Callable[[str, str], None]
+LONGEST_WORDS = 20_000
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+
+
+class BusyError(Exception):
+    """A turn of this conversation is still being worked on."""
+
+
+@dataclass(eq=False)
+class Conversation:
+    """One thread with its own connection to the file of threads."""
+
+    session: Session
+    threads: Threads
+    tell: Tell = field(default=lambda _stage, _line: None)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def act(self, action: str, argument: str, tell: Tell) -> dict[str, Any]:
+        """One turn: `say`, `undo`, `redo` or `branch`; the reply with its lines for people.
+
+        Raises:
+            BusyError: another turn is being worked on.
+            InputError: there is no such action, or it cannot be done.
+        """
+        if not self.lock.acquire(blocking=False):
+            raise BusyError("a turn of this conversation is still being worked on")
+        try:
+            self.tell = tell
+            return self._report(self._turn(action, argument))
+        finally:
+            self.tell = lambda _stage, _line: None
+            self.lock.release()
+
+    def _turn(self, action: str, argument: str) -> dict[str, Any]:
+        if action == "say":
+            if not argument.strip() or len(argument) > LONGEST_WORDS:
+                raise InputError(f"say something, in at most {LONGEST_WORDS} characters")
+            return self.session.say(argument)
+        if action == "branch":
+            return self.session.branch(argument)
+        acts = {"undo": self.session.undo, "redo": self.session.redo}
+        if action not in acts:
+            raise InputError(f"there is no action {action[:40]!r}")
+        return acts[action]()
+
+    def _report(self, reply: dict[str, Any]) -> dict[str, Any]:
+        shown = self.session.shown() if reply["kind"] in ("made", "moved_to") else None
+        if reply["kind"] == "wish":
+            reply = {"kind": "nothing", "reason": f"use the button for {reply['wish']}"}
+        if shown is not None:
+            reply = {**reply, **facts(shown)}
+        lines = [line for _, line in told(reply, shown)]
+        refused = self.session.state.get("refused")
+        reasons = why(refused) if reply["kind"] == "refused" and refused is not None else []
+        choices = [each["answer"] for each in self._pending_choices()]
+        return {"kind": reply["kind"], "lines": lines, "why": reasons, "choices": choices}
+
+    def _pending_choices(self) -> list[dict[str, Any]]:
+        pending = self.session.state.get("pending")
+        return [] if pending is None else list(pending["ask"]["choices"])
+
+    def describe(self) -> dict[str, Any]:
+        """What the page shows of the thread: its versions as a tree, branches, what is current."""
+        state = self.session.state
+        return {
+            "thread": self.session.thread,
+            "setting": dict(self.session.heading),
+            "versions": [
+                {"number": each["number"], "parent": each["parent"], "words": each["words"]}
+                for each in state.get("versions", [])
+            ],
+            "current": state.get("current"),
+            "branch": state.get("branch", MAIN),
+            "branches": branches_of(state),
+            "busy": self.lock.locked(),
+            "interrupted": self.session.interrupted,
+        }
+
+    def find(self, which: str | None) -> Shown:
+        """A version by number or branch, the current one if none is named.
+
+        Raises:
+            InputError: there is none.
+        """
+        shown = self.session.shown(which)
+        if shown is None:
+            raise InputError("there is no scene yet; say what shall happen")
+        return shown
+
+    def build_page(self, which: str | None) -> str:
+        """The self-contained page of a version."""
+        shown = self.find(which)
+        intersection_map = load_map(shown.record.meta.intersection)
+        return build_player(scene=shown.record, proof=shown.proof, intersection=intersection_map)
+
+    def compare(self, first: str, second: str) -> list[str]:
+        """What differs between two versions, in lines."""
+        one, other = self.find(first), self.find(second)
+        found = compared(one.record, one.proof, other.record, other.proof)
+        numbers = {"first": one.version["number"], "second": other.version["number"]}
+        return [line for _, line in told({"kind": "compared", **numbers, **found}, None)]
+
+
+class Conversations:
+    """All conversations of one file of threads; opened when they are first used."""
+
+    def __init__(self, file: str, *, backend: Backend, seed: int) -> None:
+        self._file, self._backend, self._seed = file, backend, seed
+        self._open: dict[str, Conversation] = {}
+        self._lock = threading.Lock()
+
+    def list_names(self) -> list[str]:
+        """Names of all threads, last used first."""
+        threads = Threads(self._file)
+        try:
+            return list(threads.names())
+        finally:
+            threads.close()
+
+    def create(self, intersection: str, seed: int | None = None) -> Conversation:
+        """A new conversation at an intersection; InputError if there is none so named."""
+        with self._lock:
+            taken, number = {*self.list_names(), *self._open}, 1
+            while f"page-{number}" in taken:
+                number += 1
+            chosen = self._seed if seed is None else seed
+            return self._start(f"page-{number}", intersection, chosen)
+
+    def get(self, name: str) -> Conversation:
+        """The conversation of this name; InputError if there is none."""
+        with self._lock:
+            if name in self._open:
+                return self._open[name]
+            if not _NAME.fullmatch(name) or name not in self.list_names():
+                raise InputError(f"there is no conversation {name[:64]!r}")
+            return self._start(name, "amsterdam_120", self._seed)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        for each in self._open.values():
+            each.threads.close()
+
+    def _tell(self, name: str, stage: str, line: str) -> None:
+        self._open[name].tell(stage, line)
+
+    def _start(self, name: str, intersection: str, seed: int) -> Conversation:
+        threads = Threads(self._file)
+        try:
+            threads.hold(name)
+            setting: Heading = {
+                "intersection": intersection, "seed": seed, "refiner": refiner_or_default(None)
+            }  # fmt: skip
+            session = Session(
+                threads, name, backend=self._backend, setting=setting,
+                tell=lambda stage, line: self._tell(name, stage, line),
+            )  # fmt: skip
+        except BaseException:
+            threads.close()
+            raise
+        self._open[name] = Conversation(session, threads)
+        return self._open[name]

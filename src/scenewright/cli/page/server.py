@@ -1,0 +1,281 @@
+"""The page's server: one application on 127.0.0.1 that answers only to its own token."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.middleware.base import BaseHTTPMiddleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from scenewright.cli.page.conversations import BusyError, Conversation, Conversations
+from scenewright.errors import BackendFault, InputError, Unsatisfiable
+from scenewright.intersections import list_intersections, load_map
+
+MOST_BODY = 100_000
+"""Bytes of a request; words are far shorter."""
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data:; frame-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
+)
+_ASSETS = {"app.js": "text/javascript", "app.css": "text/css"}
+_Answer = Callable[[Request], Awaitable[Response]]
+
+
+class Guard(BaseHTTPMiddleware):
+    """Answers only requests with the token, to this host, and from this page or none.
+
+    The host is checked because another site's name may be made to lead to 127.0.0.1.
+    """
+
+    def __init__(self, app: Any, *, token: str, hosts: frozenset[str]) -> None:
+        super().__init__(app)
+        self._token, self._hosts = token, hosts
+
+    async def dispatch(self, request: Request, call_next: Any) -> Response:
+        """The answer, or a refusal of the request."""
+        origin = request.headers.get("origin")
+        if request.headers.get("host") not in self._hosts:
+            return _refuse(403, "this page answers to its own address alone")
+        if origin is not None and origin.removeprefix("http://") not in self._hosts:
+            return _refuse(403, "requests of other sites are refused")
+        if request.url.path.lstrip("/") not in _ASSETS and not self._knows_token(request):
+            return _refuse(401, "open the address that `scenewright serve` printed, token included")
+        response: Response = await call_next(request)
+        response.headers.setdefault("Content-Security-Policy", _POLICY)
+        response.headers["X-Content-Type-Options"] = "nosniff"
+        response.headers["Referrer-Policy"] = "no-referrer"
+        response.headers["Cache-Control"] = "no-store"
+        return response
+
+    def _knows_token(self, request: Request) -> bool:
+        given = request.headers.get("x-token") or request.query_params.get("token") or ""
+        return secrets.compare_digest(given.encode(), self._token.encode())
+
+
+class Page:
+    """The routes, over the conversations they work on."""
+
+    def __init__(self, conversations: Conversations, *, backend: str, intersection: str) -> None:
+        self._conversations = conversations
+        self._backend, self._intersection = backend, intersection
+        self._running: set[asyncio.Task[None]] = set()
+
+    def list_routes(self) -> list[Route]:
+        """Every address that the page asks for."""
+        post = ["POST"]
+        return [
+            Route("/", self.send_index),
+            Route("/app.js", _send_asset),
+            Route("/app.css", _send_asset),
+            Route("/api/start", _safely(self.describe_start)),
+            Route("/api/threads", _safely(self.create_thread), methods=post),
+            Route("/api/threads/{thread}", _safely(self.describe_thread)),
+            Route("/api/threads/{thread}/turn", _safely(self.take_turn), methods=post),
+            Route("/api/threads/{thread}/compare", _safely(self.compare_versions)),
+            Route("/api/threads/{thread}/made", _safely(self.describe_making)),
+            Route("/api/threads/{thread}/{name}", _safely(self.send_file)),
+            Route("/api/intersections/{name}.png", _safely(self.draw_map)),
+        ]
+
+    async def send_index(self, _request: Request) -> Response:
+        """The page itself."""
+        return HTMLResponse(_read_asset("index.html"))
+
+    async def describe_start(self, _request: Request) -> Response:
+        """Intersections, conversations and the backend."""
+        names = await run_in_threadpool(list_intersections)
+        return JSONResponse(
+            {
+                "intersections": [{"name": n, "title": load_map(n).title} for n in names],
+                "threads": await run_in_threadpool(self._conversations.list_names),
+                "backend": self._backend,
+                "intersection": self._intersection,
+            }
+        )
+
+    async def create_thread(self, request: Request) -> Response:
+        """A new conversation: {"intersection", "seed"}."""
+        asked = await _read_body(request)
+        name, seed = asked.get("intersection", self._intersection), asked.get("seed")
+        if not isinstance(name, str) or not (seed is None or type(seed) is int):
+            raise InputError("a conversation needs the name of an intersection and a whole seed")
+        made = await run_in_threadpool(self._conversations.create, name, seed)
+        return JSONResponse(await run_in_threadpool(made.describe))
+
+    async def describe_thread(self, request: Request) -> Response:
+        """Versions, branches and what is current."""
+        found = await self._find(request)
+        return JSONResponse(await run_in_threadpool(found.describe))
+
+    async def take_turn(self, request: Request) -> Response:
+        """One turn, {"action", "argument"}; answers lines of JSON: stages, then the reply.
+
+        The turn goes on to its end when the browser leaves; its version is there afterwards.
+        """
+        found, asked = await self._find(request), await _read_body(request)
+        action, argument = asked.get("action"), asked.get("argument", "")
+        if not isinstance(action, str) or not isinstance(argument, str):
+            raise InputError("a turn needs an action and its argument, both as text")
+        if any("\ud800" <= char <= "\udfff" for char in argument):
+            raise InputError("these words are not valid UTF-8 text")
+        if found.lock.locked():
+            raise BusyError("a turn of this conversation is still being worked on")
+        lines: asyncio.Queue[dict[str, Any] | None] = asyncio.Queue()
+        task = asyncio.create_task(_work(found, action, argument, lines))
+        self._running.add(task)
+        task.add_done_callback(self._running.discard)
+        return StreamingResponse(_send_lines(lines), media_type="application/x-ndjson")
+
+    async def compare_versions(self, request: Request) -> Response:
+        """What differs between the versions `first` and `second`."""
+        found, query = await self._find(request), request.query_params
+        pair = query.get("first", ""), query.get("second", "")
+        return JSONResponse({"lines": await run_in_threadpool(found.compare, *pair)})
+
+    async def describe_making(self, request: Request) -> Response:
+        """How a version came about: its provenance."""
+        found = await self._find(request)
+        shown = await run_in_threadpool(found.find, request.query_params.get("version"))
+        return JSONResponse(shown.provenance)
+
+    async def send_file(self, request: Request) -> Response:
+        """`page.html`, `scene.json` or `proof.json` of a version; `download=1` saves it."""
+        found, name = await self._find(request), request.path_params["name"]
+        which = request.query_params.get("version")
+        if name == "page.html":
+            page = await run_in_threadpool(found.build_page, which)
+            response: Response = HTMLResponse(page)
+            # the page carries its own policy; only this server may frame it
+            response.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
+        elif name in ("scene.json", "proof.json"):
+            shown = await run_in_threadpool(found.find, which)
+            body = shown.scene_json if name == "scene.json" else shown.proof_json
+            response = Response(body, media_type="application/json")
+        else:
+            raise HTTPException(404)
+        if "download" in request.query_params:
+            response.headers["Content-Disposition"] = f'attachment; filename="{name}"'
+        return response
+
+    async def draw_map(self, request: Request) -> Response:
+        """A picture of an intersection."""
+        picture = await run_in_threadpool(_draw_intersection, request.path_params["name"])
+        return Response(picture, media_type="image/png")
+
+    async def _find(self, request: Request) -> Conversation:
+        return await run_in_threadpool(self._conversations.get, request.path_params["thread"])
+
+
+def build_app(page: Page, *, token: str, hosts: frozenset[str]) -> Starlette:
+    """The whole application."""
+    guard = Middleware(Guard, token=token, hosts=hosts)
+    return Starlette(routes=page.list_routes(), middleware=[guard])
+
+
+async def _work(
+    found: Conversation, action: str, argument: str, lines: asyncio.Queue[dict[str, Any] | None]
+) -> None:
+    loop = asyncio.get_running_loop()
+
+    def tell(stage: str, line: str) -> None:
+        loop.call_soon_threadsafe(lines.put_nowait, {"stage": stage, "line": line})
+
+    try:
+        reply = await run_in_threadpool(found.act, action, argument, tell)
+    except (InputError, Unsatisfiable, BackendFault, BusyError) as error:
+        reply = {"kind": "refused", "lines": [f"refused: {error}"], "why": [], "choices": []}
+    except Exception as error:
+        reply = {"kind": "refused", "lines": [_describe_fault(error)], "why": [], "choices": []}
+    lines.put_nowait({"reply": reply})
+    lines.put_nowait(None)
+
+
+async def _send_lines(lines: asyncio.Queue[dict[str, Any] | None]) -> AsyncIterator[bytes]:
+    while (line := await lines.get()) is not None:
+        yield json.dumps(line).encode() + b"\n"
+
+
+def _safely(answer: _Answer) -> _Answer:
+    """The route, with what goes wrong as one line of JSON."""
+
+    async def run(request: Request) -> Response:
+        try:
+            return await answer(request)
+        except BusyError as error:
+            return _refuse(409, str(error))
+        except (InputError, Unsatisfiable, BackendFault) as error:
+            return _refuse(400, str(error))
+        except HTTPException:
+            return _refuse(404, "there is nothing at this address")
+        except Exception as error:
+            return _refuse(500, _describe_fault(error))
+
+    return run
+
+
+def _describe_fault(error: Exception) -> str:
+    """One line for the page; the same goes to stderr."""
+    line = f"a fault in scenewright itself: {type(error).__name__}: {error}"[:300]
+    print(f"scenewright: {line}", file=sys.stderr)
+    return line
+
+
+def _refuse(status: int, reason: str) -> JSONResponse:
+    return JSONResponse({"reason": reason}, status_code=status)
+
+
+async def _read_body(request: Request) -> dict[str, Any]:
+    """The JSON object of a request.
+
+    Raises:
+        InputError: it is too long, or no object.
+    """
+    body = b""
+    async for part in request.stream():
+        body += part
+        if len(body) > MOST_BODY:
+            raise InputError(f"a request has at most {MOST_BODY} bytes")
+    try:
+        value = json.loads(body)
+    except (ValueError, RecursionError) as error:
+        raise InputError("the request is no JSON") from error
+    if not isinstance(value, dict):
+        raise InputError("the request is no JSON object")
+    return value
+
+
+async def _send_asset(request: Request) -> Response:
+    name = request.url.path.lstrip("/")
+    return Response(_read_asset(name), media_type=_ASSETS[name])
+
+
+@lru_cache
+def _read_asset(name: str) -> str:
+    return (files("scenewright.cli.page") / "assets" / name).read_text(encoding="utf-8")
+
+
+@lru_cache(maxsize=32)
+def _draw_intersection(name: str) -> bytes:
+    import tempfile
+    from pathlib import Path
+
+    from scenewright.viz.intersection_picture import draw_intersection
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "map.png"
+        draw_intersection(path, intersection=load_map(name), dpi=80)
+        return path.read_bytes()

@@ -1,0 +1,91 @@
+"""`scenewright serve`: a local page on which scenes are made, changed, seen and shared."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import threading
+from contextlib import suppress
+from typing import Annotated
+
+import typer
+
+from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, Timeout, backend_of
+from scenewright.cli.console import say
+from scenewright.errors import InputError, ScenewrightError
+
+HOST = "127.0.0.1"
+
+
+def serve(
+    intersection: Annotated[
+        str, typer.Option(help="Where new conversations begin.")
+    ] = "amsterdam_120",
+    backend: BackendNames = None,
+    base_url: BaseUrl = None,
+    record: Record = None,
+    timeout: Timeout = None,
+    seed: Annotated[int, typer.Option(help="Of everything drawn, in a new conversation.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8765,
+    threads: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Where conversations are kept.")
+    ] = None,
+    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+) -> None:
+    """Serve a page, to this machine alone, on which scenes are made and changed (extra `page`)."""
+    try:
+        import uvicorn
+
+        from scenewright.cli.page.conversations import Conversations
+        from scenewright.cli.page.server import Page, build_app
+    except ImportError as error:
+        raise InputError(
+            "this needs starlette and uvicorn; pip install 'scenewright[page]'"
+        ) from error
+    from scenewright.cli.user_folders import threads_file
+    from scenewright.intersections import load_map
+
+    load_map(intersection)
+    speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
+    listener = _listen(port)
+    port = listener.getsockname()[1]
+    conversations = Conversations(str(threads_file(threads)), backend=speaker, seed=seed)
+    name = ", ".join(backend) if backend else "builtin"
+    token = secrets.token_urlsafe(24)
+    hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})
+    page = Page(conversations, backend=name, intersection=intersection)
+    config = uvicorn.Config(
+        build_app(page, token=token, hosts=hosts), log_level="warning", lifespan="off",
+        access_log=False,
+    )  # fmt: skip
+    address = f"http://{HOST}:{port}/?token={token}"
+    say(f"open {address}\nCtrl-C ends it; conversations are kept")
+    warming = threading.Thread(target=_warm_up, args=(intersection,), daemon=True)
+    warming.start()
+    if open_:
+        import webbrowser
+
+        webbrowser.open(address)
+    try:
+        uvicorn.Server(config).run(sockets=[listener])
+    finally:
+        conversations.close()
+        warming.join()  # a thread that is cut off while it loads a library can hang the exit
+
+
+def _warm_up(intersection: str) -> None:
+    """Loads what the first scene needs while the page is opened; a fault shows with that scene."""
+    from scenewright.graph.run import synthesize
+
+    with suppress(ScenewrightError):
+        synthesize("A normal scene", intersection=intersection)
+
+
+def _listen(port: int) -> socket.socket:
+    """A socket that listens on this machine alone; InputError if the port is taken."""
+    try:
+        return socket.create_server((HOST, port))
+    except OSError as error:
+        raise InputError(
+            f"cannot listen on port {port}: {error.strerror or error}; --port 0 takes a free one"
+        ) from error

@@ -1,0 +1,89 @@
+"""Numbers that a text asks for: what is measured, of which agents, between which bounds."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, Self, get_args
+
+from pydantic import Field, model_validator
+
+from scenewright.scene.base import AgentId, Model
+
+MeasureKind = Literal[
+    "speed", "line_speed", "contact_speed", "braking", "acceleration", "wait", "line_distance",
+    "headway", "gap", "pet", "ttc", "time", "front_point", "front_point_left",
+    "front_point_right", "side_point",
+]  # fmt: skip
+"""What can be asked for (docs/constraint-language.md says how each is measured)."""
+
+
+class MeasureUnit(NamedTuple):
+    """How a kind of measure is counted.
+
+    Attributes:
+        unit: as the constraint language writes it.
+        tolerance: how far from a number that was said the scene may be (SEMANTICS 8).
+        least, most: what a scene can have.
+        of_two: it is measured between two agents.
+    """
+
+    unit: str
+    tolerance: float
+    least: float
+    most: float
+    of_two: bool = False
+
+
+UNITS: dict[MeasureKind, MeasureUnit] = {
+    "speed": MeasureUnit("m/s", 0.5, 0.3, 20.0),
+    "line_speed": MeasureUnit("m/s", 0.5, 0.3, 20.0),
+    "contact_speed": MeasureUnit("m/s", 0.5, 0.0, 20.0, of_two=True),
+    "braking": MeasureUnit("m/s2", 0.5, 0.3, 10.0),
+    "acceleration": MeasureUnit("m/s2", 0.5, 0.3, 4.0),
+    "wait": MeasureUnit("s", 0.15, 0.5, 25.0),
+    "line_distance": MeasureUnit("m", 0.3, 0.0, 30.0),
+    "headway": MeasureUnit("s", 0.15, 0.5, 4.0, of_two=True),
+    "gap": MeasureUnit("m", 0.3, 2.0, 60.0, of_two=True),
+    "pet": MeasureUnit("s", 0.15, 0.0, 8.0, of_two=True),
+    "ttc": MeasureUnit("s", 0.3, 0.0, 8.0, of_two=True),
+    "time": MeasureUnit("s", 0.3, 1.0, 29.0, of_two=True),
+    "front_point": MeasureUnit("%", 5.0, 0.0, 100.0, of_two=True),
+    "front_point_left": MeasureUnit("%", 5.0, 0.0, 100.0, of_two=True),
+    "front_point_right": MeasureUnit("%", 5.0, 0.0, 100.0, of_two=True),
+    "side_point": MeasureUnit("%", 5.0, 0.0, 100.0, of_two=True),
+}
+
+
+class Measure(Model):
+    """A figure of one agent, or between two, that lies in [low, high]; units as in `UNITS`."""
+
+    kind: MeasureKind
+    agent: AgentId
+    other: AgentId | None = None
+    low: float = Field(ge=0, le=100)
+    high: float = Field(ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.low > self.high:
+            raise ValueError(f"{self.kind}: range [{self.low:g}, {self.high:g}] is empty")
+        if UNITS[self.kind].of_two != (self.other is not None):
+            raise ValueError(f"{self.kind} is measured of {1 + UNITS[self.kind].of_two} agents")
+        if self.agent == self.other:
+            raise ValueError(f"{self.kind} needs two different agents, got {self.agent} twice")
+        return self
+
+
+def format_measure(measure: Measure) -> str:
+    """A measure as text, such as "speed(vehicle-1) in [14.5, 15.5] m/s"."""
+    agents = measure.agent if measure.other is None else f"{measure.agent}, {measure.other}"
+    bounds = f"[{measure.low:.4g}, {measure.high:.4g}]"
+    return f"{measure.kind}({agents}) in {bounds} {UNITS[measure.kind].unit}"
+
+
+def get_aim(measure: Measure) -> tuple[float, float]:
+    """The inner part of the range that is aimed at, so that small changes do not leave it."""
+    margin = min(0.8 * UNITS[measure.kind].tolerance, 0.4 * (measure.high - measure.low))
+    return measure.low + margin, measure.high - margin
+
+
+KINDS: tuple[MeasureKind, ...] = get_args(MeasureKind)

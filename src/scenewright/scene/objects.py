@@ -1,0 +1,71 @@
+"""What stands in a scene and takes no part: its size, where it stands, and whom it hides."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from scenewright.scene.base import Model
+from scenewright.scene.social import ObjectKind, ObjectNode
+from scenewright.scene.track import VEHICLE_SIZES
+
+OBJECT_SIZES: dict[str, tuple[float, float]] = {
+    "box": (1.6, 1.0),
+    "bin": (0.7, 0.7),
+    "container": (6.06, 2.44),
+}
+"""Length and width [m] of what is no vehicle."""
+
+_LOW = frozenset({"bin", "motorcycle"})
+"""Kinds and subtypes that people see over."""
+
+
+class ObjectRecord(Model):
+    """A standing object in scene.json.
+
+    Attributes:
+        height: `high` blocks the line of sight, `low` is seen over.
+        length, width: of its footprint [m], a rectangle centred on (x, y) [m].
+        heading: direction of its length [rad], counter-clockwise from east.
+    """
+
+    id: str
+    kind: ObjectKind
+    subtype: str | None = None
+    height: Literal["low", "high"]
+    length: float
+    width: float
+    x: float
+    y: float
+    heading: float
+
+
+class SightRecord(Model):
+    """A line of sight that an object blocks, as asked for.
+
+    Attributes:
+        observer, subject: numbers of agents; object: what hides the second from the first.
+        lead: least and most seconds between the first free line of sight and their event.
+    """
+
+    observer: int
+    subject: int
+    object: str
+    lead: tuple[float, float]
+
+
+def get_subtype(node: ObjectNode) -> str | None:
+    """What vehicle an object is; None where it is none."""
+    if node.kind in OBJECT_SIZES:
+        return None
+    return node.subtype or ("bus" if node.kind == "bus_stop" else "car")
+
+
+def get_size(node: ObjectNode) -> tuple[float, float]:
+    """Length and width of an object [m]."""
+    subtype = get_subtype(node)
+    return OBJECT_SIZES[node.kind] if subtype is None else VEHICLE_SIZES[subtype]
+
+
+def is_high(node: ObjectNode) -> bool:
+    """Whether an object blocks the line of sight of those who stand or sit behind it."""
+    return node.kind not in _LOW and node.subtype not in _LOW

@@ -1,0 +1,124 @@
+"""Argoverse 2 motion forecasting: a Parquet of tracks and a JSON of the map per scenario.
+
+`length`, `width` and `kind` are columns of our own: Argoverse 2 states no sizes.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.map import Crosswalk, IntersectionMap, Lanelet
+from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.womd import number_lanes
+
+WINDOW, OBSERVED, EVENT = 110, 50, 80
+"""Steps of a scenario of the dataset, how many are observed, and where a window has its event."""
+FOCAL, SCORED, UNSCORED = 3, 2, 1
+
+
+def write_argoverse2(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]:
+    """The whole scene, or the 11 s of the dataset around the first event; the ego is focal."""
+    if form == "window":
+        scene = scene.cut(scene.find_event_step() - EVENT, WINDOW)
+    folder = scene.name
+    chart = json.dumps(_describe_map(scene.intersection_map), separators=(",", ":"))
+    return {
+        f"{folder}/scenario_{scene.name}.parquet": _write_tracks(scene),
+        f"{folder}/log_map_archive_{scene.name}.json": chart.encode(),
+    }
+
+
+def _write_tracks(scene: ExportedScene) -> bytes:
+    arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    parts = [_describe_track(agent, scene) for agent in scene.agents]
+    columns: dict[str, Any] = {
+        key: np.concatenate([part[key] for part in parts]) for key in parts[0]
+    }
+    about = {
+        "scenario_id": scene.name,
+        "start_timestamp": 0,
+        "end_timestamp": round((scene.steps - 1) * scene.step * 1e9),
+        "num_timestamps": scene.steps,
+        "focal_track_id": str(scene.ego.id),
+        "city": scene.intersection_map.name,
+        "map_id": scene.record.meta.map_id,
+        "slice_id": scene.record.meta.scene_id,
+    }
+    count = len(columns["timestep"])
+    table = arrow.table(columns | {key: [value] * count for key, value in about.items()})
+    stream = io.BytesIO()
+    parquet.write_table(table, stream)
+    return stream.getvalue()
+
+
+def _describe_track(agent: ExportedAgent, scene: ExportedScene) -> dict[str, Any]:
+    steps, count = agent.first + np.arange(len(agent.xy)), len(agent.xy)
+    foreground = SCORED if agent.record.role == "foreground" else UNSCORED
+    return {
+        "observed": steps < OBSERVED,
+        "track_id": np.array([str(agent.id)] * count),
+        "object_type": np.array([agent.names.argoverse2] * count),
+        "object_category": np.full(count, FOCAL if agent.id == scene.ego.id else foreground),
+        "timestep": steps,
+        "position_x": agent.xy[:, 0],
+        "position_y": agent.xy[:, 1],
+        "heading": agent.heading,
+        "velocity_x": agent.velocity[:, 0],
+        "velocity_y": agent.velocity[:, 1],
+        "length": np.full(count, agent.record.length),
+        "width": np.full(count, agent.record.width),
+        "kind": np.array([agent.names.tracks] * count),
+    }
+
+
+def _describe_map(intersection: IntersectionMap) -> dict[str, Any]:
+    numbers = number_lanes(intersection)
+    lanes = [_describe_lane(each, intersection, numbers) for each in intersection.lanelets
+             if each.id in numbers]  # fmt: skip
+    first = len(numbers) + 1
+    crossings = [_describe_crossing(c, first + k) for k, c in enumerate(intersection.crosswalks)]
+    first += len(crossings)
+    areas = [{"id": first + k, "area_boundary": _list_points(area.exterior)}
+             for k, area in enumerate(intersection.road)]  # fmt: skip
+    return {
+        "pedestrian_crossings": {str(each["id"]): each for each in crossings},
+        "lane_segments": {str(each["id"]): each for each in lanes},
+        "drivable_areas": {str(each["id"]): each for each in areas},
+    }
+
+
+def _describe_lane(
+    lanelet: Lanelet, intersection: IntersectionMap, numbers: dict[str, int]
+) -> dict[str, Any]:
+    before = [each.id for each in intersection.lanelets if lanelet.id in each.successors]
+    return {
+        "id": numbers[lanelet.id],
+        "is_intersection": lanelet.kind == "connector",
+        "lane_type": "VEHICLE",
+        "left_lane_boundary": _list_points(lanelet.left),
+        "right_lane_boundary": _list_points(lanelet.right),
+        "left_lane_mark_type": "UNKNOWN",
+        "right_lane_mark_type": "UNKNOWN",
+        "predecessors": [numbers[name] for name in before],
+        "successors": [numbers[name] for name in lanelet.successors],
+        "left_neighbor_id": None,
+        "right_neighbor_id": None,
+    }
+
+
+def _describe_crossing(crosswalk: Crosswalk, number: int) -> dict[str, Any]:
+    ends = np.array(crosswalk.centreline)
+    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    aside = crosswalk.width / 2 * np.array([-along[1], along[0]])
+    edges = {"edge1": (ends + aside).tolist(), "edge2": (ends - aside).tolist()}
+    return {"id": number} | {name: _list_points(edge) for name, edge in edges.items()}
+
+
+def _list_points(points: Sequence[Sequence[float]]) -> list[dict[str, float]]:
+    return [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points]

@@ -1,0 +1,127 @@
+"""Scenario records of the Waymo Open Motion Dataset in a TFRecord, without TensorFlow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.map import IntersectionMap
+from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.track_io.tfrecord import write_records
+from scenewright.tools.track_io.womd import scenario_class
+
+WINDOW, CURRENT, EVENT = 91, 10, 60
+"""Steps of a scenario of the dataset, which of them is now, and where a window has its event."""
+MPH = 0.44704
+_STATES = {"red": 4, "yellow": 5, "green": 6, None: 0}
+_SURFACE_STREET, _BOUNDARY = 2, 1
+
+
+def write_womd(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]:
+    """One record: the whole scene, or the 9.1 s of the dataset around the first event."""
+    if form == "window":
+        scene = scene.cut(scene.find_event_step() - EVENT, WINDOW)
+    scenario = scenario_class()(
+        scenario_id=scene.name,
+        timestamps_seconds=scene.times.tolist(),
+        current_time_index=min(CURRENT, scene.steps - 1),
+        tracks=[_describe_track(agent, scene.steps) for agent in scene.agents],
+        sdc_track_index=[agent.id for agent in scene.agents].index(scene.ego.id),
+        objects_of_interest=scene.list_event_agents()[:2],
+        tracks_to_predict=_list_predictions(scene),
+        map_features=_describe_map(scene.intersection_map),
+        dynamic_map_states=_describe_lights(scene),
+    )
+    record = scenario.SerializeToString(deterministic=True)
+    return {f"{scene.name}.tfrecord": write_records([record])}
+
+
+def _describe_track(agent: ExportedAgent, steps: int) -> dict[str, Any]:
+    """A state for every step; those at which the agent is not there are invalid."""
+    heading = np.where(agent.heading >= np.pi, -np.pi, agent.heading)
+    states: list[dict[str, Any]] = [{"valid": False}] * steps
+    for k, ((x, y), (vx, vy), turn) in enumerate(
+        zip(agent.xy.tolist(), agent.velocity.tolist(), heading.tolist(), strict=True)
+    ):
+        states[agent.first + k] = {
+            "center_x": x, "center_y": y, "center_z": agent.height / 2,
+            "length": agent.record.length, "width": agent.record.width, "height": agent.height,
+            "heading": turn, "velocity_x": vx, "velocity_y": vy, "valid": True,
+        }  # fmt: skip
+    return {"id": agent.id, "object_type": agent.names.womd, "states": states}
+
+
+def _list_predictions(scene: ExportedScene) -> list[dict[str, int]]:
+    """The foreground, as far as it is there at the current step."""
+    now = min(CURRENT, scene.steps - 1)
+    return [
+        {"track_index": index, "difficulty": 0}
+        for index, agent in enumerate(scene.agents)
+        if agent.record.role == "foreground" and agent.first <= now <= agent.last
+    ]
+
+
+def _describe_map(intersection: IntersectionMap) -> list[dict[str, Any]]:
+    numbers = number_lanes(intersection)
+    before: dict[str, list[int]] = {name: [] for name in numbers}
+    for lanelet in intersection.lanelets:
+        for name in lanelet.successors:
+            before[name].append(numbers[lanelet.id])
+    features: list[dict[str, Any]] = [
+        {
+            "id": numbers[each.id],
+            "lane": {
+                "speed_limit_mph": each.speed_limit / MPH,
+                "type": _SURFACE_STREET,
+                "polyline": _list_points(each.centreline),
+                "entry_lanes": before[each.id],
+                "exit_lanes": [numbers[name] for name in each.successors],
+            },
+        }
+        for each in intersection.lanelets
+        if each.id in numbers
+    ]
+    rings = [ring for area in intersection.road for ring in (area.exterior, *area.holes)]
+    areas: list[dict[str, Any]] = [
+        {"road_edge": {"type": _BOUNDARY, "polyline": _list_points((*ring, ring[0]))}}
+        for ring in rings
+    ]
+    areas += [{"crosswalk": {"polygon": _list_points(c.polygon)}} for c in intersection.crosswalks]
+    return features + [{"id": len(numbers) + k, **each} for k, each in enumerate(areas, start=1)]
+
+
+def number_lanes(intersection: IntersectionMap) -> dict[str, int]:
+    """Number of every lane that is driven on, by the lanelet's id."""
+    lanes = [each.id for each in intersection.lanelets if each.kind != "parking"]
+    return {name: number for number, name in enumerate(lanes, start=1)}
+
+
+def _describe_lights(scene: ExportedScene) -> list[dict[str, Any]]:
+    """At every step the light of each lane that ends at a stop line."""
+    numbers, colours = number_lanes(scene.intersection_map), scene.colours()
+    ends = {each.id: each.centreline[-1] for each in scene.intersection_map.lanelets}
+    lanes = [
+        (lane, line.id)
+        for line in scene.intersection_map.stop_lines
+        for lane in line.lanelets
+        if line.id in colours
+    ]
+    return [
+        {
+            "lane_states": [
+                {
+                    "lane": numbers[lane],
+                    "state": _STATES[colours[line][k]],
+                    "stop_point": _list_points([ends[lane]])[0],
+                }
+                for lane, line in lanes
+            ]
+        }
+        for k in range(scene.steps)
+    ]
+
+
+def _list_points(points: Sequence[Sequence[float]]) -> list[dict[str, float]]:
+    return [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points]

@@ -1,0 +1,88 @@
+"""Candidates that move as a text asks for: speeds and accelerations drawn from the range asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from scenewright.scene.candidates import AgentCandidates, DrawnWaypoints, DrivingProfile
+from scenewright.scene.measures import Measure, MeasureKind, get_aim
+
+_FIELDS: dict[MeasureKind, str] = {
+    "speed": "speed", "line_speed": "speed", "braking": "braking", "acceleration": "acceleration",
+}  # fmt: skip
+"""Fields of a driving profile by what is asked for."""
+
+_NARROW = 1.0
+"""A range up to this wide is drawn from evenly [m/s, m/s^2]."""
+
+_ALIKE = 0.02
+"""Share by which speeds of two that keep a distance may differ."""
+
+
+def apply_measures(
+    agents: dict[str, AgentCandidates], measures: Iterable[Measure], rng: np.random.Generator
+) -> None:
+    """Put agents of whom a figure is asked in motion as it wants, in place.
+
+    Their -log densities stay those of what was drawn before.
+    """
+    measures = tuple(measures)
+    for measure in measures:
+        field = _FIELDS.get(measure.kind)
+        if field is not None:
+            low, high = get_aim(measure)
+            _draw_field(agents, measure.agent, field, (low, high), rng)
+    for measure in measures:
+        if measure.kind in ("headway", "gap") and measure.other is not None:
+            speed = _choose_speed(agents, measure, measures)
+            for name in (measure.agent, measure.other):
+                bounds = (speed * (1.0 - _ALIKE), speed * (1.0 + _ALIKE))
+                _draw_field(agents, name, "speed", bounds, rng)
+
+
+def _choose_speed(
+    agents: dict[str, AgentCandidates], measure: Measure, measures: tuple[Measure, ...]
+) -> float:
+    """One speed [m/s] for both: as asked of either, else one that was drawn for the leader."""
+    pair = (measure.agent, measure.other)
+    told = [each for each in measures if each.kind == "speed" and each.agent in pair]
+    if told:
+        low, high = get_aim(told[0])
+        return (low + high) / 2
+    return agents[str(measure.other)].drawn.time_laws[0].speed
+
+
+def _draw_field(
+    agents: dict[str, AgentCandidates],
+    name: str,
+    field: str,
+    bounds: tuple[float, float],
+    rng: np.random.Generator,
+) -> None:
+    own = agents[name]
+    inside = 0.01 * (bounds[1] - bounds[0])
+    low, high = bounds[0] + inside, bounds[1] - inside
+    values = rng.uniform(low, high, size=len(own.nll)).tolist()
+
+    def change(profile: DrivingProfile, m: int) -> DrivingProfile:
+        usual = getattr(profile, field)
+        if high - low <= _NARROW:
+            return replace(profile, **{field: values[m]})
+        # Of a wide range, what people do, or what is nearest to it.
+        return replace(profile, **{field: min(max(usual, low), high)})
+
+    @cache
+    def draw() -> DrawnWaypoints:
+        drawn = own.drawn
+        laws = tuple(change(law, m) for m, law in enumerate(drawn.time_laws))
+        return replace(drawn, time_laws=laws)
+
+    agents[name] = replace(
+        own,
+        draw=draw,
+        build=lambda m: replace(built := own.build(m), time_law=change(built.time_law, m)),
+    )

@@ -1,0 +1,116 @@
+"""On which routes an object can hide a pedestrian from a driver, and where there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import product
+
+import numpy as np
+
+from scenewright.errors import Rejected
+from scenewright.scene.base import Compass
+from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.objects import is_high
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.social import STANDING_VEHICLES, ObjectNode, SocialGraph
+from scenewright.tools.map_grounding.object_places import Side, find_places
+
+
+def can_hide(
+    graph: SocialGraph, routes: Mapping[str, Route], intersection_map: IntersectionMap
+) -> bool:
+    """Whether pedestrians that are to be hidden come from the kerb where the object stands.
+
+    It stands beside the lanes on which the vehicle comes to the crossing, so the pedestrian must
+    step onto the road from that side: on the leg by which the vehicle enters or, between crossings,
+    also on that by which it leaves.
+    """
+    return all(
+        _comes_from_kerb(routes[str(hidden)], routes[str(driver)], intersection_map)
+        for hidden, driver in ((each.hides, each.hidden_from) for each in graph.objects)
+        if hidden in routes and driver in routes
+    )
+
+
+def _comes_from_kerb(walker: Route, vehicle: Route, intersection_map: IntersectionMap) -> bool:
+    if walker.crosswalk is None:
+        return False
+    enters = walker.crosswalk == vehicle.entry
+    leaves = walker.crosswalk == vehicle.exit and walker.movement == "jaywalking"
+    return (enters or leaves) and walker.entry == find_kerb_side(
+        intersection_map, walker.crosswalk, "entry" if enters else "exit"
+    )
+
+
+def find_kerb_side(intersection_map: IntersectionMap, leg: Compass, side: Side) -> Compass | None:
+    """The compass side of the kerb beside the lanes by which vehicles come, or leave, on a leg."""
+    crosswalk = next((each for each in intersection_map.crosswalks if each.leg == leg), None)
+    arm = next((each for each in intersection_map.legs if each.name == leg), None)
+    if crosswalk is None or arm is None:
+        return None
+    travel = arm.bearing + (np.pi if side == "entry" else 0.0)
+    kerbward = travel + (np.pi / 2 if intersection_map.left_hand_traffic else -np.pi / 2)
+    (x, y), (u, v) = crosswalk.centreline
+    first = (x - u) * np.cos(kerbward) + (y - v) * np.sin(kerbward) > 0
+    return crosswalk.sides[0] if first else crosswalk.sides[1]
+
+
+def refuse_unhidden(
+    graph: SocialGraph,
+    intersection_map: IntersectionMap,
+    *,
+    playable: Callable[[SocialGraph], bool],
+) -> None:
+    """Refuse objects for which the map has no room, or that can hide nobody as asked.
+
+    Raises:
+        Rejected: `ungroundable`, with the reason.
+    """
+    for node in graph.objects:
+        if node.hides is not None and not is_high(node):
+            words = node.subtype or node.kind
+            raise Rejected(_refuse(node, f"a {words} is seen over and hides nobody; ask for "
+                                         "something taller, such as a parked truck"))  # fmt: skip
+        if not _has_room(node, intersection_map):
+            where = f" on the {node.leg} leg" if node.leg else ""
+            raise Rejected(_refuse(node, f"there is no room for a {_describe(node)}{where} at "
+                                         f"{intersection_map.title}"))  # fmt: skip
+    hiding = [each for each in graph.objects if each.hides is not None]
+    bare = graph.model_copy(update={"objects": ()})
+    if hiding and playable(bare) and not playable(graph):
+        raise Rejected(
+            _refuse(
+                hiding[0],
+                f"nothing can hide {hiding[0].hides} from {hiding[0].hidden_from} there: what "
+                "hides a pedestrian stands at the kerb before the crossing, so the pedestrian "
+                "must step out from that kerb, on the leg by which the vehicle comes",
+            )
+        )
+
+
+def _has_room(node: ObjectNode, intersection_map: IntersectionMap) -> bool:
+    legs = [leg.name for leg in intersection_map.legs if node.leg in (None, leg.name)]
+    sides: tuple[Side, ...] = ("entry", "exit") if node.side is None else (node.side,)
+    return any(
+        find_places(node, intersection_map, leg=leg, side=side)
+        for leg, side in product(legs, sides)
+    )
+
+
+def _describe(node: ObjectNode) -> str:
+    """An object in words.
+
+    >>> _describe(ObjectNode(id="object-1", kind="double_parked", subtype="truck"))
+    'double-parked truck'
+    """
+    if node.kind == "bus_stop":
+        return "bus at a stop"
+    kind = node.kind.replace("_", "-")
+    return f"{kind} {node.subtype or 'car'}" if node.kind in STANDING_VEHICLES else kind
+
+
+def _refuse(node: ObjectNode, detail: str) -> Rejection:
+    agents = tuple(each for each in (node.hidden_from, node.hides) if each is not None)
+    return Rejection(
+        stage="scene_planner", code="ungroundable", agents=agents, detail=f"{node.id}: {detail}"
+    )

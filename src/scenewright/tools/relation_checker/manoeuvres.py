@@ -1,0 +1,95 @@
+"""How a relation in one lane came about, seen on the tracks: who braked, cut in, drove close up."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenewright.scene.events import Event
+from scenewright.scene.record import RelationRecord
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.following import LOOK_AHEAD
+from scenewright.tools.relation_checker.footprints import BoolArray
+from scenewright.tools.relation_checker.trajectory import Trajectory
+
+HARD = 4.5
+"""Braking that is hard [m/s^2]."""
+MOVING = 4.0
+"""Who is to brake hard has been driving this fast [m/s]."""
+SOON = {"collision": 5.0, "near_miss": 8.0}
+"""How long before an event its leader may have braked [s]."""
+ANSWERS = 8.0
+"""Within what time of it the follower must have come down to half its speed [s]."""
+
+
+def find_missing_manoeuvre(
+    relation: RelationRecord, event: Event, observed: SceneObservation
+) -> str | None:
+    """Why an event did not come about in the way asked for; None if it did, or any way will do."""
+    if relation.manoeuvre is None or describe_manoeuvre(relation, event, observed) is not None:
+        return None
+    return f"it does not come about as {relation.manoeuvre}"
+
+
+def describe_manoeuvre(
+    relation: RelationRecord, event: Event, observed: SceneObservation
+) -> str | None:
+    """What the tracks show of a relation's manoeuvre around an event; None if they do not."""
+    tracks = {track.id: track for track in observed.tracks}
+    first, second = tracks[relation.from_], tracks[relation.to]
+    match relation.manoeuvre:
+        case "lead_brakes":
+            return _describe_lead_braking(first, second, event, observed)
+        case _:
+            return None
+
+
+def _describe_lead_braking(
+    follower: Trajectory, leader: Trajectory, event: Event, observed: SceneObservation
+) -> str | None:
+    """The leader brakes hard from a drive, the follower next behind it in its lane."""
+    since, until = event.time - SOON.get(event.type, 0.0), event.time
+    if event.type == "follow":
+        until = float(event.evidence["until"])
+    onset = _find_hard_braking(leader, since, until)
+    if onset is None or not _is_next_behind(follower, leader, onset, observed):
+        return None
+    if event.type == "follow" and not _slows_down(follower, onset):
+        return None
+    hardest = -float(leader.acceleration[_is_between(leader, onset, until)].min())
+    what = f"agent {leader.id} brakes at {hardest:.1f} m/s² from {onset:.1f} s on"
+    return f"{what}, ahead of agent {follower.id}"
+
+
+def _find_hard_braking(track: Trajectory, since: float, until: float) -> float | None:
+    """When it begins to brake hard from a drive [s]; None if it does not in that span."""
+    hard = np.flatnonzero((track.acceleration < -HARD) & _is_between(track, since, until))
+    if len(hard) == 0:
+        return None
+    onset = float(track.times[hard[0]])
+    driven = track.speed[_is_between(track, onset - 1.5, onset)]
+    return onset if float(driven.max()) >= MOVING else None
+
+
+def _is_next_behind(
+    follower: Trajectory, leader: Trajectory, time: float, observed: SceneObservation
+) -> bool:
+    """Whether nobody else drives between the two in one lane at a time [s]."""
+    ids = [track.id for track in observed.tracks]
+    for lane in observed.lanes:
+        if ids[lane.follower] == follower.id:
+            k = int(np.argmin(np.abs(lane.times - time)))
+            ahead = lane.leader[k]
+            return bool(ahead >= 0 and ids[ahead] == leader.id and lane.gap[k] <= LOOK_AHEAD)
+    return False
+
+
+def _slows_down(follower: Trajectory, onset: float) -> bool:
+    """Whether it comes down to half its speed, or less, after the leader began to brake."""
+    before = follower.speed[_is_between(follower, onset - 0.5, onset + 0.1)]
+    after = follower.speed[_is_between(follower, onset, onset + ANSWERS)]
+    return bool(len(before) and len(after) and after.min() <= before.max() / 2)
+
+
+def _is_between(track: Trajectory, since: float, until: float) -> BoolArray:
+    """[T] the samples of a span [s]."""
+    return np.asarray((track.times >= since - 1e-6) & (track.times <= until + 1e-6))

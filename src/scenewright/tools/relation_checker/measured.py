@@ -1,0 +1,249 @@
+"""Figures that a request asks for, measured on the final tracks (SEMANTICS 8, numbers)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Event, Finding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.measures import UNITS
+from scenewright.scene.record import MeasureRecord
+from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker.asked import KEPT, find_standstills
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.trajectory import Trajectory
+
+ROUNDING = {"m/s": 0.02, "m/s2": 0.05, "s": 0.02, "m": 0.02, "%": 0.5}
+"""How far beside its bounds a figure may be measured, as positions are kept to 1 mm."""
+MOVING = 1.0
+"""Slower than this [m/s] a headway says nothing."""
+FRONT = 0.3
+"""Depth of the front [m]."""
+SIGHT = 30.0
+"""How far ahead of a standing agent a line or crosswalk is looked for [m]."""
+WEIGHT = {"collision": 0, "yielding": 1, "near_miss": 2, "follow": 3}
+"""Which of several events of two agents is meant: the first."""
+
+_TEXT = re.compile(
+    r"(\w+)\(([\w-]+)(?:, ([\w-]+))?\) in \[([\d.e+-]+), ([\d.e+-]+)\] (?:m/s2|m/s|m|s|%)"
+)
+
+
+class MeasuredFigures:
+    """What the tracks show of figures that were asked for.
+
+    Args:
+        numbers: of the agents, by their names in the account.
+    """
+
+    def __init__(
+        self,
+        numbers: Mapping[str, int],
+        events: Sequence[Event],
+        observed: SceneObservation,
+        intersection_map: IntersectionMap | None,
+    ) -> None:
+        self._numbers, self._observed, self._map = numbers, observed, intersection_map
+        self._events = sorted(events, key=lambda each: WEIGHT[each.type])
+        self._tracks = {track.id: track for track in observed.tracks}
+
+    def find(self, text: str) -> str | None:
+        """Evidence for measures as an account has them; None where the tracks lack one."""
+        found = [self._find_one(each) for each in text.split("; ")]
+        told = [each for each in found if each is not None]
+        return "; ".join(told) if len(told) == len(found) else None
+
+    def list_unmet(self, measures: Sequence[MeasureRecord]) -> tuple[Finding, ...]:
+        """A finding for every measure that the tracks do not show."""
+        return tuple(
+            Finding(rule="measure_not_met", agents=_list_agents(each), detail=detail)
+            for each in measures
+            if (detail := self._find_shortfall(each)) is not None
+        )
+
+    def _find_one(self, text: str) -> str | None:
+        match = _TEXT.fullmatch(text)
+        if match is None or not {match[2], match[3] or match[2]} <= self._numbers.keys():
+            return None
+        measure = MeasureRecord.model_validate(
+            {
+                "kind": match[1],
+                "agent": self._numbers[match[2]],
+                "other": self._numbers[match[3]] if match[3] else None,
+                "low": match[4],
+                "high": match[5],
+            }
+        )
+        if self._find_shortfall(measure) is not None:
+            return None
+        return f"{_describe(measure)} is {self._tell(measure)}"
+
+    def _find_shortfall(self, measure: MeasureRecord) -> str | None:
+        """Why a measure is not met; None if it is."""
+        slack = ROUNDING[UNITS[measure.kind].unit]
+        values = self.measure(measure)
+        low, high = measure.low - slack, measure.high + slack
+        if values and all(low <= value <= high for value in values):
+            return None
+        unit = UNITS[measure.kind].unit
+        asked = f"{measure.low:.4g} to {measure.high:.4g} {unit} asked for"
+        return f"{_describe(measure)}: {self._tell(measure)} observed, {asked}"
+
+    def _tell(self, measure: MeasureRecord) -> str:
+        values = " to ".join(f"{value:.2f}" for value in sorted(set(self.measure(measure))))
+        return f"{values} {UNITS[measure.kind].unit}" if values else "none"
+
+    def measure(self, measure: MeasureRecord) -> tuple[float, ...]:
+        """The values that must lie in the range; none where nothing of the kind is seen."""
+        track = self._tracks[measure.agent]
+        match measure.kind:
+            case "speed":
+                return measure_kept_speed(track)
+            case "line_speed":
+                return self._measure_line_speed(track)
+            case "braking":
+                return (float(-track.acceleration.min(initial=0.0)),)
+            case "acceleration":
+                return (float(track.acceleration.max(initial=0.0)),)
+            case "wait":
+                return tuple(end - start for start, end in self._find_wait(track))
+            case "line_distance":
+                return self._measure_line_distance(track)
+        return self._measure_pair(measure, track)
+
+    def _measure_pair(self, measure: MeasureRecord, track: Trajectory) -> tuple[float, ...]:
+        event = self._find_event(measure)
+        if event is None or measure.other is None:
+            return ()
+        evidence = event.evidence
+        match measure.kind:
+            case "contact_speed":
+                key = "speed_from" if event.from_ == measure.agent else "speed_to"
+                return _listed(evidence.get(key))
+            case "pet":
+                return _listed(self._observed.pet((measure.agent, measure.other)))
+            case "ttc":
+                return _listed(evidence.get("path_ttc"))
+            case "time":
+                return (event.time,)
+            case "headway" | "gap":
+                return self._measure_following(measure)
+            case _ if event.type == "collision":
+                return measure_impact_share(measure.kind, track, self._tracks[measure.other], event)
+        return ()
+
+    def _find_event(self, measure: MeasureRecord) -> Event | None:
+        pair = {measure.agent, measure.other}
+        return next((e for e in self._events if {e.from_, e.to} == pair), None)
+
+    def _measure_line_speed(self, track: Trajectory) -> tuple[float, ...]:
+        """Where it passes its light: the red one that it runs, else the first."""
+        lights = self._observed.lights
+        times = [c.time for c in (*lights.find_red_crossings(track), *lights.find_crossings(track))]
+        return tuple(float(np.interp(time, track.times, track.speed)) for time in times[:1])
+
+    def _find_wait(self, track: Trajectory) -> list[tuple[float, float]]:
+        """The standstill in which it gives way; else its longest."""
+        stands = find_standstills(track)
+        yields = [e.time for e in self._events if e.type == "yielding" and e.from_ == track.id]
+        if yields:
+            return sorted(stands, key=lambda each: abs(each[0] - yields[0]))[:1]
+        return sorted(stands, key=lambda each: each[0] - each[1])[:1]
+
+    def _measure_following(self, measure: MeasureRecord) -> tuple[float, ...]:
+        """The least and the median figure over the longest stretch of following."""
+        stretches = [
+            (e.time, float(e.evidence["until"]))
+            for e in self._events
+            if e.type == "follow" and (e.from_, e.to) == (measure.agent, measure.other)
+        ]
+        if not stretches:
+            return ()
+        start, end = max(stretches, key=lambda each: each[1] - each[0])
+        index = {track.id: n for n, track in enumerate(self._observed.tracks)}
+        found = [
+            (lane.gap if measure.kind == "gap" else lane.headway)[
+                (lane.leader == index[measure.other or 0])
+                & (lane.times >= start - STEP / 2)
+                & (lane.times <= end + STEP / 2)
+                & (lane.speed > MOVING)
+            ]
+            for lane in self._observed.lanes
+            if lane.follower == index[measure.agent]
+        ]
+        values: FloatArray = np.concatenate([*found, np.empty(0)])
+        return (float(values.min()), float(np.median(values))) if len(values) else ()
+
+    def _measure_line_distance(self, track: Trajectory) -> tuple[float, ...]:
+        """From the front of the standing agent straight ahead to a stop line or crosswalk."""
+        if self._map is None:
+            return ()
+        marks = [geos.LineString(line.line) for line in self._map.stop_lines]
+        marks += [each.area for each in get_ground_raster(self._map).crosswalks]
+        found: list[float] = []
+        for start, end in self._find_wait(track):
+            xy, heading = track.at(np.array([(start + end) / 2]))
+            ahead = np.array([np.cos(heading[0]), np.sin(heading[0])])
+            front = xy[0] + track.nose * ahead
+            ray = geos.LineString([front, front + SIGHT * ahead])
+            met = [geos.intersection(ray, each) for each in marks]
+            apart = [each.distance(geos.Point(front)) for each in met if not each.is_empty]
+            found += [min(apart)] if apart else []
+        return tuple(found)
+
+
+def measure_kept_speed(track: Trajectory) -> tuple[float, ...]:
+    """The highest speed that is kept for a second [m/s]."""
+    window = round(KEPT / STEP)
+    if len(track.speed) <= window:
+        return ()
+    kept = np.lib.stride_tricks.sliding_window_view(track.speed, window).min(axis=1)
+    return (float(kept.max()),)
+
+
+def measure_impact_share(
+    kind: str, track: Trajectory, other: Trajectory, event: Event
+) -> tuple[float, ...]:
+    """Where a contact lies on a vehicle [%]: across its front, or from its front along its side.
+
+    Args:
+        kind: `front_point` counts from the side that the other one comes from.
+    """
+    if not track.is_vehicle:
+        return ()
+    xy, heading = track.at(np.array([event.time]))
+    forward = np.array([np.cos(heading[0]), np.sin(heading[0])])
+    left = np.array([-forward[1], forward[0]])
+    offset = np.array(event.location) - xy[0]
+    along, across = float(offset @ forward), float(offset @ left)
+    at_front = along >= track.half_length - FRONT
+    if kind == "side_point":
+        share = (track.half_length - along) / track.length
+        return () if at_front else (100.0 * float(np.clip(share, 0.0, 1.0)),)
+    from_left = float(np.clip((track.half_width - across) / track.width, 0.0, 1.0))
+    if kind == "front_point":
+        before, after = other.at(np.array([event.time - 0.3, event.time]))[0]
+        kind = "front_point_left" if float((after - before) @ left) < 0.0 else "front_point_right"
+    share = from_left if kind == "front_point_left" else 1.0 - from_left
+    return (100.0 * share,) if at_front else ()
+
+
+def _describe(measure: MeasureRecord) -> str:
+    names = {"pet": "PET", "ttc": "TTC"}
+    name = names.get(measure.kind, measure.kind.replace("_", " "))
+    of = f"{measure.agent}" if measure.other is None else f"{measure.agent} and {measure.other}"
+    return f"{name} of {of}"
+
+
+def _list_agents(measure: MeasureRecord) -> tuple[int, ...]:
+    return (measure.agent,) if measure.other is None else (measure.agent, measure.other)
+
+
+def _listed(value: object) -> tuple[float, ...]:
+    return (float(value),) if isinstance(value, int | float) else ()

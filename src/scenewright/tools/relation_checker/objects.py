@@ -1,0 +1,229 @@
+"""Standing objects on the final tracks: nobody touches one, and they hide whom they were to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import ObjectRecord, SightRecord
+from scenewright.scene.record import SceneRecord
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.footprints import Extent, compute_gaps, get_extent
+from scenewright.tools.relation_checker.line_of_sight import Sighting, find_first_visible
+from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.trajectory import FARTHEST, Trajectory
+
+CONTACT = 1e-3
+FINE = 0.02
+"""Steps [s] at which a track near an object is looked at, so that it cuts no corner unseen."""
+HIDDEN = 0.5
+"""How long somebody is out of sight at least [s]; else nothing hides it."""
+LEAD_SLACK = 0.02
+"""How far beside its bounds the time of free sight before an event may be measured [s]."""
+
+
+def read_objects(scene: SceneRecord) -> tuple[ObjectRecord, ...]:
+    """The objects of a scene.
+
+    Raises:
+        InputError: an id twice, a size that is none, a line of sight that names what is not there.
+    """
+    names = [each.id for each in scene.objects]
+    if len(set(names)) != len(names):
+        raise InputError("objects: an id occurs twice")
+    for each in scene.objects:
+        figures = (each.length, each.width, each.x, each.y, each.heading)
+        if not all(math.isfinite(value) and abs(value) <= FARTHEST for value in figures):
+            raise InputError(f"{each.id}: a position or size is no usable number")
+        if not (0.1 <= each.width <= 30.0 and 0.1 <= each.length <= 30.0):
+            raise InputError(f"{each.id}: length and width must be 0.1 to 30 m")
+    known = {agent.id for agent in scene.agents}
+    for sight in scene.sights:
+        if not {sight.observer, sight.subject} <= known or sight.object not in names:
+            raise InputError(f"sights name {sight.object} or an agent, which the scene lacks")
+        if sight.observer == sight.subject:
+            raise InputError(f"sights name agent {sight.observer} twice")
+    return scene.objects
+
+
+def check_contacts(
+    objects: Sequence[ObjectRecord], tracks: Sequence[Trajectory]
+) -> tuple[Finding, ...]:
+    """Every track that touches an object; none may."""
+    found = []
+    for each in objects:
+        for track in tracks:
+            time = _find_contact(each, track)
+            if time is not None:
+                found.append(
+                    Finding(
+                        rule="object_contact", agents=(track.id,), time=round(time, 3),
+                        measured=0.0,
+                        detail=f"{track.type} {track.id} touches {each.id} ({each.kind}) at "
+                        f"{time:.1f} s",
+                    )
+                )  # fmt: skip
+    return tuple(found)
+
+
+def _find_contact(each: ObjectRecord, track: Trajectory) -> float | None:
+    """When a track first touches an object [s]."""
+    reach = math.hypot(each.length, each.width) / 2 + track.reach
+    # Between two samples nobody comes nearer than half a step.
+    steps = float(track.steps.max()) if len(track.steps) else 0.0
+    away = np.hypot(track.xy[:, 0] - each.x, track.xy[:, 1] - each.y)
+    near = np.flatnonzero(away <= reach + steps)
+    if not len(near):
+        return None
+    times = np.arange(track.times[near[0]] - 0.1, track.times[near[-1]] + 0.1, FINE)
+    times = times[(times >= track.start - 1e-9) & (times <= track.end + 1e-9)]
+    xy, heading = track.at(times)
+    gaps = compute_gaps(
+        xy, heading, get_extent(track),
+        other_xy=np.tile((each.x, each.y), (len(times), 1)),
+        other_heading=np.full(len(times), each.heading),
+        other_size=Extent(each.length / 2, each.width / 2, 0.0),
+    )  # fmt: skip
+    touching = np.flatnonzero(gaps <= CONTACT)
+    return float(times[touching[0]]) if len(touching) else None
+
+
+def check_places(
+    objects: Sequence[ObjectRecord], intersection_map: IntersectionMap | None
+) -> tuple[Finding, ...]:
+    """Objects that overlap, stand on a crosswalk or off the ground of the map."""
+    outlines = {each.id: _make_outline(each) for each in objects}
+    found = [
+        _report_place(a, f"overlaps {b.id}")
+        for a, b in combinations(objects, 2)
+        if outlines[a.id].intersection(outlines[b.id]).area > 1e-4
+    ]
+    if intersection_map is None:
+        return tuple(found)
+    crosswalks = [geos.Polygon(each.polygon) for each in intersection_map.crosswalks]
+    areas = (*intersection_map.road, *intersection_map.walkable)
+    ground = geos.unary_union([geos.Polygon(a.exterior, a.holes) for a in areas])
+    for each in objects:
+        outline = outlines[each.id]
+        if any(outline.intersection(area).area > 1e-4 for area in crosswalks):
+            found.append(_report_place(each, "stands on a crosswalk"))
+        elif outline.intersection(ground).area < 0.95 * outline.area:
+            found.append(_report_place(each, "stands off the road and the sidewalks"))
+    return tuple(found)
+
+
+def _make_outline(each: ObjectRecord) -> Any:
+    cos, sin = math.cos(each.heading), math.sin(each.heading)
+    corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    return geos.Polygon(
+        [
+            (
+                each.x + a * each.length / 2 * cos - b * each.width / 2 * sin,
+                each.y + a * each.length / 2 * sin + b * each.width / 2 * cos,
+            )
+            for a, b in corners
+        ]
+    )
+
+
+def _report_place(each: ObjectRecord, what: str) -> Finding:
+    return Finding(rule="object_place", agents=(), detail=f"{each.id} ({each.kind}) {what}")
+
+
+def check_sights(
+    scene: SceneRecord,
+    events: Sequence[Event],
+    observed: SceneObservation,
+    *,
+    left_hand: bool,
+) -> tuple[list[dict[str, Any]], tuple[Finding, ...]]:
+    """What was measured of every line of sight that was to be blocked, and what is not so.
+
+    The pedestrian must be seen first within the asked time before what the relation of the two
+    became, past everything high; and before that the named object alone must hide it.
+    """
+    figures: list[dict[str, Any]] = []
+    findings: list[Finding] = []
+    for sight in scene.sights:
+        event = _find_event(scene, events, sight)
+        measured = None if event is None else _measure(scene, observed, sight, event, left_hand)
+        fault = "the two have no event" if event is None else _find_fault(sight, event, measured)
+        if fault is not None:
+            findings.append(_report_sight(sight, fault))
+        if event is not None and measured is not None and measured[0] is not None:
+            figures.append(
+                {
+                    "observer": sight.observer, "subject": sight.subject, "object": sight.object,
+                    "first_visible": round(measured[0].time, 3),
+                    "before_event": round(event.time - measured[0].time, 3),
+                    "hidden_for": measured[0].hidden_for,
+                }
+            )  # fmt: skip
+    return figures, tuple(findings)
+
+
+Measured = tuple[Sighting | None, Sighting | None]
+"""The first sighting past everything, and past the named object alone."""
+
+
+def _measure(
+    scene: SceneRecord,
+    observed: SceneObservation,
+    sight: SightRecord,
+    event: Event,
+    left_hand: bool,
+) -> Measured:
+    tracks = {track.id: track for track in observed.tracks}
+    pair = tracks[sight.observer], tracks[sight.subject]
+    high = {a.id for a in scene.agents if a.type == "vehicle" and a.subtype != "motorcycle"}
+    others = [t for t in observed.tracks if t.id in high - {sight.observer, sight.subject}]
+    alone = [each for each in scene.objects if each.id == sight.object]
+
+    def look(objects: Sequence[ObjectRecord], vehicles: Sequence[Trajectory]) -> Sighting | None:
+        return find_first_visible(
+            *pair, objects=objects, vehicles=vehicles, until=event.time, left_hand=left_hand
+        )
+
+    return look(scene.objects, others), look(alone, ())
+
+
+def _find_fault(sight: SightRecord, event: Event, measured: Measured | None) -> str | None:
+    whole, alone = measured or (None, None)
+    if whole is None or alone is None:
+        return "it is never in sight before the event"
+    low, high = sight.lead
+    lead = event.time - whole.time
+    if not low - LEAD_SLACK <= lead <= high + LEAD_SLACK:
+        return f"first visible {lead:.2f} s before the event; asked for {low:g} to {high:g} s"
+    if alone.hidden_for < HIDDEN - 1e-6:
+        return f"hidden by {sight.object} for {alone.hidden_for:.1f} s only; at least {HIDDEN:g} s"
+    return None
+
+
+def _find_event(scene: SceneRecord, events: Sequence[Event], sight: SightRecord) -> Event | None:
+    """The event that realises the relation of the two."""
+    pair = {sight.observer, sight.subject}
+    asked = {r.type for r in scene.relations if {r.from_, r.to} == pair}
+    known = set(EVENT_OF_RELATION.values()) & asked
+    return next((e for e in events if {e.from_, e.to} == pair and e.type in known), None)
+
+
+def _report_sight(sight: SightRecord, fault: str) -> Finding:
+    return Finding(
+        rule="sight_not_blocked", agents=(sight.observer, sight.subject),
+        detail=f"{sight.object} should hide agent {sight.subject} from agent {sight.observer}: "
+        f"{fault}",
+    )  # fmt: skip
+
+
+def describe_object(each: ObjectRecord) -> str:
+    """An object in words, with its place."""
+    what = f"{each.kind} {each.subtype or ''}".replace("_", "-").strip()
+    return f"{each.id} ({what}) stands at ({each.x:.1f}, {each.y:.1f})"

@@ -1,0 +1,192 @@
+"""Figures of a staging that a program asks for: what they are, and whether they are as asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.constraints import AgentFigure, Contact, PairFigure
+from scenewright.scene.measures import UNITS
+from scenewright.scene.track import STEP
+from scenewright.tools.dsl_validator.parse import format_clause
+from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
+
+FigureClause = AgentFigure | PairFigure
+
+_STANDING, _BRIEF = 0.3, 0.5
+"""Slower is standing [m/s]; shorter is no standstill [s]."""
+
+_FOLLOWS = (0.5, 4.0)
+"""Headways of one who follows [s] (SEMANTICS 4)."""
+
+_FRONT = 0.3
+"""How far behind the foremost point a contact still is at the front [m]."""
+
+
+def find_unmet_figure(
+    figures: Iterable[FigureClause], schedule: PartialSchedule, *, timed: bool
+) -> tuple[FigureClause, float] | None:
+    """The first figure that is not as asked, and by how much; infinite if there is none.
+
+    Args:
+        timed: the schedule is in scene time; figures of scene time are looked at.
+    """
+    for clause in figures:
+        if clause.clause == "time" and not timed:
+            continue
+        values = compute_figures(clause, schedule, timed=timed)
+        off = max((max(clause.low - v, v - clause.high, 0.0) for v in values), default=np.inf)
+        if off > 1e-9:
+            return clause, float(off)
+    return None
+
+
+def describe_miss(clause: FigureClause, off: float) -> str:
+    """What cannot be met, and by how much."""
+    if not np.isfinite(off):
+        return f"{format_clause(clause)}: there is no such moment in the scene"
+    unit = UNITS[clause.clause].unit if clause.clause in UNITS else "s"
+    return f"{format_clause(clause)}: the nearest possible is {off:.2g} {unit} off"
+
+
+def compute_figures(
+    clause: FigureClause, schedule: PartialSchedule, *, timed: bool
+) -> tuple[float, ...]:
+    """The values that must lie in the clause's range; none where nothing of the kind happens."""
+    if isinstance(clause, AgentFigure):
+        actor = schedule.actors.get(clause.agent)
+        return () if actor is None else _of_agent(clause, actor, timed=timed)
+    a, b = (schedule.actors.get(name) for name in (clause.first, clause.second))
+    event = _find_event(schedule, clause)
+    if a is None or b is None or event is None:
+        return ()
+    match clause.clause:
+        case "time":
+            return (event.time,)
+        case "time_headway" | "gap":
+            return _compute_following(a, b, in_metres=clause.clause == "gap")
+        case "contact_speed":
+            return (_compute_last_speed(a),)
+        case "ttc":
+            return ((clause.low + clause.high) / 2,)  # the checker measures it
+        case _:
+            return _compute_impact_share(clause, a, b, event)
+
+
+def _find_event(schedule: PartialSchedule, clause: PairFigure) -> ScheduledEvent | None:
+    """What happens between the two; their collision, if there is one."""
+    pair = {clause.first, clause.second}
+    found = [e for e in schedule.events if {e.clause.first, e.clause.second} == pair]
+    found.sort(key=lambda each: not isinstance(each.clause, Contact))
+    return found[0] if found else None
+
+
+def _of_agent(clause: AgentFigure, actor: ScheduledAgent, *, timed: bool) -> tuple[float, ...]:
+    line = actor.landmarks.line
+    match clause.clause:
+        case "line_speed":
+            at = np.inf if line is None else actor.motion.find_time_at(line)
+            return (_speed_at(actor, at),) if np.isfinite(at) else ()
+        case "braking" | "acceleration":
+            change = _compute_seen_change(actor, timed=timed)
+            return (float((-change if clause.clause == "braking" else change).max(initial=0.0)),)
+        case "wait":
+            return tuple(until - start for start, until, _ in _list_stands(actor)[:1])
+        case _:
+            return tuple(
+                gap for _, _, s in _list_stands(actor)[:1] for gap in _compute_way_to_mark(actor, s)
+            )
+
+
+def _speed_at(actor: ScheduledAgent, local: float) -> float:
+    return float(np.interp(local, STEP * np.arange(len(actor.motion.s)), actor.motion.speed))
+
+
+def _compute_last_speed(actor: ScheduledAgent) -> float:
+    """Speed over the last tenth of a second of a motion that ends in a contact [m/s]."""
+    s = actor.motion.s
+    return float((s[-2] - s[-3]) / STEP) if len(s) > 2 else 0.0
+
+
+def _compute_seen_change(actor: ScheduledAgent, *, timed: bool) -> FloatArray:
+    """[T] acceleration over 0.3 s [m/s^2] while the agent is seen."""
+    change = np.convolve(np.gradient(actor.motion.speed, STEP), np.full(3, 1 / 3), mode="same")
+    first = max(round(-actor.enters / STEP), 0) if timed else 0
+    return np.asarray(change[first + 1 : -1])
+
+
+def _list_stands(actor: ScheduledAgent) -> list[tuple[float, float, float]]:
+    """Standstills: start, end [s] and arc length [m]; first that of giving way, or the longest."""
+    slow = np.concatenate(([False], actor.motion.speed <= _STANDING, [False]))
+    edges = np.flatnonzero(slow[1:] != slow[:-1]).reshape(-1, 2)
+    found = [
+        (actor.enters + STEP * begin, actor.enters + STEP * (end - 1), float(actor.motion.s[begin]))
+        for begin, end in edges.tolist()
+        if STEP * (end - 1 - begin) >= _BRIEF
+    ]
+    waits = [stop.start for stop in actor.stops if stop.reason == "gives_way"]
+    if waits:
+        return sorted(found, key=lambda each: min(abs(each[0] - start) for start in waits))
+    return sorted(found, key=lambda each: each[0] - each[1])
+
+
+def _compute_way_to_mark(actor: ScheduledAgent, s: float) -> tuple[float, ...]:
+    """From the front to the next stop line, kerb or crosswalk ahead [m]."""
+    line = actor.landmarks.line
+    marks = [begins for _, begins, _ in actor.landmarks.crosswalks]
+    ahead = [mark - s for mark in (*marks, *([] if line is None else [line])) if mark - s > -0.05]
+    return (min(ahead),) if ahead else ()
+
+
+def _compute_following(
+    a: ScheduledAgent, b: ScheduledAgent, *, in_metres: bool
+) -> tuple[float, ...]:
+    """The least and the median headway [s], or gap [m], of the longest stretch of following."""
+    times = get_shared_times(a, b)
+    if times is None:
+        return ()
+    ahead = b.at(times)[:, :2] - a.at(times)[:, :2]
+    gap = np.hypot(*ahead.T) - (a.candidate.shape.length + b.candidate.shape.length) / 2
+    clock = STEP * np.arange(len(a.motion.s))
+    speed = np.interp(times - a.enters, clock, a.motion.speed)
+    headway = gap / np.maximum(speed, 1e-6)
+    follows = (headway >= _FOLLOWS[0]) & (headway <= _FOLLOWS[1]) & (speed > 1.0)
+    run = _find_longest_run(follows)
+    values = (gap if in_metres else headway)[run]
+    return (float(values.min()), float(np.median(values))) if len(values) else ()
+
+
+def _find_longest_run(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> slice:
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
+    runs = [slice(begin, end) for begin, end in edges.reshape(-1, 2).tolist()]
+    return max(runs, key=lambda each: each.stop - each.start, default=slice(0))
+
+
+def _compute_impact_share(
+    clause: PairFigure, a: ScheduledAgent, b: ScheduledAgent, event: ScheduledEvent
+) -> tuple[float, ...]:
+    """Where on the first agent the contact lies [%]: across its front, or along its side."""
+    x, y, heading = a.at(np.array([event.time]))[0].tolist()
+    shape, (px, py) = a.candidate.shape, event.location
+    along = (px - x) * np.cos(heading) + (py - y) * np.sin(heading)
+    across = (py - y) * np.cos(heading) - (px - x) * np.sin(heading)
+    at_front = along >= shape.length / 2 - _FRONT
+    if clause.clause == "side_point":
+        share = 0.5 - along / shape.length
+        return () if at_front else (100.0 * float(np.clip(share, 0.0, 1.0)),)
+    from_left = float(np.clip(0.5 - across / shape.width, 0.0, 1.0))
+    left = clause.clause == "front_point_left"
+    if clause.clause == "front_point":
+        left = _comes_from_left(a, b, event.time)
+    return (100.0 * (from_left if left else 1.0 - from_left),) if at_front else ()
+
+
+def _comes_from_left(a: ScheduledAgent, b: ScheduledAgent, time: float) -> bool:
+    """Whether the second agent moves to the right as the first one sees it."""
+    before, after = b.at(np.array([time - 0.3, time]))[:, :2]
+    heading = a.at(np.array([time]))[0, 2]
+    step = after - before
+    return bool(step[1] * np.cos(heading) - step[0] * np.sin(heading) < 0.0)

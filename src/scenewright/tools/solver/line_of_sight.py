@@ -1,0 +1,83 @@
+"""When a driver first sees a pedestrian past standing objects (SEMANTICS 8), for the solver."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.track import STEP
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
+
+EYE_BEHIND_FRONT, EYE_ASIDE = 0.4, 0.25
+"""Where a driver's eye is: share of the length behind the front, of the width off the middle."""
+
+STAYS_FREE = 0.3
+"""How long [s] a line of sight must stay free to count."""
+
+
+def find_lead(
+    driver: ScheduledAgent,
+    walker: ScheduledAgent,
+    objects: Sequence[ObjectRecord],
+    *,
+    event: float,
+    left_hand: bool,
+) -> tuple[float, float] | None:
+    """How long before an event [s] the line of sight is first free, and how long it was not.
+
+    None where it never is before the event.
+    """
+    times = get_shared_times(driver, walker)
+    if times is None:
+        return None
+    times = times[(times > -STEP / 2) & (times <= event)]
+    free = ~find_blocked(
+        compute_eyes(driver, times, left_hand=left_hand), walker.at(times)[:, :2], objects,
+        radius=walker.candidate.shape.length / 2,
+    )  # fmt: skip
+    steps = round(STAYS_FREE / STEP)
+    lasting = np.convolve(free, np.ones(steps + 1))[steps:] > steps + 0.5
+    if not lasting.any():
+        return None
+    first = int(np.argmax(lasting))
+    return float(event - times[first]), STEP * first
+
+
+def compute_eyes(driver: ScheduledAgent, times: FloatArray, *, left_hand: bool) -> FloatArray:
+    """[N, 2] where a driver's eye is at scene times [s]."""
+    x, y, heading = driver.at(times).T
+    shape = driver.candidate.shape
+    ahead = (0.5 - EYE_BEHIND_FRONT) * shape.length
+    aside = EYE_ASIDE * shape.width * (-1 if left_hand else 1)
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.stack((x + ahead * cos - aside * sin, y + ahead * sin + aside * cos), axis=1)
+
+
+def find_blocked(
+    eyes: FloatArray, walker: FloatArray, objects: Sequence[ObjectRecord], *, radius: float
+) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """[N] whether every line from the eye to the walker's middle and rim meets a high object."""
+    around = radius * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)], dtype=np.float64)
+    targets = walker[:, None, :] + around
+    met = np.zeros(targets.shape[:2], dtype=np.bool_)
+    for each in objects:
+        if each.height == "high":
+            met |= _meets_box(eyes[:, None, :], targets, each)
+    return np.asarray(met.all(axis=1))
+
+
+def _meets_box(
+    start: FloatArray, end: FloatArray, box: ObjectRecord
+) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Whether segments meet a rectangle: the slabs of its two directions overlap on them."""
+    cos, sin = np.cos(box.heading), np.sin(box.heading)
+    turn = np.array([(cos, -sin), (sin, cos)])
+    middle = np.array([box.x, box.y])
+    one, way = (start - middle) @ turn, (end - start) @ turn
+    half = np.array([box.length / 2, box.width / 2])
+    way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+    enter, leave = np.sort(np.stack(((-half - one) / way, (half - one) / way)), axis=0)
+    return np.asarray(np.maximum(enter.max(axis=-1), 0.0) <= np.minimum(leave.min(axis=-1), 1.0))

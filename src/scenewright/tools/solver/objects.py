@@ -1,0 +1,166 @@
+"""Standing objects around a staged foreground: where they stand, whom they hide, whose way is free.
+
+An object is placed once the foreground is in time: clear of everybody's path and, where it is to
+hide a pedestrian, so that the driver first sees it as long before the event as asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.base import Compass
+from scenewright.scene.candidates import Candidate
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import ObjectRecord
+from scenewright.scene.social import DEFAULT_LEAD, ObjectNode
+from scenewright.tools.map_grounding.object_places import Side, find_places, make_footprint
+from scenewright.tools.solver.line_of_sight import find_lead
+from scenewright.tools.solver.schedule import PartialSchedule, get_pair
+
+geos: Any = import_module("shapely")
+
+CLEARANCE = {"vehicle": 0.15, "pedestrian": 0.1}
+"""How far paths keep from standing objects [m]."""
+
+_APART = 0.5
+"""Between two objects [m]."""
+
+_SPARE = 0.05
+"""How far inside the bounds asked for the lead is kept [s]."""
+
+_HIDDEN = 0.5
+"""How long a pedestrian is out of sight at least [s]; else nothing hides it."""
+
+_BESIDE = 6.0
+"""How near the way of a pedestrian is to what it comes from behind [m]."""
+
+_NODE = 0.4
+"""Spacing at which a path is looked at [m]."""
+
+
+class ObjectPlacer:
+    """Places the standing objects of a plan on a map.
+
+    Args:
+        nodes: what the plan asks for.
+    """
+
+    def __init__(
+        self,
+        nodes: Sequence[ObjectNode],
+        intersection_map: IntersectionMap,
+        rng: np.random.Generator,
+    ) -> None:
+        self._map, self._rng = intersection_map, rng
+        self._nodes = sorted(nodes, key=lambda each: each.hides is None)
+        self._places: dict[tuple[str, Compass, Side], tuple[ObjectRecord, ...]] = {}
+
+    def place(self, schedule: PartialSchedule) -> tuple[ObjectRecord, ...] | str:
+        """The objects, in the plan's order; or which of them finds no place, in words."""
+        placed: list[ObjectRecord] = []
+        paths = [actor.candidate for actor in schedule.actors.values()]
+        for node in self._nodes:
+            free = (each for each in self._list_places(node, schedule, placed)
+                    if not any(is_in_way(path, (each,)) for path in paths))  # fmt: skip
+            found = next(free, None)
+            if found is None:
+                return _describe_failure(node)
+            placed.append(found)
+        return tuple(sorted(placed, key=lambda each: each.id))
+
+    def _list_places(
+        self, node: ObjectNode, schedule: PartialSchedule, others: Sequence[ObjectRecord]
+    ) -> Iterator[ObjectRecord]:
+        """Places in random order: of those that hide whom the object is to hide, if any."""
+        for leg, side in self._list_sides(node, schedule):
+            places = self._find_places(node, leg, side)
+            for k in self._rng.permutation(len(places)):
+                if _keeps_apart(places[k], others) and self._hides(node, places[k], schedule):
+                    yield places[k]
+
+    def _list_sides(
+        self, node: ObjectNode, schedule: PartialSchedule
+    ) -> Iterator[tuple[Compass, Side]]:
+        sides: tuple[Side, ...] = ("entry", "exit") if node.side is None else (node.side,)
+        legs = [leg.name for leg in self._map.legs if node.leg in (None, leg.name)]
+        if node.hides is not None and node.hidden_from is not None:
+            vehicle = schedule.actors[node.hidden_from].candidate.route
+            walker = schedule.actors[node.hides].candidate.route
+            legs = [leg for leg in legs if leg == walker.crosswalk]
+            sides = tuple(s for s in sides if getattr(vehicle, s) == walker.crosswalk)
+        found = [(leg, side) for leg in legs for side in sides]
+        yield from (found[k] for k in self._rng.permutation(len(found)))
+
+    def _find_places(self, node: ObjectNode, leg: Compass, side: Side) -> tuple[ObjectRecord, ...]:
+        key = node.id, leg, side
+        if key not in self._places:
+            self._places[key] = find_places(node, self._map, leg=leg, side=side)
+        return self._places[key]
+
+    def _hides(self, node: ObjectNode, place: ObjectRecord, schedule: PartialSchedule) -> bool:
+        """Whether the driver first sees the pedestrian when it is to; True where none is hidden."""
+        if node.hides is None or node.hidden_from is None:
+            return True
+        pair = {node.hides, node.hidden_from}
+        times = [each.time for each in schedule.events if set(get_pair(each.clause)) == pair]
+        if not times:
+            return False
+        driver, walker = schedule.actors[node.hidden_from], schedule.actors[node.hides]
+        if (
+            geos.distance(geos.LineString(walker.candidate.path.xy), make_footprint(place))
+            > _BESIDE
+        ):
+            return False
+        found = find_lead(
+            driver, walker, (place,), event=min(times), left_hand=self._map.left_hand_traffic
+        )
+        low, high = node.lead or DEFAULT_LEAD
+        return (
+            found is not None and low + _SPARE <= found[0] <= high - _SPARE and found[1] >= _HIDDEN
+        )
+
+
+def is_in_way(candidate: Candidate, objects: Sequence[ObjectRecord]) -> bool:
+    """Whether somebody on a candidate's path would touch an object, or come too near to it."""
+    return any(_comes_near(candidate, each) for each in objects)
+
+
+def _comes_near(candidate: Candidate, each: ObjectRecord) -> bool:
+    shape, path = candidate.shape, candidate.path
+    margin = CLEARANCE[shape.type]
+    reach = (np.hypot(each.length, each.width) + np.hypot(shape.length, shape.width)) / 2 + margin
+    spacing = float(path.s[1] - path.s[0])
+    every = max(int(_NODE / spacing), 1)
+    xy, heading = path.xy[::every], path.heading[::every]
+    near = np.hypot(xy[:, 0] - each.x, xy[:, 1] - each.y) <= reach
+    if not near.any():
+        return False
+    outline = make_footprint(each)
+    if shape.type == "pedestrian":
+        rims = geos.distance(geos.points(xy[near]), outline) - shape.length / 2
+        return bool(rims.min() < margin)
+    along = np.stack((np.cos(heading[near]), np.sin(heading[near])), axis=1) * shape.length / 2
+    ends = np.stack((xy[near] - along, xy[near] + along), axis=1)
+    # A box of the full width around the vehicle's middle line.
+    across = along[:, ::-1] * (-1, 1) * (shape.width / shape.length)
+    corners = np.concatenate((ends + across[:, None], ends[:, ::-1] - across[:, None]), axis=1)
+    return bool(geos.distance(geos.polygons(corners), outline).min() < margin)
+
+
+def _keeps_apart(place: ObjectRecord, others: Sequence[ObjectRecord]) -> bool:
+    outline = make_footprint(place)
+    return all(geos.distance(outline, make_footprint(each)) >= _APART for each in others)
+
+
+def _describe_failure(node: ObjectNode) -> str:
+    if node.hides is None:
+        return f"{node.id} ({node.kind}) finds no place clear of everybody's way"
+    low, high = node.lead or DEFAULT_LEAD
+    return (
+        f"no place of {node.id} hides {node.hides} from {node.hidden_from} until "
+        f"{low:g} to {high:g} s before"
+    )
