@@ -8,15 +8,17 @@ PINS := tests/crosscheck/environments
 ENGINE := $(VENV)/vllm
 SMALL := $(VENV)/small
 SITE := $(VENV)-docs
+CONSUMERS := $(VENV)/exports
 
 INSTRUCTION ?= A vehicle yields to a pedestrian at 8 am
 SEED ?= 7
 OUT ?= scenes/demo
+SCENES ?= 200
 # Processes that share the tests; one that has done its part takes tests of the others.
 TESTERS ?= 2
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test lint format bench check crosscheck ray test-vllm test-small-weights docs
+.PHONY: demo test lint format bench check crosscheck exports ray test-vllm test-small-weights docs
 
 demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
@@ -42,6 +44,11 @@ check: lint test
 # Our measures against packages that others wrote; not part of check. About 3 GB more.
 crosscheck: $(PEERS)/.installed
 	$(BIN)/pytest tests/crosscheck
+
+# Scenes in the simulators and readers of others, whose own tests must find our collisions and
+# nothing else; not part of check. About 4 GB more, and a quarter of an hour for 200 scenes.
+exports: $(CONSUMERS)/.installed
+	SCENEWRIGHT_EXPORT_SCENES=$(SCENES) $(BIN)/pytest -s tests/exports
 
 # Batches on a Ray cluster (extra `ray`), and their tests. About 250 MB more.
 ray: $(INSTALLED)
@@ -83,6 +90,15 @@ $(PEERS)/.installed: $(INSTALLED) $(wildcard $(PINS)/*.txt)
 	set -e; for name in scenario-gym commonroad-crime; do \
 		test -x $(PEERS)/$$name/bin/python || $(BIN)/python -m venv $(PEERS)/$$name; \
 		$(PEERS)/$$name/bin/python -m pip install -qq --disable-pip-version-check -r $(PINS)/$$name.txt; \
+	done
+	touch $@
+
+$(CONSUMERS)/.installed: $(INSTALLED) $(wildcard tests/exports/environments/*.txt)
+	@echo 'Installing simulators and readers into $(CONSUMERS), about 4 GB ...'
+	set -e; for name in commonroad metadrive omega-prime av2 scenario-gym; do \
+		pins=tests/exports/environments/$$name.txt; test -e $$pins || pins=$(PINS)/$$name.txt; \
+		test -x $(CONSUMERS)/$$name/bin/python || $(BIN)/python -m venv $(CONSUMERS)/$$name; \
+		$(CONSUMERS)/$$name/bin/python -m pip install -qq --disable-pip-version-check -r $$pins; \
 	done
 	touch $@
 

@@ -4,7 +4,7 @@
     ├── InputError          the caller's input is at fault; one clear line, exit code 2
     ├── Unsatisfiable       a sane request that cannot be met; carries every rejection, exit code 3
     │   └── OutOfTime       the time limit was reached before it was met or given up
-    ├── BackendFault        a backend failed for good after its retries, exit code 4
+    ├── BackendFault        a backend failed for good, or never answered usably, exit code 4
     └── Rejected            wraps a `Rejection` on its way to a retry edge; never reaches a user
 
 Anything else that is raised is a bug and is never caught.
@@ -64,14 +64,23 @@ class BackendFault(ScenewrightError):
     Attributes:
         final: it was asked as often as makes sense, or asking again cannot help.
         asked: how often the request was sent, where one was.
+        rejections: what was wrong with its answers, oldest first, where it gave any.
     """
 
     exit_code = 4
 
-    def __init__(self, message: str, *, final: bool = False, asked: int = 0) -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        final: bool = False,
+        asked: int = 0,
+        rejections: tuple[Rejection, ...] = (),
+    ) -> None:
         super().__init__(message)
         self.final = final
         self.asked = asked
+        self.rejections = rejections
 
 
 class Rejected(ScenewrightError):

@@ -19,7 +19,6 @@ from scenewright.scene.edits import (
     Edits,
     NewScene,
     Situation,
-    Wish,
     apply_edits,
     diff_graphs,
 )
@@ -340,12 +339,10 @@ def test_who_stands_or_has_no_reason_to_cannot_be_made_to(
     assert says in reading.reason
 
 
-def test_a_scene_of_its_own_and_wishes_are_told_apart() -> None:
+def test_a_scene_of_its_own_is_told_apart() -> None:
     assert isinstance(read("A bus follows a car", ONE), NewScene)
     assert isinstance(read("new scene: a car hits a bus", ONE), NewScene)
     assert isinstance(read("add three cars", None), NewScene)
-    for words, wish in {"why did you refuse?": "why", "undo": "undo", "go back": "undo"}.items():
-        assert read(words, ONE) == Wish.model_validate({"wish": wish})
 
 
 @given(st.text(max_size=80))

@@ -85,10 +85,15 @@ def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
         figure = aims.get(type(clause))
         if figure in pattern.bounds():
             assert pattern.bounds()[figure] == (clause.low, clause.high)
-    figure = "path_ttc" if pattern.manoeuvre == "lead_brakes" else "pet"
-    assert set(pattern.bounds()) == ({figure} if pattern.relation == "near_miss" else set())
+    usual = {"pet"} if pattern.relation == "near_miss" else set()
+    assert set(pattern.bounds()) == _BOUNDED.get(pattern.id, usual)
     assert pattern.proof.event == EVENT_OF_RELATION[pattern.relation]
-    assert pattern.order == ("to" if pattern.relation == "yield_to" else None)
+    usual = "to" if pattern.relation == "yield_to" else None
+    assert pattern.order == ("from" if pattern.manoeuvre == "cuts_in" else usual)
+
+
+_BOUNDED = {"near_miss_lead_brakes": {"path_ttc"}, "tailgating": {"least_headway"}}
+"""Figures that files bound which are not the usual ones of their relation."""
 
 
 def test_an_order_is_one_more_clause_of_a_near_miss():

@@ -13,7 +13,6 @@ from scenewright.scene.edits import (
     DeclinedTurn,
     Reading,
     Situation,
-    Wish,
 )
 from scenewright.scene.frozen_agents import PreviousVersion
 from scenewright.scene.map import IntersectionMap
@@ -71,7 +70,7 @@ def read_words(
 
     by_rule = read(words, situation, chosen=chosen, site=site_of(intersection_map))
     asked = not speaker(backend, "edits").deterministic
-    if situation is None or isinstance(by_rule, Wish) or begins_anew(words) or not asked:
+    if situation is None or begins_anew(words) or not asked:
         return by_rule
     from scenewright.nodes.revision import Turn, read_by_model
     from scenewright.nodes.scene_planner import describe_routes

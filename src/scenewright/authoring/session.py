@@ -21,6 +21,7 @@ from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 from pydantic import TypeAdapter
 
+from scenewright.authoring.answer_question import answer_question
 from scenewright.authoring.read_turn import (
     SENTENCE,
     ask_what_is_meant,
@@ -28,6 +29,7 @@ from scenewright.authoring.read_turn import (
     situation_of,
 )
 from scenewright.authoring.thread_state import Heading, Pending, Refused, ThreadState, Version
+from scenewright.authoring.turn_kind import TurnKind, classify_turn
 from scenewright.authoring.versions import Made, Setting, begin, change
 from scenewright.backends import Account, Backend, Call, speaker
 from scenewright.backends.builtin.references import answered
@@ -53,7 +55,6 @@ from scenewright.scene.edits import (
     Edits,
     NewScene,
     Reading,
-    Wish,
 )
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
@@ -66,6 +67,7 @@ _EDITS: TypeAdapter[tuple[Edit, ...]] = TypeAdapter(tuple[Edit, ...])
 _OPENING = re.compile(
     r"^\s*(?:a )?(?:new scene|start over|from scratch)\s*[:;,.]?\s*(?=\S)", re.IGNORECASE
 )
+_SAY_MORE = "Say what shall happen, or what shall be different; /help says more."
 _LONGEST_TEXT = 1900
 """Of what was said, as much as a scene's prompt keeps."""
 
@@ -279,6 +281,10 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     if state["act"] != "say":
         return {"reading": None}
     words, chosen = _answered(state)
+    turn = classify_turn(words)
+    if not chosen and turn.kind != "words":
+        return {"reading": {"reading": "turn", **turn.model_dump(mode="json")}, "pending": None}
+    words = turn.words
     calls: list[Call] = []
     reading = _read(words, chosen, state, runtime.context, account=calls.append)
     pending = state.get("pending")
@@ -477,7 +483,7 @@ def _paid(models: Mapping[str, Any]) -> dict[str, Any]:
     return {"models": dict(models)} if models else {}
 
 
-def answer(state: ThreadState) -> ThreadState:
+def answer(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState:
     """Everything that makes no new version."""
     match state["act"]:
         case "undo":
@@ -486,7 +492,11 @@ def answer(state: ThreadState) -> ThreadState:
             return _redone(state)
         case "branch":
             return _branched(state, state.get("argument", ""))
-    reading = _READING.validate_python(state["reading"])
+    plain = state["reading"] or {}
+    if plain.get("reading") == "turn":
+        turn = TurnKind.model_validate({k: v for k, v in plain.items() if k != "reading"})
+        return _steered(state, turn, runtime.context)
+    reading = _READING.validate_python(plain)
     match reading:
         case Clarification():
             choices = [each.answer for each in reading.choices]
@@ -501,16 +511,73 @@ def answer(state: ThreadState) -> ThreadState:
             reply = {"kind": "refused", "code": reading.code, "reason": reading.reason}
             reply |= _paid(state.get("models", {}))
             return {"refused": refused, "reply": reply}
-        case Wish(wish="undo"):
-            return _undone(state)
-        case Wish(wish="redo"):
-            return _redone(state)
-        case Wish(wish=wish):
-            return {"reply": {"kind": "wish", "wish": wish}}
     return {"reply": {"kind": "nothing", "reason": "there is nothing to change yet"}}
 
 
-def _undone(state: ThreadState) -> ThreadState:
+def _steered(state: ThreadState, turn: TurnKind, context: SessionContext) -> ThreadState:
+    """Steps between versions, answers, and what the front end does itself."""
+    match turn.kind:
+        case "undo":
+            return _undone(state, turn.count)
+        case "redo":
+            return _redone(state)
+        case "version":
+            return _moved_to(state, turn.number)
+        case "restart":
+            return _restarted(state)
+        case "question":
+            return {"reply": _answered_question(state, turn.words, context)}
+        case "talk":
+            return {"reply": {"kind": "nothing", "reason": _SAY_MORE}}
+    return {"reply": {"kind": "wish", "wish": turn.kind}}
+
+
+def _answered_question(state: ThreadState, words: str, context: SessionContext) -> dict[str, Any]:
+    version = _found(state, None)
+    if version is None:
+        return {"kind": "nothing", "reason": "there is no scene yet; say what shall happen"}
+    record = SceneRecord.model_validate_json(context.threads.kept(version["scene"]))
+    proof = Proof.model_validate_json(context.threads.kept(version["proof"]))
+    lines = answer_question(words, record, proof, load_map(record.meta.intersection))
+    return {"kind": "answer", "lines": lines}
+
+
+def _moved_to(state: ThreadState, number: int | None) -> ThreadState:
+    try:
+        version = _found(state, number)
+    except InputError as error:
+        return {"reply": {"kind": "nothing", "reason": str(error)}}
+    if version is None:
+        return {"reply": {"kind": "nothing", "reason": "there is no version yet"}}
+    moved = {"kind": "moved_to", "version": version["number"]}
+    return {"current": version["number"], "ahead": [], "pending": None, "reply": moved}
+
+
+def _restarted(state: ThreadState) -> ThreadState:
+    """No version is current any more, so that the next words are a scene of their own."""
+    current = state.get("current")
+    ahead = [] if current is None else [current]
+    reason = "Say what shall happen; the versions so far are kept (/history)."
+    return {
+        "current": None,
+        "ahead": ahead,
+        "pending": None,
+        "reply": {"kind": "nothing", "reason": reason},
+    }
+
+
+def _undone(state: ThreadState, count: int = 1) -> ThreadState:
+    """As many steps back as asked for, or as there are."""
+    out: ThreadState = {}
+    for _ in range(count):
+        step = _undone_once(cast(ThreadState, {**state, **out}))
+        if "current" not in step and out:
+            return out
+        out = step
+    return out
+
+
+def _undone_once(state: ThreadState) -> ThreadState:
     version = _found(state, None)
     parent = None if version is None else version["parent"]
     if version is None or parent is None:

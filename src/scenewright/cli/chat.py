@@ -177,7 +177,7 @@ class _Talk:
             words = line.strip()
             if not words:
                 continue
-            if words.lower() in ("/quit", "/exit", "/q", "quit", "exit"):
+            if words.lower() in ("/quit", "/exit", "/q"):
                 return
             self._say_back(words, self._answer(words))
 
@@ -205,11 +205,9 @@ class _Talk:
             if any("\ud800" <= char <= "\udfff" for char in words):
                 raise InputError("these words are not valid UTF-8 text")
             reply = self._said(words)
+            return self._wish(reply["wish"]) if reply["kind"] == "wish" else reply
         except InputError as error:
             return {"kind": "refused", "code": "unusable_input", "reason": str(error)}
-        if reply["kind"] == "wish":
-            return self._wish(reply["wish"])
-        return reply
 
     def _said(self, words: str) -> dict[str, Any]:
         """One turn; Ctrl-C gives it up and leaves the thread as it was."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
 from scenewright.intersections import (
     REFINER_WEIGHTS,
@@ -428,8 +429,12 @@ def _seen(name: str) -> list[FloatArray]:
     if not (folder / "seen.npz").is_file():
         return []
     check_bundle(folder, "seen.npz")
-    with np.load(folder / "seen.npz", allow_pickle=False) as stored:
+    what = f"the tracks seen at {name!r}"
+    stored = read_arrays(folder / "seen.npz", what=what)
+    try:
         return np.split(stored["points"].astype(float), np.cumsum(stored["lengths"])[:-1])
+    except (ValueError, KeyError, TypeError) as fault:
+        raise InputError(f"cannot read {what}: {fault}") from None
 
 
 _LONGEST_FACT = 300

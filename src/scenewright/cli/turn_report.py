@@ -27,6 +27,8 @@ def told(reply: dict[str, Any], shown: Shown | None) -> list[Line]:
             return [(ASK, reply["question"])]
         case "refused":
             return [(BAD, f"refused: {reply['reason']}")]
+        case "answer":
+            return [(PLAIN, each) for each in reply["lines"]]
         case "nothing":
             return [(FAINT, reply["reason"])]
         case "shown":

@@ -19,7 +19,13 @@ from pydantic import ValidationError
 from pydantic_core import PydanticSerializationError
 
 from scenewright.backends import Backend, Call, Named, load_backend
-from scenewright.errors import InputError, OutOfTime, ScenewrightError, Unsatisfiable
+from scenewright.errors import (
+    BackendFault,
+    InputError,
+    OutOfTime,
+    ScenewrightError,
+    Unsatisfiable,
+)
 from scenewright.files import write_atomically
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.graph.written_proof import compare_proofs, read_proof
@@ -452,11 +458,14 @@ def check_time_limit(seconds: float | None) -> None:
         )
 
 
-def _refusal(state: SceneState) -> InputError | Unsatisfiable:
+def _refusal(state: SceneState) -> InputError | Unsatisfiable | BackendFault:
     rejections: tuple[Rejection, ...] = tuple(state.get("rejections", []))
     last = rejections[-1]
     if last.code == "out_of_scope":
         return InputError(last.detail)
+    if last.code in ("malformed_reply", "malformed_program"):
+        asked = f"{last.stage.replace('_', ' ')} got no usable answer; last: {last.detail}"
+        return BackendFault(f"the {asked}", final=True, rejections=rejections)
     if last.stage == "scene_planner":
         return Unsatisfiable(last.detail, rejections)
     told = _tell_best_reason(rejections)

@@ -228,6 +228,13 @@ class RunsRed(Model):
     agent: AgentId
 
 
+class Pauses(Model):
+    """The pedestrian stands still for a while on its way over the road."""
+
+    clause: Literal["pauses"] = "pauses"
+    agent: PedestrianId
+
+
 class NoInteraction(Model):
     """Clearance >= 0.5 m and PET > 1.5 s between the pair; without `second`: with everybody."""
 
@@ -240,7 +247,9 @@ class NoInteraction(Model):
         return _two_agents(self, self.first, self.second)
 
 
-UnaryClause = OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed | AgentFigure
+UnaryClause = (
+    OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed | AgentFigure | Pauses
+)
 PairClause = (
     Near
     | SameLane

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 from scenewright.errors import Rejected
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
-from scenewright.scene.measures import format_measure
+from scenewright.scene.measures import Measure, format_measure
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import (
     AgentNode,
@@ -193,14 +193,7 @@ class NewScene(Model):
     reading: Literal["fresh"] = "fresh"
 
 
-class Wish(Model):
-    """The words ask for something that the session itself does."""
-
-    reading: Literal["wish"] = "wish"
-    wish: Literal["why", "undo", "redo", "show", "help", "quit"]
-
-
-Reading = Edits | Clarification | DeclinedTurn | NewScene | Wish
+Reading = Edits | Clarification | DeclinedTurn | NewScene
 """What the words of a turn amount to."""
 
 
@@ -244,6 +237,8 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 {edge.from_, edge.to} == set(entry.agents) and edge.get_first() == entry.agents[0]
                 for edge in graph.relations
             )
+        case "motion":
+            return all(agent.motion == entry.value for agent in named)
         case "manoeuvre":
             return any(
                 edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)
@@ -274,10 +269,13 @@ def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:
             kept = [each for each in graph.relations if {each.from_, each.to} != pair]
             at = next((i for i, e in enumerate(graph.relations) if {e.from_, e.to} == pair), None)
             kept.insert(len(kept) if at is None else min(at, len(kept)), edge)
-            return graph.model_copy(update={"relations": tuple(kept)})
+            same = any({e.from_, e.to} == pair and e.type == edge.type for e in graph.relations)
+            measures = graph.measures if same else _measures_without(graph, pair)
+            return graph.model_copy(update={"relations": tuple(kept), "measures": measures})
         case Unrelate(first=first, second=second):
             kept = [each for each in graph.relations if {each.from_, each.to} != {first, second}]
-            return graph.model_copy(update={"relations": tuple(kept)})
+            measures = _measures_without(graph, {first, second})
+            return graph.model_copy(update={"relations": tuple(kept), "measures": measures})
         case Tie(ties=ties):
             return graph.model_copy(update={"ties": ties})
         case ChangeContext():
@@ -302,8 +300,14 @@ def _without(graph: SocialGraph, name: str) -> SocialGraph:
             "agents": tuple(each for each in graph.agents if each.id != name),
             "relations": tuple(e for e in graph.relations if name not in (e.from_, e.to)),
             "ties": tuple(each for each in graph.ties if name not in (each.agent, each.of)),
+            "measures": tuple(m for m in graph.measures if name not in (m.agent, m.other)),
         }
     )
+
+
+def _measures_without(graph: SocialGraph, pair: set[str]) -> tuple[Measure, ...]:
+    """The figures asked for, but for those of what happens between two agents."""
+    return tuple(each for each in graph.measures if {each.agent, each.other} != pair)
 
 
 def _known(graph: SocialGraph, name: str) -> None:

@@ -22,34 +22,36 @@ class MeasureUnit(NamedTuple):
     Attributes:
         unit: as the constraint language writes it.
         tolerance: how far from a number that was said the scene may be (SEMANTICS 8).
+        margin: how far inside of its range a figure is aimed at.
         least, most: what a scene can have.
         of_two: it is measured between two agents.
     """
 
     unit: str
     tolerance: float
+    margin: float
     least: float
     most: float
     of_two: bool = False
 
 
 UNITS: dict[MeasureKind, MeasureUnit] = {
-    "speed": MeasureUnit("m/s", 0.5, 0.3, 20.0),
-    "line_speed": MeasureUnit("m/s", 0.5, 0.3, 20.0),
-    "contact_speed": MeasureUnit("m/s", 0.5, 0.0, 20.0, of_two=True),
-    "braking": MeasureUnit("m/s2", 0.5, 0.3, 10.0),
-    "acceleration": MeasureUnit("m/s2", 0.5, 0.3, 4.0),
-    "wait": MeasureUnit("s", 0.15, 0.5, 25.0),
-    "line_distance": MeasureUnit("m", 0.3, 0.0, 30.0),
-    "headway": MeasureUnit("s", 0.15, 0.5, 4.0, of_two=True),
-    "gap": MeasureUnit("m", 0.3, 2.0, 60.0, of_two=True),
-    "pet": MeasureUnit("s", 0.15, 0.0, 8.0, of_two=True),
-    "ttc": MeasureUnit("s", 0.3, 0.0, 8.0, of_two=True),
-    "time": MeasureUnit("s", 0.3, 1.0, 29.0, of_two=True),
-    "front_point": MeasureUnit("%", 5.0, 0.0, 100.0, of_two=True),
-    "front_point_left": MeasureUnit("%", 5.0, 0.0, 100.0, of_two=True),
-    "front_point_right": MeasureUnit("%", 5.0, 0.0, 100.0, of_two=True),
-    "side_point": MeasureUnit("%", 5.0, 0.0, 100.0, of_two=True),
+    "speed": MeasureUnit("m/s", 0.5, 0.4, 0.3, 20.0),
+    "line_speed": MeasureUnit("m/s", 0.5, 0.4, 0.3, 20.0),
+    "contact_speed": MeasureUnit("m/s", 0.5, 0.3, 0.0, 20.0, of_two=True),
+    "braking": MeasureUnit("m/s2", 0.5, 0.2, 0.3, 10.0),
+    "acceleration": MeasureUnit("m/s2", 0.5, 0.2, 0.3, 4.0),
+    "wait": MeasureUnit("s", 0.15, 0.08, 0.5, 25.0),
+    "line_distance": MeasureUnit("m", 0.3, 0.1, 0.0, 30.0),
+    "headway": MeasureUnit("s", 0.15, 0.04, 0.5, 4.0, of_two=True),
+    "gap": MeasureUnit("m", 0.3, 0.12, 2.0, 60.0, of_two=True),
+    "pet": MeasureUnit("s", 0.15, 0.1, 0.0, 8.0, of_two=True),
+    "ttc": MeasureUnit("s", 0.3, 0.2, 0.0, 8.0, of_two=True),
+    "time": MeasureUnit("s", 0.3, 0.2, 1.0, 29.0, of_two=True),
+    "front_point": MeasureUnit("%", 5.0, 1.5, 0.0, 100.0, of_two=True),
+    "front_point_left": MeasureUnit("%", 5.0, 1.5, 0.0, 100.0, of_two=True),
+    "front_point_right": MeasureUnit("%", 5.0, 1.5, 0.0, 100.0, of_two=True),
+    "side_point": MeasureUnit("%", 5.0, 1.5, 0.0, 100.0, of_two=True),
 }
 
 
@@ -82,7 +84,7 @@ def format_measure(measure: Measure) -> str:
 
 def get_aim(measure: Measure) -> tuple[float, float]:
     """The inner part of the range that is aimed at, so that small changes do not leave it."""
-    margin = min(0.8 * UNITS[measure.kind].tolerance, 0.4 * (measure.high - measure.low))
+    margin = min(UNITS[measure.kind].margin, 0.4 * (measure.high - measure.low))
     return measure.low + margin, measure.high - margin
 
 

@@ -19,6 +19,7 @@ _MANOEUVRES = {
     ("lead_brakes", "near_miss"): "{1} brakes hard and {0} nearly runs into it",
     ("lead_brakes", "follow"): "{1} brakes hard and {0} behind it stops in time",
     ("tailgates", "follow"): "{0} tailgates {1}",
+    ("changes_lane", "collide_at"): "{0} changes lanes and sideswipes {1}",
     ("cuts_in", "near_miss"): "{0} changes lanes and cuts in ahead of {1}",
 }  # fmt: skip
 _TIES = {
@@ -29,6 +30,10 @@ _TIES = {
 _MOVEMENTS = {
     "straight": "goes straight", "left": "turns left", "right": "turns right",
     "uturn": "makes a U-turn", "crossing": "crosses", "jaywalking": "jaywalks",
+}  # fmt: skip
+_MOTIONS = {
+    "runs": "runs across", "darts_out": "darts out",
+    "stops_midway": "stops in the middle of the crosswalk",
 }  # fmt: skip
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
@@ -80,6 +85,8 @@ def _ways(agent: AgentNode) -> Iterator[str]:
         yield _MOVEMENTS[agent.movement]
     elif not walks and agent.exit is not None:
         yield f"leaves to the {agent.exit}"
+    if agent.motion is not None:
+        yield _MOTIONS[agent.motion]
     if agent.runs_red:
         yield "runs the red light"
 

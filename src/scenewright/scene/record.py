@@ -19,7 +19,13 @@ from scenewright.scene.base import (
 from scenewright.scene.events import EventZone
 from scenewright.scene.measures import MeasureKind
 from scenewright.scene.objects import ObjectRecord, SightRecord
-from scenewright.scene.social import Cause, EntrySide, ImpactPoint, Manoeuvre
+from scenewright.scene.social import (
+    Cause,
+    EntrySide,
+    ImpactPoint,
+    Manoeuvre,
+    PedestrianMotion,
+)
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
 
@@ -56,6 +62,7 @@ class AgentRecord(Model):
         trajectory: centre positions [m] every `meta.step` from `spawn_time`.
         heading: [rad], one per position.
         waypoints: K = 10 points at equal arc length of the candidate that was selected.
+        motion: how a pedestrian is to cross; written only where the request says so.
     """
 
     id: int
@@ -77,6 +84,7 @@ class AgentRecord(Model):
     segments: tuple[SegmentRecord, ...] = ()
     waypoints: tuple[Point, ...] = ()
     violates_signal: bool = False
+    motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
 
 
 class EventRecord(Model):

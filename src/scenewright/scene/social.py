@@ -24,9 +24,12 @@ Cause = Literal["red_light_run", "late_brake"]
 EntrySide = Literal["same", "other", "opposite", "lateral", "left", "right"]
 """How one entry lies to another: one leg, not that, oncoming, on the cross street, to its left."""
 
-Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in"]
+Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane"]
 """How a relation in one lane comes about: `to` brakes hard ahead of `from`; `from` drives close up;
-`from` changes into the lane of `to`, ahead of it."""
+`from` changes into the lane of `to`, ahead of it; or into its side."""
+
+PedestrianMotion = Literal["runs", "darts_out", "stops_midway"]
+"""How a pedestrian crosses: it runs, runs onto the road at once, or stands still on the way."""
 
 Density = Literal["low", "medium", "high"]
 Subtype = Literal["car", "truck", "bus", "motorcycle"]
@@ -48,11 +51,14 @@ class AgentNode(Model):
     movement: Movement | None = None
     crosswalk: Compass | None = Field(default=None, description="leg that a pedestrian crosses")
     runs_red: bool = Field(default=False, description="the text says it ignores a red light")
+    motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
     def _named_by_class(self) -> Self:
         if not self.id.startswith(self.type):
             raise ValueError(f"{self.id} is of type {self.type}; an id begins with its type")
+        if self.motion is not None and self.type != "pedestrian":
+            raise ValueError(f"{self.id} is no pedestrian; only one of those {self.motion}")
         return self
 
 

@@ -347,3 +347,56 @@ def test_who_brakes_ahead_of_another_does_so_as_a_manoeuvre(event: str, relation
     assert (edge.manoeuvre, edge.cause) == ("lead_brakes", None)
     said = {each.words: each.became for each in graph.said}
     assert said["brakes hard"] == "manoeuvre"
+
+
+@pytest.mark.parametrize(
+    ("line", "relation", "manoeuvre"),
+    [
+        ("[veh:1 A car] [follow:1>2 tailgates] [veh:2 a truck]", "follow", "tailgates"),
+        (
+            "[veh:1 A van] [act:1 changes lanes] and [near:1>2 nearly hits] [veh:2 a car]",
+            "near_miss",
+            "cuts_in",
+        ),
+        (
+            "[veh:1 A car] [act:1 changes lanes] and [hit=side:1>2 sideswipes] [veh:2 a van]",
+            "collide_at",
+            "changes_lane",
+        ),
+        ("[veh:1 A car] [follow:1>2 follows] [veh:2 a truck]", "follow", None),
+    ],
+)
+def test_lanes_are_changed_and_followed_closely_as_words_say(
+    line: str, relation: str, manoeuvre: str | None
+) -> None:
+    (edge,) = graph_of(line).relations
+    assert (edge.type, edge.manoeuvre) == (relation, manoeuvre)
+
+
+@pytest.mark.parametrize(
+    ("line", "motion"),
+    [
+        ("[ped:1 A boy] [near=cutoff:1>2 darts out in front of] [veh:2 a car]", "darts_out"),
+        ("[ped:1 A child] runs into the road and is [hit:2>1 hit by] [veh:2 a car]", "runs"),
+        (
+            "[ped:1 A man] [jay:1 stops in the middle of the crosswalk], "
+            "[veh:2 a car] [yield:2>1 yields to] [ref:1 him]",
+            "stops_midway",
+        ),
+        ("[veh:1 A car] [hit:1>2 runs over] [ped:2 a man]", None),
+    ],
+)
+def test_how_a_pedestrian_crosses_is_read_from_words_inside_and_outside_of_spans(
+    line: str, motion: str | None
+) -> None:
+    assert graph_of(line).agent("pedestrian-1").motion == motion
+
+
+def test_who_is_rear_ended_by_nobody_named_is_hit_by_another_vehicle() -> None:
+    graph = graph_of(
+        "[veh:1 A car] [brake:1 brakes] for [ped:2 a man] and is [hit=rear:1 hit from behind]"
+    )
+    assert [(e.type, e.from_, e.to) for e in graph.relations] == [
+        ("yield_to", "vehicle-1", "pedestrian-1"),
+        ("collide_at", "vehicle-2", "vehicle-1"),
+    ]

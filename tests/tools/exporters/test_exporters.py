@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import pickle
+import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -56,12 +59,15 @@ def test_lights_have_a_colour_at_every_step() -> None:
 READ_BACK = {
     "csv": "*.csv", "fcd": "*.xml", "openscenario": "*.xosc", "scenarionet": "sd_*.pkl",
     "commonroad": "*.xml", "womd": "*.tfrecord", "argoverse2": "*/*.parquet",
+    "osi": "*.mcap",
 }  # fmt: skip
 """Formats at 10 Hz that the verifier reads, and which of their files it reads."""
 
 
 @pytest.mark.parametrize("name", READ_BACK)
 def test_what_is_written_shows_the_verifier_the_same(name: str, tmp_path: Path) -> None:
+    for package in FORMATS[name].packages:
+        pytest.importorskip(package)
     scenewright.export(make_record(), name, tmp_path)
     (file,) = tmp_path.glob(READ_BACK[name])
     tracks = load_tracks(file)
@@ -209,6 +215,28 @@ def test_tfrecords_have_the_checksum_of_the_standard() -> None:
         list(read_records(data.replace(b"5", b"6"), name="it"))
     with pytest.raises(InputError, match="record 1: the file is cut off"):
         list(read_records(data[:-1], name="it"))
+
+
+def test_a_missing_package_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mcap", None)
+    with pytest.raises(InputError, match=r"^osi needs the package mcap: pip install .*export"):
+        write_scene(make_scene(), "osi")
+
+
+def test_foxglove_boxes_are_as_large_as_the_agents() -> None:
+    reader = pytest.importorskip("mcap.reader")
+    (content,) = write_scene(make_scene(), "foxglove").values()
+    found = list(reader.make_reader(io.BytesIO(content), validate_crcs=True).iter_messages())
+    topics = Counter(channel.topic for _, channel, _ in found)
+    assert topics == {"/map": 1, "/agents": 101, "/events": 1}
+    boxes = {
+        message.log_time: json.loads(message.data)["entities"]
+        for _, channel, message in found
+        if channel.topic == "/agents"
+    }
+    (walker,) = [each for each in boxes[10**9] if each["id"] == "pedestrian-1"]
+    assert walker["cubes"][0]["pose"]["position"]["x"] == pytest.approx(8.0)
+    assert [each["id"] for each in boxes[8 * 10**9]] == ["vehicle-2"]
 
 
 class _Evil:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 import pytest
 
-from checker_tracks import EAST, distance, line
+from checker_tracks import CAR, EAST, NORTH, distance, line, plus_map
+from scenewright.scene.events import Event
 from scenewright.scene.record import RelationRecord
+from scenewright.scene.track import PEDESTRIAN, Track
 from scenewright.tools.relation_checker import RoadUser
 from scenewright.tools.relation_checker.events import observe
 from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
+from scenewright.tools.relation_checker.pedestrian_motions import describe_pedestrian_motion
 
 GAP = 17.0
 """Between the centres of two cars at 10 m/s, which is a headway of 1.24 s [m]."""
@@ -45,3 +51,48 @@ def test_a_rear_end_is_put_down_to_the_leader_that_braked_first() -> None:
     (hit,) = [each for each in observe(users).events if each.type == "collision"]
     assert (hit.kind, hit.cause, hit.evidence["cause_agent"]) == ("rear_end", "late_brake", 1)
     assert fault(users, "collision") is None
+
+
+def test_tailgating_is_a_headway_of_a_second_or_less() -> None:
+    s = distance(10.0, (0.0, 8.0))
+    for gap, seen in ((12.0, True), (20.0, False)):  # 0.74 s and 1.54 s
+        users = [line(1, (0.0, 0.0), EAST, s), line(2, (-gap, 0.0), EAST, s)]
+        observed = observe(users)
+        (event,) = [each for each in observed.events if each.type == "follow"]
+        wanted = RelationRecord.model_validate(
+            {"type": "follow", "from": 2, "to": 1, "manoeuvre": "tailgates"}
+        )
+        assert (find_missing_manoeuvre(wanted, event, observed) is None) == seen
+
+
+@pytest.mark.parametrize(("aside", "seen"), [(3.3, True), (1.0, False)])
+def test_who_cuts_in_comes_over_from_the_next_lane(aside: float, seen: bool) -> None:
+    s = distance(10.0, (0.0, 8.0))
+    x = s + 8.0
+    y = aside * (1.0 - np.clip((s - 20.0) / 25.0, 0.0, 1.0))
+    cutter = RoadUser(1, Track(np.column_stack([x, y]), np.zeros(len(s)), 0.0), CAR)
+    users = [cutter, line(2, (0.0, 0.0), EAST, s)]
+    observed = observe(users)
+    event = Event.model_validate(
+        {"type": "near_miss", "from": 1, "to": 2, "time": 4.0, "location": (40.0, 0.0)}
+    )
+    wanted = RelationRecord.model_validate(
+        {"type": "near_miss", "from": 1, "to": 2, "manoeuvre": "cuts_in"}
+    )
+    assert (find_missing_manoeuvre(wanted, event, observed) is None) == seen
+
+
+@pytest.mark.parametrize(
+    ("motion", "phases", "seen"),
+    [
+        ("runs", (3.0, (0.0, 8.0)), True),
+        ("runs", (1.4, (0.0, 16.0)), False),
+        ("stops_midway", (1.4, (0.0, 9.0), (-1.4, 1.0), (0.0, 2.0), (1.4, 1.0), (0.0, 6.0)), True),
+        ("stops_midway", (1.4, (0.0, 18.0)), False),
+    ],
+)
+def test_how_a_pedestrian_crosses(motion: str, phases: tuple[Any, ...], seen: bool) -> None:
+    s = distance(phases[0], *phases[1:])
+    user = line(1, (14.0, -13.0), NORTH, s, shape=PEDESTRIAN)
+    (track,) = observe([user]).tracks
+    assert (describe_pedestrian_motion(motion, track, plus_map()) is not None) == seen

@@ -9,7 +9,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
-from scenewright.scene.social import ImpactPoint, Manoeuvre
+from scenewright.scene.social import ImpactPoint, Manoeuvre, PedestrianMotion
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 
@@ -72,6 +72,7 @@ class AgentDraft:
         announced: named by a heading only, so far.
         generic: introduced by a bare plural.
         words: plain words it was described with, such as colours.
+        motion: how a pedestrian crosses, where the text says so.
         role: leader or follower, where the text calls it so.
         marked: its crosswalk was called a crosswalk, not just a leg.
     """
@@ -90,6 +91,7 @@ class AgentDraft:
     generic: bool = False
     announced: bool = False
     words: frozenset[str] = frozenset()
+    motion: PedestrianMotion | None = None
     role: str | None = None
     marked: bool = False
     edited: set[str] = field(default_factory=set)

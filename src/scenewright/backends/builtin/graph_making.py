@@ -172,6 +172,7 @@ def make_node(agent: AgentDraft, name: str) -> AgentNode:
             "movement": agent.movement,
             "crosswalk": agent.crosswalk,
             "runs_red": agent.runs_red,
+            "motion": agent.motion,
         }
     )
 

@@ -36,19 +36,10 @@ from scenewright.scene.edits import (
     SetBackground,
     Situation,
     Unrelate,
-    Wish,
     apply_edits,
 )
 from scenewright.scene.social import RelationEdge, RelationType
 
-_WISHES = (
-    ("why", r"(?:why|how come|what went wrong|what was wrong|explain|for what reason)\b"),
-    ("undo", r"(?:undo|go back|take (?:that|it) back|revert|back one)\b"),
-    ("redo", r"redo\b"),
-    ("show", r"(?:show|what do we have|what is there|describe|where are we)\b"),
-    ("help", r"(?:help|what can i)\b"),
-    ("quit", r"(?:quit|exit|bye|good ?bye)$"),
-)
 _PARTS = re.compile(
     r"\s*(?:;|\.\s|,?\s+and then|,?\s+and|,\s*then|,)\s+(?=(?:then |also |please |now )*"
     r"(?:make|add|remove|delete|drop|slow|speed|stop|put|set|move|change|turn it|delay|replace|"
@@ -69,6 +60,13 @@ _PRONOUN = re.compile(
     r"\b(?:make|have|let|get)\s+(?P<it>it|him|her)\s+(?=(?:turn|come|go|run|drive|walk|stop|cross|"
     r"yield|give|wait|hit|follow|leave|enter|head|jaywalk|brake|start)\b)"
 )
+_PERSON = re.compile(r"(?<=\b(?:make|slow|have|stop)\s)(?:her|him)\b", re.IGNORECASE)
+_ORDINARY = re.compile(
+    r"\b(?:normal|ordinary|usual|regular|typical)\s+(?=(?:\w+\s+)?"
+    r"(?:morning|day|weekday|workday|afternoon|evening|night|rush hour)\b)",
+    re.IGNORECASE,
+)
+"""An ordinary morning says nothing of the event, unlike a normal scene."""
 _HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
 _EVENTS = ("COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "LET")
 _SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
@@ -100,9 +98,6 @@ def read(
         site: where it happens; None: four legs in right-hand traffic.
     """
     plain = " ".join(words.lower().split())
-    for wish, pattern in _WISHES:
-        if re.match(rf"(?:please |ok(?:ay)?,? |so )?{pattern}", plain):
-            return Wish.model_validate({"wish": wish})
     if situation is None or _FRESH.search(plain):
         return NewScene()
     try:
@@ -173,7 +168,7 @@ def _part(
 ) -> tuple[Edit, ...]:
     """The edits that one clause asks for."""
     people = People(situation, chosen)
-    text = _spelt_out(text, people)
+    text = _ORDINARY.sub("", _spelt_out(text, people))
     plain = clean(text)
     items = _items(plain)
     event = any(isinstance(each, Chunk) and each.has(*_EVENTS) for each in items)
@@ -232,6 +227,9 @@ def _items(plain: str) -> list[Item]:
 
 def _spelt_out(text: str, people: People) -> str:
     """ "have it turn left" with the vehicle instead of the pronoun."""
+    walkers = [each for each in people.foreground() if each.type == "pedestrian"]
+    if len(walkers) == 1:
+        text = _PERSON.sub(walkers[0].id, text)
     found = _PRONOUN.search(text.lower())
     if found is None:
         return text

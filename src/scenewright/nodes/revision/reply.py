@@ -14,6 +14,7 @@ from scenewright.nodes.scene_planner.reply import (
     TIME,
     completed,
     manoeuvres_asked,
+    motions_asked,
     order_asked,
     points_asked,
     severity_asked,
@@ -87,6 +88,7 @@ class AgentLine(_Line):
     movement: str | None = None
     crosswalk: str | None = None
     runs_red: bool | None = None
+    motion: str | None = None
 
 
 class RemoveLine(_Line):
@@ -216,6 +218,7 @@ def edits_schema(
         "movement": one_of(way.movement for way in ways),
         "crosswalk": side,
         "runs_red": {"type": "boolean"},
+        **motions_asked(words),
     }
     relation: dict[str, Schema] = {
         "kind": one_of(get_args(CollisionKind)),

@@ -21,6 +21,7 @@ from scenewright.scene.social import (
     EntrySide,
     ImpactPoint,
     Manoeuvre,
+    PedestrianMotion,
     Refusal,
     RelationEdge,
     RelationType,
@@ -51,6 +52,11 @@ _IN_LANE = re.compile(
 _IN_ORDER = re.compile(
     r"\b(?:first|second|last|before|after|until|once|ahead|behind|in front|beats?|cut|cuts|"
     r"cutting|prior|order|(?:step|pull|dart|dash|run|walk|jump)(?:s|ped|ed|ing)? out)\b|\bpreced",
+    re.IGNORECASE,
+)
+_ON_FOOT = re.compile(
+    r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|"
+    r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
     re.IGNORECASE,
 )
 _COMMON = frozenset(
@@ -127,6 +133,7 @@ _KEYS = {
     **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
     "first": "order",
     **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
+    **dict.fromkeys(get_args(PedestrianMotion), "motion"),
 }
 """Keys of a plan by which a model may call what words became."""
 
@@ -166,6 +173,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         "movement": one_of([*(way.movement for way in ways), "uturn"]),
         **({"crosswalk": _crosswalks(crossed, legs)} if crossed else {}),
         "runs_red": {"type": "boolean"},
+        **motions_asked(words),
     }
     relation = {
         "type": one_of(get_args(RelationType)),
@@ -223,6 +231,11 @@ def manoeuvres_asked(words: str) -> Schema:
 def order_asked(words: str, who: Schema) -> Schema:
     """The key of a relation that says who passes first, where the words may speak of that."""
     return {"first": who} if _IN_ORDER.search(words) else {}
+
+
+def motions_asked(words: str) -> Schema:
+    """How a pedestrian crosses, where the words may speak of it."""
+    return {"motion": one_of(get_args(PedestrianMotion))} if _ON_FOOT.search(words) else {}
 
 
 def points_asked(words: str) -> Schema:

@@ -9,6 +9,7 @@ from typing import Any
 from scenewright.backends import Wording
 from scenewright.nodes.scene_planner.reply import (
     manoeuvres_asked,
+    motions_asked,
     order_asked,
     patterns_told,
     plan_schema,
@@ -135,15 +136,18 @@ def _patterns(told: Sequence[Pattern]) -> str:
     return "".join([head, *lines]) if lines else ""
 
 
+_MOTIONS = "motion of a pedestrian: runs, darts_out (runs out at once), stops_midway.\n"
 _MANOEUVRES = (
     "manoeuvre, of two in one lane: lead_brakes: to brakes hard ahead of from, which hits it "
-    "(collide_at rear_end), nearly does (near_miss) or stops in time (follow); no cause then.\n"
+    "(collide_at rear_end), nearly does (near_miss) or stops in time (follow); no cause then. "
+    "tailgates (follow), cuts_in (near_miss), changes_lane (collide_at sideswipe): from does.\n"
 )
 
 
 def manoeuvres_told(words: str) -> str:
-    """What manoeuvres there are, where a request may speak of one."""
-    return _MANOEUVRES if manoeuvres_asked(words) else ""
+    """What manoeuvres and motions on foot there are, where a request may speak of one."""
+    manoeuvres = _MANOEUVRES if manoeuvres_asked(words) else ""
+    return manoeuvres + (_MOTIONS if motions_asked(words) else "")
 
 
 _ORDER = (

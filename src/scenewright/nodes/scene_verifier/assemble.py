@@ -26,7 +26,7 @@ from scenewright.scene.record import (
 )
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
-from scenewright.scene.social import DEFAULT_LEAD, RelationEdge, SocialGraph
+from scenewright.scene.social import DEFAULT_LEAD, PedestrianMotion, RelationEdge, SocialGraph
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 
@@ -51,8 +51,10 @@ def assemble(
     names = tuple(tracks)
     numbers = {name: number for number, name in enumerate(names, start=1)}
     numbers = numbers if pins is None else pins.numbers(names)
+    motions = {agent.id: agent.motion for agent in graph.agents}
     agents = tuple(
-        _agent(numbers[name], selection.agents[name], tracks[name], behavior) for name in numbers
+        _agent(numbers[name], selection.agents[name], tracks[name], behavior, motions.get(name))
+        for name in numbers
     )
     return SceneRecord(
         meta=_meta(
@@ -118,7 +120,11 @@ def scene_id(instruction: str, intersection: str, seed: int) -> str:
 
 
 def _agent(
-    number: int, agent: SelectedAgent, track: Track, behavior: BehaviorProgram
+    number: int,
+    agent: SelectedAgent,
+    track: Track,
+    behavior: BehaviorProgram,
+    motion: PedestrianMotion | None,
 ) -> AgentRecord:
     candidate, route = agent.candidate, agent.candidate.route
     segments = tuple(
@@ -146,6 +152,7 @@ def _agent(
         segments=segments,
         waypoints=_points(candidate.waypoints),
         violates_signal=agent.violates,
+        motion=motion,
     )
 
 

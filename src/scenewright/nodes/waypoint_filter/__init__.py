@@ -185,6 +185,9 @@ def _facts(state: FilterReads) -> dict[str, Any]:
             | {"striker": graph.relations[each.edge].from_, "struck": graph.relations[each.edge].to}
             for each in played
         ],
+        "motions": [
+            {"id": agent.id, "motion": agent.motion} for agent in graph.agents if agent.motion
+        ],
         "measures": [each.model_dump() for each in graph.measures],
         "violators": sorted(
             {each.violator for each in played if each.violator}

@@ -13,6 +13,7 @@ from scenewright.scene.constraints import (
     OnRoad,
     OnWalkable,
     PassesThrough,
+    Pauses,
     RunsRed,
     SpeedBetween,
     UnaryClause,
@@ -72,6 +73,8 @@ def _problem(
             return None  # of the motion in the scene, which the solver measures
         case RunsRed():
             return None if landmarks.group else "there is no red light on its way to run"
+        case Pauses():
+            return None if landmarks.line is not None else "does not cross the road"
 
 
 def _below(value: float, limit: float, what: str) -> str | None:

@@ -22,6 +22,10 @@ _SHORT_HEADWAY = (0.9, 1.5)
 _ANY_HEADWAY = (0.7, 3.4)
 """Of who runs into its leader while that gives way [s]."""
 
+_RUN = "speed({}) in [2.5, 4.2] m/s"
+_MOTIONS = {"runs": _RUN, "darts_out": _RUN, "stops_midway": "pauses({})"}
+"""By motion of a pedestrian: the clause that brings it about."""
+
 _CLOSE_CALL = (0.7, 1.35)
 """Path TTC of a vehicle that brakes hard, where the text names none [s]."""
 
@@ -48,6 +52,7 @@ def _lines(facts: Mapping[str, Any]) -> str:
         name = agent["id"]
         if agent["movement"] != "jaywalking":
             lines.append(f"{'on_road' if agent['type'] == 'vehicle' else 'on_walkable'}({name})")
+    lines += [_MOTIONS[each["motion"]].format(each["id"]) for each in facts.get("motions", ())]
     for agent in facts["violators"]:
         lines.append(f"runs_red({agent})")
     return "\n".join(dict.fromkeys(lines))

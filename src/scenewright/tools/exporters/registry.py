@@ -60,6 +60,10 @@ FORMATS: dict[str, Format] = {
         "write_argoverse2",
         forms=("whole", "window"),
     ),
+    "osi": Format("ASAM OSI ground truth in MCAP", "osi", "write_osi", packages=("mcap",)),
+    "foxglove": Format(
+        "Foxglove scene in MCAP, to look at", "foxglove", "write_foxglove", packages=("mcap",)
+    ),
 }
 """By the name that `--to` takes."""
 

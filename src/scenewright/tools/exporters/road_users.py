@@ -62,11 +62,11 @@ ROAD_USERS: dict[str, RoadUserNames] = {
         _CAR, height=2.5, sumo="emergency", commonroad="priorityVehicle", osi=(2, 4)
     ),
     "truck": _TRUCK,
-    "bus": RoadUserNames(3.1, "bus", "bus", "bus", "VEHICLE", "bus", 1, "bus", (2, 13)),
+    "bus": RoadUserNames(3.1, "bus", "bus", "bus", "VEHICLE", "bus", 1, "bus", (2, 12)),
     "motorcycle": _MOTORCYCLE,
     "cyclist": _BICYCLE,
     "bicycle": _BICYCLE,
-    "scooter": replace(_BICYCLE, sumo="scooter", openscenario="bicycle"),
+    "scooter": replace(_BICYCLE, sumo="scooter", osi=(2, 17)),
     "pedestrian": RoadUserNames(
         1.75, "pedestrian", "pedestrian", None, "PEDESTRIAN", "pedestrian", 2, "pedestrian", (3, 0)
     ),

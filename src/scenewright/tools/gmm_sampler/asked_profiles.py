@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from scenewright.scene.candidates import AgentCandidates, DrawnWaypoints, DrivingProfile
+from scenewright.scene.grounding import RoleAssignment
 from scenewright.scene.measures import Measure, MeasureKind, get_aim
+from scenewright.scene.social import SocialGraph
 
 _FIELDS: dict[MeasureKind, str] = {
     "speed": "speed", "line_speed": "speed", "braking": "braking", "acceleration": "acceleration",
@@ -19,18 +20,51 @@ _FIELDS: dict[MeasureKind, str] = {
 _NARROW = 1.0
 """A range up to this wide is drawn from evenly [m/s, m/s^2]."""
 
+_FASTEST = 20.0
+"""Of vehicles [m/s]."""
+
 _ALIKE = 0.02
 """Share by which speeds of two that keep a distance may differ."""
 
 
+_TURNING = 8.0
+"""Faster than this [m/s] no vehicle turns."""
+
+_FASTER = 1.5
+"""How much faster than it is to strike a vehicle may come [m/s]."""
+
+
+def count_slow_routes(graph: SocialGraph, assignment: RoleAssignment) -> int:
+    """How many agents are to be faster at the light, or at a contact, than their turn allows."""
+    wanted = _list_strike_speeds(graph)
+    wanted += [(each.agent, each.low) for each in graph.measures if each.kind == "line_speed"]
+    routes = assignment.routes
+    return sum(
+        speed > _TURNING and routes[name].movement in ("left", "right", "uturn")
+        for name, speed in wanted
+    )
+
+
+def _list_strike_speeds(graph: SocialGraph) -> list[tuple[str, float]]:
+    """Who is to strike, and at least how fast [m/s]."""
+    found = [(e.from_, e.impact_speed) for e in graph.relations if e.impact_speed is not None]
+    asked = [each for each in graph.measures if each.kind == "contact_speed"]
+    return found + [(each.agent, each.low + 0.5) for each in asked if each.low > 0.0]
+
+
 def apply_measures(
-    agents: dict[str, AgentCandidates], measures: Iterable[Measure], rng: np.random.Generator
+    agents: dict[str, AgentCandidates], graph: SocialGraph, rng: np.random.Generator
 ) -> None:
     """Put agents of whom a figure is asked in motion as it wants, in place.
 
     Their -log densities stay those of what was drawn before.
     """
-    measures = tuple(measures)
+    measures = graph.measures
+    told = {each.agent for each in measures if each.kind in ("speed", "line_speed")}
+    for name, speed in _list_strike_speeds(graph):
+        if speed > _TURNING and name not in told:
+            least = speed + 0.2
+            _draw_field(agents, name, "speed", (least, min(least + _FASTER, _FASTEST)), rng)
     for measure in measures:
         field = _FIELDS.get(measure.kind)
         if field is not None:

@@ -18,11 +18,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
 from scenewright.intersections import check_bundle, find_bundle_folder
 from scenewright.scene.base import AgentClass, FloatArray, frozen
 from scenewright.scene.candidates import K
 from scenewright.scene.yielding_behavior import YieldingModel
+from scenewright.tools.gmm_sampler.prior_checks import check_priors
 from scenewright.tools.gmm_sampler.yielding_files import (
     MAX_ACCELERATIONS,
     AccelerationProfiles,
@@ -35,6 +37,7 @@ FORMAT = 1
 """Version of the array layout of `priors.npz`."""
 PROFILE_FIELDS = ("speed", "acceleration", "braking", "lateral")
 HOURS = 24
+_MOST_BYTES = 500_000_000
 STANDARD_NORMAL = NormalDist()
 
 
@@ -191,11 +194,13 @@ def load_priors(name: str | Path) -> Priors:
 def _load_bundle(folder: Path, _changed: int) -> Priors:
     """The priors as they are now: a bundle may be written anew while a process lives."""
     check_bundle(folder, "priors.npz")
+    what = f"the priors of {folder.name!r}"
+    stored = read_arrays(folder / "priors.npz", what=what, most_bytes=_MOST_BYTES)
     try:
-        with np.load(folder / "priors.npz", allow_pickle=False) as stored:
-            priors = _unpack({key: stored[key] for key in stored.files})
-    except (OSError, ValueError, KeyError) as fault:
-        raise InputError(f"cannot read the priors of {folder.name!r}: {fault}") from None
+        priors = _unpack(stored)
+        check_priors(priors)
+    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as fault:
+        raise InputError(f"cannot read {what}: {fault}") from None
     accelerations = load_acceleration_profiles(folder)
     return replace(
         priors,

@@ -17,6 +17,7 @@ from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.objects import describe_object
 from scenewright.tools.relation_checker.passing_order import find_passing_order
+from scenewright.tools.relation_checker.pedestrian_motions import describe_pedestrian_motion
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
@@ -95,6 +96,7 @@ class _EvidenceFinder:
             "cause": self._find_braking,
             "order": self._find_order,
             "manoeuvre": self._find_manoeuvre,
+            "motion": self._find_motion,
             "object": self._find_object,
             "sight": self._find_sight,
         }
@@ -227,6 +229,17 @@ class _EvidenceFinder:
                     if seen is not None:
                         return seen
         return None
+
+    def _find_motion(self, entry: SaidRecord) -> str | None:
+        """Of every agent that it is said of."""
+        if self._map is None:
+            return "the ground was not checked"
+        found = [
+            describe_pedestrian_motion(entry.value, self._tracks[number], self._map)
+            for number in entry.agents
+        ]
+        told = [each for each in found if each is not None]
+        return "; ".join(told) if len(told) == len(found) > 0 else None
 
     def _find_time(self, value: str | None) -> str | None:
         own = self._scene.meta.time_of_day

@@ -30,6 +30,8 @@ EXACT_BELOW = 1.2
 """Clearances below this are exact [m], others lower bounds."""
 TOUCH = 1e-3
 """Footprints nearer than this are in contact [m]: the rounding of positions in scene files."""
+NEAR_IN_TIME, NEAR_IN_PLACE = 10.0, 150.0
+"""Tracks further apart than this [s, m] have no event: more than the longest PET and look ahead."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,7 @@ class PairGrid:
         xy: [N, T, 2] and heading: [N, T], held outside of a track's own time.
         present: [N, T] bool; first: [N] column of each track's first sample.
         origin: [N+1] where each track's samples begin when all are concatenated.
-        pairs: [M, 2] indices of all pairs.
+        pairs: [M, 2] indices of all pairs, or of those that may have to do with one another.
     """
 
     tracks: tuple[Trajectory, ...]
@@ -203,8 +205,12 @@ class PairGrid:
         return np.array([m.reach for m in self.tracks])
 
 
-def build_pair_grid(tracks: tuple[Trajectory, ...]) -> PairGrid:
-    """Puts movers on one grid from the first start to the last end."""
+def build_pair_grid(tracks: tuple[Trajectory, ...], *, near_only: bool = False) -> PairGrid:
+    """Puts movers on one grid from the first start to the last end.
+
+    Args:
+        near_only: leave out pairs that are never near one another (`find_near_pairs`).
+    """
     start = min((m.start for m in tracks), default=0.0)
     end = max((m.end for m in tracks), default=0.0)
     times = np.asarray(start + STEP * np.arange(round((end - start) / STEP) + 1), dtype=np.float64)
@@ -215,7 +221,28 @@ def build_pair_grid(tracks: tuple[Trajectory, ...]) -> PairGrid:
     held = np.minimum(np.maximum(sample, 0), last)
     rows = origin[:-1, None] + held
     pairs = np.stack(np.triu_indices(len(tracks), 1), axis=1)
+    if near_only:
+        spans = np.array([(m.start, m.end) for m in tracks])
+        pairs = find_near_pairs(spans, np.array([m.bounds for m in tracks]))
     return PairGrid(tracks, times, xy[rows], heading[rows], held == sample, first, origin, pairs)
+
+
+def find_near_pairs(spans: FloatArray, bounds: FloatArray) -> IntArray:
+    """[M, 2] pairs whose tracks come near enough in time and place for any event between them.
+
+    Args:
+        spans: [N, 2] start and end [s]; bounds: [N, 4] west, south, east and north [m].
+    """
+    first, second = np.triu_indices(len(spans), 1)
+    start, end = spans.reshape(-1, 2).T
+    west, south, east, north = bounds.reshape(-1, 4).T
+    pause = np.maximum(start[first], start[second]) - np.minimum(end[first], end[second])
+    apart = [
+        np.maximum(low[first], low[second]) - np.minimum(high[first], high[second])
+        for low, high in ((west, east), (south, north))
+    ]
+    near = (pause <= NEAR_IN_TIME) & (np.maximum(*apart) <= NEAR_IN_PLACE)
+    return np.stack((first[near], second[near]), axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,7 +131,9 @@ def find_events(
     Raises:
         InputError: an id twice, an empty track, an unusable step or size.
     """
-    return observe(users, intersection_map=intersection_map, signals=signals, until=until).events
+    return observe(
+        users, intersection_map=intersection_map, signals=signals, until=until, near_only=True
+    ).events
 
 
 def observe(
@@ -142,6 +144,7 @@ def observe(
     asked: Collection[Pair] = (),
     detailed: Collection[int] | None = None,
     until: float | None = None,
+    near_only: bool = False,
 ) -> SceneObservation:
     """Measures all pairs and finds all events.
 
@@ -150,8 +153,9 @@ def observe(
             when the scene ends is followed on further for them.
         detailed: ids whose events carry TTC and DRAC as evidence; None means all.
         until: end of the scene [s], which may cut a wait short; None means the last sample.
+        near_only: measure no gaps of pairs that are never near one another.
     """
-    grid = build_pair_grid(build_trajectories(list(users)))
+    grid = build_pair_grid(build_trajectories(list(users)), near_only=near_only)
     near = measure_pair_gaps(grid)
     encounters = find_encounters(grid.tracks)
     lanes = measure_lane_gaps(grid)

@@ -12,10 +12,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from scenewright.errors import InputError
 from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP, Track
+from scenewright.tools.relation_checker.contact import find_near_pairs
 from scenewright.tools.relation_checker.events import find_events
 from scenewright.tools.relation_checker.plausibility import check_ground
 from scenewright.tools.relation_checker.trajectory import RoadUser, build_trajectories
@@ -91,6 +94,14 @@ def _fits(users: Sequence[RoadUser]) -> bool:
     return count_pair_samples(users) <= MOST_PAIR_SAMPLES
 
 
+def _count_near_pair_samples(users: Sequence[RoadUser]) -> float:
+    """The same of the pairs that may have to do with one another, for which room is taken."""
+    spans = np.array([(u.track.start, u.track.end) for u in users])
+    bounds = np.array([(*u.track.xy.min(axis=0), *u.track.xy.max(axis=0)) for u in users])
+    span = spans[:, 1].max() - spans[:, 0].min()
+    return len(find_near_pairs(spans, bounds)) * float(span / STEP + 1)
+
+
 def _search_windows(
     users: Sequence[RoadUser],
     begin: float,
@@ -103,7 +114,7 @@ def _search_windows(
     present = _clip_tracks(users, begin - CONTEXT, end + CONTEXT)
     if len(present) < 2:
         return []
-    if _fits(present):
+    if _count_near_pair_samples(present) <= MOST_PAIR_SAMPLES:
         seen = find_events(present, intersection_map=intersection_map, until=until)
         return [e for e in seen if begin <= e.time < end]
     if end - begin <= 2 * SHORTEST:
@@ -124,7 +135,7 @@ def _search_shortest_window(
     *,
     until: float,
 ) -> list[Event]:
-    if count_pair_samples(users) > MOST_FORCED:
+    if _count_near_pair_samples(users) > MOST_FORCED:
         raise InputError(
             f"{len(users)} agents around {begin:.0f} s are too many at once; "
             "check the tracks of a smaller area"

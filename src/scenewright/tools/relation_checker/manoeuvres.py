@@ -7,8 +7,9 @@ import numpy as np
 from scenewright.scene.events import Event
 from scenewright.scene.record import RelationRecord
 from scenewright.tools.relation_checker.events import SceneObservation
-from scenewright.tools.relation_checker.following import LOOK_AHEAD
+from scenewright.tools.relation_checker.following import CREEP, LOOK_AHEAD
 from scenewright.tools.relation_checker.footprints import BoolArray
+from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import Trajectory
 
 HARD = 4.5
@@ -17,6 +18,14 @@ MOVING = 4.0
 """Who is to brake hard has been driving this fast [m/s]."""
 SOON = {"collision": 5.0, "near_miss": 8.0}
 """How long before an event its leader may have braked [s]."""
+CLOSE_UP = 1.05
+"""Usual headway of who tailgates, at most [s]."""
+CUT_IN = 1.6
+"""Headway that who cuts in leaves, at most [s]."""
+CHANGES, MERGES = 6.0, 3.0
+"""A lane change may begin so long before an event, and end so long after it [s]."""
+OTHER_LANE, LEAST_CHANGE = 2.2, 0.8
+"""How far from the other's way one in the next lane drives, and how far it comes over [m]."""
 ANSWERS = 8.0
 """Within what time of it the follower must have come down to half its speed [s]."""
 
@@ -39,8 +48,68 @@ def describe_manoeuvre(
     match relation.manoeuvre:
         case "lead_brakes":
             return _describe_lead_braking(first, second, event, observed)
-        case _:
+        case "tailgates":
+            return _describe_tailgating(first, second, event, observed)
+        case "cuts_in":
+            return _describe_cut_in(first, second, event, observed)
+        case "changes_lane":
+            return _describe_lane_change(first, second, event)
+        case None:
             return None
+
+
+def _describe_tailgating(
+    follower: Trajectory, leader: Trajectory, event: Event, observed: SceneObservation
+) -> str | None:
+    """Half of the time that it follows, the headway is a second or less."""
+    ids = [track.id for track in observed.tracks]
+    for lane in observed.lanes:
+        if ids[lane.follower] == follower.id:
+            near = (lane.times >= event.time) & (lane.times <= float(event.evidence["until"]))
+            near &= (lane.speed > CREEP) & (lane.leader == ids.index(leader.id))
+            usual = float(np.median(lane.headway[near])) if near.any() else np.inf
+            if usual <= CLOSE_UP:
+                return f"agent {follower.id} drives {usual:.1f} s behind agent {leader.id}"
+    return None
+
+
+def _describe_cut_in(
+    first: Trajectory, second: Trajectory, event: Event, observed: SceneObservation
+) -> str | None:
+    """It changes into the lane of the other, and is then next ahead of it, close."""
+    changed = _measure_lane_change(first, second, event.time, MERGES)
+    if changed is None:
+        return None
+    ids = [track.id for track in observed.tracks]
+    for lane in observed.lanes:
+        if ids[lane.follower] == second.id:
+            after = (np.abs(lane.times - event.time) <= MERGES) & (lane.headway <= CUT_IN)
+            if (after & (lane.leader == ids.index(first.id))).any():
+                return f"agent {first.id} moves {changed:.1f} m over, in ahead of agent {second.id}"
+    return None
+
+
+def _describe_lane_change(first: Trajectory, second: Trajectory, event: Event) -> str | None:
+    changed = _measure_lane_change(first, second, event.time, 0.0)
+    return None if changed is None else f"agent {first.id} moves {changed:.1f} m over"
+
+
+def _measure_lane_change(
+    first: Trajectory, second: Trajectory, time: float, later: float
+) -> float | None:
+    """How far it comes over from its lane towards the way of the other [m]; None if it does not.
+
+    Args:
+        later: until how long after the event it may still be coming over [s].
+    """
+    way = geos.LineString(second.xy)
+    apart = [float(way.distance(geos.Point(each))) for each in first.xy]
+    before = [d for d, t in zip(apart, first.times, strict=True) if time - CHANGES <= t <= time]
+    after = [d for d, t in zip(apart, first.times, strict=True) if abs(t - time) <= later + 0.15]
+    if not before or not after or max(before) < OTHER_LANE:
+        return None
+    changed = max(before) - min(after)
+    return changed if changed >= LEAST_CHANGE else None
 
 
 def _describe_lead_braking(

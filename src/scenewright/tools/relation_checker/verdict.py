@@ -42,6 +42,10 @@ from scenewright.tools.relation_checker.objects import (
     check_sights,
     read_objects,
 )
+from scenewright.tools.relation_checker.pedestrian_motions import (
+    RUNNING,
+    check_pedestrian_motions,
+)
 from scenewright.tools.relation_checker.plausibility import (
     AllowedExceptions,
     check_form,
@@ -139,6 +143,7 @@ def _build_proof(
         ),
         *_check_tied_entries(scene, observed, intersection_map),
         *_check_asked_red_runs(scene, observed, intersection_map, roles),
+        *check_pedestrian_motions(scene.agents, observed, intersection_map),
     )
     unasked = (
         *check_interference(observed, roles, expected=matched),
@@ -380,7 +385,8 @@ def _list_exceptions(agent: AgentRecord, events: Sequence[Event]) -> AllowedExce
         for e in events
         if e.type in ("collision", "near_miss") and agent.id in (e.from_, e.to)
     )
-    return AllowedExceptions(emergencies=times, running=agent.subtype in RUNNERS)
+    running = agent.subtype in RUNNERS or agent.motion in RUNNING
+    return AllowedExceptions(emergencies=times, running=running)
 
 
 def _check_time_span(track: Trajectory, duration: float) -> list[Finding]:

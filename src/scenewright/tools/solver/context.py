@@ -53,7 +53,7 @@ class SolverContext:
         red_light_starts: Mapping[str, ScheduledAgent] | None = None,
         figures: tuple[AgentFigure | PairFigure, ...] = (),
     ) -> None:
-        self._figures = figures
+        self.figures = figures
         self.red_light_starts = red_light_starts or {}
         self.yielding_model: YieldingModel = {} if yielding_model is None else yielding_model
         self.busy: frozenset[str] = frozenset()
@@ -112,7 +112,7 @@ class SolverContext:
 
     def find_figure(self, name: str, *agents: str) -> AgentFigure | PairFigure | None:
         """The figure of this name that is asked for of these agents."""
-        for each in self._figures:
+        for each in self.figures:
             of = (each.agent,) if isinstance(each, AgentFigure) else (each.first, each.second)
             if each.clause == name and of == agents:
                 return each
@@ -121,7 +121,7 @@ class SolverContext:
     def wants_impact_point(self, clause: PairClause) -> bool:
         """Whether it is asked where on an agent the contact lies, in per cent."""
         pair = set(get_pair(clause))
-        points = (c for c in self._figures if isinstance(c, PairFigure) and "_point" in c.clause)
+        points = (c for c in self.figures if isinstance(c, PairFigure) and "_point" in c.clause)
         return any({each.first, each.second} == pair for each in points)
 
     def note_miss(

@@ -32,6 +32,7 @@ from scenewright.scene.constraints import (
     Near,
     PairClause,
     PairFigure,
+    Pauses,
     RunsRed,
     SameLane,
     SpeedBetween,
@@ -80,6 +81,7 @@ from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_de
 from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
+from scenewright.tools.solver.pauses import draw_pauses
 from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
 from scenewright.tools.solver.reservation import Steps, find_blocked_offsets
@@ -173,11 +175,14 @@ class Search:
         self._times = tuple(c for c in self._figures if c.clause == "time")
         self._least_off: dict[AgentFigure | PairFigure, float] = {}
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
+        self._pausing = {c.agent for c in program.clauses if isinstance(c, Pauses)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed)]
         self._bound = list(dict.fromkeys((*bound, *runners)))
+        if not self._pausing <= {*bound}:
+            raise Rejected(_pauses_alone(sorted(self._pausing - {*bound})))
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
         self._shortfalls = NearestMisses()
@@ -268,6 +273,10 @@ class Search:
             yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
             figures=self._figures,
         )  # fmt: skip
+        context.red_light_starts = {
+            **context.red_light_starts,
+            **draw_pauses(self._pausing, candidates, landmarks, self._rng),
+        }
         stage = ForegroundSolver(context)
         count = 0
         staged = filter(self._run_first, stage.play(self._events, self._opening()))
@@ -734,6 +743,15 @@ def _unbound(clause: PairClause) -> Rejection:
         agents=(clause.first, str(clause.second)),
         detail=f"{format_clause(clause)}: both agents must also be in a contact, time_gap, "
         "headway, gives_way, brakes_for or stops_behind clause",
+    )
+
+
+def _pauses_alone(names: list[str]) -> Rejection:
+    return Rejection(
+        stage="waypoint_filter",
+        code="malformed_program",
+        agents=tuple(names),
+        detail=f"{names[0]} stops on its way, so it must also do something with another agent",
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_
 _TRIES = 6
 _FOR_GOOD = 60.0
 """Longer than any scene [s]."""
+
+_CLOSE = 1.05
+"""A headway below this is tailgating [s]."""
 
 _LEAST_HEADWAY = 0.7
 """Shortest headway at which an agent follows where none is asked for [s]."""
@@ -47,6 +51,8 @@ def schedule_time_gaps(
         if not _pet_fits(clause, meetings, placed_b.enters - placed_a.enters, context):
             continue
         clearance, time, place = find_least_clearance(placed_a, placed_b)
+        if not all(_passes_the_pause(each, time) for each in (placed_a, placed_b)):
+            continue
         if clearance <= _LEAST_CLEARANCE or schedule.too_soon(time, clause):
             words = "the two touch, or are not yet free for it, at every such moment"
             context.note_miss(clause, FailureStage.COMPANY, words)
@@ -56,6 +62,12 @@ def schedule_time_gaps(
     if not len(meetings):
         words = f"the paths of {clause.first} and {clause.second} never touch"
         context.note_miss(clause, FailureStage.PATHS, words)
+
+
+def _passes_the_pause(of: ScheduledAgent, time: float) -> bool:
+    """Whether who stands still on the road does so when, or just before, the two come closest."""
+    pauses = [stop for stop in of.stops if stop.reason == "pauses"]
+    return all(stop.start - 1.0 <= time <= stop.until + 2.0 for stop in pauses)
 
 
 def _pet_fits(clause: TimeGap, meetings: Intervals, delta: float, context: SolverContext) -> bool:
@@ -84,6 +96,8 @@ def schedule_headways(
 ) -> Iterator[PartialSchedule]:
     """Every staging (lazily) in which the first follows the second at the headway asked for."""
     a, b = context.both(clause, schedule)
+    if clause.high < _CLOSE and clause.first not in schedule.actors and not context.figures:
+        a = _at_the_pace_of(a, b)
     pair = context.find_path_conflict(clause)
     meetings = find_conflict_intervals(pair, a.free, b.free, c=0.0, exact=True)
     if not len(meetings):
@@ -135,6 +149,12 @@ def _queued(
     if len(stops) == len(a.stops):
         return a
     return a.edited(stops=tuple(sorted(stops, key=lambda stop: stop.s)))
+
+
+def _at_the_pace_of(a: ScheduledAgent, b: ScheduledAgent) -> ScheduledAgent:
+    """Who drives close up does so at the speed of the other."""
+    candidate = replace(a.candidate, time_law=b.candidate.time_law)
+    return ScheduledAgent.unplaced(candidate, a.landmarks)
 
 
 def _find_headways(

@@ -6,7 +6,6 @@ differences from sample to sample: 0.2 mm/s of rounding in a speed, a fifth of t
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -14,6 +13,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from scenewright.arrays import read_arrays
 from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, Compass
 from scenewright.scene.track import STEP, Shape, Track
@@ -98,13 +98,16 @@ def load_recordings(file: Path, *, split: Split | None = None) -> tuple[Recordin
     Raises:
         InputError: missing, or no file of recordings.
     """
+    held = read_arrays(file, what=f"recordings from {file}")
     try:
-        with np.load(file, allow_pickle=False) as stored:
-            held = {key: stored[key] for key in stored.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as fault:
-        raise InputError(f"cannot read recordings from {file}: {fault}") from None
-    if "format" not in held or int(held["format"]) != FORMAT:
-        raise InputError(f"{file} holds no recordings of format {FORMAT}")
+        if int(held["format"]) != FORMAT:
+            raise InputError(f"{file} holds no recordings of format {FORMAT}")
+        return _unpack_recordings(held, split)
+    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as fault:
+        raise InputError(f"{file} holds no recordings of format {FORMAT}: {fault}") from None
+
+
+def _unpack_recordings(held: dict[str, NDArray[Any]], split: Split | None) -> tuple[Recording, ...]:
     ends = np.cumsum(held["agents"])
     wanted = [k for k in range(len(ends)) if split is None or str(held["split"][k]) == split]
     origin = np.cumsum(held["length"]) - held["length"]

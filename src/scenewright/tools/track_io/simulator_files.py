@@ -11,6 +11,7 @@ from scenewright.tools.track_io.argoverse2 import read_argoverse2
 from scenewright.tools.track_io.commonroad import read_commonroad
 from scenewright.tools.track_io.fcd import read_fcd
 from scenewright.tools.track_io.openscenario import read_openscenario
+from scenewright.tools.track_io.osi import read_osi
 from scenewright.tools.track_io.sampled_recording import SampledRecording
 from scenewright.tools.track_io.scenarionet import read_scenarionet
 from scenewright.tools.track_io.womd import read_womd
@@ -38,6 +39,7 @@ _READERS: tuple[tuple[str, Reader], ...] = (
     (r"\.xml", read_xml),
     (r"\.tfrecord(-\d+-of-\d+)?", read_womd),
     (r"\.parquet", read_argoverse2),
+    (r"\.mcap", read_osi),
 )
 """(how a file's name ends, reader)."""
 

@@ -96,6 +96,7 @@ def _files(path: Path) -> list[Path]:
     known = (
         "vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt",
         "*.xosc", "*.cr.xml", "sd_*.pkl", "*.tfrecord*", "scenario_*.parquet",
+        "*.mcap",
     )  # fmt: skip
     return sorted({file for pattern in known for file in path.rglob(pattern)})
 

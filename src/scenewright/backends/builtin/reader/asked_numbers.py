@@ -50,13 +50,12 @@ _EVENTS_OF: dict[str, tuple[str, ...]] = {
 _SEVERITY = ("contact_speed", "pet", "ttc")
 """Kinds for which a relation has a field of its own, where the text gives a plain number."""
 
-_BEFORE = 24
-"""Characters before a figure in which a bound such as "at least" may stand."""
+_NEAR = 26
+"""Characters before and after a figure in which words belong to it."""
 
-_BOUND_BEFORE = re.compile(
-    r"(?:at least|at most|(?:no )?(?:more|less|faster|slower) than|over|"
-    r"under|above|below|up to|within|a (?:minimum|maximum) of|exceeding)\s+(?:an? |the |its )?$",
-    re.IGNORECASE,
+_TAIL = re.compile(r"[^,;.()]*$")
+_INTO = re.compile(
+    r"\b(?:into (?:the|it|this)|in$|after (?:the )?(?:start|beginning)|mark\b)", re.I
 )
 _LEFT = re.compile(r"from (?:the|its) left|left[- ]hand", re.IGNORECASE)
 _RIGHT = re.compile(r"from (?:the|its) right|right[- ]hand", re.IGNORECASE)
@@ -84,7 +83,7 @@ def read_number(
     """
     before = _words_before(span, text)
     unit = range_in(span.words, before, 0.0)
-    kind = _find_kind(span, users, spans)
+    kind = _find_kind(span, users, spans, _words_after(span, text))
     kind = None if unit is None or kind is None else _fit_unit(kind, unit[2], draft)
     if span.negated or kind is None:
         return None
@@ -102,17 +101,33 @@ def read_number(
 
 
 def _words_before(span: ReadSpan, text: str) -> str:
-    match = _BOUND_BEFORE.search(text[max(0, span.start - _BEFORE) : span.start])
+    """What stands before the words in their own clause, and touches them."""
+    tail = _TAIL.search(text[max(0, span.start - _NEAR) : span.start])
+    match = _TOUCHES.search(tail[0]) if tail else None
     return match[0] if match else ""
 
 
+_TOUCHES = re.compile(
+    r"\b(?:no|not|never|at|a|least|most|more|less|faster|slower|longer|shorter|greater|harder|over|under|"
+    r"above|below|up|within|exceeding|minimum|maximum|than|to|of|the|its|about|around| )+$",
+    re.IGNORECASE,
+)
+"""Words of a bound that a figure may follow."""
+
+
+def _words_after(span: ReadSpan, text: str) -> str:
+    return text[span.end : span.end + _NEAR].partition(",")[0]
+
+
 def _find_kind(
-    span: ReadSpan, users: dict[int, AgentDraft], spans: Sequence[ReadSpan]
+    span: ReadSpan, users: dict[int, AgentDraft], spans: Sequence[ReadSpan], after: str
 ) -> MeasureKind | None:
     """The kind of measure that a tag and its company say."""
     kind = _KIND_OF.get(span.tag)
     if span.tag == "point":
-        return _find_point(span)
+        return _find_point(f"{span.words}{after}")
+    if span.tag in ("wait", "when") and _INTO.search(f"{span.words}{after}"):
+        return "time"
     if span.tag != "speed":
         return kind
     before = [s for s in spans if s.start < span.start and not s.negated]
@@ -126,12 +141,12 @@ def _find_kind(
     return "contact_speed" if met and drives else kind
 
 
-def _find_point(span: ReadSpan) -> MeasureKind:
-    if _SIDE.search(span.words) and "front" not in span.words.lower():
+def _find_point(words: str) -> MeasureKind:
+    if _SIDE.search(words) and "front" not in words.lower() and "width" not in words.lower():
         return "side_point"
-    if _LEFT.search(span.words):
+    if _LEFT.search(words):
         return "front_point_left"
-    return "front_point_right" if _RIGHT.search(span.words) else "front_point"
+    return "front_point_right" if _RIGHT.search(words) else "front_point"
 
 
 def _fit_unit(kind: MeasureKind, unit: str, draft: Draft) -> MeasureKind | None:
@@ -169,7 +184,7 @@ def _find_ends(
     if relation is not None:
         first, second = relation.from_, relation.to
         strikes = first.type == "vehicle" or second.type != "vehicle"
-        turned = "_point" in kind and subjects and subjects[0] is second
+        turned = kind == "side_point" or ("_point" in kind and subjects[:1] == [second])
         yield (second, first) if turned or not strikes else (first, second)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from scenewright.backends.builtin.clock import read_clock, read_time_words
 from scenewright.backends.builtin.draft import (
@@ -23,7 +24,7 @@ from scenewright.backends.builtin.reader.annotation import (
     SIDES,
 )
 from scenewright.backends.builtin.reader.asked_numbers import NUMBERS, read_number
-from scenewright.backends.builtin.reader.manoeuvres import settle_lead_braking
+from scenewright.backends.builtin.reader.manoeuvres import settle_lanes, settle_lead_braking
 from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.orders import says_order
@@ -33,6 +34,7 @@ from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
 from scenewright.backends.builtin.scope import not_english, nothing_planned
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.measures import format_measure
+from scenewright.scene.social import PedestrianMotion
 
 OPPOSITE = {
     "north": "south", "south": "north", "east": "west", "west": "east",
@@ -568,7 +570,7 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         result.behind.append(span)
         return
     pairs = _in_a_row(named) if span.tag == "follow" else named
-    pairs = pairs or _with_implied(result, span)
+    pairs = pairs or _with_striker(result, span) or _with_implied(result, span)
     if not pairs:
         raise Refused(
             "out_of_scope",
@@ -598,6 +600,25 @@ def _is_near_miss(result: Interpretation, first: AgentDraft, second: AgentDraft)
     """Whether "head-on" says how two nearly collide, and not that they do."""
     pair = frozenset((id(first), id(second)))
     return any(e.type == "near_miss" and e.pair() == pair for e in result.draft.relations)
+
+
+def _with_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
+    """The pair of a vehicle that is hit from behind, by nobody that is named."""
+    struck = [n for n in span.objects if n in result.users]
+    if span.tag != "hit" or span.value != "rear" or span.subjects or len(struck) != 1:
+        return []
+    if result.users[struck[0]].type != "vehicle":
+        return []
+    return [(_imply_vehicle(result), struck[0])]
+
+
+def _move_so(result: Interpretation, span: ReadSpan) -> None:
+    """How pedestrians cross: running, or standing still on the way."""
+    for number in span.subjects:
+        agent = result.users.get(number)
+        if agent is not None and agent.type == "pedestrian":
+            agent.motion = cast("PedestrianMotion", span.value)
+            result.enter(span, "motion", (number,), span.value)
 
 
 def _with_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
@@ -864,6 +885,7 @@ def _settle(result: Interpretation) -> None:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
     settle_lead_braking(result)
+    settle_lanes(result)
     for user in result.braking:
         agent = result.users.get(user)
         for edge in result.draft.relations:
@@ -1037,6 +1059,7 @@ _RULES: dict[str, Rule] = {
     **dict.fromkeys(("manner", "pace", "turn"), _note("manner")),
     "time": _set_time,
     "first": _keep_order,
+    "motion": _move_so,
     "red": _run_red,
     "brake": _brake,
     "cond": _refuse_condition,

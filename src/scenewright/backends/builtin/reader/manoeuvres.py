@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.scene.social import Manoeuvre, PedestrianMotion
 
 if TYPE_CHECKING:
     from scenewright.backends.builtin.reader.interpret import Interpretation
@@ -31,13 +32,142 @@ _NARROWLY = re.compile(
 _STOPS = re.compile(r"\b(?:stop|brake|halt)\w*\b", re.IGNORECASE)
 
 
+_CLOSE_UP = re.compile(
+    r"\btailgat\w+|\bbumper\b|\bglued to\b|\bbreath\w+ down\b|"
+    r"\b(?:too|very|dangerously|far too) clos\w+|"
+    r"\bclose on (?:the )?(?:heels|tail)|\bon the tail of\b",
+    re.IGNORECASE,
+)
+_LANE_CHANGE = re.compile(
+    r"\b(?:chang\w+|switch\w*|swap\w*) (?:its |his |her |the )?lanes?\b|\blane change\b|"
+    r"\b(?:cuts?|cutting|merg\w+|swerv\w+|mov\w+|drift\w*|pull\w*)\b.*\blane\b|^merg\w+$|"
+    r"\bcut(?:s|ting)? in\b(?! front)",
+    re.IGNORECASE,
+)
+_SHORT_OF = re.compile(r"^(?:right|just)$", re.IGNORECASE)
+_MIDWAY = re.compile(
+    r"\b(?:stop\w*|paus\w+|freez\w+|froze|halt\w*|stand\w* still|stood still)\b[^.;,]*?"
+    r"\b(?:middle|half-?way|half way|midway|mid-?\w+)\b(?: (?:of|on|across|over|through) the "
+    r"(?:crosswalk|street|road|crossing|zebra))?",
+    re.IGNORECASE,
+)
+_DARTS = re.compile(
+    r"\b(?:dart\w*|dash\w* out|bolt\w*|"
+    r"(?:runs?|running|ran|races?|sprint\w*|rush\w*|jump\w*|leap\w*) out)"
+    r"(?: (?:in)?to the (?:road|street|roadway|crosswalk|traffic))?\b",
+    re.IGNORECASE,
+)
+_RUNS = re.compile(
+    r"\b(?:runs?|running|ran|sprint\w*|dash\w*|rac(?:es|ed|ing)|rush\w*|jogs|jogging)"
+    r"(?= (?:quickly |fast |straight )?"
+    r"(?:across|over|onto|into the (?:road|street|roadway|crosswalk)))"
+    r"(?: (?:onto|into) the (?:road|street|roadway|crosswalk))?",
+    re.IGNORECASE,
+)
+_MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion], ...] = (
+    (_MIDWAY, "stops_midway"),
+    (_DARTS, "darts_out"),
+    (_RUNS, "runs"),
+)
+_MARKED = re.compile(r"crosswalk|zebra", re.IGNORECASE)
+_ROADWAY = re.compile(r"road|street|lane|block", re.IGNORECASE)
+_PASSIVE_REAR = re.compile(
+    r"\b(?:is|was|gets|got|being|and)\b[^.,;]*?"
+    r"\b(?:(?:hit|struck|rammed|shunted) (?:from behind|in the rear)|"
+    r"rear-?ended)\b(?! by)",
+    re.IGNORECASE,
+)
+_FOR = re.compile(r"^ (?:for|to let) $", re.IGNORECASE)
+
+
 def sharpen_manoeuvres(reading: Reading) -> Reading:
     """The reading with spans made sure, or read otherwise, whose words leave no doubt."""
-    spans = tuple(_sharpened(span) for span in reading.spans)
-    return reading if spans == reading.spans else replace(reading, spans=spans)
+    spans = [_sharpened(span) for span in reading.spans]
+    for n, span in enumerate(spans[:-1]):
+        close = spans[n + 1].tag in ("follow", "near") and spans[n + 1].start - span.end <= 1
+        if close and span.tag in ("right", "place") and _SHORT_OF.search(span.words):
+            spans[n] = replace(span, tag="manner", confidence=_KNOWN)
+    _read_passive_rear_end(reading, spans)
+    _read_motion(reading, spans)
+    return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
+
+
+def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:
+    """ "Is hit from behind": by a vehicle that nothing else is said of; who braked, gave way."""
+    passive = _PASSIVE_REAR.search(reading.text)
+    if passive is None:
+        return
+    hits = [n for n, s in enumerate(spans) if s.tag == "hit" and _overlaps(s, passive)]
+    struck = [s.subjects or s.objects for s in (spans[n] for n in hits)]
+    if len(hits) != 1 or not struck[0]:
+        return
+    hit = replace(spans[hits[0]], subjects=(), objects=struck[0][:1], value="rear")
+    spans[hits[0]] = replace(hit, confidence=max(hit.confidence, _KNOWN))
+    for n, span in enumerate(spans[:-1]):
+        other = spans[n + 1]
+        between = reading.text[span.end : other.start]
+        if span.tag == "brake" and other.tag in ("ped", "veh") and _FOR.search(between):
+            spans[n] = replace(span, tag="yield", objects=other.subjects)
+
+
+def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
+    """How a pedestrian crosses, as spans of their own; what lies within says no more."""
+    for pattern, motion in _MOTIONS:
+        for match in pattern.finditer(reading.text):
+            owner = _find_walker(spans, match)
+            if owner is None or any(s.tag == "motion" and _overlaps(s, match) for s in spans):
+                continue
+            for n, span in enumerate(spans):
+                if _overlaps(span, match) and span.tag in _OF_THE_WAY:
+                    spans[n] = _settle_way(span, match, motion)
+            start, end = match.span()
+            told = ReadSpan(
+                start, end, match[0], "motion", motion, False, None, (owner,), (), _KNOWN
+            )
+            spans.append(told)
+
+
+_OF_THE_WAY = ("jay", "cross", "act", "turn", "cw", "yield", "near", "pace", "manner", "dist")
+
+
+def _settle_way(span: ReadSpan, match: re.Match[str], motion: str) -> ReadSpan:
+    """A span of the words of a motion: a crossing stays one, what is no event says no more."""
+    sure = max(span.confidence, _KNOWN)
+    if span.tag in ("jay", "cross") and motion == "stops_midway":
+        words = match[0] + span.words
+        walks = _MARKED.search(words) or not _ROADWAY.search(words)
+        return replace(span, tag="cross" if walks else span.tag, confidence=sure)
+    if span.tag in ("cross", "jay", "cw", "near"):
+        return replace(span, confidence=sure)
+    if span.tag == "yield" and span.objects:
+        return span
+    return replace(span, tag="manner", confidence=sure)
+
+
+def _find_walker(spans: list[ReadSpan], match: re.Match[str]) -> int | None:
+    """The pedestrian of whom it is said: of the span there, else the last one named before."""
+    walkers = {user for span in spans if span.tag == "ped" for user in span.subjects}
+    vehicles = {user for span in spans if span.tag == "veh" for user in span.subjects}
+    inside = [s for s in spans if _overlaps(s, match) and s.tag not in ("ped", "veh", "ref")]
+    for span in inside:
+        if span.subjects:
+            return span.subjects[0] if span.subjects[0] in walkers else None
+    named = [s for s in spans if s.tag in ("ped", "veh", "ref") and s.end <= match.start()]
+    last = max(named, key=lambda each: each.end, default=None)
+    if last is None or not last.subjects or last.subjects[0] in vehicles:
+        return None
+    return last.subjects[0] if last.subjects[0] in walkers else None
+
+
+def _overlaps(span: ReadSpan, match: re.Match[str]) -> bool:
+    return span.start < match.end() and match.start() < span.end
 
 
 def _sharpened(span: ReadSpan) -> ReadSpan:
+    if span.tag == "act" and _LANE_CHANGE.search(span.words):
+        return replace(span, confidence=max(span.confidence, _KNOWN))
+    if span.tag == "follow" and _CLOSE_UP.search(span.words):
+        return replace(span, confidence=max(span.confidence, _KNOWN))
     if span.tag not in ("hit", "near", "yield", "follow"):
         return span
     if stops_in_time(span):
@@ -53,6 +183,45 @@ def _sharpened(span: ReadSpan) -> ReadSpan:
 def stops_in_time(span: ReadSpan) -> bool:
     """Whether the words say that somebody stops in time, with nothing that makes it narrow."""
     return bool(_IN_TIME.search(span.words)) and not _NARROWLY.search(span.words)
+
+
+def settle_lanes(result: Interpretation) -> None:
+    """Following close up, and lane changes, are manoeuvres of the relations that they belong to."""
+    for n, entry in enumerate(result.entries):
+        agents = result.agents_of(entry.users)
+        words = entry.span.words
+        if entry.became == "relation" and entry.value == "follow" and _CLOSE_UP.search(words):
+            for edge in result.draft.relations:
+                if edge.type == "follow" and [edge.from_, edge.to] == agents:
+                    edge.manoeuvre = "tailgates"
+                    result.entries[n] = replace(entry, became="manoeuvre", value="tailgates")
+        elif entry.span.tag in ("act", "near") and _LANE_CHANGE.search(words):
+            edge_ = _find_changed(result, agents)
+            if edge_ is not None and entry.became == "nothing":
+                known = replace(entry, became="manoeuvre", value=edge_.manoeuvre)
+                result.entries[n] = replace(known, note=None)
+
+
+def _find_changed(result: Interpretation, agents: list[AgentDraft]) -> RelationDraft | None:
+    """The relation of two vehicles that a lane change of the first brings about."""
+    for edge in result.draft.relations:
+        if not agents or agents[0] not in (edge.from_, edge.to):
+            continue
+        if {edge.from_.type, edge.to.type} != {"vehicle"} or edge.type not in _CHANGES:
+            continue
+        if edge.type == "collide_at" and edge.kind not in (None, "sideswipe"):
+            continue
+        if edge.from_ is not agents[0]:
+            edge.from_, edge.to = edge.to, edge.from_
+        edge.manoeuvre = _CHANGES[edge.type]
+        if edge.type == "collide_at":
+            edge.kind = "sideswipe"
+        return edge
+    return None
+
+
+_CHANGES: dict[str, Manoeuvre] = {"near_miss": "cuts_in", "collide_at": "changes_lane"}
+"""By relation: what a lane change is to it."""
 
 
 def settle_lead_braking(result: Interpretation) -> None:

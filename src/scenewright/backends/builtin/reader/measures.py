@@ -133,7 +133,7 @@ def range_in(words: str, before: str, tolerance: float) -> tuple[float, float | 
         scale = measure.value / figure if figure else 1.0
         first, second = sorted((measure.value, float(two[2].replace(",", ".")) * scale))
         return first, second, measure.unit
-    around = f"{before.lower()} {low}"
+    around = " ".join(f"{before.lower()} {low}".split())
     for bound, least in _BOUNDS:
         if bound.search(around):
             ends = (measure.value, None) if least else (0.0, measure.value)

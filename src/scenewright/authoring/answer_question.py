@@ -1,0 +1,289 @@
+"""Questions about a scene, answered from its tracks, its lights and its proof alone."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.geometry.map_areas import geos
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Event, Proof
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import AgentRecord, SceneRecord
+
+STANDS = 0.3
+"""Speed [m/s] up to which an agent stands (SEMANTICS section 4)."""
+BRAKES = 2.0
+"""Deceleration [m/s^2] from which it is called braking here."""
+KERB = 1.0
+"""How far [m] outside a crosswalk a place still counts as on it."""
+KMH = 3.6
+TELLS = (
+    "I can tell: what happens, when, where and how close; how fast each goes and whether it brakes "
+    "or stops; where each comes from and goes to; the lights; who was there; who had to give way."
+)
+_VERBS = {
+    "yielding": "yields to", "follow": "follows", "collision": "collides with",
+    "near_miss": "has a near miss with",
+}  # fmt: skip
+_FIGURES = {
+    "pet": "{:.1f} s between them at the place (PET)", "clearance": "{:.1f} m apart at the closest",
+    "path_ttc": "{:.1f} s to a collision at the worst (TTC along their ways)",
+    "relative_speed": "contact at {:.1f} m/s", "drac": "{:.1f} m/s² of braking needed",
+    "least_gap": "least gap {:.1f} m", "least_headway": "least headway {:.1f} s",
+}  # fmt: skip
+_WORDS = {
+    "car": "car", "vehicle": "vehicle driver", "truck": "truck lorry", "van": "van", "bus": "bus",
+    "motorcycle": "motorcycle motorbike", "cyclist": "cyclist bike bicycle", "scooter": "scooter",
+    "pedestrian": "pedestrian walker man woman child person her him she he",
+}  # fmt: skip
+_NOUNS = {word: kind for kind, words in _WORDS.items() for word in words.split()}
+"""Noun or pronoun -> class or subtype."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    record: SceneRecord
+    proof: Proof
+    intersection_map: IntersectionMap
+
+    def get_agent(self, number: int | None) -> AgentRecord | None:
+        return next((each for each in self.record.agents if each.id == number), None)
+
+    def list_named(self) -> list[AgentRecord]:
+        return [each for each in self.record.agents if each.role == "foreground"]
+
+
+_Answer = Callable[[_Scene, list[AgentRecord]], list[str]]
+
+
+def answer_question(
+    words: str, record: SceneRecord, proof: Proof, intersection_map: IntersectionMap
+) -> list[str]:
+    """Lines that answer the question; where its topic is none of ours, what can be answered."""
+    scene = _Scene(record, proof, intersection_map)
+    plain = " ".join(words.lower().split())
+    about = _find_agents(plain, scene)
+    for pattern, answer in _TOPICS:
+        if re.search(rf"\b(?:{pattern})", plain):
+            return answer(scene, about)
+    return ["That is nothing that the scene can tell.", TELLS]
+
+
+def _find_agents(plain: str, scene: _Scene) -> list[AgentRecord]:
+    """The agents that a question names by id or noun; those of the instruction if it names none."""
+    by_id = [each for each in scene.record.agents if re.search(rf"\b{each.name}\b", plain)]
+    nouns = {_NOUNS[word] for word in re.findall(r"[a-z]+", plain) if word in _NOUNS}
+    by_noun = [each for each in scene.list_named() if {each.type, each.subtype} & nouns]
+    driven = [each for each in scene.list_named() if each.type == "vehicle" and "car" in nouns]
+    return by_id or by_noun or driven or scene.list_named() or list(scene.record.agents)[:3]
+
+
+def _name(agent: AgentRecord | None, number: int | None = None) -> str:
+    if agent is None:
+        return f"agent {number}"
+    return f"{agent.name} ({agent.subtype})" if agent.subtype else agent.name
+
+
+def _compute_speeds(agent: AgentRecord, step: float) -> FloatArray:
+    """[T] speed [m/s] of every sample."""
+    xy = np.array(agent.trajectory)
+    if len(xy) < 2:
+        return np.zeros(len(xy))
+    return np.asarray(np.linalg.norm(np.gradient(xy, step, axis=0), axis=1))
+
+
+def _find_time(scene: _Scene, agent: AgentRecord) -> float | None:
+    """When the first event of this agent happens [s]; that of the scene where it has none."""
+    own = [e.time for e in scene.proof.events if agent.id in (e.from_, e.to)]
+    return min(own or [e.time for e in scene.proof.events], default=None)
+
+
+def _tell_events(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    lines = [_describe_event(scene, event) for event in scene.proof.events]
+    return lines or [
+        "Nothing happens: no collision, near miss or giving way, only ordinary traffic."
+    ]
+
+
+def _describe_event(scene: _Scene, event: Event) -> str:
+    first, second = (_name(scene.get_agent(n), n) for n in (event.from_, event.to))
+    kind = f" ({event.kind.replace('_', ' ')})" if event.kind else ""
+    where = _describe_place(event.location, scene.intersection_map)
+    return f"At {event.time:.1f} s {first} {_VERBS[event.type]} {second}{kind}, {where}."
+
+
+def _describe_place(spot: tuple[float, float], intersection_map: IntersectionMap) -> str:
+    at = geos.points(spot)
+    for walk in intersection_map.crosswalks:
+        if geos.distance(geos.polygons(walk.polygon), at) <= KERB:
+            return f"on the {walk.leg} crosswalk"
+    for lane in intersection_map.lanelets:
+        area = geos.make_valid(geos.polygons([*lane.left, *reversed(lane.right)]))
+        if lane.leg is not None and geos.contains(area, at):
+            return f"on the {lane.leg} leg"
+    return "in the junction"
+
+
+def _tell_closeness(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    lines = []
+    for event in scene.proof.events:
+        figures = [_FIGURES[key].format(event.evidence[key]) for key in _FIGURES
+                   if isinstance(event.evidence.get(key), float)]  # fmt: skip
+        lines.append(_describe_event(scene, event))
+        lines += [f"  {each}" for each in figures]
+    return lines or _tell_events(scene, [])
+
+
+def _tell_speeds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    return [_describe_speed(scene, agent) for agent in about]
+
+
+def _describe_speed(scene: _Scene, agent: AgentRecord) -> str:
+    speed, time = _compute_speeds(agent, scene.record.meta.step), _find_time(scene, agent)
+    line = f"{_name(agent)} goes at {_format_speed(speed.max())} at the most"
+    if time is not None:
+        at = round((time - agent.spawn_time) / scene.record.meta.step)
+        if 0 <= at < len(speed):
+            line += f", at {_format_speed(speed[at])} when it happens ({time:.1f} s)"
+    return f"{line}, and at {_format_speed(speed.min())} at the least."
+
+
+def _format_speed(value: float) -> str:
+    return f"{value:.1f} m/s ({value * KMH:.0f} km/h)"
+
+
+def _tell_braking(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    return [_describe_braking(scene, agent) for agent in about]
+
+
+def _describe_braking(scene: _Scene, agent: AgentRecord) -> str:
+    step = scene.record.meta.step
+    speed = _compute_speeds(agent, step)
+    change = (speed[6:] - speed[:-6]) / (6 * step) if len(speed) > 6 else np.zeros(1)
+    at = int(change.argmin())
+    when = agent.spawn_time + (at + 3) * step
+    slows = f"slows hardest at {when:.1f} s, by {-change[at]:.1f} m/s²"
+    brakes = slows if -change[at] >= 0.3 else "does not slow"
+    still = int((speed <= STANDS).sum()) * step
+    return f"{_name(agent)} {brakes}; it stands for {still:.1f} s."
+
+
+def _tell_ways(_scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    lines = []
+    for agent in about:
+        way = f"comes from the {agent.entry}, goes to the {agent.exit} ({agent.movement})"
+        over = f", over the {agent.crosswalk} crosswalk" if agent.crosswalk else ""
+        lines.append(f"{_name(agent)} {way}{over}.")
+    return lines
+
+
+def _tell_lights(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    if not scene.record.signals:
+        return ["There are no traffic lights here."]
+    return [line for agent in about for line in _describe_light(scene, agent)]
+
+
+def _describe_light(scene: _Scene, agent: AgentRecord) -> list[str]:
+    names = _find_light_names(scene.intersection_map, agent)
+    rows = [row for row in scene.record.signals if (row.crosswalk or row.stop_line) in names]
+    if not rows:
+        return [f"No light concerns {_name(agent)}."]
+    phases = ", ".join(f"{row.colour} {row.start:.0f}-{row.end:.0f} s" for row in rows)
+    ran = "; it runs a red light" if agent.violates_signal else ""
+    time = _find_time(scene, agent)
+    now = next((r.colour for r in rows if time is not None and r.start <= time < r.end), None)
+    then = f"is {now} at {time:.1f} s ({phases})" if now is not None else f"shows {phases}"
+    return [f"The light of {_name(agent)} {then}{ran}."]
+
+
+def _find_light_names(intersection_map: IntersectionMap, agent: AgentRecord) -> set[str]:
+    """The stop line of the agent's leg, or the crosswalk that it takes."""
+    if agent.type == "vehicle" or agent.crosswalk is None:
+        return {line.id for line in intersection_map.stop_lines if line.leg == agent.entry}
+    return {walk.id for walk in intersection_map.crosswalks if walk.leg == agent.crosswalk}
+
+
+def _tell_counts(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    named = ", ".join(_name(each) for each in scene.list_named()) or "nobody"
+    kinds = Counter(e.subtype or e.type for e in scene.record.agents if e.role == "background")
+    others = ", ".join(f"{kind}: {count}" for kind, count in sorted(kinds.items())) or "nobody"
+    return [f"In the event: {named}.", f"Besides: {others}; {len(scene.record.agents)} in all."]
+
+
+def _tell_time(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    meta = scene.record.meta
+    clock = f"The scene is at {meta.time_of_day} and lasts {meta.duration:g} s."
+    return [*_tell_events(scene, about), clock]
+
+
+def _tell_fault(scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    if not scene.proof.events:
+        return _tell_events(scene, [])
+    return [line for event in scene.proof.events for line in (_describe_event(scene, event),
+            f"  {_find_fault(scene, event)}")]  # fmt: skip
+
+
+def _find_fault(scene: _Scene, event: Event) -> str:
+    """Who broke a rule of the road that the tracks show; lawyers may see it otherwise."""
+    pair = [each for n in (event.from_, event.to) if (each := scene.get_agent(n)) is not None]
+    for agent in pair:
+        if agent.violates_signal:
+            return f"{_name(agent)} passed a red light."
+    for agent in pair:
+        if agent.movement == "jaywalking":
+            return f"{_name(agent)} crossed away from the crosswalks."
+    if event.type == "yielding":
+        return "Nobody: one gave way to the other."
+    if event.kind == "rear_end" or event.type == "follow":
+        return f"{_name(scene.get_agent(event.from_))} drove behind and had to keep its distance."
+    turning = [
+        a for a in pair if a.type != "pedestrian" and a.movement in ("left", "right", "uturn")
+    ]
+    if len(turning) == 1:
+        return f"{_name(turning[0])} turned across the other's way and had to give way."
+    return "The tracks show nobody breaking a rule."
+
+
+def _tell_all(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    return [*_tell_closeness(scene, about), *_tell_counts(scene, about)]
+
+
+def _tell_danger(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    kinds = {event.type for event in scene.proof.events}
+    first = (
+        "Yes: they collide." if "collision" in kinds
+        else "Yes: it is a near miss." if "near_miss" in kinds
+        else "No: the checker found neither a collision nor a near miss among those asked for."
+    )  # fmt: skip
+    return [first, *_tell_closeness(scene, about)]
+
+
+def _tell_help(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    return [
+        TELLS,
+        'Or say what shall be different: "make the car a truck", "have it be a collision".',
+    ]
+
+
+_TOPICS: tuple[tuple[str, _Answer], ...] = (
+    (r"what can (?:i|you|we)\b|what (?:could|should) i (?:say|ask)\b|how do i\b", _tell_help),
+    (r"fault|blame|right of way|priority|had to (?:yield|give way)|guilty", _tell_fault),
+    (r"lights?\b|signals?\b|green\b|red\b|yellow\b", _tell_lights),
+    (r"danger|safe\b|risk|serious|severe|critical", _tell_danger),
+    (r"(?:how|too) (?:fast|slow)\b|speed|km/?h\b|m/s\b|mph\b", _tell_speeds),
+    (r"brak|stops?\b|stopped\b|slow|decelerat|stand|wait", _tell_braking),
+    (r"how close|distance|apart\b|gap\b|pet\b|ttc\b|headway|near\b|close\b|far\b", _tell_closeness),
+    (r"how many|(?:is|are) there|who else\b|how much traffic|busy\b|who(?:'s| is| are) in\b",
+     _tell_counts),
+    (r"where (?:does|do|did|is|are) .*\b(?:comes?|coming|from|go|goes|going|head|heading)\b|"
+     r"which way|turn(?:s|ing)?\b|direction", _tell_ways),
+    (r"when\b|what time|how long|what hour|day or night\b|time of day", _tell_time),
+    (r"hit|touch|collid|crash|happen|where\b|miss|yield|give way|follow|whom?\b", _tell_events),
+    (r"what is (?:this|that|there|it)\b|what do we have|what do i see|what's", _tell_all),
+)  # fmt: skip
+"""Words of a question -> what answers it, the more special topic first."""

@@ -1,0 +1,122 @@
+"""What kind of turn words are: a question, a step between versions, small talk, or words to act on.
+
+The kind is told by the form of a sentence alone, for every backend alike, so that a question never
+changes a scene. What is left, requests and descriptions, is read by the planner.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Literal, cast
+
+from scenewright.scene.base import Model
+
+Kind = Literal[
+    "question", "undo", "redo", "version", "restart", "show", "why", "help", "quit", "talk", "words"
+]
+
+_NUMBERS = {
+    "one": 1, "once": 1, "a": 1, "two": 2, "twice": 2, "three": 3, "four": 4, "five": 5, "six": 6,
+    "first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "sixth": 6,
+}  # fmt: skip
+_COUNT = rf"(?P<count>\d{{1,3}}|{'|'.join(_NUMBERS)})"
+_NTH = _COUNT.replace("count", "nth")
+_POLITE = re.compile(r"^(?:please|ok(?:ay)?|so|well|hey|hi|now|and|but|no|wait)[ ,!]+")
+_ASKS_TO_ACT = re.compile(
+    r"^(?:can|could|would|will)(?: you| we| i)?(?: please)? "
+    r"(?:make|add|remove|delete|drop|slow|speed|stop|put|set|move|change|turn|delay|replace|have|let|"
+    r"give|get|show|create|generate|do|try|redo|undo|go)\b|^(?:how|what) about\b|^what if\b|"
+    r"^why (?:not|don't|do not)\b|^(?:can|could|would|will) (?:the|it|he|she|they|a|an)\b"
+)
+_ASKING = (
+    r"how|whom?|whose|what|what's|when|where|which|why|is|are|isn't|aren't|does|do|did|doesn't|"
+    r"didn't|was|were|has|had"
+)
+_QUESTION = re.compile(
+    rf"^(?:{_ASKING}|have you|"
+    r"tell me (?:how|who|what|when|where|which|why|if|whether|about))\b"
+)
+_WHY_REFUSED = (
+    r"(?:why|how come|explain|what went wrong|what was wrong|for what reason)"
+    r"(?: (?:not|was (?:that|it|this) refused|did (?:that|it|this) fail|(?:that|this)|so))?"
+)
+_STEPS = r"(?: (?:steps?|times|versions?|changes?|turns?))?"
+_THANKS = r"thanks?(?: you)?(?: (?:so|very) much| a lot)?"
+_GREETING = r"hello(?: there)?|hi(?: there)?|hey|good (?:morning|evening|afternoon|day)"
+_PRAISE = (
+    r"(?:very |that's |looks )?(?:great|nice|cool|perfect|awesome|wow|fine|good(?: job)?|it)|"
+    r"well done|ok(?:ay)?|lol|haha|hm+|i see"
+)
+_SIMPLE: tuple[tuple[Kind, re.Pattern[str]], ...] = tuple(
+    (cast(Kind, kind), re.compile(rf"^(?:{pattern})[ .!?]*$"))
+    for kind, pattern in (
+        ("why", _WHY_REFUSED),
+        ("version", r"(?:go |take me |return |switch )?(?:back )?(?:to )?(?:the )?"
+                    rf"(?:version (?:number )?{_COUNT}|{_NTH} (?:version|one|scene))"),
+        ("undo", r"(?:undo|revert|go back|step back|back|take (?:that|it|this) back)"
+                 rf"(?: (?:by |the last |that |it |this )*(?:{_COUNT}{_STEPS}|"
+                 r"(?:step|version|change|turn|that|it|this))?)?"),
+        ("redo", r"(?:redo|go forward|forward|again forward)(?: (?:that|it))?"),
+        ("restart", r"(?:let's |let us )?(?:start|begin) (?:over|again|anew|afresh|from scratch)|"
+                    r"from scratch|new scene|(?:a )?clean slate|"
+                    r"forget (?:it|that|everything|the scene)|reset"),
+        ("show", r"(?:show|describe|summari[sz]e|display)(?: me)?"
+                 r"(?: (?:it|this|that|the (?:scene|version|result)))?(?: again)?"),
+        ("help", r"help|help me|commands"),
+        ("quit", r"quit|exit|bye|good ?bye|see you"),
+        ("talk", rf"{_THANKS}|{_GREETING}|{_PRAISE}"),
+    )
+)  # fmt: skip
+
+
+class TurnKind(Model):
+    """The kind of a turn.
+
+    Attributes:
+        count: how many steps back; number: of the version that is asked for.
+        words: what is left to be read, without the polite frame of a request.
+    """
+
+    kind: Kind
+    words: str
+    count: int = 1
+    number: int | None = None
+
+
+def classify_turn(words: str) -> TurnKind:
+    """The kind of the words, told by their form."""
+    plain = " ".join(words.lower().split())
+    while (bare := _POLITE.sub("", plain)) != plain:
+        plain = bare
+    for candidate in (" ".join(words.lower().split()), plain):
+        for kind, pattern in _SIMPLE:
+            found = pattern.match(candidate)
+            if found is not None:
+                return _describe(kind, words, found)
+    if _ASKS_TO_ACT.match(plain):
+        return TurnKind(kind="words", words=_drop_frame(words))
+    if _QUESTION.match(plain):
+        return TurnKind(kind="question", words=words)
+    return TurnKind(kind="words", words=_drop_frame(words))
+
+
+def _describe(kind: Kind, words: str, found: re.Match[str]) -> TurnKind:
+    groups = found.groupdict()
+    told = groups.get("nth") or groups.get("count")
+    number = None if told is None else int(_NUMBERS.get(told, told))
+    if kind == "version":
+        return TurnKind(kind=kind, words=words, number=number)
+    return TurnKind(kind=kind, words=words, count=number or 1)
+
+
+_SHOW = r"show me (?=an? |two |three |the )"
+_WISH = r"i(?: would|'d) like (?:to see )?(?=an? )|i want (?:to see )?(?=an? )|what if "
+_REQUEST = r"(?:can|could|would|will) (?:you|we)(?: please)? "
+_FRAME = re.compile(rf"^\s*(?:please )?(?:{_REQUEST})?(?:{_SHOW}|{_WISH})?", re.IGNORECASE)
+_SUPPOSE = re.compile(r"^\s*what if (it|the [a-z]+) (?:were|was|is|became) ", re.IGNORECASE)
+
+
+def _drop_frame(words: str) -> str:
+    """ "Show me a car that yields" and "can you make the car faster?" without their frames."""
+    bare = _FRAME.sub("", _SUPPOSE.sub(r"make \1 ", words), count=1)
+    return bare.rstrip(" ?") if bare != words else words

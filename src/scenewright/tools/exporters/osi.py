@@ -1,0 +1,116 @@
+"""ASAM OSI 3.7 ground truth in MCAP, with the map as OpenDRIVE, as omega-prime reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.map import Crosswalk, StopLine
+from scenewright.tools.exporters.exported_scene import ExportedAgent, ExportedScene
+from scenewright.tools.exporters.mcap_writing import Topic, write_mcap
+from scenewright.tools.exporters.opendrive import signal_ids, write_opendrive
+from scenewright.tools.track_io.osi import PACKAGE, SCHEMA, osi_classes
+from scenewright.tools.track_io.protobuf_schema import describe_file
+
+VERSION = {"version_major": 3, "version_minor": 7, "version_patch": 0}
+FIRST_LIGHT = 1_000_000
+"""Ids of lights begin here; below are agents."""
+_COLOURS = {"red": 2, "yellow": 3, "green": 4}
+_CONSTANT, _OFF, _NO_ICON, _CIVIL = 3, 2, 2, 4
+_TRACE = "net.asam.osi.trace"
+
+
+def write_osi(scene: ExportedScene) -> dict[str, bytes]:
+    """A GroundTruth message per step, and the map once."""
+    about = {
+        "version": "3.7.0", "min_osi_version": "3.7.0", "max_osi_version": "3.7.0",
+        "min_protobuf_version": "4.0.0", "max_protobuf_version": "6.0.0",
+        "description": scene.record.meta.user_prompt, "authors": "scenewright",
+        "zero_time": "1970-01-01T00:00:00Z", "creation_time": "1970-01-01T00:00:00Z",
+    }  # fmt: skip
+    channel = {f"{_TRACE}.channel.osi_version": "3.7.0"}
+    content = write_mcap(_list_messages(scene), metadata={_TRACE: about}, channel_metadata=channel)
+    return {f"{scene.name}.mcap": content}
+
+
+def _list_messages(scene: ExportedScene) -> Iterator[tuple[Topic, int, bytes]]:
+    descriptors = import_module("google.protobuf.descriptor_pb2")
+    files = descriptors.FileDescriptorSet(file=[describe_file(PACKAGE, SCHEMA)])
+    definition = files.SerializeToString(deterministic=True)
+    chart, truth = (
+        Topic(name, f"osi3.{schema}", "protobuf", definition, "protobuf")
+        for name, schema in (
+            ("ground_truth_map", "MapAsamOpenDrive"), ("ground_truth", "GroundTruth")
+        )
+    )  # fmt: skip
+    roads = osi_classes()["MapAsamOpenDrive"](
+        map_reference=scene.intersection_map.name,
+        open_drive_xml_content=write_opendrive(scene.intersection_map).decode(),
+    )
+    yield chart, 0, roads.SerializeToString(deterministic=True)
+    colours = scene.colours()
+    for k, time in enumerate(scene.times.tolist()):
+        nanos = round(time * 1e9)
+        message = osi_classes()["GroundTruth"](
+            version=VERSION,
+            timestamp={"seconds": nanos // 10**9, "nanos": nanos % 10**9},
+            moving_object=[
+                _describe_agent(a, k - a.first) for a in scene.agents if a.first <= k <= a.last
+            ],
+            traffic_light=_describe_lights(scene, colours, k),
+            map_reference=scene.intersection_map.name,
+            **({"host_vehicle_id": {"value": scene.ego.id}} if scene.ego_named else {}),
+        )
+        yield truth, nanos, message.SerializeToString(deterministic=True)
+
+
+def _describe_agent(agent: ExportedAgent, k: int) -> dict[str, Any]:
+    kind, subtype = agent.names.osi
+    base = {
+        "dimension": {
+            "length": agent.record.length, "width": agent.record.width, "height": agent.height,
+        },
+        "position": _point(agent.xy[k], agent.height / 2),
+        "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": float(agent.heading[k])},
+        "velocity": _point(agent.velocity[k], 0.0),
+        "acceleration": _point(agent.acceleration[k], 0.0),
+    }  # fmt: skip
+    thing = {"id": {"value": agent.id}, "base": base, "type": kind}
+    if agent.names.is_vehicle:
+        thing["vehicle_classification"] = {"type": subtype, "role": _CIVIL}
+    return thing
+
+
+def _describe_lights(
+    scene: ExportedScene, colours: Mapping[str, Any], k: int
+) -> list[dict[str, Any]]:
+    """Every light at a step, at the middle of its stop line or crosswalk, 3 m up."""
+    ids = signal_ids(scene.intersection_map)
+    marks: list[StopLine | Crosswalk] = [
+        *scene.intersection_map.stop_lines, *scene.intersection_map.crosswalks,
+    ]  # fmt: skip
+    lights = []
+    for mark in marks:
+        if mark.id in ids and mark.id in colours:
+            ends = mark.line if isinstance(mark, StopLine) else mark.centreline
+            colour = colours[mark.id][k]
+            lights.append({
+                "id": {"value": FIRST_LIGHT + ids[mark.id]},
+                "base": {
+                    "dimension": {"length": 0.3, "width": 0.3, "height": 0.9},
+                    "position": _point(np.mean(ends, axis=0), 3.0),
+                    "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": 0.0},
+                },
+                "classification": {
+                    "color": _COLOURS.get(colour, 0), "icon": _NO_ICON,
+                    "mode": _CONSTANT if colour else _OFF,
+                },
+            })  # fmt: skip
+    return lights
+
+
+def _point(xy: Any, z: float) -> dict[str, float]:
+    return {"x": float(xy[0]), "y": float(xy[1]), "z": z}

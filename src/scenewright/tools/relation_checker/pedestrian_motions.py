@@ -1,0 +1,82 @@
+"""How pedestrians cross, seen on their tracks: running, or standing still on the road."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scenewright.scene.events import Finding
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import AgentRecord
+from scenewright.tools.relation_checker.asked import find_standstills
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.yielding import STANDING
+
+RUNNING = ("runs", "darts_out")
+RUN = 2.4
+"""Speed from which a pedestrian runs [m/s], kept for a second on the road."""
+AT_ONCE = 1.0
+"""Who darts out has not stood still for so long before the road [s]."""
+FROM_KERBS = 1.0
+"""Who stops midway stands this far from either end of its way over the road [m]."""
+
+
+def check_pedestrian_motions(
+    agents: Sequence[AgentRecord],
+    observed: SceneObservation,
+    intersection_map: IntersectionMap | None,
+) -> tuple[Finding, ...]:
+    """A finding for every agent that does not cross as it was asked to."""
+    if intersection_map is None:
+        return ()
+    tracks = {track.id: track for track in observed.tracks}
+    return tuple(
+        Finding(
+            rule="motion_not_seen",
+            agents=(agent.id,),
+            detail=f"agent {agent.id} was to cross so: {agent.motion}; its track does not show it",
+        )
+        for agent in agents
+        if agent.motion is not None
+        and describe_pedestrian_motion(agent.motion, tracks[agent.id], intersection_map) is None
+    )
+
+
+def describe_pedestrian_motion(
+    motion: str | None, track: Trajectory, intersection_map: IntersectionMap
+) -> str | None:
+    """What a track shows of a pedestrian's motion; None if it does not."""
+    on_road = np.flatnonzero(get_ground_raster(intersection_map).road.contains(track.xy))
+    if track.is_vehicle or len(on_road) == 0:
+        return None
+    first, last = int(on_road[0]), int(on_road[-1])
+    if motion == "stops_midway":
+        return _describe_stop(track, first, last)
+    if motion not in RUNNING:
+        return None
+    kept = _find_kept_speed(track.speed[first : last + 1])
+    if kept < RUN or (motion == "darts_out" and _stood(track, first)):
+        return None
+    return f"agent {track.id} runs at {kept:.1f} m/s"
+
+
+def _find_kept_speed(speed: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    """The highest speed that is kept for a second, or as long as it is there [m/s]."""
+    window = min(10, len(speed))
+    return float(np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1).max())
+
+
+def _stood(track: Trajectory, first: int) -> bool:
+    before = track.speed[max(first - round(AT_ONCE / 0.1), 0) : first]
+    return bool((before <= STANDING).any())
+
+
+def _describe_stop(track: Trajectory, first: int, last: int) -> str | None:
+    for begins, ends in find_standstills(track):
+        s = float(np.interp((begins + ends) / 2, track.times, track.s))
+        if s - track.s[first] >= FROM_KERBS and track.s[last] - s >= FROM_KERBS:
+            return f"agent {track.id} stands on the road {begins:.1f}-{ends:.1f} s"
+    return None

@@ -1,0 +1,190 @@
+"""Scenes played by other simulators, whose own tests must find exactly our collisions.
+
+Consumers are scripts in `consumers/`, each run with the interpreter `<folder>/<name>/bin/python`,
+where the folder is named by SCENEWRIGHT_EXPORTS or lies in the environment of the tests, as `make
+exports` lays it. A consumer that is not installed is skipped. SCENEWRIGHT_EXPORT_SCENES says how
+many scenes, or names a folder that holds them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import scenewright
+from scenewright.errors import ScenewrightError
+from scenewright.graph.run import load_scene
+from scenewright.scene.record import SceneRecord
+
+FOLDER, SCENES = "SCENEWRIGHT_EXPORTS", "SCENEWRIGHT_EXPORT_SCENES"
+STEP = 0.1
+TEXTS = (
+    "A vehicle yields to a pedestrian at 8 am",
+    "A car hits a pedestrian on the crosswalk at 8 am",
+    "A car from the north turning left collides with an oncoming truck",
+    "A car narrowly misses a pedestrian on the east crosswalk",
+    "Normal traffic at noon, light",
+    "A car from the east runs the red light and collides with a car from the south",
+    "A bus from the north yields to a pedestrian on the east crosswalk",
+    "A car rear-ends the car ahead of it",
+    "A motorcycle follows a truck from the west",
+    "A van from the north narrowly misses a man on the east crosswalk",
+    "A truck from the south turning right hits a pedestrian",
+    "Two cars narrowly miss each other in the junction, dense traffic at 5 pm",
+    "A car from the west turning left yields to an oncoming car",
+    "A jaywalking pedestrian is hit by a car on the north leg",
+    "A motorcycle from the east hits a car from the north",
+    "Two cars collide head on",
+)
+
+
+@dataclass(frozen=True)
+class Consumer:
+    """Who reads a format.
+
+    Attributes:
+        format: it is asked with; suffix, prefix: of the file named after the scene.
+        tolerance: of positions [m].
+        finds: what its own test finds: every `pair`, the `ego`'s first crash, or `nothing`.
+    """
+
+    format: str
+    suffix: str
+    prefix: str = ""
+    tolerance: float = 1e-3
+    finds: str = "pair"
+
+
+CONSUMERS = {
+    "scenario-gym": Consumer("openscenario", ".xosc"),
+    "commonroad": Consumer("commonroad", ".cr.xml"),
+    "metadrive": Consumer("scenarionet", ".pkl", "sd_scenewright_1_", finds="ego"),
+    "omega-prime": Consumer("osi", ".mcap"),
+    "av2": Consumer("argoverse2", ".parquet", "{0}/scenario_", finds="nothing"),
+}
+_SCRIPTS = {name: each.format for name, each in CONSUMERS.items()}
+
+
+@pytest.mark.parametrize("name", CONSUMERS)
+def test_a_consumer_finds_exactly_our_collisions(name: str, tmp_path: Path) -> None:
+    consumer, python = CONSUMERS[name], _find_interpreter(name)
+    records = _load_records()
+    scenewright.export(records, consumer.format, tmp_path)
+    questions = [_describe(record, consumer, tmp_path) for record in records]
+    answer = _ask(python, _SCRIPTS[name], questions)
+    pairs = list(zip(records, answer["scenes"], strict=True))
+    faults = [f for record, each in pairs for f in _find_faults(record, each, consumer)]
+    worst = max(each["position_error"] for each in answer["scenes"])
+    collisions = sum(len(_our_collisions(record)) for record in records)
+    equal = len(records) - len({fault.split(":")[0] for fault in faults})
+    verdict = f"collisions equal in {equal} ({collisions} in all), "
+    print(
+        f"\n{name} {answer['version']} ({consumer.format}): {len(records)} scenes loaded, "
+        f"{'' if consumer.finds == 'nothing' else verdict}positions within {worst:.1e} m"
+    )
+    assert worst < consumer.tolerance
+    assert not faults, "\n".join(faults)
+
+
+def _find_interpreter(name: str) -> Path:
+    folder = Path(os.environ.get(FOLDER, Path(sys.prefix) / "exports"))
+    python = folder / name / "bin" / "python"
+    if not python.exists():
+        pytest.skip(f"{name} is not installed; `make exports` installs it")
+    return python
+
+
+def _load_records() -> list[SceneRecord]:
+    """The scenes of a folder, or as many as are asked for, made here."""
+    wanted = os.environ.get(SCENES, "16")
+    if not wanted.isdigit():
+        return [load_scene(each) for each in sorted(Path(wanted).glob("*/scene.json"))]
+    return [_make_record(number) for number in range(int(wanted))]
+
+
+def _make_record(number: int) -> SceneRecord:
+    """A scene of the text whose turn it is; another seed where this one has none."""
+    for seed in range(number, number + 10_000, 1000):
+        try:
+            return scenewright.synthesize(TEXTS[number % len(TEXTS)], seed=seed).record
+        except ScenewrightError:
+            continue
+    raise AssertionError(f"no scene of {TEXTS[number % len(TEXTS)]!r}")
+
+
+def _describe(record: SceneRecord, consumer: Consumer, folder: Path) -> dict[str, Any]:
+    name = record.meta.scene_id
+    agents = {
+        agent.name: {
+            "id": agent.id,
+            "t": [round(agent.spawn_time + k * STEP, 3) for k in range(len(agent.trajectory))],
+            "xy": agent.trajectory,
+        }
+        for agent in record.agents
+    }
+    file = folder / f"{consumer.prefix.format(name)}{name}{consumer.suffix}"
+    steps = round(record.meta.duration / STEP) + 1
+    return {"file": str(file), "step": STEP, "steps": steps, "agents": agents}
+
+
+def _ask(python: Path, script: str, questions: list[dict[str, Any]]) -> dict[str, Any]:
+    file = Path(__file__).parent / "consumers" / f"play_{script}.py"
+    done = subprocess.run(
+        [str(python), "-W", "ignore", str(file)],
+        input=json.dumps({"scenes": questions}), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+    answer: dict[str, Any] = json.loads(done.stdout[done.stdout.index('{"version"') :])
+    return answer
+
+
+def _our_collisions(record: SceneRecord) -> dict[tuple[str, str], float]:
+    names = {agent.id: agent.name for agent in record.agents}
+    found = {}
+    for event in record.events:
+        if event.type == "collision" and event.time is not None:
+            one, two = sorted((names[event.from_ or 0], names[event.to or 0]))
+            found[one, two] = event.time
+    return found
+
+
+def _find_faults(record: SceneRecord, answer: dict[str, Any], consumer: Consumer) -> list[str]:
+    """How its findings differ from ours, one line each, the scene's id first."""
+    ours, where = _our_collisions(record), record.meta.scene_id
+    if consumer.finds == "nothing":
+        return []
+    if consumer.finds == "ego":
+        return [f"{where}: {text}" for text in _compare_crash(record, answer, ours)]
+    theirs = {(a, b): t for a, b, t in answer["collisions"]}
+    faults = [f"missed {pair} at {ours[pair]} s" for pair in ours.keys() - theirs.keys()]
+    faults += [f"invented {pair} at {theirs[pair]} s" for pair in theirs.keys() - ours.keys()]
+    faults += [
+        f"{pair} at {theirs[pair]} s, ours {ours[pair]} s"
+        for pair in ours.keys() & theirs.keys()
+        if abs(theirs[pair] - ours[pair]) > STEP + 1e-6
+    ]
+    return [f"{where}: {fault}" for fault in faults]
+
+
+def _compare_crash(
+    record: SceneRecord, answer: dict[str, Any], ours: dict[tuple[str, str], float]
+) -> list[str]:
+    """The first crash of the ego, by whether it is with a person or a vehicle, and when."""
+    ego = next(agent.name for agent in record.agents if str(agent.id) == answer["ego"])
+    mine = [(t, pair) for pair, t in ours.items() if ego in pair]
+    if not mine or answer["crash"] is None:
+        crash = answer["crash"]
+        return [] if not mine and crash is None else [f"crash {crash}, ours {mine}"]
+    (time, pair), (what, when) = min(mine), answer["crash"]
+    other = next(name for name in pair if name != ego)
+    struck = next(agent.type for agent in record.agents if agent.name == other)
+    if struck != what or abs(when - time) > STEP + 1e-6:
+        return [f"crash with a {what} at {when} s, ours with {other} at {time} s"]
+    return []
