@@ -673,7 +673,7 @@ def test_every_text_gets_a_plan(text: str) -> None:
 
 @pytest.mark.parametrize("part", ["development", "test"])
 def test_labelled_instructions_are_mostly_understood(part: str) -> None:
-    rows = load(part)
+    rows = load(part)[::3]  # benchmarks/planner.py takes them all
     result = score(rows, [plan_row({k: v for k, v in r.items() if k != "expected"}) for r in rows])
     assert len(rows) > 150
     assert result.all_fields.rate is not None

@@ -65,8 +65,7 @@ def read_words(
         chosen: answers to questions about the words: phrase -> agent id.
         account: called with what every answer of a model has cost.
     """
-    from scenewright.backends.builtin.draft import site_of
-    from scenewright.backends.builtin.revising import begins_anew, read
+    from scenewright.backends.offline import begins_anew, read, site_of
 
     by_rule = read(words, situation, chosen=chosen, site=site_of(intersection_map))
     asked = not speaker(backend, "edits").deterministic
@@ -96,8 +95,7 @@ SENTENCE = "sentence"
 
 def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarification | None:
     """A question with the sentences that the offline planner takes doubtful words to mean."""
-    from scenewright.backends.builtin.draft import site_of
-    from scenewright.backends.builtin.planner import plan
+    from scenewright.backends.offline import plan, site_of
 
     found = plan(words, site=site_of(intersection_map))
     if not isinstance(found, Refusal) or not found.did_you_mean:

@@ -32,7 +32,7 @@ from scenewright.authoring.thread_state import Heading, Pending, Refused, Thread
 from scenewright.authoring.turn_kind import TurnKind, classify_turn
 from scenewright.authoring.versions import Made, Setting, begin, change
 from scenewright.backends import Account, Backend, Call, speaker
-from scenewright.backends.builtin.references import answered
+from scenewright.backends.offline import answered
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
     Scene,

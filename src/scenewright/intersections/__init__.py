@@ -24,6 +24,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from scenewright.errors import InputError
+from scenewright.intersections.map_checks import find_map_fault
 from scenewright.scene.map import IntersectionMap
 
 FORMAT = 1
@@ -206,7 +207,11 @@ def _parse_map(folder: Path, _changed: int, size: int) -> IntersectionMap:
     try:
         if size > _MAX_MAP:
             raise InputError(f"the map of {folder.name!r} is too large to be one")
-        return IntersectionMap.model_validate_json((folder / "map.json").read_bytes())
+        found = IntersectionMap.model_validate_json((folder / "map.json").read_bytes())
     except (OSError, ValidationError) as fault:
         reason = str(fault).splitlines()[0]
         raise InputError(f"cannot read the map of {folder.name!r}: {reason}") from fault
+    wrong = find_map_fault(found)
+    if wrong is not None:
+        raise InputError(f"the map of {folder.name!r} is none: {wrong}")
+    return found

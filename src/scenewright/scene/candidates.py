@@ -155,6 +155,7 @@ class CandidateSet:
         hour: time of day [h] that the numbers were drawn for.
         background: how many background agents of each class the scene shall have.
         yielding_model: how agents yield at this intersection.
+        groups: who walks with a pedestrian of the social graph, by its name.
     """
 
     agents: Mapping[str, AgentCandidates]
@@ -162,3 +163,4 @@ class CandidateSet:
     hour: float
     background: Mapping[AgentClass, int]
     yielding_model: YieldingModel = field(default_factory=dict)
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

@@ -222,6 +222,8 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
     match entry.became:
         case "entry" | "exit" | "movement" | "crosswalk":
             return all(getattr(agent, entry.became) == entry.value for agent in named)
+        case "agent" if (entry.value or "").startswith("group of "):
+            return all(f"group of {agent.members}" == entry.value for agent in named)
         case "agent":
             kinds = {kind for agent in named for kind in (agent.type, agent.subtype)}
             return entry.value is None or entry.value in kinds

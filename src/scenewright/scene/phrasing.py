@@ -56,7 +56,12 @@ def describe_graph(graph: SocialGraph) -> str:
 
 def _names(graph: SocialGraph) -> dict[str, str]:
     """ "the car", or "car 1" and "car 2" where there are several of a kind."""
-    nouns = {agent.id: agent.subtype or agent.type for agent in graph.agents}
+    nouns = {
+        agent.id: f"group of {agent.members} pedestrians"
+        if agent.members
+        else agent.subtype or agent.type
+        for agent in graph.agents
+    }
     found: dict[str, str] = {}
     counts: dict[str, int] = {}
     for name, noun in nouns.items():

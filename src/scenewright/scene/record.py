@@ -63,6 +63,7 @@ class AgentRecord(Model):
         heading: [rad], one per position.
         waypoints: K = 10 points at equal arc length of the candidate that was selected.
         motion: how a pedestrian is to cross; written only where the request says so.
+        group: id of the pedestrian whose group it belongs to, if that is another one.
     """
 
     id: int
@@ -85,6 +86,7 @@ class AgentRecord(Model):
     waypoints: tuple[Point, ...] = ()
     violates_signal: bool = False
     motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
+    group: int | None = Field(default=None, exclude_if=is_left_out)
 
 
 class EventRecord(Model):

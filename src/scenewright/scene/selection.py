@@ -64,6 +64,7 @@ class SelectedAgent:
         stops, slowings: edits of its free time law under which every clause holds.
         contact: scene time [s] of the collision that ends it; None if it is in none.
         violates: it is the one that runs its red light.
+        group: whose group it walks in; None for everybody else, and for who leads one.
         exact: figures of its motion are asked for, so that it is not refined.
     """
 
@@ -76,6 +77,7 @@ class SelectedAgent:
     slowings: tuple[Slowing, ...] = ()
     contact: float | None = None
     violates: bool = False
+    group: str | None = None
     exact: bool = False
 
     @property

@@ -52,6 +52,9 @@ class AgentNode(Model):
     crosswalk: Compass | None = Field(default=None, description="leg that a pedestrian crosses")
     runs_red: bool = Field(default=False, description="the text says it ignores a red light")
     motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
+    members: int | None = Field(
+        default=None, ge=2, le=8, exclude_if=is_left_out, description="of a group that walks as one"
+    )
 
     @model_validator(mode="after")
     def _named_by_class(self) -> Self:
@@ -59,6 +62,8 @@ class AgentNode(Model):
             raise ValueError(f"{self.id} is of type {self.type}; an id begins with its type")
         if self.motion is not None and self.type != "pedestrian":
             raise ValueError(f"{self.id} is no pedestrian; only one of those {self.motion}")
+        if self.members is not None and self.type != "pedestrian":
+            raise ValueError(f"{self.id} is no pedestrian; only those walk in groups")
         return self
 
 

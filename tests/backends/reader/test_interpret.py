@@ -400,3 +400,19 @@ def test_who_is_rear_ended_by_nobody_named_is_hit_by_another_vehicle() -> None:
         ("yield_to", "vehicle-1", "pedestrian-1"),
         ("collide_at", "vehicle-2", "vehicle-1"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("mention", "members"),
+    [
+        ("[ped:1,2 A couple]", 2),
+        ("[ped:1 A mother with a child]", 2),
+        ("[ped:1,2,3,4 A group of four pedestrians]", 4),
+        ("[ped=many:1 A class of pupils]", 6),
+        ("[ped:1 A woman]", None),
+    ],
+)
+def test_who_walks_together_is_one_party(mention: str, members: int | None) -> None:
+    graph = graph_of(f"[veh:9 A car] [yield:9>1 yields to] {mention}")
+    assert [(e.type, e.to) for e in graph.relations] == [("yield_to", "pedestrian-1")]
+    assert graph.agent("pedestrian-1").members == members

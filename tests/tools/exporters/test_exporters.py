@@ -19,7 +19,8 @@ import scenewright
 from exported_scenes import CONTACT, make_record, make_scene
 from scenewright.errors import InputError
 from scenewright.graph.run import load_tracks, verify_tracks
-from scenewright.tools.exporters import FORMATS, prepare_scene, write_scene
+from scenewright.scene.objects import ObjectRecord
+from scenewright.tools.exporters import FORMATS, ExportedScene, prepare_scene, write_scene
 from scenewright.tools.exporters.exported_scene import wrap_angles
 from scenewright.tools.exporters.opendrive import write_opendrive
 from scenewright.tools.exporters.road_users import ROAD_USERS, find_kind
@@ -77,10 +78,10 @@ def test_what_is_written_shows_the_verifier_the_same(name: str, tmp_path: Path) 
     assert event.time == pytest.approx(CONTACT, abs=0.1)
     found = {(user.shape.type, round(user.track.start, 3)): user for user in tracks.users}
     for agent in make_scene().agents:
-        user = found[agent.record.type, agent.times[0]]
+        user = found[agent.type, agent.times[0]]
         assert user.track.xy == pytest.approx(agent.xy, abs=1e-4)
         assert wrap_angles(user.track.heading - agent.heading) == pytest.approx(0.0, abs=1e-5)
-        assert user.shape.length == pytest.approx(agent.record.length)
+        assert user.shape.length == pytest.approx(agent.length)
 
 
 def test_trajnet_frames_are_steps_with_a_sample_every_fourth() -> None:
@@ -122,6 +123,36 @@ def test_an_ego_left_to_the_user_is_not_replayed() -> None:
     # It enters at 2 s, which is time step 0 of its planning problem.
     assert root.findtext("planningProblem/initialState/position/point/x") == "49.0"
     assert root.findtext("dynamicObstacle/initialState/position/point/y") == "-29.0"
+
+
+def _with_objects() -> ExportedScene:
+    """The scene with a parked bus and a box, of which nothing moves."""
+    places = {"height": "high", "x": 20.0, "y": -4.0, "heading": 0.0}
+    bus = {"id": "object-1", "kind": "parked", "subtype": "bus", "length": 12.0, "width": 2.55}
+    box = {"id": "object-2", "kind": "box", "length": 1.6, "width": 1.0}
+    objects = tuple(ObjectRecord.model_validate(each | places) for each in (bus, box))
+    record = make_record().model_copy(update={"objects": objects})
+    return prepare_scene(record, make_scene().intersection_map)
+
+
+def test_objects_stand_where_they_stand() -> None:
+    scene = _with_objects()
+    files = write_scene(scene, "openscenario")
+    root = ElementTree.fromstring(files["hand_made_1.xosc"])
+    assert root.find(".//MiscObject[@name='box']/BoundingBox/Dimensions").get("length") == "1.6"
+    told = {each.get("entityRef") for each in root.iterfind(".//ManeuverGroup/Actors/EntityRef")}
+    placed = {each.get("entityRef") for each in root.iterfind(".//Init/Actions/Private")}
+    assert placed - told == {"object-1", "object-2"}
+    (text,) = write_scene(scene, "commonroad").values()
+    still = ElementTree.fromstring(text).findall("staticObstacle")
+    assert [each.findtext("type") for each in still] == ["parkedVehicle", "unknown"]
+    (record,) = read_records(*write_scene(scene, "womd").values(), name="it")
+    tracks = scenario_class().FromString(record).tracks
+    assert [track.object_type for track in tracks] == [1, 2, 1, 1, 4]
+    assert {(s.center_x, s.velocity_x, s.valid) for s in tracks[4].states} == {(20.0, 0.0, True)}
+    (content,) = write_scene(scene, "scenarionet").values()
+    parked = load_arrays(content, name="it")["tracks"]
+    assert [track["type"] for track in parked.values()][3:] == ["VEHICLE", "TRAFFIC_BARRIER"]
 
 
 def test_openscenario_in_routes_waits_for_the_ego_where_it_must() -> None:
@@ -237,6 +268,31 @@ def test_foxglove_boxes_are_as_large_as_the_agents() -> None:
     (walker,) = [each for each in boxes[10**9] if each["id"] == "pedestrian-1"]
     assert walker["cubes"][0]["pose"]["position"]["x"] == pytest.approx(8.0)
     assert [each["id"] for each in boxes[8 * 10**9]] == ["vehicle-2"]
+
+
+BAD = {
+    "bomb.xosc": (b"<!DOCTYPE x [<!ENTITY a 'b'>]><OpenSCENARIO/>", "document type"),
+    "cut.xosc": (b"<OpenSCENARIO>", "line 1: not well-formed"),
+    "routes.xosc": (b"<OpenSCENARIO/>", "no trajectories"),
+    "sets.xml": (
+        b"<commonRoad timeStepSize='0.1'><dynamicObstacle id='1'><type>car</type>"
+        b"<occupancySet/></dynamicObstacle></commonRoad>",
+        "obstacle 1: it is predicted by sets",
+    ),
+    "bomb.xml": (b"<!DOCTYPE x [<!ENTITY a 'b'>]><fcd-export/>", "document type"),
+    "short.pkl": (b"\x80\x04", "no pickle of plain arrays"),
+    "short.tfrecord": (b"123", "record 0: no TFRecord"),
+    "example.tfrecord": (write_records([b"\x0a\x00"]), "tf.Example records are not read"),
+    "short.parquet": (b"PAR1", "no Parquet file"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_file_that_cannot_be_read_is_refused_in_one_line(name: str) -> None:
+    content, words = BAD[name]
+    with pytest.raises(InputError, match=words) as refused:
+        read_external_recordings(content, name=name)
+    assert "\n" not in str(refused.value)
 
 
 class _Evil:

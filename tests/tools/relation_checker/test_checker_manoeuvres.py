@@ -9,10 +9,11 @@ import pytest
 
 from checker_tracks import CAR, EAST, NORTH, distance, line, plus_map
 from scenewright.scene.events import Event
-from scenewright.scene.record import RelationRecord
+from scenewright.scene.record import AgentRecord, RelationRecord
 from scenewright.scene.track import PEDESTRIAN, Track
 from scenewright.tools.relation_checker import RoadUser
 from scenewright.tools.relation_checker.events import observe
+from scenewright.tools.relation_checker.groups import check_groups
 from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
 from scenewright.tools.relation_checker.pedestrian_motions import describe_pedestrian_motion
 
@@ -96,3 +97,23 @@ def test_how_a_pedestrian_crosses(motion: str, phases: tuple[Any, ...], seen: bo
     user = line(1, (14.0, -13.0), NORTH, s, shape=PEDESTRIAN)
     (track,) = observe([user]).tracks
     assert (describe_pedestrian_motion(motion, track, plus_map()) is not None) == seen
+
+
+def record(number: int, group: int | None) -> AgentRecord:
+    return AgentRecord.model_validate(
+        {
+            "id": number, "type": "pedestrian", "spawn_time": 0.0, "goal": (0.0, 0.0),
+            "trajectory": (), "role": "foreground", "name": f"pedestrian-{number}",
+            "entry": "north", "exit": "south", "movement": "crossing", "route": "a",
+            "heading": (), "length": 0.6, "width": 0.6, "group": group,
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("aside", "seen"), [(0.75, True), (2.0, False)])
+def test_a_group_walks_within_a_step_and_a_half(aside: float, seen: bool) -> None:
+    s = distance(1.4, (0.0, 6.0))
+    places = [(0.0, 0.0), (aside, 0.0), (0.0, -0.8)]
+    users = [line(n, each, NORTH, s, shape=PEDESTRIAN) for n, each in enumerate(places, start=1)]
+    records = [record(1, None), record(2, 1), record(3, 1)]
+    assert (not check_groups(records, observe(users))) == seen

@@ -72,7 +72,7 @@ class AgentDraft:
         announced: named by a heading only, so far.
         generic: introduced by a bare plural.
         words: plain words it was described with, such as colours.
-        motion: how a pedestrian crosses, where the text says so.
+        motion: how a pedestrian crosses, where the text says so; members: of a group on foot.
         role: leader or follower, where the text calls it so.
         marked: its crosswalk was called a crosswalk, not just a leg.
     """
@@ -92,6 +92,7 @@ class AgentDraft:
     announced: bool = False
     words: frozenset[str] = frozenset()
     motion: PedestrianMotion | None = None
+    members: int | None = None
     role: str | None = None
     marked: bool = False
     edited: set[str] = field(default_factory=set)

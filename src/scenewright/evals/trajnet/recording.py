@@ -9,16 +9,17 @@ frame s to frame e; whoever has rows in it takes part. Predictions are rows with
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
+from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 
 OBSERVED, PREDICTED = 9, 12
 STEPS = OBSERVED + PREDICTED
@@ -86,24 +87,21 @@ def read_recording(path: Path) -> Recording:
     """
     scenes: list[SceneRow] = []
     rows: dict[tuple[int, int], tuple[float, float]] = {}
-    for number, line in enumerate(_lines(path), start=1):
+
+    def refuse(line: int, reason: str) -> NoReturn:
+        raise InputError(f"{path}, line {line}: not a TrajNet++ row: {reason}")
+
+    for line, kind, values in iterate_trajnet_rows(
+        _lines(path), predictions="first as tracks", refuse=refuse
+    ):
         try:
-            entry = json.loads(line)
-            if "scene" in entry:
-                scenes.append(_scene(entry["scene"]))
-            elif "track" in entry:
-                t = entry["track"]
-                if t.get("prediction_number"):
-                    continue
-                xy = float(t["x"]), float(t["y"])
-                if not np.isfinite(xy).all():
-                    raise ValueError("a position must be finite")
-                rows[int(t["p"]), int(t["f"])] = xy
+            if kind == "scene":
+                scenes.append(_scene(values))
             else:
-                raise ValueError("neither a scene nor a track")
+                rows[int(values["p"]), int(values["f"])] = _position(values)
         except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
             why = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else str(error)
-            raise InputError(f"{path}, line {number}: not a TrajNet++ row: {why}") from error
+            refuse(line, why)
     if not scenes or not rows:
         raise InputError(f"{path}: a TrajNet++ file holds scenes and tracks; found "
                          f"{len(scenes)} scenes and {len(rows)} rows of tracks")  # fmt: skip
@@ -113,9 +111,16 @@ def read_recording(path: Path) -> Recording:
 def _lines(path: Path) -> Iterator[str]:
     try:
         with path.open(encoding="utf-8") as file:
-            yield from (line for line in file if line.strip())
+            yield from file
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a text file") from error
+
+
+def _position(track: Mapping[str, Any]) -> tuple[float, float]:
+    xy = float(track["x"]), float(track["y"])
+    if not np.isfinite(xy).all():
+        raise ValueError("a position must be finite")
+    return xy
 
 
 def _scene(entry: dict[str, Any]) -> SceneRow:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from scenewright.backends.builtin.references import which
+from scenewright.backends.offline import which
 from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner.reply import (
     TIME,
@@ -89,6 +89,7 @@ class AgentLine(_Line):
     crosswalk: str | None = None
     runs_red: bool | None = None
     motion: str | None = None
+    members: int | None = None
 
 
 class RemoveLine(_Line):

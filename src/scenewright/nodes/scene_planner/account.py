@@ -170,7 +170,7 @@ def _left_out(start: int, end: int, words: str) -> SaidSpan:
 
 
 def _read_offline(question: Question) -> tuple[SaidSpan, ...]:
-    from scenewright.backends.builtin.backend import read_account
+    from scenewright.backends.offline import read_account
 
     return read_account(question.facts)
 

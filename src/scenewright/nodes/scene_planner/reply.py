@@ -59,6 +59,10 @@ _ON_FOOT = re.compile(
     r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
     re.IGNORECASE,
 )
+_IN_GROUPS = re.compile(
+    r"\bcouples?\b|\bpair\b|\bgroup|\bclass\b|famil|together|side by side|\bwith (?:a|her|his) ",
+    re.IGNORECASE,
+)
 _COMMON = frozenset(
     (
         *("a", "an", "the", "of", "its", "his", "her", "for", "to", "into", "on", "in", "at"),
@@ -234,8 +238,9 @@ def order_asked(words: str, who: Schema) -> Schema:
 
 
 def motions_asked(words: str) -> Schema:
-    """How a pedestrian crosses, where the words may speak of it."""
-    return {"motion": one_of(get_args(PedestrianMotion))} if _ON_FOOT.search(words) else {}
+    """How a pedestrian crosses, and how many do as one, where the words may speak of it."""
+    motion = {"motion": one_of(get_args(PedestrianMotion))} if _ON_FOOT.search(words) else {}
+    return motion | ({"members": whole(2, 8)} if _IN_GROUPS.search(words) else {})
 
 
 def points_asked(words: str) -> Schema:

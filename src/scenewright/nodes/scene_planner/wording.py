@@ -137,6 +137,7 @@ def _patterns(told: Sequence[Pattern]) -> str:
 
 
 _MOTIONS = "motion of a pedestrian: runs, darts_out (runs out at once), stops_midway.\n"
+_MEMBERS = "members: how many pedestrians walk together as one agent (a couple: 2; a class: 6).\n"
 _MANOEUVRES = (
     "manoeuvre, of two in one lane: lead_brakes: to brakes hard ahead of from, which hits it "
     "(collide_at rear_end), nearly does (near_miss) or stops in time (follow); no cause then. "
@@ -147,7 +148,9 @@ _MANOEUVRES = (
 def manoeuvres_told(words: str) -> str:
     """What manoeuvres and motions on foot there are, where a request may speak of one."""
     manoeuvres = _MANOEUVRES if manoeuvres_asked(words) else ""
-    return manoeuvres + (_MOTIONS if motions_asked(words) else "")
+    asked = motions_asked(words)
+    motions = (_MOTIONS if "motion" in asked else "") + (_MEMBERS if "members" in asked else "")
+    return manoeuvres + motions
 
 
 _ORDER = (

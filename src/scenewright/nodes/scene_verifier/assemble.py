@@ -53,7 +53,14 @@ def assemble(
     numbers = numbers if pins is None else pins.numbers(names)
     motions = {agent.id: agent.motion for agent in graph.agents}
     agents = tuple(
-        _agent(numbers[name], selection.agents[name], tracks[name], behavior, motions.get(name))
+        _agent(
+            numbers[name],
+            selection.agents[name],
+            tracks[name],
+            behavior,
+            motion=motions.get(selection.agents[name].group or name),
+            group=numbers.get(selection.agents[name].group or ""),
+        )
         for name in numbers
     )
     return SceneRecord(
@@ -124,7 +131,9 @@ def _agent(
     agent: SelectedAgent,
     track: Track,
     behavior: BehaviorProgram,
+    *,
     motion: PedestrianMotion | None,
+    group: int | None,
 ) -> AgentRecord:
     candidate, route = agent.candidate, agent.candidate.route
     segments = tuple(
@@ -153,6 +162,7 @@ def _agent(
         waypoints=_points(candidate.waypoints),
         violates_signal=agent.violates,
         motion=motion,
+        group=group,
     )
 
 

@@ -59,6 +59,8 @@ def _kept(motion: Motion, agent: SelectedAgent, selection: Selection) -> NDArray
         if agent.name in event.agents:
             begin, end = _about(event, selection)
             kept |= (times >= begin) & (times <= end)
+    if agent.group or any(each.group == agent.name for each in selection.agents.values()):
+        kept[:] = True  # apart from one another they would be no group
     kept[: round(FIRST / STEP)] = True
     kept |= agent.exact
     if motion.ended:

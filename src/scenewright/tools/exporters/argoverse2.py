@@ -36,7 +36,7 @@ def write_argoverse2(scene: ExportedScene, *, form: str = "whole") -> dict[str, 
 
 def _write_tracks(scene: ExportedScene) -> bytes:
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    parts = [_describe_track(agent, scene) for agent in scene.agents]
+    parts = [_describe_track(agent, scene) for agent in (*scene.agents, *scene.objects)]
     columns: dict[str, Any] = {
         key: np.concatenate([part[key] for part in parts]) for key in parts[0]
     }
@@ -59,7 +59,7 @@ def _write_tracks(scene: ExportedScene) -> bytes:
 
 def _describe_track(agent: ExportedAgent, scene: ExportedScene) -> dict[str, Any]:
     steps, count = agent.first + np.arange(len(agent.xy)), len(agent.xy)
-    foreground = SCORED if agent.record.role == "foreground" else UNSCORED
+    foreground = SCORED if agent.role == "foreground" else UNSCORED
     return {
         "observed": steps < OBSERVED,
         "track_id": np.array([str(agent.id)] * count),
@@ -71,8 +71,8 @@ def _describe_track(agent: ExportedAgent, scene: ExportedScene) -> dict[str, Any
         "heading": agent.heading,
         "velocity_x": agent.velocity[:, 0],
         "velocity_y": agent.velocity[:, 1],
-        "length": np.full(count, agent.record.length),
-        "width": np.full(count, agent.record.width),
+        "length": np.full(count, agent.length),
+        "width": np.full(count, agent.width),
         "kind": np.array([agent.names.tracks] * count),
     }
 

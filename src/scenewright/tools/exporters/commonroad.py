@@ -51,6 +51,8 @@ def write_commonroad(scene: ExportedScene) -> dict[str, bytes]:
     for name in ("urban", "intersection", "simulated"):
         add(tags, name)
     _add_map(root, scene)
+    for standing in scene.objects:
+        _add_obstacle(root, standing)
     for agent in scene.agents:
         if not (scene.ego_named and agent.id == scene.ego.id):
             _add_obstacle(root, agent)
@@ -156,16 +158,20 @@ def _add_junction(
 
 
 def _add_obstacle(root: _Element, agent: ExportedAgent) -> None:
-    element = add(root, "dynamicObstacle", id=agent.id)
-    _add_text(element, "type", agent.names.commonroad)
+    stands = agent.role == "object"
+    element = add(root, "staticObstacle" if stands else "dynamicObstacle", id=agent.id)
+    parked = stands and agent.names.is_vehicle
+    _add_text(element, "type", "parkedVehicle" if parked else agent.names.commonroad)
     shape = add(element, "shape")
-    if agent.record.type == "pedestrian":
-        _add_text(add(shape, "circle"), "radius", agent.record.length / 2)
+    if agent.type == "pedestrian":
+        _add_text(add(shape, "circle"), "radius", agent.length / 2)
     else:
         box = add(shape, "rectangle")
-        _add_text(box, "length", agent.record.length)
-        _add_text(box, "width", agent.record.width)
+        _add_text(box, "length", agent.length)
+        _add_text(box, "width", agent.width)
     _add_state(add(element, "initialState"), agent, 0, exact=False)
+    if stands:
+        return
     track = add(element, "trajectory")
     for k in range(1, len(agent.xy)):
         _add_state(add(track, "state"), agent, k, exact=False)

@@ -16,7 +16,7 @@ def write_csv(scene: ExportedScene) -> dict[str, bytes]:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     for agent in scene.agents:
-        size = (agent.record.length, agent.record.width)
+        size = (agent.length, agent.width)
         for t, (x, y), heading in zip(
             agent.times.tolist(), agent.xy.tolist(), agent.heading.tolist(), strict=True
         ):

@@ -12,9 +12,10 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.geometry.polyline import resample_by_spacing
 from scenewright.geometry.spline import build_spline_path
-from scenewright.scene.base import Colour, FloatArray
+from scenewright.scene.base import Colour, FloatArray, Point
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.objects import OBJECT_SIZES, ObjectRecord
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.exporters.road_users import ROAD_USERS, RoadUserNames, find_kind
 
@@ -26,17 +27,25 @@ SLOWEST_CONTINUATION = {True: 3.0, False: 1.0}
 
 @dataclass(frozen=True, eq=False)
 class ExportedAgent:
-    """One agent of an exported scene.
+    """One agent of an exported scene, or an object that stands in it.
 
     Attributes:
-        record: the agent as in scene.json; kind: key of `ROAD_USERS`.
+        id: number in scene.json, of objects above those; name: such as `vehicle-1`.
+        kind: key of `ROAD_USERS`; type, role, waypoints: as in scene.json.
+        length, width: [m].
         first: step of the first sample; step: time between samples [s].
         xy: [T, 2] centre [m]; heading: [T] in [−π, π] [rad].
         velocity: [T, 2] [m/s], by central differences of the positions.
     """
 
-    record: AgentRecord
+    id: int
+    name: str
     kind: str
+    type: str
+    role: str
+    length: float
+    width: float
+    waypoints: tuple[Point, ...]
     first: int
     step: float
     xy: FloatArray
@@ -50,13 +59,23 @@ class ExportedAgent:
         heading = wrap_angles(np.array(record.heading, dtype=np.float64))
         velocity = _differentiate(xy, step)
         kind = find_kind(record.type, record.subtype)
-        first = round(record.spawn_time / step)
-        return cls(record, kind, first, step, xy, heading, velocity)
+        return cls(
+            record.id, record.name, kind, record.type, record.role, record.length, record.width,
+            record.waypoints, round(record.spawn_time / step), step, xy, heading, velocity,
+        )  # fmt: skip
 
-    @property
-    def id(self) -> int:
-        """Number of the agent in scene.json."""
-        return self.record.id
+    @classmethod
+    def from_object(
+        cls, record: ObjectRecord, number: int, steps: int, step: float
+    ) -> ExportedAgent:
+        """An object that stands where it is throughout."""
+        kind = find_kind(record.kind if record.kind in OBJECT_SIZES else "vehicle", record.subtype)
+        xy = np.tile([record.x, record.y], (steps, 1))
+        heading = wrap_angles(np.full(steps, record.heading))
+        return cls(
+            number, record.id, kind, "vehicle", "object", record.length, record.width, (),
+            0, step, xy, heading, np.zeros_like(xy),
+        )  # fmt: skip
 
     @property
     def names(self) -> RoadUserNames:
@@ -94,9 +113,9 @@ class ExportedAgent:
 
         A collision ends a track, not the way that the agent was on.
         """
-        if len(self.record.waypoints) != K:
+        if len(self.waypoints) != K:
             return self.xy[-1:]
-        path = build_spline_path(np.array(self.record.waypoints)).xy
+        path = build_spline_path(np.array(self.waypoints)).xy
         nearest = int(np.argmin(np.hypot(*(path - self.xy[-1]).T)))
         rest = path[nearest:] - path[nearest] + self.xy[-1]
         length = np.hypot(*np.diff(rest, axis=0).T).sum()
@@ -111,6 +130,13 @@ class ExportedAgent:
         return replace(
             self, first=first, xy=self.xy[part], heading=self.heading[part],
             velocity=self.velocity[part],
+        )  # fmt: skip
+
+    def hold(self, steps: int) -> ExportedAgent:
+        """An object that stands for so many steps."""
+        return replace(
+            self, xy=np.repeat(self.xy[:1], steps, axis=0),
+            heading=np.repeat(self.heading[:1], steps), velocity=np.zeros((steps, 2)),
         )  # fmt: skip
 
     def continue_until(self, last: int) -> ExportedAgent:
@@ -138,6 +164,7 @@ class ExportedScene:
 
     Attributes:
         name: of its files.
+        objects: what stands: parked vehicles, boxes, bins, containers.
         steps: samples of the clock, from time 0 to the end of the scene.
         ego: the agent that is left to a user, or around which a format is centred.
         ego_named: whether the caller named the ego, and so takes it over.
@@ -152,6 +179,7 @@ class ExportedScene:
     ego: ExportedAgent
     ego_named: bool = False
     offset: int = 0
+    objects: tuple[ExportedAgent, ...] = ()
 
     @property
     def step(self) -> float:
@@ -198,7 +226,10 @@ class ExportedScene:
         if not agents or (self.ego_named and not there):
             raise InputError(f"the ego of scene {self.name} is not there in the stretch cut out")
         ego = there[0] if there else _find_ego(agents, None)
-        return replace(self, agents=agents, ego=ego, steps=steps, offset=self.offset + start)
+        objects = tuple(each.hold(steps) for each in self.objects)
+        return replace(
+            self, agents=agents, ego=ego, steps=steps, offset=self.offset + start, objects=objects
+        )
 
     def find_event_step(self) -> int:
         """Step of the first event; the middle of the scene where there is none."""
@@ -235,9 +266,15 @@ def prepare_scene(
         raise InputError(f"scene {record.meta.scene_id[:40]} has no agents to export")
     steps = max(round(record.meta.duration / step), *(each.last for each in agents)) + 1
     file_name = _clean_name(name or record.meta.scene_id)
-    return ExportedScene(
-        record, file_name, intersection_map, agents, steps, _find_ego(agents, ego), ego is not None
+    first = max(agent.id for agent in agents) + 1
+    objects = tuple(
+        ExportedAgent.from_object(each, number, steps, step)
+        for number, each in enumerate(record.objects, start=first)
     )
+    return ExportedScene(
+        record, file_name, intersection_map, agents, steps, _find_ego(agents, ego),
+        ego_named=ego is not None, objects=objects,
+    )  # fmt: skip
 
 
 def _clean_name(text: str) -> str:
@@ -247,13 +284,11 @@ def _clean_name(text: str) -> str:
 
 def _find_ego(agents: tuple[ExportedAgent, ...], ego: str | None) -> ExportedAgent:
     if ego is None:
-        return min(
-            agents, key=lambda a: (not a.names.is_vehicle, a.record.role != "foreground", a.id)
-        )
+        return min(agents, key=lambda a: (not a.names.is_vehicle, a.role != "foreground", a.id))
     for agent in agents:
-        if ego in (agent.record.name, str(agent.id)):
+        if ego in (agent.name, str(agent.id)):
             return agent
-    there = ", ".join(agent.record.name for agent in agents[:20])
+    there = ", ".join(agent.name for agent in agents[:20])
     raise InputError(f"no agent {ego[:40]!r} in the scene; there are: {there}")
 
 

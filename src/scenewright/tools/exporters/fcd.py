@@ -29,11 +29,11 @@ def write_fcd(scene: ExportedScene) -> dict[str, bytes]:
 def _add_agent(step: ElementTree.Element, agent: ExportedAgent, k: int) -> None:
     vehicle = agent.names.is_vehicle
     turn = float(agent.heading[k])
-    forward = agent.record.length / 2 * vehicle
+    forward = agent.length / 2 * vehicle
     x, y = (agent.xy[k] + forward * np.array([math.cos(turn), math.sin(turn)])).tolist()
     add(
-        step, "vehicle" if vehicle else "person", id=agent.record.name,
+        step, "vehicle" if vehicle else "person", id=agent.name,
         x=round(x, 4), y=round(y, 4), angle=round(90.0 - math.degrees(turn), 4) % 360.0,
         type=agent.names.sumo, speed=round(float(agent.speed[k]), 3),
-        length=agent.record.length, width=agent.record.width,
+        length=agent.length, width=agent.width,
     )  # fmt: skip

@@ -47,11 +47,11 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[str, int, dict[str, A
         nanos = round(time * 1e9)
         boxes = [
             _describe_box(agent, k - agent.first, nanos)
-            for agent in scene.agents
+            for agent in (*scene.agents, *scene.objects)
             if agent.first <= k <= agent.last
         ]
         yield "/agents", nanos, {"deletions": [], "entities": boxes}
-    names = {agent.id: agent.record.name for agent in scene.agents}
+    names = {agent.id: agent.name for agent in scene.agents}
     for event in scene.record.events:
         if event.time is not None:
             nanos = round((event.time - scene.offset * scene.step) * 1e9)
@@ -80,17 +80,17 @@ def _describe_entity(name: str, nanos: int, **primitives: Any) -> dict[str, Any]
 
 def _describe_box(agent: ExportedAgent, k: int, nanos: int) -> dict[str, Any]:
     (x, y), half = agent.xy[k].tolist(), float(agent.heading[k]) / 2
-    foreground = agent.record.role == "foreground"
+    foreground = agent.role == "foreground"
     usual = _VEHICLE if agent.names.is_vehicle else _PEDESTRIAN
     box = {
         "pose": {
             "position": {"x": x, "y": y, "z": agent.height / 2},
             "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
         },
-        "size": {"x": agent.record.length, "y": agent.record.width, "z": agent.height},
+        "size": {"x": agent.length, "y": agent.width, "z": agent.height},
         "color": _colour(_FOREGROUND if foreground else usual),
     }
-    entity = _describe_entity(agent.record.name, nanos, cubes=[box])
+    entity = _describe_entity(agent.name, nanos, cubes=[box])
     # It disappears with its last sample instead of staying for good.
     return entity | {"lifetime": _stamp(round(agent.step * 1e9))}
 

@@ -44,7 +44,7 @@ def write_openscenario(scene: ExportedScene, *, form: str = "replay") -> dict[st
     add(root, "CatalogLocations")
     _add_road_network(root, scene)
     entities = add(root, "Entities")
-    for agent in scene.agents:
+    for agent in (*scene.agents, *scene.objects):
         _add_entity(entities, agent)
     _add_storyboard(root, scene, form, clock)
     return {
@@ -73,9 +73,11 @@ def _add_road_network(root: _Element, scene: ExportedScene) -> None:
 
 
 def _add_entity(entities: _Element, agent: ExportedAgent) -> None:
-    thing = add(entities, "ScenarioObject", name=agent.record.name)
-    length, width, category = agent.record.length, agent.record.width, agent.names.openscenario
-    if category is None:
+    thing = add(entities, "ScenarioObject", name=agent.name)
+    length, width, category = agent.length, agent.width, agent.names.openscenario
+    if category is None and agent.role == "object":
+        body = add(thing, "MiscObject", name=agent.kind, mass=100.0, miscObjectCategory="obstacle")
+    elif category is None:
         body = add(thing, "Pedestrian", name=agent.kind, mass=75.0, model=agent.kind,
                    pedestrianCategory="pedestrian")  # fmt: skip
     else:
@@ -106,6 +108,8 @@ def _add_storyboard(root: _Element, scene: ExportedScene, form: str, clock: str)
             _add_start(actions, agent, routed=left_alone)
         if not left_alone:
             _add_maneuvers(act, agent, scene, form)
+    for standing in scene.objects:
+        _add_start(actions, standing, routed=False)
     _add_time_trigger(add(act, "StartTrigger"), 0.0)
     end = round((scene.steps - 1) * scene.step, 3)
     _add_time_trigger(add(board, "StopTrigger"), end)
@@ -113,7 +117,7 @@ def _add_storyboard(root: _Element, scene: ExportedScene, form: str, clock: str)
 
 def _add_start(actions: _Element, agent: ExportedAgent, *, routed: bool) -> None:
     """Place and speed at time 0; of an ego that is left alone the route as well."""
-    private = add(actions, "Private", entityRef=agent.record.name)
+    private = add(actions, "Private", entityRef=agent.name)
     teleport = add(add(private, "PrivateAction"), "TeleportAction")
     _add_position(teleport, agent.xy[0], float(agent.heading[0]))
     _add_speed(add(private, "PrivateAction"), float(agent.speed[0]))
@@ -122,7 +126,7 @@ def _add_start(actions: _Element, agent: ExportedAgent, *, routed: bool) -> None
 
 
 def _add_maneuvers(act: _Element, agent: ExportedAgent, scene: ExportedScene, form: str) -> None:
-    name = agent.record.name
+    name = agent.name
     group = add(act, "ManeuverGroup", name=f"group {name}", maximumExecutionCount=1)
     actors = add(group, "Actors", selectTriggeringEntities=False)
     add(actors, "EntityRef", entityRef=name)
@@ -151,7 +155,7 @@ def _find_starter(agent: ExportedAgent, scene: ExportedScene) -> _Place | None:
     k = agent.first - scene.ego.first
     if {agent.id, scene.ego.id} not in pairs or not 0 < k < len(scene.ego.xy):
         return None
-    return scene.ego.record.name, np.asarray(scene.ego.xy[k])
+    return scene.ego.name, np.asarray(scene.ego.xy[k])
 
 
 def _add_event(
@@ -170,10 +174,10 @@ def _add_event(
 
 def _add_exit(maneuver: _Element, agent: ExportedAgent) -> None:
     """The agent has left the map and disappears."""
-    event = add(maneuver, "Event", name=f"leave {agent.record.name}", priority="parallel",
+    event = add(maneuver, "Event", name=f"leave {agent.name}", priority="parallel",
                 maximumExecutionCount=1)  # fmt: skip
-    action = add(event, "Action", name=f"action leave {agent.record.name}")
-    entity = add(add(action, "GlobalAction"), "EntityAction", entityRef=agent.record.name)
+    action = add(event, "Action", name=f"action leave {agent.name}")
+    entity = add(add(action, "GlobalAction"), "EntityAction", entityRef=agent.name)
     add(entity, "DeleteEntityAction")
     _add_time_trigger(add(event, "StartTrigger"), round(float(agent.times[-1]) + agent.step, 3))
 
@@ -182,7 +186,7 @@ def _add_trajectory(action: _Element, agent: ExportedAgent, *, held: bool) -> No
     """The track; one that a collision ends is held for a step, so that no clock misses its end."""
     follow = add(add(action, "RoutingAction"), "FollowTrajectoryAction")
     reference = add(follow, "TrajectoryRef")
-    path = add(reference, "Trajectory", name=f"track {agent.record.name}", closed=False)
+    path = add(reference, "Trajectory", name=f"track {agent.name}", closed=False)
     add(path, "ParameterDeclarations")
     line = add(add(path, "Shape"), "Polyline")
     for t, xy, heading in zip(agent.times.tolist(), agent.xy, agent.heading.tolist(), strict=True):
@@ -201,7 +205,7 @@ def _add_route(action: _Element, agent: ExportedAgent) -> None:
     along = np.concatenate([[0.0], np.hypot(*np.diff(way, axis=0).T).cumsum()])
     count = max(round(along[-1] / WAYPOINT_SPACING), 1)
     route = add(add(add(action, "RoutingAction"), "AssignRouteAction"), "Route",
-                name=f"route {agent.record.name}", closed=False)  # fmt: skip
+                name=f"route {agent.name}", closed=False)  # fmt: skip
     for at in np.linspace(0.0, along[-1], count + 1):
         point = np.array([np.interp(at, along, way[:, axis]) for axis in (0, 1)])
         _add_position(add(route, "Waypoint", routeStrategy="shortest"), point, None)

@@ -60,6 +60,7 @@ def _list_messages(scene: ExportedScene) -> Iterator[tuple[Topic, int, bytes]]:
             moving_object=[
                 _describe_agent(a, k - a.first) for a in scene.agents if a.first <= k <= a.last
             ],
+            stationary_object=[_describe_object(each) for each in scene.objects],
             traffic_light=_describe_lights(scene, colours, k),
             map_reference=scene.intersection_map.name,
             **({"host_vehicle_id": {"value": scene.ego.id}} if scene.ego_named else {}),
@@ -71,7 +72,7 @@ def _describe_agent(agent: ExportedAgent, k: int) -> dict[str, Any]:
     kind, subtype = agent.names.osi
     base = {
         "dimension": {
-            "length": agent.record.length, "width": agent.record.width, "height": agent.height,
+            "length": agent.length, "width": agent.width, "height": agent.height,
         },
         "position": _point(agent.xy[k], agent.height / 2),
         "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": float(agent.heading[k])},
@@ -82,6 +83,18 @@ def _describe_agent(agent: ExportedAgent, k: int) -> dict[str, Any]:
     if agent.names.is_vehicle:
         thing["vehicle_classification"] = {"type": subtype, "role": _CIVIL}
     return thing
+
+
+def _describe_object(agent: ExportedAgent) -> dict[str, Any]:
+    """A parked vehicle or another object, as of another kind than OSI names (1)."""
+    base = {
+        "dimension": {
+            "length": agent.length, "width": agent.width, "height": agent.height,
+        },
+        "position": _point(agent.xy[0], agent.height / 2),
+        "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": float(agent.heading[0])},
+    }  # fmt: skip
+    return {"id": {"value": agent.id}, "base": base, "classification": {"type": 1}}
 
 
 def _describe_lights(

@@ -18,7 +18,7 @@ class RoadUserNames:
     Attributes:
         height: [m], which scenes do not state: a usual one.
         tracks: class in a CSV of tracks and in TrajNet++ lines.
-        sumo: vClass; openscenario: VehicleCategory, or None for a pedestrian.
+        sumo: vClass; openscenario: VehicleCategory; None for pedestrians and objects.
         scenarionet: MetaDriveType; commonroad: obstacle type; argoverse2: object type.
         womd: number of Track.ObjectType (1 vehicle, 2 pedestrian, 3 cyclist).
         osi: MovingObject.Type and VehicleClassification.Type.
@@ -36,7 +36,7 @@ class RoadUserNames:
 
     @property
     def is_vehicle(self) -> bool:
-        """Whether it has wheels: anything but a pedestrian."""
+        """Whether it has wheels: neither a pedestrian nor a box, a bin or a container."""
         return self.openscenario is not None
 
 
@@ -52,6 +52,9 @@ _TRUCK = RoadUserNames(
 _MOTORCYCLE = RoadUserNames(
     1.6, "motorcycle", "motorcycle", "motorbike", "VEHICLE", "motorcycle", 1, "motorcyclist",
     (2, 10),
+)  # fmt: skip
+_BOX = RoadUserNames(
+    2.0, "box", "", None, "TRAFFIC_BARRIER", "unknown", 4, "static", (0, 0)
 )  # fmt: skip
 ROAD_USERS: dict[str, RoadUserNames] = {
     "vehicle": _CAR,
@@ -70,6 +73,9 @@ ROAD_USERS: dict[str, RoadUserNames] = {
     "pedestrian": RoadUserNames(
         1.75, "pedestrian", "pedestrian", None, "PEDESTRIAN", "pedestrian", 2, "pedestrian", (3, 0)
     ),
+    "box": _BOX,
+    "bin": replace(_BOX, height=1.1, tracks="bin"),
+    "container": replace(_BOX, height=2.6, tracks="container"),
 }
 """Names by kind."""
 

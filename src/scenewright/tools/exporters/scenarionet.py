@@ -43,7 +43,7 @@ def _file_name(scene: ExportedScene) -> str:
 
 def _describe(scene: ExportedScene) -> dict[str, Any]:
     scene = scene.begin_at_ego()
-    agents = [_extend(agent, scene) for agent in scene.agents]
+    agents = [_extend(agent, scene) for agent in (*scene.agents, *scene.objects)]
     tracks = {str(agent.id): _describe_track(agent, scene.steps) for agent in agents}
     features = _describe_map(scene.intersection_map)
     lights = _describe_lights(scene)
@@ -82,7 +82,7 @@ def _extend(agent: ExportedAgent, scene: ExportedScene) -> ExportedAgent:
 
 def _describe_track(agent: ExportedAgent, steps: int) -> dict[str, Any]:
     part = slice(agent.first, agent.last + 1)
-    size = {"length": agent.record.length, "width": agent.record.width, "height": agent.height}
+    size = {"length": agent.length, "width": agent.width, "height": agent.height}
     state: dict[str, Any] = {
         "position": np.zeros((steps, 3), np.float32),
         "velocity": np.zeros((steps, 2), np.float32),
@@ -102,7 +102,7 @@ def _describe_track(agent: ExportedAgent, steps: int) -> dict[str, Any]:
         "object_id": str(agent.id),
         "track_length": steps,
         "dataset": DATASET,
-        "name": agent.record.name,
+        "name": agent.name,
         "kind": agent.kind,
     }
     return {"type": kind, "state": state, "metadata": about}

@@ -32,7 +32,7 @@ def write_trajnet(scene: ExportedScene) -> dict[str, bytes]:
 def _scene_rows(scene: ExportedScene, stride: int) -> Iterator[dict[str, Any]]:
     """The last 8 s of every agent that is there so long, the foreground first."""
     number = 0
-    for agent in sorted(scene.agents, key=lambda a: a.record.role != "foreground"):
+    for agent in sorted(scene.agents, key=lambda a: a.role != "foreground"):
         frames = _frames(agent, stride)
         if len(frames) >= LENGTH:
             ends = {"s": int(frames[-LENGTH]), "e": int(frames[-1])}

@@ -27,7 +27,7 @@ def write_womd(scene: ExportedScene, *, form: str = "whole") -> dict[str, bytes]
         scenario_id=scene.name,
         timestamps_seconds=scene.times.tolist(),
         current_time_index=min(CURRENT, scene.steps - 1),
-        tracks=[_describe_track(agent, scene.steps) for agent in scene.agents],
+        tracks=[_describe_track(a, scene.steps) for a in (*scene.agents, *scene.objects)],
         sdc_track_index=[agent.id for agent in scene.agents].index(scene.ego.id),
         objects_of_interest=scene.list_event_agents()[:2],
         tracks_to_predict=_list_predictions(scene),
@@ -47,7 +47,7 @@ def _describe_track(agent: ExportedAgent, steps: int) -> dict[str, Any]:
     ):
         states[agent.first + k] = {
             "center_x": x, "center_y": y, "center_z": agent.height / 2,
-            "length": agent.record.length, "width": agent.record.width, "height": agent.height,
+            "length": agent.length, "width": agent.width, "height": agent.height,
             "heading": turn, "velocity_x": vx, "velocity_y": vy, "valid": True,
         }  # fmt: skip
     return {"id": agent.id, "object_type": agent.names.womd, "states": states}
@@ -59,7 +59,7 @@ def _list_predictions(scene: ExportedScene) -> list[dict[str, int]]:
     return [
         {"track_index": index, "difficulty": 0}
         for index, agent in enumerate(scene.agents)
-        if agent.record.role == "foreground" and agent.first <= now <= agent.last
+        if agent.role == "foreground" and agent.first <= now <= agent.last
     ]
 
 

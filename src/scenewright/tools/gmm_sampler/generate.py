@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any, Literal
@@ -24,6 +24,7 @@ from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
     sample_driving_profiles,
 )
+from scenewright.tools.gmm_sampler.groups import form_group
 from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
 from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
 from scenewright.tools.gmm_sampler.sample import (
@@ -137,6 +138,7 @@ def amplify(
         )
         if node.motion in _RUNNING:
             agents[node.id] = _let_run(agents[node.id], priors, rng)
+    groups = _form_groups(graph, agents)
     _draw_lane_departures(agents, assignment, priors, rng=rng)
     apply_measures(agents, graph, rng)
     counts = draw_background_counts(graph, priors, hour=hour, rng=rng)
@@ -145,7 +147,7 @@ def amplify(
         routes, arrivals = _draw_background(
             kind, count, spares, priors, intersection_map=intersection_map, hour=hour, rng=rng
         )
-        names = _list_free_names(graph, kind, count + spares)
+        names = _list_free_names(agents, kind, count + spares)
         for n, (name, route, arrival) in enumerate(zip(names, routes, arrivals, strict=True)):
             agents[name] = _draw_agent(
                 name, "background", route, priors, background_size or size, rng,
@@ -153,7 +155,7 @@ def amplify(
             )  # fmt: skip
     return CandidateSet(
         agents=agents, cast=assignment, hour=hour, background=counts,
-        yielding_model=priors.yielding_model,
+        yielding_model=priors.yielding_model, groups=groups,
     )  # fmt: skip
 
 
@@ -365,8 +367,20 @@ def _get_rate(priors: Priors, route: Route, hour: float) -> float:
     return 0.0 if rates is None else float(rates[int(hour) % HOURS])
 
 
-def _list_free_names(graph: SocialGraph, kind: AgentClass, count: int) -> list[str]:
-    taken = {agent.id for agent in graph.agents}
+def _form_groups(
+    graph: SocialGraph, agents: dict[str, AgentCandidates]
+) -> dict[str, tuple[str, ...]]:
+    """Adds the other members of every group; their names, by that of their leader."""
+    groups: dict[str, tuple[str, ...]] = {}
+    for node in graph.agents:
+        if node.members is not None:
+            names = _list_free_names(agents, "pedestrian", node.members - 1)
+            agents |= form_group(agents[node.id], names)
+            groups[node.id] = tuple(names)
+    return groups
+
+
+def _list_free_names(taken: Container[str], kind: AgentClass, count: int) -> list[str]:
     free = (name for n in itertools.count(1) if (name := f"{kind}-{n}") not in taken)
     return list(itertools.islice(free, count))
 

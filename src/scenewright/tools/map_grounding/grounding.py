@@ -91,9 +91,13 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
         if not routes[agent.id]:
             raise Rejected(_no_route(agent, intersection_map))
     for refuse in (
-        _two_collisions, _late_without_a_clash, _brakes_on_foot, _waits_for_a_wreck,
+        _two_collisions,
+        _hits_a_group,
+        _late_without_a_clash,
+        _brakes_on_foot,
+        _waits_for_a_wreck,
         refuse_wrong_orders,
-    ):  # fmt: skip
+    ):
         refuse(graph)
     grounding = Grounding(routes=routes)
     refuse_unhidden(
@@ -565,6 +569,18 @@ def _two_collisions(graph: SocialGraph) -> None:
             raise Rejected(_relation_fails(edges[1], detail))
 
 
+def _hits_a_group(graph: SocialGraph) -> None:
+    """Raises Rejected if a group is to be hit."""
+    for edge in graph.relations:
+        for name in (edge.from_, edge.to):
+            if edge.type == "collide_at" and graph.agent(name).members is not None:
+                detail = (
+                    f"{name} is a group, and who of it is hit cannot be said; ask for a near miss "
+                    "or a yield, or have one pedestrian hit"
+                )
+                raise Rejected(_relation_fails(edge, detail))
+
+
 def _late_without_a_clash(graph: SocialGraph) -> None:
     """Raises Rejected if somebody is to brake too late where nothing comes of it."""
     for edge in graph.relations:
@@ -598,6 +614,16 @@ def _waits_for_a_wreck(graph: SocialGraph) -> None:
                 "give the two pedestrians different crosswalks"
             )
             raise Rejected(_relation_fails(wait, detail))
+
+
+_REFUSALS = (
+    _two_collisions,
+    _hits_a_group,
+    _late_without_a_clash,
+    _brakes_on_foot,
+    _waits_for_a_wreck,
+)
+"""What no graph may ask for; each raises Rejected."""
 
 
 def _waits_and_hits(graph: SocialGraph) -> Iterator[tuple[RelationEdge, RelationEdge]]:

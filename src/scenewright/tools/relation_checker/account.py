@@ -12,6 +12,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.groups import list_groups
 from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
 from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 from scenewright.tools.relation_checker.measured import MeasuredFigures
@@ -24,6 +25,9 @@ _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie"
 """Checked elsewhere, as conditions on relations, ties and lights, or saying nothing of tracks."""
 
 _DAY = 24 * 60
+
+GROUP = "group of "
+"""How the value of an entry begins that stands for several who walk together."""
 _CLOCK = re.compile(r"[0-9]{2}:[0-9]{2}(:[0-9]{2})?")
 
 
@@ -129,6 +133,8 @@ class _EvidenceFinder:
 
     def _find_presence(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]
+        if (entry.value or "").startswith(GROUP):
+            return self._find_group(entry)
         if entry.value in ("vehicle", "pedestrian") and any(a.type != entry.value for a in agents):
             return None
         named = entry.value in ("car", "truck", "bus", "motorcycle")
@@ -154,6 +160,12 @@ class _EvidenceFinder:
                     f"{seen:.1f} s, {lead:.2f} s before the event"
                 )
         return None
+
+    def _find_group(self, entry: SaidRecord) -> str | None:
+        """That so many walk in the group of the agent; how, `check_groups` sees."""
+        members = list_groups(self._scene.agents).get(entry.agents[0], ()) if entry.agents else ()
+        wanted = (entry.value or "").removeprefix(GROUP)
+        return f"agents {', '.join(map(str, members))}" if str(len(members)) == wanted else None
 
     def _find_route(self, entry: SaidRecord) -> str | None:
         agents = [self._agents[number] for number in entry.agents]

@@ -28,6 +28,12 @@ from scenewright.tools.relation_checker.collisions import is_impact_at
 from scenewright.tools.relation_checker.conditions import find_unmet_condition
 from scenewright.tools.relation_checker.events import SceneObservation, observe
 from scenewright.tools.relation_checker.external_events import MOST_PAIR_SAMPLES, count_pair_samples
+from scenewright.tools.relation_checker.groups import (
+    check_groups,
+    find_group_events,
+    list_group_pairs,
+    list_groups,
+)
 from scenewright.tools.relation_checker.labels import (
     DIRECTED,
     find_false_journeys,
@@ -90,13 +96,15 @@ def check(
     _check_ties(scene, known)
     _check_measures(scene, known)
     asked = tuple(_check_pair(r, known) for r in scene.relations)
+    groups = list_groups(scene.agents)
+    bound = [each for pair in asked for each in list_group_pairs(pair, groups)]
     roles = AgentRoles(
         frozenset(a.id for a in scene.agents if a.role == "foreground").union(*asked),
-        frozenset(frozenset(pair) for pair in asked),
+        frozenset(frozenset(pair) for pair in bound),
     )
     observed = observe(
-        users, intersection_map=intersection_map, signals=scene.signals, asked=asked,
-        detailed=frozenset(n for pair in asked for n in pair), until=scene.meta.duration,
+        users, intersection_map=intersection_map, signals=scene.signals, asked=bound,
+        detailed=frozenset(n for pair in bound for n in pair), until=scene.meta.duration,
     )  # fmt: skip
     asked_for = (
         scene.relations
@@ -104,6 +112,7 @@ def check(
         else _drop_light_causes(scene.relations)
     )
     matched, missing = _match_events(asked_for, observed, intersection_map)
+    matched |= find_group_events(scene.relations, observed.events, groups) if groups else matched
     return _build_proof(
         scene, intersection_map, observed=observed, roles=roles, matched=matched, missing=missing,
         labelled=labelled,
@@ -144,6 +153,7 @@ def _build_proof(
         *_check_tied_entries(scene, observed, intersection_map),
         *_check_asked_red_runs(scene, observed, intersection_map, roles),
         *check_pedestrian_motions(scene.agents, observed, intersection_map),
+        *check_groups(scene.agents, observed),
     )
     unasked = (
         *check_interference(observed, roles, expected=matched),

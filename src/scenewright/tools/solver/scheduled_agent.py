@@ -85,6 +85,13 @@ class ScheduledAgent:
             contact,
         )  # fmt: skip
 
+    def led(self, candidate: Candidate, landmarks: Landmarks) -> ScheduledAgent:
+        """A member of its group, who walks as it does on a path of its own."""
+        own = replace(candidate, time_law=self.candidate.time_law)
+        member = ScheduledAgent.unplaced(own, landmarks)
+        moved = replace(member, enters=self.enters)
+        return moved.edited(stops=self.stops, slowings=self.slowings)
+
     def until(self, time: float) -> ScheduledAgent:
         """What of it falls before scene time `time`; nothing later can meet anybody."""
         steps = max(int((time - self.enters) / STEP + 1e-6), 1)

@@ -181,8 +181,11 @@ class Search:
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed)]
         self._bound = list(dict.fromkeys((*bound, *runners)))
+        self._leads = {name: leader for leader, names in pool.groups.items() for name in names}
+        if not pool.groups.keys() <= {*bound}:
+            raise Rejected(_alone(sorted(pool.groups.keys() - {*bound}), "walks in a group"))
         if not self._pausing <= {*bound}:
-            raise Rejected(_pauses_alone(sorted(self._pausing - {*bound})))
+            raise Rejected(_alone(sorted(self._pausing - {*bound}), "stops on its way"))
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
         self._shortfalls = NearestMisses()
@@ -346,6 +349,7 @@ class Search:
         """In scene time and with lights; None if one of these does not fit."""
         timed = self._timed(schedule)
         timed = None if timed is None else self._with_runners(timed, choice)
+        timed = None if timed is None else self._with_members(timed, choice)
         if timed is None or not self._strangers_apart(timed):
             return None
         if not (self._in_order(timed) and self._is_as_measured(timed, timed=True)):
@@ -401,6 +405,19 @@ class Search:
         known = {name: pair for name, pair in built.items() if pair is not None}
         return add_red_light_runners(schedule, known, known, self._rng)
 
+    def _with_members(
+        self, schedule: PartialSchedule, choice: Mapping[str, int]
+    ) -> PartialSchedule | None:
+        """Also those who walk in the groups of others; None if one has no room there."""
+        members: dict[str, ScheduledAgent] = {}
+        for leader, names in self._pool.groups.items():
+            for name in names:
+                built = self._candidate(name, choice[leader])
+                if built is None:
+                    return None
+                members[name] = schedule.actors[leader].led(*built)
+        return replace(schedule, actors={**schedule.actors, **members}) if members else schedule
+
     def _run_first(self, schedule: PartialSchedule) -> bool:
         """Whether those on stage who are to run red do so before what they do to others."""
         there = sorted(self._violators & schedule.actors.keys())
@@ -420,7 +437,8 @@ class Search:
         related = {frozenset((c.first, str(c.second))) for c in self._events}
         for a in schedule.actors:
             for b in schedule.actors:
-                if a == b or frozenset((a, b)) in related:
+                pair = frozenset((self._leads.get(a, a), self._leads.get(b, b)))
+                if len(pair) == 1 or pair in related:
                     continue
                 first, second = (schedule.actors[name].until(MAX_SECONDS) for name in (a, b))
                 delta = (second.enters - first.enters) / STEP
@@ -627,7 +645,7 @@ class Search:
         schedule, agents = timed.schedule, dict[str, SelectedAgent]()
         for name, draws in self._pool.agents.items():
             if name in schedule.actors:
-                actor, index = schedule.actors[name], choice[name]
+                actor, index = schedule.actors[name], choice[self._leads.get(name, name)]
             elif name not in assignment.chosen:
                 continue
             else:
@@ -643,6 +661,7 @@ class Search:
                 slowings=actor.slowings,
                 contact=actor.contact,
                 violates=name in self._violators,
+                group=self._leads.get(name),
                 exact=name in self._measured,
             )
         events = tuple(
@@ -746,12 +765,12 @@ def _unbound(clause: PairClause) -> Rejection:
     )
 
 
-def _pauses_alone(names: list[str]) -> Rejection:
+def _alone(names: list[str], what: str) -> Rejection:
     return Rejection(
         stage="waypoint_filter",
         code="malformed_program",
         agents=tuple(names),
-        detail=f"{names[0]} stops on its way, so it must also do something with another agent",
+        detail=f"{names[0]} {what}, so it must also do something with another agent",
     )
 
 

@@ -64,7 +64,7 @@ def _read_columns(data: bytes, name: str) -> dict[str, list[Any]]:
             )
         own = [column for column in _OWN if column in file.schema_arrow.names]
         columns: dict[str, list[Any]] = file.read([*_NEEDED, *own]).to_pydict()
-    except (arrow.ArrowException, OSError) as error:
+    except (arrow.ArrowException, OSError, ValueError) as error:
         raise InputError(f"{name} is no Parquet file that can be read") from error
     if not columns["track_id"]:
         raise InputError(f"{name} holds no tracks")

@@ -29,6 +29,7 @@ from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 from scenewright.tools.track_io.sampled_recording import SampledRecording
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
 from scenewright.tools.track_io.subtypes import find_subtype
+from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 from scenewright.tools.track_io.unit_checks import find_unit_doubts
 
 MOST_BYTES = 200_000_000
@@ -320,31 +321,16 @@ def read_trajnet(text: str, *, name: str) -> ExternalTracks:
         InputError: names the line and what to mend.
     """
     table, fps = _Table(name, clock="f"), {}
-    for line, row in _iterate_json_rows(text, table):
-        if isinstance(row.get("scene"), dict):
-            fps[_read_fps(row["scene"], line, table)] = line
-        elif isinstance(row.get("track"), dict):
-            _add_track(row["track"], line, table)
+    rows = iterate_trajnet_rows(text.split("\n"), predictions="refuse", refuse=table.refuse)
+    for line, kind, values in rows:
+        if kind == "scene":
+            fps[_read_fps(values, line, table)] = line
         else:
-            table.refuse(line, 'expected {"scene": {...}} or {"track": {"f", "p", "x", "y"}}')
+            _add_track(values, line, table)
     if len(fps) > 1:
         (one, _), (other, line) = list(fps.items())[:2]
         table.refuse(line, f"fps {other:g} here and {one:g} elsewhere; split the file by fps")
     return _build_tracks(table, unit=1 / (next(iter(fps), TRAJNET_FPS) * _find_stride(table)))
-
-
-def _iterate_json_rows(text: str, table: _Table) -> Iterator[tuple[int, dict[str, Any]]]:
-    for line, content in enumerate(text.split("\n"), start=1):
-        if not content.strip():
-            continue
-        try:
-            row = json.loads(content)
-        except (ValueError, RecursionError) as error:
-            reason = getattr(error, "msg", None) or "cannot be read"
-            raise InputError(f"{table.name}, line {line}: no JSON: {reason}") from error
-        if not isinstance(row, dict):
-            table.refuse(line, "expected one JSON object per line")
-        yield line, row
 
 
 def _read_fps(scene: Mapping[str, Any], line: int, table: _Table) -> float:
@@ -355,8 +341,6 @@ def _read_fps(scene: Mapping[str, Any], line: int, table: _Table) -> float:
 
 
 def _add_track(track: Mapping[str, Any], line: int, table: _Table) -> None:
-    if track.get("prediction_number") is not None:
-        table.refuse(line, "this is a prediction; leave out tracks with a prediction_number")
     missing = [key for key in ("f", "p", "x", "y") if track.get(key) is None]
     if missing:
         table.refuse(line, f"the track has no {', '.join(missing)}; it needs f, p, x and y")

@@ -32,7 +32,9 @@ MovingObject: id 1 Identifier, base 2 BaseMoving, type 3 int32, vehicle_classifi
 BaseStationary: dimension 1 Dimension3d, position 2 Vector3d, orientation 3 Orientation3d
 TrafficLightClassification: color 1 int32, icon 2 int32, mode 3 int32
 TrafficLight: id 1 Identifier, base 2 BaseStationary, classification 3 TrafficLightClassification
-GroundTruth: version 1 InterfaceVersion, timestamp 2 Timestamp, host_vehicle_id 3 Identifier, moving_object 5 *MovingObject, traffic_light 7 *TrafficLight, map_reference 15 string
+StationaryClassification: type 1 int32
+StationaryObject: id 1 Identifier, base 2 BaseStationary, classification 3 StationaryClassification
+GroundTruth: version 1 InterfaceVersion, timestamp 2 Timestamp, host_vehicle_id 3 Identifier, stationary_object 4 *StationaryObject, moving_object 5 *MovingObject, traffic_light 7 *TrafficLight, map_reference 15 string
 MapAsamOpenDrive: map_reference 1 string, open_drive_xml_content 2 string
 """  # noqa: E501
 VEHICLE, PEDESTRIAN = 2, 3
@@ -71,22 +73,22 @@ def read_osi(data: bytes, *, name: str) -> list[SampledRecording]:
 
 
 def _read_messages(data: bytes, name: str) -> list[Any]:
-    from google.protobuf.message import DecodeError
-
     try:
-        reader = import_module("mcap.reader").make_reader(io.BytesIO(data))
+        library = import_module("mcap.reader")
     except ImportError as error:
         raise InputError(
             f"{name} needs the package mcap: pip install 'scenewright[export]'"
         ) from error
     truth = osi_classes()["GroundTruth"]
     try:
-        found = [
-            truth.FromString(message.data)
+        reader = library.make_reader(io.BytesIO(data), validate_crcs=True)
+        contents = [
+            message.data
             for schema, _, message in reader.iter_messages()
             if schema is not None and schema.name == "osi3.GroundTruth"
         ]
-    except (DecodeError, import_module("mcap.exceptions").McapError, ValueError, OSError) as error:
+        found = [truth.FromString(content) for content in contents]
+    except Exception as error:  # of a damaged file each decompressor raises its own
         raise InputError(f"{name} is no MCAP file that can be read") from error
     if not found:
         raise InputError(f"{name} has no OSI ground truth")

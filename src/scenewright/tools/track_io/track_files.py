@@ -8,11 +8,11 @@ the class synonyms below.
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
 from scenewright.tools.track_io.subtypes import SUBTYPES, find_subtype
 from scenewright.tools.track_io.taf_bw import SETTLING
+from scenewright.tools.track_io.trajnet_rows import iterate_trajnet_rows
 
 MOST_BYTES = 400_000_000
 SMOOTHING = 0.3
@@ -367,17 +368,19 @@ def _trajnet(file: Path) -> dict[str, _Agent]:
     """TrajNet++ ndjson: pedestrians in frames; 2.5 a second unless a scene says otherwise."""
     rows: list[tuple[int, str, float, float]] = []
     fps, steps = 2.5, set()
+
+    def refuse(line: int, reason: str) -> NoReturn:
+        raise InputError(f"{file}, line {line}: {reason}")
+
     with file.open(encoding="utf-8") as stream:
-        for number, line in enumerate(stream, start=1):
+        for line, kind, own in iterate_trajnet_rows(stream, predictions="leave out", refuse=refuse):
             try:
-                each = json.loads(line) if line.strip() else {}
-                if "scene" in each:
-                    fps = float(each["scene"].get("fps", fps))
-                if "track" in each and "prediction_number" not in each["track"]:
-                    own = each["track"]
+                if kind == "scene":
+                    fps = float(own.get("fps", fps))
+                else:
                     rows.append((int(own["f"]), str(own["p"]), float(own["x"]), float(own["y"])))
-            except (ValueError, KeyError, TypeError, AttributeError):
-                raise InputError(f"{file}, line {number}: no TrajNet++ row") from None
+            except (ValueError, KeyError, TypeError):
+                refuse(line, "no TrajNet++ row")
     last: dict[str, int] = {}
     for frame, who, _, _ in sorted(rows):
         if who in last and frame > last[who]:

@@ -24,6 +24,7 @@ from scenewright.backends.builtin.reader.annotation import (
     SIDES,
 )
 from scenewright.backends.builtin.reader.asked_numbers import NUMBERS, read_number
+from scenewright.backends.builtin.reader.groups import GROUP
 from scenewright.backends.builtin.reader.manoeuvres import settle_lanes, settle_lead_braking
 from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import number_in
@@ -286,7 +287,10 @@ def _add_user(result: Interpretation, number: int, span: ReadSpan) -> None:
     agent.subtype = subtype_in(span.words) if span.tag == "veh" else None
     result.users[number] = agent
     result.draft.agents.append(agent)
-    result.enter(span, "agent", (number,), agent.subtype or agent.type)
+    kind = agent.subtype or agent.type
+    if span.value is not None and span.value.startswith(GROUP):
+        agent.members, kind = int(span.value.removeprefix(GROUP)), span.value
+    result.enter(span, "agent", (number,), kind)
     _read_adjectives(result, number, span)
 
 

@@ -14,6 +14,7 @@ from scenewright.backends.builtin.graph_making import (
 from scenewright.backends.builtin.impacts import read_impacts
 from scenewright.backends.builtin.reader.annotation import SEPARATOR
 from scenewright.backends.builtin.reader.coverage import find_passed_over
+from scenewright.backends.builtin.reader.groups import join_groups
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
 from scenewright.backends.builtin.reader.manoeuvres import sharpen_manoeuvres
 from scenewright.backends.builtin.reader.merging import merge_mentions
@@ -48,7 +49,7 @@ def read_plan(text: str, *, previous: str | None = None, site: Site | None = Non
 
 def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
-    reading = orient_orders(sharpen_manoeuvres(merge_mentions(reading)))
+    reading = orient_orders(sharpen_manoeuvres(join_groups(merge_mentions(reading))))
     spans = [span.confidence for span in reading.spans if span.tag not in ("manner", "ref")]
     confidence = min([reading.kind_confidence, *spans])
     if reading.kind in ("scene", "edit") and find_passed_over(reading):

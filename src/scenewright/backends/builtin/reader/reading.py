@@ -25,6 +25,7 @@ from scenewright.backends.builtin.reader.labels import (
     split_label,
 )
 from scenewright.backends.builtin.reader.numbers import count_in
+from scenewright.backends.builtin.reader.single_thread import SINGLE_THREAD
 from scenewright.backends.builtin.reader.tokens import bucket_distance, load_tokenizer
 
 _RELATIVE = {"opp", "left", "right", "same", "lateral", "other", "exit", "entry"}
@@ -105,10 +106,11 @@ def read_text(text: str, *, previous: str | None = None, encoder: Encoder | None
         )
     cut = len(previous) if previous is not None else len(whole)
     parts = np.array([int(start > cut) for start, _ in encoding.offsets], dtype=np.int64)
-    x = encoder.encode(np.array(encoding.ids, dtype=np.int64), parts)
-    kinds = np.exp(encoder.head("kind", x[:1])[0])
-    found = _find_spans(np.asarray(encoder.head("tags", x)), encoding)
-    spans, users = _describe(encoder, x, found, encoding, whole)
+    with SINGLE_THREAD:
+        x = encoder.encode(np.array(encoding.ids, dtype=np.int64), parts)
+        kinds = np.exp(encoder.head("kind", x[:1])[0])
+        found = _find_spans(np.asarray(encoder.head("tags", x)), encoding)
+        spans, users = _describe(encoder, x, found, encoding, whole)
     kind = int(kinds.argmax())
     return Reading(whole, KINDS[kind], float(kinds[kind]), spans, users)
 

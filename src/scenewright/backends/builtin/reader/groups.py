@@ -1,0 +1,74 @@
+"""Pedestrians who walk together: "a couple", "a mother with a child", "a class"."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from scenewright.backends.builtin.reader.numbers import count_in
+from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+
+GROUP = "group of "
+"""How the value of a mention begins that introduces a group."""
+
+MOST_MEMBERS = 8
+_KNOWN = 0.9
+_PERSON = (
+    r"(?:man|woman|mother|mum|mom|father|dad|parent|nanny|adult|grand\w+|lady|teacher|boy|girl)"
+)
+_TWO = re.compile(
+    rf"\bcouples?\b(?! of)|\bpair\b|\bduo\b|\b{_PERSON} (?:with|and) "
+    r"(?:a|an|her|his|their) (?:\w+ )?"
+    r"(?:child|kid|son|daughter|toddler|baby|pupil|friend|boy|girl)\b",
+    re.IGNORECASE,
+)
+_GROUP = re.compile(r"\b(?:group|party|crowd|bunch|trio|gang|team) of\b", re.IGNORECASE)
+_UNCOUNTED = {"class": 6, "family": 4, "group": 4}
+"""How many they are where no number is said."""
+_KINDS = re.compile(r"\b(class|family|group)\b", re.IGNORECASE)
+_TOGETHER = re.compile(
+    r"\btogether\b|\bside by side\b|\b(?:hand in hand|arm in arm|holding hands)\b", re.IGNORECASE
+)
+
+
+def join_groups(reading: Reading) -> Reading:
+    """The reading with those who walk together as one road user."""
+    for span in reading.spans:
+        if span.tag == "ped" and not span.negated:
+            count = _count_members(span, reading.text)
+            if count is not None and 2 <= count <= MOST_MEMBERS:
+                reading = _join(reading, span, count)
+    return reading
+
+
+def _count_members(span: ReadSpan, text: str) -> int | None:
+    """How many walk together; None for somebody alone, or several each on its own."""
+    if _TWO.search(span.words):
+        return 2
+    kind = _KINDS.search(span.words)
+    if kind or _GROUP.search(span.words):
+        return count_in(span.words) or (_UNCOUNTED[kind[1].lower()] if kind else None)
+    if len(span.subjects) > 1 and _TOGETHER.search(text):
+        return len(span.subjects)
+    return None
+
+
+def _join(reading: Reading, group: ReadSpan, count: int) -> Reading:
+    """The reading in which the first of a group stands for all of it."""
+    first, *others = group.subjects
+    spans = tuple(
+        replace(
+            span,
+            subjects=_without(span.subjects, first, others),
+            objects=_without(span.objects, first, others),
+            value=f"{GROUP}{count}" if span is group else span.value,
+            confidence=max(span.confidence, _KNOWN) if span is group else span.confidence,
+        )
+        for span in reading.spans
+    )
+    users = {user: at for user, at in reading.users.items() if user not in others}
+    return replace(reading, spans=spans, users=users)
+
+
+def _without(users: tuple[int, ...], first: int, others: list[int]) -> tuple[int, ...]:
+    return tuple(dict.fromkeys(first if user in others else user for user in users))

@@ -1,0 +1,14 @@
+"""What the offline planner gives beside answers: turns of a conversation, accounts, plans of texts.
+
+Rooms above load it from here, so that they need not know how the planner is built.
+"""
+
+from __future__ import annotations
+
+from scenewright.backends.builtin.backend import read_account
+from scenewright.backends.builtin.draft import site_of
+from scenewright.backends.builtin.planner import plan
+from scenewright.backends.builtin.references import answered, which
+from scenewright.backends.builtin.revising import begins_anew, read
+
+__all__ = ["answered", "begins_anew", "plan", "read", "read_account", "site_of", "which"]
