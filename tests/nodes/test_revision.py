@@ -124,6 +124,8 @@ def test_a_pedestrian_comes_from_elsewhere() -> None:
 
 def test_somebody_new_takes_part() -> None:
     assert new_ids(SITUATION) == ["vehicle-3", "vehicle-4", "pedestrian-2", "pedestrian-3"]
+    riders = ["cyclist-1", "cyclist-2", "scooter-1", "scooter-2"]
+    assert new_ids(SITUATION, "a bike overtakes it")[4:] == riders
     new, follows = said(
         {"edit": "add_agent", "agent": "vehicle-3", "subtype": "bus"},
         {"edit": "relate", "from": "vehicle-3", "to": "vehicle-1", "type": "follow"},

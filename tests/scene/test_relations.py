@@ -13,6 +13,7 @@ from scenewright.scene.constraints import (
     Headway,
     OnRoad,
     OnWalkable,
+    PassesBeside,
     StopsBehind,
     TimeGap,
     UnaryClause,
@@ -23,14 +24,16 @@ from scenewright.tools.dsl_validator.parse import parse
 
 SERVED_BY = {
     "collide_at": Contact,
-    "near_miss": TimeGap,
+    "near_miss": TimeGap | PassesBeside,
     "yield_to": GivesWay,
     "follow": Headway,
 }
 
 
 def names(pattern) -> dict[str, str]:
-    return {"from": f"{pattern.from_.type}-1", "to": f"{pattern.to.type}-2"}
+    classes = {"rider": "cyclist"}
+    first, second = (classes.get(role.type, role.type) for role in (pattern.from_, pattern.to))
+    return {"from": f"{first}-1", "to": f"{second}-2"}
 
 
 def clauses(pattern):
@@ -51,15 +54,17 @@ def test_every_file_is_a_pattern_named_like_its_file():
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_the_clauses_serve_the_relation_and_fit_the_roles(pattern):
     found = clauses(pattern)
-    [event] = [c for c in found if isinstance(c, (*SERVED_BY.values(), StopsBehind))]
-    assert isinstance(event, (SERVED_BY[pattern.relation], StopsBehind))
+    every = (*SERVED_BY.values(), StopsBehind)
+    [event] = [c for c in found if any(isinstance(c, each) for each in every)]
+    assert isinstance(event, SERVED_BY[pattern.relation] | StopsBehind)
     assert (event.first, event.second) == tuple(names(pattern).values())
     if isinstance(event, Contact):
         assert event.kind in (None, pattern.kind)
     for clause in found:
         if isinstance(clause, OnRoad | OnWalkable):
-            jaywalks = {"vehicle-1": pattern.from_, "vehicle-2": pattern.to}.get(clause.agent)
-            assert (jaywalks is not None) == isinstance(clause, OnRoad)
+            role = pattern.from_ if clause.agent.endswith("-1") else pattern.to
+            walks = set(role.movements) <= {"crossing", "jaywalking"}
+            assert walks == isinstance(clause, OnWalkable)
         if isinstance(clause, UnaryClause):
             assert clause.agent in names(pattern).values()
 
@@ -68,7 +73,7 @@ def test_the_clauses_serve_the_relation_and_fit_the_roles(pattern):
 def test_roles_movements_and_segments_go_together(pattern):
     for role in (pattern.from_, pattern.to):
         on_foot = set(role.movements) <= {"crossing", "jaywalking"}
-        assert on_foot == (role.type == "pedestrian")
+        assert on_foot == (role.type == "pedestrian") or role.type == "rider"
         assert role.segments[0] == "keep"
     ends = {"terminate" in role.segments for role in (pattern.from_, pattern.to)}
     assert ends == {pattern.relation == "collide_at"}
@@ -80,7 +85,10 @@ def test_roles_movements_and_segments_go_together(pattern):
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
     """A figure that a file bounds is brought about by the clause with the same bounds."""
-    aims = {TimeGap: "pet", Headway: "least_headway", StopsBehind: "path_ttc"}
+    aims = {
+        TimeGap: "pet", Headway: "least_headway", StopsBehind: "path_ttc",
+        PassesBeside: "clearance",
+    }  # fmt: skip
     for clause in clauses(pattern):
         figure = aims.get(type(clause))
         if figure in pattern.bounds():
@@ -92,7 +100,11 @@ def test_what_the_solver_aims_at_is_what_the_proof_demands(pattern):
     assert pattern.order == ("from" if pattern.manoeuvre == "cuts_in" else usual)
 
 
-_BOUNDED = {"near_miss_lead_brakes": {"path_ttc"}, "tailgating": {"least_headway"}}
+_BOUNDED = {
+    "rider_close_overtaking": {"clearance"},
+    "near_miss_lead_brakes": {"path_ttc"},
+    "tailgating": {"least_headway"},
+}
 """Figures that files bound which are not the usual ones of their relation."""
 
 

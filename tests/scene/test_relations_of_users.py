@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.planner import plan
 from scenewright.errors import InputError
 from scenewright.scene.relations import Pattern, get_pattern, load_patterns
@@ -61,8 +62,8 @@ VEHICLE = 'type = "vehicle"\nmovements = ["straight"]'
         ('{ pet = "gap" }', '{ pet = "way" }', "proof.within.pet: expected a threshold [low,"),
         ('relation = "near_miss"', 'relation = "kiss"', "relation: Input should be 'collide_at'"),
         ('zone = "conflict"', 'zone = "sky"', "zone: Input should be 'crosswalk'"),
-        ('zone = "conflict"', 'zone = "crosswalk"', "zone: 'crosswalk' needs a pedestrian"),
-        ('zone = "conflict"', 'zone = "lane"', "zone: 'lane' needs a geometry of lane_change"),
+        ('zone = "conflict"', 'zone = "crosswalk"', "zone: 'crosswalk' needs somebody"),
+        ('zone = "conflict"', 'zone = "lane"', "zone: 'lane' needs a geometry of cutting_in"),
         ('violator = "from"', "weight = 0", "weight: Input should be greater than 0, got 0"),
         ('violator = "from"', "weight = -1", "weight: Input should be greater than 0, got -1"),
         ('violator = "from"', "weight = nan", "weight: Input should be"),
@@ -92,13 +93,15 @@ VEHICLE = 'type = "vehicle"\nmovements = ["straight"]'
         (
             '"on_road({from})",',
             '"on_walkable({from})",',
-            "constraints.0: line 1, column 13: expected a pedestrian such as pedestrian-1, "
+            "constraints.0: line 1, column 13: expected a pedestrian such as pedestrian-1 "
+            "or a rider such as cyclist-1, "
             "found '{from}'",
         ),
         (
             "time_gap({from}, {to}) in {gap} s",
             "near({from}, {to}) <= 3 m",
-            "constraints: a near_miss needs a clause time_gap or brakes_for or stops_behind(...)",
+            "constraints: a near_miss needs a clause time_gap or brakes_for or stops_behind or "
+            "passes_beside(...)",
         ),
         ('"{from} noses out in front of {to}"', '""', "phrases.0: String should have at least"),
         ('"{from} noses out in front of {to}"', '"{from} {to}"', "phrases: expected plain words"),
@@ -196,8 +199,9 @@ def planned(text: str) -> SocialGraph:
 def told_of(pattern: Pattern, phrase: str) -> str:
     types = {"{from}": pattern.from_.type, "{to}": pattern.to.type}
     vehicles = {"{from}": "a car", "{to}": "a bus"}
+    others = {"pedestrian": "a pedestrian", "rider": "a cyclist"}
     for role, type_ in types.items():
-        phrase = phrase.replace(role, vehicles[role] if type_ == "vehicle" else "a pedestrian")
+        phrase = phrase.replace(role, others.get(type_, vehicles[role]))
     return f"{phrase[0].upper()}{phrase[1:]}."
 
 
@@ -207,16 +211,18 @@ SHIPPED = [(pattern.id, phrase) for pattern in load_patterns() for phrase in pat
 @pytest.mark.parametrize(("name", "phrase"), SHIPPED, ids=[phrase for _, phrase in SHIPPED])
 def test_every_phrase_asks_for_its_pattern_and_roles(name: str, phrase: str) -> None:
     pattern = get_pattern(name)
-    graph = planned(told_of(pattern, phrase))
+    text = told_of(pattern, phrase)
+    # Riders' phrases are read by the grammar alone, as `plan` would do, in a tenth of the time.
+    graph = read_by_grammar(text) if "cyclist" in text else planned(text)
+    assert isinstance(graph, SocialGraph)
     (edge,) = graph.relations
     assert (edge.type, edge.pattern) == (pattern.relation, name)
     for agent_id, role, subtype in (
         (edge.from_, pattern.from_, "car"), (edge.to, pattern.to, "bus"),
     ):  # fmt: skip
         agent = graph.agent(agent_id)
-        assert (agent.type, agent.subtype) == (
-            role.type, subtype if role.type == "vehicle" else None,
-        )  # fmt: skip
+        assert role.admits(agent.type)
+        assert agent.subtype == (subtype if role.type == "vehicle" else None)
         assert agent.movement == (role.movements[0] if len(role.movements) == 1 else None)
     assert len(graph.agents) == 2
 

@@ -17,7 +17,15 @@ from scenewright.scene.relations import Pattern, Role, get_pattern, load_pattern
 from scenewright.scene.track import Track
 from scenewright.tools.relation_checker import RoadUser, check, find_events, read_users
 
-NAMES = [pattern.id for pattern in load_patterns()]
+RIDING = frozenset(
+    {"rider_right_hook_near_miss", "vehicle_yields_to_crosswalk_rider", "rider_close_overtaking"}
+)
+"""Of the patterns with riders one of each kind: three are enough for what they share."""
+NAMES = [
+    pattern.id
+    for pattern in load_patterns()
+    if "rider" not in (pattern.from_.type, pattern.to.type) or pattern.id in RIDING
+]
 MAP = load_map("amsterdam_120")
 MINUTE = 60.0
 
@@ -40,7 +48,7 @@ def said(pattern: Pattern) -> str:
 
 
 def agent(role: Role, vehicle: str) -> str:
-    return "a pedestrian" if role.type == "pedestrian" else f"a {vehicle}"
+    return {"pedestrian": "a pedestrian", "rider": "a cyclist"}.get(role.type, f"a {vehicle}")
 
 
 Seen = tuple[str, str | None, tuple[int, ...], float]

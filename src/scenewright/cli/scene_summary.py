@@ -75,6 +75,8 @@ def who(agent: AgentRecord | None, number: int) -> str:
     if agent.type == "vehicle":
         what = one_line(agent.subtype or "vehicle", limit=20)
         return f"{name} ({what}, {agent.entry} to {agent.exit})"
+    if agent.type != "pedestrian" and agent.crosswalk is None:
+        return f"{name} ({agent.entry} to {agent.exit})"
     way = "jaywalking" if agent.crosswalk is None else f"{agent.crosswalk} crosswalk"
     return f"{name} ({way})"
 

@@ -11,14 +11,19 @@ from pydantic import BaseModel, ConfigDict, Field
 
 FloatArray = NDArray[np.float64]
 
-AgentClass = Literal["vehicle", "pedestrian"]
+AgentClass = Literal["vehicle", "pedestrian", "cyclist", "scooter"]
+RIDERS: tuple[AgentClass, ...] = ("cyclist", "scooter")
+"""Classes that travel a vehicle's route beside the kerb, or a pedestrian's on a crosswalk."""
+
 Compass = Literal[
     "north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"
 ]
 Movement = Literal["straight", "left", "right", "uturn", "crossing", "jaywalking"]
 Colour = Literal["green", "yellow", "red"]
 
-AgentId = Annotated[str, Field(pattern=r"^(vehicle|pedestrian)-[1-9][0-9]*$", max_length=32)]
+AgentId = Annotated[
+    str, Field(pattern=r"^(vehicle|pedestrian|cyclist|scooter)-[1-9][0-9]*$", max_length=32)
+]
 Point = tuple[float, float]
 
 

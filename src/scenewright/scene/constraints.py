@@ -17,6 +17,10 @@ _ModelT = TypeVar("_ModelT", bound=Model)
 
 VehicleId = Annotated[str, Field(pattern=r"^vehicle-[1-9][0-9]*$", max_length=32)]
 PedestrianId = Annotated[str, Field(pattern=r"^pedestrian-[1-9][0-9]*$", max_length=32)]
+OnLaneId = Annotated[str, Field(pattern=r"^(vehicle|cyclist|scooter)-[1-9][0-9]*$", max_length=32)]
+OnFootwayId = Annotated[
+    str, Field(pattern=r"^(pedestrian|cyclist|scooter)-[1-9][0-9]*$", max_length=32)
+]
 
 
 class _Pair(Model):
@@ -31,17 +35,17 @@ class _Pair(Model):
 
 
 class OnRoad(Model):
-    """At least 98 % of the vehicle's path lies on the road."""
+    """At least 98 % of the path of a vehicle or rider lies on the road."""
 
     clause: Literal["on_road"] = "on_road"
-    agent: VehicleId
+    agent: OnLaneId
 
 
 class OnWalkable(Model):
-    """At least 98 % of the pedestrian's path lies on walkable area or a crosswalk."""
+    """At least 98 % of the path of a pedestrian or rider lies on walkable area or a crosswalk."""
 
     clause: Literal["on_walkable"] = "on_walkable"
-    agent: PedestrianId
+    agent: OnFootwayId
 
 
 class MinLength(Model):
@@ -172,6 +176,18 @@ class BrakesFor(_Pair):
         return _in_order(self, self.low, self.high)
 
 
+class PassesBeside(_Pair):
+    """`first` overtakes `second` at a least clearance in [low, high] [m], both moving."""
+
+    clause: Literal["passes_beside"] = "passes_beside"
+    low: float = Field(ge=0, le=10)
+    high: float = Field(gt=0, le=10)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        return _in_order(self, self.low, self.high)
+
+
 AgentFigureName = Literal["line_speed", "braking", "acceleration", "wait", "line_distance"]
 PairFigureName = Literal[
     "contact_speed", "time_headway", "gap", "ttc", "time", "front_point",
@@ -259,6 +275,7 @@ PairClause = (
     | Contact
     | GivesWay
     | BrakesFor
+    | PassesBeside
     | StopsBehind
     | NoInteraction
     | PairFigure

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from scenewright.scene.base import AgentClass
 from scenewright.scene.social import AgentNode, RelationEdge, SceneContext, SocialGraph
 
 _VERBS = {
@@ -30,6 +31,9 @@ _TIES = {
 _MOVEMENTS = {
     "straight": "goes straight", "left": "turns left", "right": "turns right",
     "uturn": "makes a U-turn", "crossing": "crosses", "jaywalking": "jaywalks",
+}  # fmt: skip
+_NOUNS: dict[AgentClass, str] = {
+    "vehicle": "vehicle", "pedestrian": "pedestrian", "cyclist": "cyclist", "scooter": "e-scooter",
 }  # fmt: skip
 _MOTIONS = {
     "runs": "runs across", "darts_out": "darts out",
@@ -59,7 +63,7 @@ def _names(graph: SocialGraph) -> dict[str, str]:
     nouns = {
         agent.id: f"group of {agent.members} pedestrians"
         if agent.members
-        else agent.subtype or agent.type
+        else agent.subtype or _NOUNS[agent.type]
         for agent in graph.agents
     }
     found: dict[str, str] = {}
@@ -72,13 +76,13 @@ def _names(graph: SocialGraph) -> dict[str, str]:
 
 
 def _describe_agent(agent: AgentNode, name: str) -> str:
-    subject = name.replace("the ", "a ", 1)
+    subject = name.replace("the e-", "an e-", 1).replace("the ", "a ", 1)
     told = list(_ways(agent))
     return f"{subject} {' and '.join(told)}" if told else f"there is {subject}"
 
 
 def _ways(agent: AgentNode) -> Iterator[str]:
-    walks = agent.type == "pedestrian"
+    walks = agent.type == "pedestrian" or agent.movement == "crossing"
     if agent.crosswalk is not None and agent.movement != "jaywalking":
         way = f"crosses on the {agent.crosswalk} crosswalk"
         yield way + (f" from the {agent.entry}" if agent.entry else "")

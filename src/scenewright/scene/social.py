@@ -117,7 +117,9 @@ class RelationEdge(Model):
         return self.first or ahead
 
 
-_VehicleId = Annotated[str, Field(pattern=r"^vehicle-[1-9][0-9]*$", max_length=32)]
+_VehicleId = Annotated[
+    str, Field(pattern=r"^(vehicle|cyclist|scooter)-[1-9][0-9]*$", max_length=32)
+]
 
 
 class EntryTie(Model):

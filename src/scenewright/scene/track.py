@@ -69,6 +69,12 @@ class Shape:
     width: float
 
 
+RIDER_SIZES: dict[AgentClass, tuple[float, float]] = {
+    "cyclist": (1.8, 0.65),
+    "scooter": (1.2, 0.55),
+}
+"""Length and width [m] of a bicycle and a standing e-scooter, rider included."""
+
 PEDESTRIAN = Shape("pedestrian", 2 * PEDESTRIAN_RADIUS, 2 * PEDESTRIAN_RADIUS)
 
 
@@ -76,3 +82,9 @@ def vehicle_shape(subtype: str = "car") -> Shape:
     """The default footprint of a vehicle subtype (SEMANTICS section 1)."""
     length, width = VEHICLE_SIZES[subtype]
     return Shape("vehicle", length, width)
+
+
+def rider_shape(kind: AgentClass) -> Shape:
+    """The footprint of a cyclist or scooter rider (SEMANTICS section 8)."""
+    length, width = RIDER_SIZES[kind]
+    return Shape(kind, length, width)

@@ -125,7 +125,7 @@ class _AnimatedScene:
         self.bodies.set_verts([m.compute_outline(i) for m, i in here])
         self.bodies.set_facecolor([m.colour for m, _ in here])
         self.panes.set_verts(
-            [compute_windscreen(m, i) for m, i in here if m.agent.type == "vehicle"]
+            [compute_windscreen(m, i) for m, i in here if m.agent.type != "pedestrian"]
         )
         now = find_light_colours(self.scene, time)
         self.lights.set_facecolor([LIGHTS[now[n]] if n in now else "none" for n in self.lit])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.scene.base import Colour, FloatArray
+from scenewright.scene.base import RIDERS, Colour, FloatArray
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord, SegmentStatus
@@ -26,6 +26,7 @@ FOREGROUND = (
 """Colours that colour-blind readers can tell apart, in this order (after Okabe and Ito)."""
 BACKGROUND_VEHICLE = "#8A94A3"
 BACKGROUND_PEDESTRIAN = "#A39382"
+BACKGROUND_RIDER = "#93927F"
 STANDING = "#3F4650"
 """Of objects that stand all the time."""
 LIGHTS: dict[Colour, str] = {"green": "#19A974", "yellow": "#F2B705", "red": "#DB2B39"}
@@ -39,6 +40,12 @@ View = tuple[float, float, float, float]
 """West, east, south, north [m]."""
 STANDSTILL_SPEED = 0.3
 """Speed [m/s] at or below which an agent is stationary (SEMANTICS section 4)."""
+
+_BICYCLE = ((-1.0, 0.1), (-0.45, 0.14), (-0.35, 0.7), (0.05, 0.75), (0.3, 0.95), (0.42, 0.95),
+            (0.44, 0.16), (1.0, 0.1))  # fmt: skip
+_SCOOTER = ((-1.0, 0.12), (-0.8, 0.3), (-0.4, 0.3), (-0.38, 0.8), (0.2, 0.8), (0.5, 0.95),
+            (0.68, 0.95), (0.7, 0.25), (1.0, 0.12))  # fmt: skip
+"""Left half of a rider from above, rear wheel first: wheels, shoulders, handlebar."""
 
 _DISC = np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 24, endpoint=False)), np.sin(a)], axis=1)
 
@@ -78,7 +85,7 @@ class Motion:
     def compute_outline(self, index: int) -> FloatArray:
         """[N, 2] corners of the footprint at a sample [m]."""
         size = np.array([self.agent.length, self.agent.width]) / 2
-        unit = _DISC if self.agent.type == "pedestrian" else _shape_vehicle(self.agent.length)
+        unit = _shape_agent(self.agent)
         angle = self.heading[index]
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         return np.asarray((unit * size) @ turn + self.xy[index])
@@ -94,6 +101,14 @@ class Motion:
         inside = (self.times >= start - 1e-6) & (self.times <= end + 1e-6)
         still = np.flatnonzero(inside & (self.speed <= STANDSTILL_SPEED))
         return (int(still[0]), int(still[-1])) if len(still) else None
+
+
+def _shape_agent(agent: AgentRecord) -> FloatArray:
+    """[N, 2] corners of the footprint in half lengths and half widths, front to the right."""
+    if agent.type in RIDERS:
+        left = np.array(_BICYCLE if agent.type == "cyclist" else _SCOOTER)
+        return np.concatenate([left, left[::-1] * (1.0, -1.0)])
+    return _DISC if agent.type == "pedestrian" else _shape_vehicle(agent.length)
 
 
 def _shape_vehicle(length: float) -> FloatArray:
@@ -159,6 +174,7 @@ def _stays_as_obstacle(number: int, end: float, events: Iterable[EventRecord]) -
 def choose_colours(scene: SceneRecord) -> dict[int, str]:
     """`#RRGGBB` by agent id: strong for the foreground, muted for the background."""
     muted = {"vehicle": BACKGROUND_VEHICLE, "pedestrian": BACKGROUND_PEDESTRIAN}
+    muted |= dict.fromkeys(RIDERS, BACKGROUND_RIDER)
     foreground = sorted(agent.id for agent in scene.agents if agent.role == "foreground")
     shades = {agent.id: muted[agent.type] for agent in scene.agents}
     return shades | {n: FOREGROUND[i % len(FOREGROUND)] for i, n in enumerate(foreground)}

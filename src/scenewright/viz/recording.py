@@ -19,7 +19,7 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.map import IntersectionMap, PolygonWithHoles
 from scenewright.scene.objects import ObjectRecord
@@ -319,6 +319,7 @@ def _log_body(stream: rr.RecordingStream, motion: Motion) -> None:
         _send(stream, path, begin, columns)
         return
     height = VEHICLE_HEIGHTS.get(agent.subtype or "car", 1.5)
+    height = WALKER_HEIGHT if agent.type in RIDERS else height
     columns = rr.Boxes3D.columns(
         half_sizes=[(agent.length / 2, agent.width / 2, height / 2)],
         centers=[(0, 0, height / 2)], colors=colour,

@@ -234,7 +234,7 @@ def _draw_ghosts(axes: Axes, motion: Motion, time: float) -> None:
 def choose_ghost_samples(motion: Motion, time: float) -> list[tuple[int, float]]:
     """Samples at full seconds whose footprints lie apart, and how much later than `time` [s]."""
     here = motion.find_sample(time)
-    gap = 1.3 * motion.agent.length if motion.agent.type == "vehicle" else 2.4
+    gap = max(1.3 * motion.agent.length, 2.4) if motion.agent.type != "pedestrian" else 2.4
     seconds = find_full_seconds(motion)
     later = [i for i in seconds if motion.times[i] > time]
     earlier = [i for i in reversed(seconds) if motion.times[i] < time]
@@ -279,7 +279,7 @@ def _draw_footprint(axes: Axes, motion: Motion, time: float, *, order: float) ->
         axes.add_patch(
             Polygon(ring, closed=True, fill=False, edgecolor=motion.colour, lw=1.3, zorder=order)
         )
-    if motion.agent.type == "vehicle":
+    if motion.agent.type != "pedestrian":
         axes.add_patch(
             Polygon(
                 compute_windscreen(motion, index),
@@ -411,7 +411,7 @@ def _list_legend_entries(
     rows = [
         [
             (
-                "vehicle" if m.agent.type == "vehicle" else "pedestrian",
+                "pedestrian" if m.agent.type == "pedestrian" else "vehicle",
                 m.colour,
                 _describe_agent(m, actions),
             )

@@ -102,6 +102,29 @@ def test_retracted_words_say_nothing() -> None:
     assert "retracted" in [each.became for each in graph.said]
 
 
+def test_cyclists_and_scooters_are_classes_of_their_own() -> None:
+    graph = graph_of(
+        "[cyc:1 A cyclist] going [straight:1 straight] is [near=cutoff:2>1 cut off by] a "
+        "[right:2 right-turning] [veh:2 van]; [scoot:3 an e-scooter] on the [cw:3 north crosswalk]"
+    )
+    assert [(agent.id, agent.type) for agent in graph.agents] == [
+        ("cyclist-1", "cyclist"), ("vehicle-1", "vehicle"), ("scooter-1", "scooter"),
+    ]  # fmt: skip
+    assert way(graph, "cyclist-1") == (None, None, "straight", None)
+    assert way(graph, "scooter-1") == (None, None, "crossing", "north")
+    (edge,) = graph.relations
+    assert (edge.type, edge.from_, edge.to) == ("near_miss", "vehicle-1", "cyclist-1")
+
+
+def test_a_cyclist_comes_from_where_the_vehicle_does_not() -> None:
+    graph = graph_of(
+        "[veh:1 A car] from the [from:1 north] turns [left:1 left] and [hit:1>2 hits] "
+        "[from=opp:2>1 an oncoming] [cyc:2 cyclist]"
+    )
+    assert way(graph, "cyclist-1")[0] == "south"
+    assert graph.relations[0].kind == "left_turn"
+
+
 def test_words_that_nothing_can_stand_for_are_listed() -> None:
     graph = graph_of("[veh:1 A car] [hit:1>2 hits] [ped:2 a man] [weather in the rain]")
     assert [each.words for each in graph.said if each.became == "nothing"] == ["in the rain"]
@@ -117,7 +140,8 @@ def test_seven_cars_follow_a_bus() -> None:
 @pytest.mark.parametrize(
     ("line", "code"),
     [
-        ("[cyc:1 A cyclist] [hit:1>2 hits] [veh:2 a car]", "out_of_scope"),
+        ("[scoot:1 A skateboarder] [hit:1>2 hits] [veh:2 a car]", "out_of_scope"),
+        ("[cyc:1 A rickshaw] [hit:1>2 hits] [veh:2 a car]", "out_of_scope"),
         ("[ped=many:1 Pedestrians] [yield:1>2 wait for] [veh:2 a car]", "out_of_scope"),
         ("[veh:1 A car] [hit:1>2 hits] [ped:2 a man] [!time not at night]", "out_of_scope"),
         ("[veh:1 A car] from the [from:1 south] [from:1 north] [hit:1>2 x] [veh:2 y]",

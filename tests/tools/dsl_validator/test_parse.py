@@ -214,7 +214,8 @@ def test_a_program_may_be_empty(text: str) -> None:
         ),
         (
             "on_road(pedestrian-1)",
-            "line 1, column 9: expected a vehicle such as vehicle-1, found 'pedestrian-1'",
+            "line 1, column 9: expected a vehicle such as vehicle-1 or a rider such as cyclist-1, "
+            "found 'pedestrian-1'",
         ),
         (
             "near(vehicle-1,",
@@ -274,6 +275,7 @@ def test_size_is_limited() -> None:
 
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_the_clauses_of_every_relation_are_programs(pattern: Pattern) -> None:
-    first, second = f"{pattern.from_.type}-1", f"{pattern.to.type}-2"
+    names = [role.type.replace("rider", "cyclist") for role in (pattern.from_, pattern.to)]
+    first, second = f"{names[0]}-1", f"{names[1]}-2"
     lines = [pattern.filled(line, from_=first, to=second) for line in pattern.clauses]
     assert len(parse("\n".join(lines)).clauses) == len(lines)

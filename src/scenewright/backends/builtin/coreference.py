@@ -45,6 +45,8 @@ _SAME_THING = (
     frozenset(
         {"truck", "lorry", "trucker", "semi", "rig", "trailer", "wheeler", "tanker", "engine"}
     ),
+    frozenset({"cyclist", "bicyclist", "bicycle", "bike", "rider"}),
+    frozenset({"scooter", "escooter", "rider"}),
     frozenset({"bus", "coach", "shuttle", "minibus"}),
     frozenset({"ambulance", "vehicle"}),
 )

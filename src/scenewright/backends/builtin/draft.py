@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from scenewright.scene.base import AgentClass
+from scenewright.scene.base import RIDERS, AgentClass
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
@@ -96,6 +96,22 @@ class AgentDraft:
     role: str | None = None
     marked: bool = False
     edited: set[str] = field(default_factory=set)
+
+    @property
+    def rides(self) -> bool:
+        """Whether it is a cyclist or the rider of a scooter."""
+        return self.type in RIDERS
+
+    @property
+    def walks(self) -> bool:
+        """Whether it goes as pedestrians do: on foot, or riding on a crosswalk."""
+        on_crosswalk = self.movement == "crossing" or self.crosswalk is not None
+        return self.type == "pedestrian" or (self.rides and on_crosswalk)
+
+    @property
+    def drives(self) -> bool:
+        """Whether it goes as vehicles do, on the lanes."""
+        return not self.walks
 
 
 @dataclass(eq=False)

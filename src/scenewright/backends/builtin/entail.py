@@ -40,7 +40,7 @@ def entail(draft: Draft) -> None:
 
 def complete(agent: AgentDraft, site: Site) -> None:
     """Entry, exit, movement and crosswalk of one agent from one another."""
-    if agent.type == "vehicle" and agent.movement not in (None, *TURNS):
+    if agent.drives and agent.movement not in (None, *TURNS):
         raise Refused(
             "impossible", "Only pedestrians cross or jaywalk; give the crossing to a pedestrian."
         )
@@ -51,7 +51,7 @@ def complete(agent: AgentDraft, site: Site) -> None:
 
 
 def _by_compass(agent: AgentDraft) -> None:
-    if agent.type == "vehicle":
+    if agent.drives:
         _vehicle(agent)
     elif agent.movement == "crossing":
         _pedestrian(agent)
@@ -107,7 +107,7 @@ def _pedestrian(agent: AgentDraft) -> None:
 def _relatives(agent: AgentDraft, draft: Draft) -> None:
     for word, named in agent.relatives:
         other = named or partner(agent, draft)
-        if other is None or other is agent or other.type != "vehicle":
+        if other is None or other is agent or not other.drives:
             continue
         if word.endswith("_crosswalk"):
             leg = other.exit if word == "exit_crosswalk" else other.entry
@@ -126,7 +126,7 @@ def _relatives(agent: AgentDraft, draft: Draft) -> None:
 
 
 def _check_opposite(agent: AgentDraft, other: AgentDraft) -> None:
-    if agent.type == "vehicle" and agent.entry == other.entry:
+    if agent.drives and agent.entry == other.entry:
         raise Refused(
             "contradictory",
             f"Oncoming vehicles cannot both come from the {agent.entry}; change one of them.",
@@ -152,18 +152,18 @@ def partner(agent: AgentDraft, draft: Draft) -> AgentDraft | None:
         other
         for relation in draft.relations
         for other in (relation.from_, relation.to)
-        if agent in (relation.from_, relation.to) and other is not agent and other.type == "vehicle"
+        if agent in (relation.from_, relation.to) and other is not agent and other.drives
     ]
     if bound:
         return bound[0]
-    others = [other for other in draft.agents if other is not agent and other.type == "vehicle"]
+    others = [other for other in draft.agents if other is not agent and other.drives]
     return others[0] if len(others) == 1 else None
 
 
 def _shared_lane(relation: RelationDraft, site: Site) -> None:
     first, second = relation.from_, relation.to
     lane = relation.type == "follow" or relation.kind == "rear_end"
-    if not lane or {first.type, second.type} != {"vehicle"}:
+    if not lane or not (first.drives and second.drives):
         return
     if first.entry and second.entry and first.entry != second.entry:
         if _merge(first, second) or not site.compass:
@@ -194,7 +194,7 @@ def _turn_across(relation: RelationDraft, site: Site) -> None:
     turn = _TURN_CRASHES.get(relation.kind or "")
     if turn is None:
         return
-    vehicles = [agent for agent in (relation.from_, relation.to) if agent.type == "vehicle"]
+    vehicles = [agent for agent in (relation.from_, relation.to) if agent.drives]
     free = [agent for agent in vehicles if agent.movement is None]
     if free and all(a.movement != turn for a in vehicles):
         free[0].movement = turn
@@ -202,7 +202,7 @@ def _turn_across(relation: RelationDraft, site: Site) -> None:
 
 
 def _head_on(relation: RelationDraft, site: Site) -> None:
-    if relation.kind != "head_on" or not (relation.from_.type == relation.to.type == "vehicle"):
+    if relation.kind != "head_on" or not (relation.from_.drives and relation.to.drives):
         return
     if not site.compass:
         return
@@ -227,15 +227,15 @@ def _possible(relation: RelationDraft, site: Site) -> None:
         raise Refused(
             "impossible", "Two pedestrians have no such relation here; make one of them a vehicle."
         )
-    if relation.type == "follow" and first.type != second.type:
+    if relation.type == "follow" and first.walks != second.walks:
         raise Refused(
             "impossible",
             "A pedestrian and a vehicle share no lane, so neither follows the other; "
             "use two of a kind.",
         )
-    if relation.type != "follow" and first.type != second.type and site.compass:
-        _meets(*((first, second) if first.type == "vehicle" else (second, first)))
-    if relation.type == "collide_at" and first.type != second.type:
+    if relation.type != "follow" and first.walks != second.walks and site.compass:
+        _meets(*((first, second) if first.drives else (second, first)))
+    if relation.type == "collide_at" and "pedestrian" in (first.type, second.type):
         _strike(relation)
 
 

@@ -34,6 +34,7 @@ from scenewright.backends.builtin.scope import (
 )
 from scenewright.backends.builtin.shorthand import denied, expand
 from scenewright.backends.builtin.unread import check_read
+from scenewright.scene.base import RIDERS
 from scenewright.scene.social import (
     Plan,
     Refusal,
@@ -101,7 +102,16 @@ def _draft(text: str) -> tuple[Draft, Reader]:
         raise Refused(
             "contradictory", "The scene cannot be empty and hold agents; drop one of the two."
         )
+    _class_riders(draft)
     return draft, reader
+
+
+def _class_riders(draft: Draft) -> None:
+    """Cyclists and scooters, read like subtypes of vehicles, become agents of their own classes."""
+    for agent in draft.agents:
+        for kind in RIDERS:
+            if agent.subtype == kind:
+                agent.type, agent.subtype = kind, None
 
 
 def _edited(text: str, base: Draft) -> Draft:
@@ -113,6 +123,7 @@ def _edited(text: str, base: Draft) -> Draft:
     check_scope(whole, chunks, editing=True)
     draft = deepcopy(base)
     edits.apply(draft, chunks, lambda words: _read(draft, words, plain, editing=True), clock)
+    _class_riders(draft)
     return draft
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import get_args
 
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
 from scenewright.backends.builtin.entail import entail
@@ -11,6 +12,7 @@ from scenewright.backends.builtin.orders import pass_order_on, settle_orders
 from scenewright.backends.builtin.phrases import cast
 from scenewright.backends.builtin.scope import nothing_planned
 from scenewright.backends.builtin.ties import name_turns_across, ties
+from scenewright.scene.base import AgentClass
 from scenewright.scene.social import (
     MOST_AGENTS,
     MOST_RELATIONS,
@@ -115,7 +117,7 @@ def place_impacts(draft: Draft, impacts: Impacts) -> None:
     if len(collisions) != 1:
         return
     (hit,) = collisions
-    vehicles = [agent for agent in (hit.from_, hit.to) if agent.type == "vehicle"]
+    vehicles = [agent for agent in (hit.from_, hit.to) if agent.type != "pedestrian"]
     if len(vehicles) == 2:
         hit.point_from, hit.point_to = impacts.striking, impacts.struck
     elif vehicles == [hit.from_]:
@@ -152,7 +154,7 @@ def make_graph(draft: Draft) -> SocialGraph:
 
 def name_agents(agents: Sequence[AgentDraft]) -> dict[int, str]:
     """Identity of a draft -> the name of its agent in the social graph."""
-    counts = {"vehicle": 0, "pedestrian": 0}
+    counts = dict.fromkeys(get_args(AgentClass), 0)
     result: dict[int, str] = {}
     for agent in agents:
         counts[agent.type] += 1

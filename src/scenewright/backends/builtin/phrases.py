@@ -114,7 +114,7 @@ def cast(relation: RelationDraft, site: Site) -> None:
 def _roles(relation: RelationDraft, pattern: Pattern) -> list[tuple[AgentDraft, Role]]:
     given, wanted = (relation.from_, relation.to), (pattern.from_, pattern.to)
     for pair in (given, given[::-1]):
-        if [agent.type for agent in pair] == [role.type for role in wanted]:
+        if all(role.admits(agent.type) for agent, role in zip(pair, wanted, strict=True)):
             return list(zip(pair, wanted, strict=True))
     raise Refused(
         "contradictory",

@@ -29,8 +29,8 @@ _EVIDENCE = (
 )  # fmt: skip
 _EDITS = ("AGENT", "EDIT", "BUSIER", "NOBODY", "BACKGROUND", "LEVEL", "LEFT", "RIGHT")
 _BAD_AGENT = {
-    "bicycle": "Bicycles are not a class of this generator",
-    "scooter": "Scooters, skateboards and the like are not a class of this generator",
+    "bicycle": "Rickshaws and the like are not a class of this generator",
+    "scooter": "Skateboards and the like are not a class of this generator",
     "rail": "Trains and trams are not a class of this generator",
     "animal": "Animals are not a class of this generator",
     "aircraft": "Aircraft are not a class of this generator",
@@ -92,7 +92,10 @@ def check_scope(
     for at, chunk in enumerate(chunks):
         if chunk.has("BAD_AGENT") and not _excused(chunks, at):
             reason = _BAD_AGENT[chunk.tags["BAD_AGENT"]]
-            raise Refused("out_of_scope", f"{reason} ({chunk.text}); use vehicles and pedestrians.")
+            raise Refused(
+                "out_of_scope",
+                f"{reason} ({chunk.text}); use vehicles, cyclists, e-scooters and pedestrians.",
+            )
         if chunk.has("BAD_PLACE") and not _excused(chunks, at):
             raise Refused(
                 "out_of_scope",

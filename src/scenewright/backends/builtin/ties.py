@@ -23,7 +23,7 @@ def ties(draft: Draft) -> list[Tie]:
     """What the text says of entries, once for every pair, without what an edit has overruled."""
     found: dict[frozenset[int], Tie] = {}
     for agent, other, side in (*_told(draft), *_implied(draft)):
-        vehicles = agent.type == other.type == "vehicle" and agent is not other
+        vehicles = agent.drives and other.drives and agent is not other
         if vehicles and other in draft.agents and not _overruled(agent, other, side):
             found.setdefault(frozenset((id(agent), id(other))), (agent, other, side))
     return list(found.values())

@@ -93,7 +93,8 @@ def passers(intersection_map: IntersectionMap, rng: np.random.Generator) -> tupl
 
 
 def _bare(role: Role, rng: np.random.Generator) -> Party:
-    return Party(role.type, role.movements[int(rng.integers(len(role.movements)))])
+    kind = "cyclist" if role.type == "rider" else role.type
+    return Party(kind, role.movements[int(rng.integers(len(role.movements)))])
 
 
 def _without(party: Party, hide_walk: bool) -> Party:

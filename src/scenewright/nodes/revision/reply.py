@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from itertools import count, islice
 from typing import Annotated, Any, Literal, Self, get_args
@@ -29,7 +30,7 @@ from scenewright.nodes.schema import (
     text,
     whole,
 )
-from scenewright.scene.base import AgentClass, AgentId
+from scenewright.scene.base import RIDERS, AgentClass, AgentId
 from scenewright.scene.edits import (
     AddAgent,
     AgentView,
@@ -192,11 +193,16 @@ class EditsReply(BaseModel):
         return self
 
 
-def new_ids(situation: Situation) -> list[str]:
-    """Ids that nobody has, the first of each class."""
+_RIDES = re.compile(r"cycl|bik|scoot", re.IGNORECASE)
+
+
+def new_ids(situation: Situation, words: str = "") -> list[str]:
+    """Ids that nobody has, the first of each class; of riders where the words speak of them."""
     taken = {each.id for each in situation.present} | {e.id for e in situation.graph.agents}
     found: list[str] = []
     for kind in get_args(AgentClass):
+        if kind in RIDERS and not _RIDES.search(words):
+            continue
         free = (name for n in count(1) if (name := f"{kind}-{n}") not in taken)
         found += islice(free, _NEW)
     return found
@@ -254,7 +260,7 @@ def edits_schema(
         required=("edits",),
         defs={
             "text": text(),
-            "agent": one_of([*named, *new_ids(situation)]),
+            "agent": one_of([*named, *new_ids(situation, words)]),
             "side": one_of(side for way in ways for side in (way.entry, way.exit)),
             **points_asked(words),
         },
@@ -315,7 +321,7 @@ class _Reader:
         self.found: list[Edit] = []
         self._graph, self._ways = situation.graph, ways
         self._present = {each.id: each for each in situation.present}
-        self._free = new_ids(situation)
+        self._free = new_ids(situation, "cyclist")
 
     def take(self, line: Line) -> None:
         """One line more.

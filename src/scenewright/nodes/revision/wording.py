@@ -45,7 +45,7 @@ def worded_edits(
         "crosswalks": crosswalks_told(ways),
         "times": times_told(words) + manoeuvres_told(words) + order_told(words),
         "agents": compact({each.id: _agent(each) for each in front}),
-        "free": ", ".join(new_ids(situation)),
+        "free": ", ".join(new_ids(situation, words)),
         "relations": compact(relations),
         "context": f"Context: {compact(context)}." if context else "",
         "others": _counted(situation) + (f", such as {compact(others)}" if others else ""),
@@ -66,7 +66,7 @@ def _agent(agent: AgentView) -> str:
     if agent.type == "pedestrian":
         at = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"
         return f"{at}, from {agent.entry} to {agent.exit}, {pace}"
-    kind = agent.subtype or "vehicle"
+    kind = agent.subtype or agent.type
     return f"{kind}, from {agent.entry}, {agent.movement} to {agent.exit}, {pace}"
 
 

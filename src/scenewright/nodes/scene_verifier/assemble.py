@@ -143,7 +143,7 @@ def _agent(
     # Thousands of points that our own arrays hold: read back from a file they are looked at again.
     return AgentRecord.model_construct(
         id=number,
-        type=route.type,
+        type=candidate.shape.type,
         spawn_time=track.start,
         goal=_point(candidate.path.xy[-1]),
         trajectory=_points(track.xy),

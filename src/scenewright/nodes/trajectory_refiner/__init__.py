@@ -17,7 +17,7 @@ from scenewright.geometry.driving_profile import Motion, sample_track
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.trajectory_refiner.guides import guides_of
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.refinement import AgentRefinement, Refinement
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 NOT_ASKED = "the edited priors are final, no learned model ran"
 NO_WEIGHTS = "this intersection ships no weights of a refiner: " + NOT_ASKED
+NOT_TRAINED = "the network was not trained on its class"
 SHARES = (1.0, 0.5, 0.5, 0.25, 0.0)
 """Largest share of the proposed deviation that an agent gets, by how often it was refused."""
 DRAWN_ANEW = 2
@@ -154,6 +155,8 @@ def _refined(
         tracks[name] = edited[name] if track is None or most == 0.0 else track
         free = ~guide.kept & guide.within(state["selection"].duration)
         agents[name] = _account(share[free], most, refusals[name], state.get("refused"))
+        if state["selection"].agents[name].candidate.shape.type in RIDERS:
+            agents[name] = agents[name].model_copy(update={"reason": NOT_TRAINED})
     return agents, rolled, tracks
 
 

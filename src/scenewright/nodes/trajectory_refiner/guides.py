@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.geometry.driving_profile import Motion
+from scenewright.scene.base import RIDERS
 from scenewright.scene.behavior import BehaviorProgram
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection
 from scenewright.scene.track import STEP
@@ -52,7 +53,9 @@ def guides_of(
 
 
 def _kept(motion: Motion, agent: SelectedAgent, selection: Selection) -> NDArray[np.bool_]:
-    """[T] samples at which the prior stays as it is."""
+    """[T] samples at which the prior stays as it is; all of them of a class the network lacks."""
+    if agent.candidate.shape.type in RIDERS:
+        return np.ones(len(motion.s), dtype=np.bool_)
     times = agent.enters + STEP * np.arange(len(motion.s))
     kept = np.asarray(motion.speed <= STANDING)
     for event in selection.events:

@@ -25,7 +25,7 @@ from scenewright.tools.dsl_validator.parse import MAX_CLAUSES, format_clause
 
 _SERVES: dict[str, tuple[str, ...]] = {
     "collide_at": ("contact",),
-    "near_miss": ("time_gap", "brakes_for", "stops_behind"),
+    "near_miss": ("time_gap", "brakes_for", "stops_behind", "passes_beside"),
     "yield_to": ("gives_way",),
     "follow": ("headway", "stops_behind"),
 }

@@ -7,12 +7,24 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from scenewright.scene.base import AgentClass, Model, Movement
+from scenewright.scene.base import RIDERS, AgentClass, Model, Movement
 from scenewright.scene.events import EVENT_OF_RELATION, EventType, EventZone
 from scenewright.scene.record import SegmentStatus
 from scenewright.scene.social import Cause, CollisionKind, Manoeuvre, RelationType
 
-Geometry = Literal["crossing", "merging", "same_lane", "same_way", "lane_change", "opposing"]
+Geometry = Literal[
+    "crossing",
+    "merging",
+    "turn_across",
+    "same_lane",
+    "same_way",
+    "overtaking",
+    "cutting_in",
+    "lane_change",
+    "opposing",
+]
+RoleClass = Literal["vehicle", "pedestrian", "cyclist", "scooter", "rider"]
+"""A class of agents; a rider is a cyclist or the rider of a scooter."""
 RoleName = Literal["from", "to"]
 
 _Number = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
@@ -20,9 +32,13 @@ _Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)]
 _Line = Annotated[str, Field(min_length=1, max_length=200)]
 _PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 _PHRASE = re.compile(r"\{(from|to)\} ([A-Za-z][A-Za-z' -]*[A-Za-z]) \{(from|to)\}")
-_MOVEMENTS: dict[AgentClass, frozenset[Movement]] = {
+_RIDING: frozenset[Movement] = frozenset({"straight", "left", "right", "crossing"})
+_MOVEMENTS: dict[RoleClass, frozenset[Movement]] = {
     "vehicle": frozenset({"straight", "left", "right", "uturn"}),
     "pedestrian": frozenset({"crossing", "jaywalking"}),
+    "cyclist": _RIDING,
+    "scooter": _RIDING,
+    "rider": _RIDING,
 }
 _PROVED_BY: dict[EventType, frozenset[str]] = {
     "collision": frozenset({"relative_speed"}),
@@ -32,7 +48,7 @@ _PROVED_BY: dict[EventType, frozenset[str]] = {
 }
 """Figures of an event's evidence that a file may bound."""
 
-_ONE_LANE = frozenset({"same_lane", "same_way", "lane_change"})
+_ONE_LANE = frozenset({"same_lane", "same_way", "overtaking", "cutting_in", "lane_change"})
 
 
 class Role(Model):
@@ -42,9 +58,13 @@ class Role(Model):
         segments: what the agent's behaviour program must hold for the relation to come about.
     """
 
-    type: AgentClass
+    type: RoleClass
     movements: tuple[Movement, ...] = Field(min_length=1, max_length=4)
     segments: tuple[SegmentStatus, ...] = Field(min_length=1, max_length=4)
+
+    def admits(self, kind: AgentClass) -> bool:
+        """Whether an agent of a class can play the part."""
+        return kind == self.type or (self.type == "rider" and kind in RIDERS)
 
     @model_validator(mode="after")
     def _of_its_class(self) -> Self:
@@ -197,6 +217,10 @@ def _classes_fit(pattern: Pattern) -> None:
         raise ValueError("to.type: one of the two must be a vehicle")
     if walkers and pattern.geometry != "crossing":
         raise ValueError("geometry: with a pedestrian it must be 'crossing'")
+    if "crossing" in (*pattern.from_.movements, *pattern.to.movements) and (
+        pattern.geometry != "crossing"
+    ):
+        raise ValueError("geometry: on a crosswalk it must be 'crossing'")
     if walkers and pattern.relation == "follow":
         raise ValueError("relation: a pedestrian and a vehicle never follow one another")
     struck = pattern.kind == "pedestrian_strike"
@@ -207,7 +231,7 @@ def _classes_fit(pattern: Pattern) -> None:
 def _place_fits(pattern: Pattern) -> None:
     movements = {*pattern.from_.movements, *pattern.to.movements}
     if pattern.zone == "crosswalk" and not movements >= {"crossing"}:
-        raise ValueError("zone: 'crosswalk' needs a pedestrian with the movement 'crossing'")
+        raise ValueError("zone: 'crosswalk' needs somebody with the movement 'crossing'")
     if pattern.zone == "lane" and pattern.geometry not in _ONE_LANE:
         raise ValueError(f"zone: 'lane' needs a geometry of {_any_of(_ONE_LANE)}")
     if pattern.order is not None and pattern.relation not in ("near_miss", "yield_to"):

@@ -29,6 +29,7 @@ from scenewright.scene.constraints import (
     Near,
     PairClause,
     PairFigure,
+    PassesBeside,
     PassesThrough,
     SameLane,
     SpeedBetween,
@@ -50,6 +51,7 @@ _MODELS: dict[str, type[Model]] = {
 _WORDS = {
     "VEHICLE": "a vehicle such as vehicle-1",
     "PEDESTRIAN": "a pedestrian such as pedestrian-1",
+    "RIDER": "a rider such as cyclist-1",
     "KIND": "a kind of collision such as angle",
     "POINT": "a point of impact such as front_left",
     "LATE": "'late_brake' or 'lead_brakes'",
@@ -145,7 +147,7 @@ def _clause(tree: Tree[Token]) -> Clause:
 
 def _agents(tree: Tree[Token]) -> tuple[str, ...]:
     tokens = [child for child in tree.children if isinstance(child, Token)]
-    names = [str(token) for token in tokens if token.type in {"VEHICLE", "PEDESTRIAN"}]
+    names = [str(token) for token in tokens if token.type in {"VEHICLE", "PEDESTRIAN", "RIDER"}]
     return tuple(dict.fromkeys(names))
 
 
@@ -238,6 +240,8 @@ def _bound(clause: Clause) -> str:
             return told if clause.cause is None else f"{told} {clause.cause}"
         case SpeedBetween():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] m/s"
+        case PassesBeside():
+            return f" in [{_number(clause.low)}, {_number(clause.high)}] m"
         case AgentFigure() | PairFigure():
             kind = "headway" if clause.clause == "time_headway" else clause.clause
             unit = UNITS[kind].unit

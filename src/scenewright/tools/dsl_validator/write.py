@@ -51,7 +51,8 @@ def _lines(facts: Mapping[str, Any]) -> str:
     for agent in facts["agents"]:
         name = agent["id"]
         if agent["movement"] != "jaywalking":
-            lines.append(f"{'on_road' if agent['type'] == 'vehicle' else 'on_walkable'}({name})")
+            walks = agent["movement"] == "crossing"
+            lines.append(f"{'on_walkable' if walks else 'on_road'}({name})")
     lines += [_MOTIONS[each["motion"]].format(each["id"]) for each in facts.get("motions", ())]
     for agent in facts["violators"]:
         lines.append(f"runs_red({agent})")

@@ -12,14 +12,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from scenewright.scene.base import AgentClass
+from scenewright.scene.base import RIDERS, AgentClass
 from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSet, DrawnWaypoints
 from scenewright.scene.grounding import Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
-from scenewright.scene.track import PEDESTRIAN, Shape, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, Shape, rider_shape, vehicle_shape
 from scenewright.tools.gmm_sampler.asked_profiles import apply_measures, count_slow_routes
+from scenewright.tools.gmm_sampler.beside_riders import keep_pace, make_room
 from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
     sample_driving_profiles,
@@ -27,6 +28,7 @@ from scenewright.tools.gmm_sampler.driving_profile_prior import (
 from scenewright.tools.gmm_sampler.groups import form_group
 from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
 from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
+from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
 from scenewright.tools.gmm_sampler.sample import (
     build_path,
     compute_nll_and_component,
@@ -46,8 +48,9 @@ are seen in 30 s: 0.19 of them at v = 5.9, 0.34 at 11.3, 0.48 at 18.1, 0.55 at 2
 _HEADWAY = (1.0, 4.0)
 """Of a vehicle that arrives close to another [s]."""
 _SECONDS = 30.0
-_ASSIGNMENTS, _MOST_ASSIGNMENTS = 6, 40
-"""Assignments drawn, of which the best is taken; and where a speed asked for wants more."""
+_ASSIGNMENTS, _RIDER_ASSIGNMENTS, _MOST_ASSIGNMENTS = 6, 24, 40
+"""Assignments drawn, of which the best is taken: without and with riders; where a speed asked for
+wants more."""
 
 _RUNNING, _RUN_SPEED, _RUN_ACCELERATION = ("runs", "darts_out"), (2.7, 3.9), 2.0
 """Motions of pedestrians who run; how fast [m/s], and how they set off and stop [m/s^2]."""
@@ -108,7 +111,8 @@ def assign_foreground(
             )
         )
 
-    drawn = [draw() for _ in range(_ASSIGNMENTS)]
+    tries = _RIDER_ASSIGNMENTS if any(a.type in RIDERS for a in graph.agents) else _ASSIGNMENTS
+    drawn = [draw() for _ in range(tries)]
     while len(drawn) < _MOST_ASSIGNMENTS and min(map(count_faults, drawn))[0] > 0:
         drawn.append(draw())
     return min(drawn, key=count_faults)
@@ -133,13 +137,17 @@ def amplify(
     agents = {}
     for node in graph.agents:
         route = assignment.routes[node.id]
+        own = priors
+        if node.type in RIDERS:
+            own = build_rider_priors(priors, node.type, route, intersection_map=intersection_map)
         agents[node.id] = _draw_agent(
-            node.id, "foreground", route, priors, size, rng, subtype=node.subtype
+            node.id, "foreground", route, own, size, rng, subtype=node.subtype, kind=node.type
         )
         if node.motion in _RUNNING:
             agents[node.id] = _let_run(agents[node.id], priors, rng)
     groups = _form_groups(graph, agents)
     _draw_lane_departures(agents, assignment, priors, rng=rng)
+    _fit_to_riders(agents, assignment, priors, rng=rng)
     apply_measures(agents, graph, rng)
     counts = draw_background_counts(graph, priors, hour=hour, rng=rng)
     for kind, count in counts.items():
@@ -190,13 +198,14 @@ def _draw_agent(
     rng: np.random.Generator,
     *,
     subtype: str | None = None,
+    kind: AgentClass | None = None,
     arrival: float | None = None,
     reserve: bool = False,
 ) -> AgentCandidates:
     """Candidates of an agent, drawn on demand with a random generator of its own."""
     seed: Any = rng.bit_generator.seed_seq
     [own] = seed.spawn(1)
-    subtype, shape = _draw_shape(route, subtype, priors, rng)
+    subtype, shape = _draw_shape(kind or route.type, route, subtype, priors, rng)
     prior = priors.waypoints[route.id]
 
     @cache
@@ -281,6 +290,42 @@ def _drive_faster(drawn: DrawnWaypoints, other: DrawnWaypoints) -> DrawnWaypoint
     return replace(drawn, time_laws=laws)
 
 
+_BESIDE_RIDERS: dict[str, tuple[float, float]] = {
+    "turn_across": (0.4, 0.8),
+    "overtaking": (0.6, 1.1),
+    "cutting_in": (0.5, 0.9),
+}
+"""Gaps that vehicles leave beside riders [m], by how the two meet."""
+_LEAVES_ROOM = {"turn_across": (0.40, 0.66), "overtaking": (2.0, 3.0), "cutting_in": (0.15, 0.34)}
+"""Share of their way from which on, and at which at last, they take it back."""
+
+
+def _fit_to_riders(
+    agents: dict[str, AgentCandidates],
+    assignment: RoleAssignment,
+    priors: Priors,
+    *,
+    rng: np.random.Generator,
+) -> None:
+    """Vehicles that drive beside a rider, or behind one or before one at its pace."""
+    for played in assignment.patterns:
+        pattern = get_pattern(played.pattern)
+        own, other = agents[played.from_], agents[played.to]
+        if not {own.shape.type, other.shape.type} & set(RIDERS):
+            continue
+        if pattern.geometry in _BESIDE_RIDERS:
+            prior = priors.waypoints[own.route.id]
+            waypoints = make_room(
+                own, prior, other, _BESIDE_RIDERS[pattern.geometry], rng,
+                until=_LEAVES_ROOM[pattern.geometry],
+            )  # fmt: skip
+            nll, component = compute_nll_and_component(prior, waypoints)
+            drawn = replace(own.drawn, waypoints=waypoints, nll=nll, component=component)
+            agents[own.name] = _replace_drawn(own, drawn, prior)
+        elif pattern.relation == "follow":
+            agents[own.name], agents[other.name] = keep_pace(own, other, rng)
+
+
 def _replace_drawn(
     agent: AgentCandidates, drawn: DrawnWaypoints, prior: WaypointPrior
 ) -> AgentCandidates:
@@ -292,9 +337,15 @@ def _replace_drawn(
 
 
 def _draw_shape(
-    route: Route, subtype: str | None, priors: Priors, rng: np.random.Generator
+    kind: AgentClass,
+    route: Route,
+    subtype: str | None,
+    priors: Priors,
+    rng: np.random.Generator,
 ) -> tuple[str | None, Shape]:
-    if route.type == "pedestrian":
+    if kind in RIDERS:
+        return None, rider_shape(kind)
+    if kind == "pedestrian":
         return None, PEDESTRIAN
     if subtype is None:
         shares = priors.subtypes.get(route.id) or {"car": 1.0}

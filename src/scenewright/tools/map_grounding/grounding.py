@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from scenewright.errors import Rejected
+from scenewright.scene.base import RIDERS
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.grounding import AssignedPattern, Grounding, RoleAssignment
 from scenewright.scene.map import IntersectionMap, Route
@@ -79,7 +80,7 @@ def _without_entailed_exits(graph: SocialGraph, intersection_map: IntersectionMa
 
 
 def _entailed(agent: AgentNode) -> bool:
-    if agent.type != "vehicle" or None in (agent.entry, agent.exit, agent.movement):
+    if agent.type == "pedestrian" or None in (agent.entry, agent.exit, agent.movement):
         return False
     turn = (_RING.index(str(agent.exit)) - _RING.index(str(agent.entry))) % len(_RING)
     return {2: "left", 4: "straight", 6: "right", 0: "uturn"}.get(turn) == agent.movement
@@ -214,11 +215,25 @@ def _routes_for(agent: AgentNode, intersection_map: IntersectionMap) -> tuple[Ro
 def _admits(agent: AgentNode, route: Route) -> bool:
     wanted = (agent.entry, agent.exit, agent.movement, agent.crosswalk)
     offered = (route.entry, route.exit, route.movement, route.crosswalk)
-    if agent.type != route.type:
+    if agent.type in RIDERS:
+        if not _can_ride(route, agent):
+            return False
+    elif agent.type != route.type:
         return False
     if agent.movement is None and route.movement == "jaywalking":
         return False  # nobody jaywalks unasked
     return all(want is None or want == offer for want, offer in zip(wanted, offered, strict=True))
+
+
+def _can_ride(route: Route, agent: AgentNode) -> bool:
+    """Whether a rider may take a route: on the lane, or, where the text says so, on a crosswalk."""
+    on_crosswalk = agent.crosswalk is not None or agent.movement == "crossing"
+    if route.type == "vehicle":
+        return not on_crosswalk and route.movement != "uturn"
+    straight = route.side is None or len(set(route.side.split(">"))) == 1
+    return (
+        on_crosswalk and route.movement == "crossing" and straight and "leg" not in str(route.side)
+    )
 
 
 def _shuffled(
@@ -315,6 +330,8 @@ def _play(
         for pattern in found:
             mirrored = _mirrored(pattern, intersection_map)
             for first, second in _role_orders(edge, pattern):
+                if not _has_classes(pattern, graph.agent(first), graph.agent(second)):
+                    continue
                 firsts = _able(_open(first, order, chosen), pattern.from_, mirrored=mirrored)
                 seconds = _able(_open(second, order, chosen), pattern.to, mirrored=mirrored)
                 for a, b in product(firsts, seconds):
@@ -344,6 +361,10 @@ def _play(
                         )
 
 
+def _has_classes(pattern: Pattern, first: AgentNode, second: AgentNode) -> bool:
+    return pattern.from_.admits(first.type) and pattern.to.admits(second.type)
+
+
 def _open(agent: str, order: dict[str, list[Route]], chosen: dict[str, Route]) -> list[Route]:
     return [chosen[agent]] if agent in chosen else order[agent]
 
@@ -362,19 +383,29 @@ def _strikes_there(edge: RelationEdge, routes: dict[str, Route]) -> bool:
 
 def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
     """Patterns that serve the relation and, if one is named, the kind of collision."""
-    classes = {graph.agent(edge.from_).type, graph.agent(edge.to).type}
+    first, second = graph.agent(edge.from_).type, graph.agent(edge.to).type
     return [
         pattern
         for pattern in load_checked_patterns()
         if pattern.relation == edge.type
         and edge.pattern in (None, pattern.id)
         and (edge.pattern is not None or pattern.manoeuvre == edge.manoeuvre)
-        and {pattern.from_.type, pattern.to.type} == classes
+        and (
+            (pattern.from_.admits(first) and pattern.to.admits(second))
+            or (pattern.from_.admits(second) and pattern.to.admits(first))
+        )
         and edge.kind in (None, pattern.kind)
+        and _can_be_so_severe(pattern, edge)
         and _can_strike(pattern, edge)
         and _can_run_red(pattern, edge)
         and can_be_ordered(pattern, edge)
     ]
+
+
+def _can_be_so_severe(pattern: Pattern, edge: RelationEdge) -> bool:
+    """Whether the pattern leaves a PET or TTC to ask for; overtaking in one lane has none."""
+    asked = edge.target_pet is not None or edge.target_ttc is not None or edge.cause is not None
+    return not (asked and pattern.geometry == "overtaking")
 
 
 def _can_run_red(pattern: Pattern, edge: RelationEdge) -> bool:
@@ -443,7 +474,7 @@ _MIRROR = {"left": "right", "right": "left"}
 
 def _plays(route: Route, role: Role, *, mirrored: bool) -> bool:
     movement = _MIRROR.get(route.movement, route.movement) if mirrored else route.movement
-    return route.type == role.type and movement in role.movements
+    return movement in role.movements
 
 
 def _entries_lie(pattern: Pattern, a: Route, b: Route) -> bool:
@@ -479,7 +510,9 @@ def _geometry_fits(pattern: Pattern, a: Route, b: Route, intersection_map: Inter
             )
         case "same_lane":
             return a.entry == b.entry and _share_a_lane(a, b, intersection_map)
-        case "same_way":
+        case "turn_across":
+            return a.entry == b.entry and a.exit != b.exit
+        case "same_way" | "overtaking" | "cutting_in":
             return a.entry == b.entry and a.exit == b.exit
         case "lane_change":
             return a.id == b.id and _lanes(a, intersection_map) >= 2

@@ -12,6 +12,7 @@ from scenewright.scene.constraints import (
     Contact,
     GivesWay,
     Headway,
+    PassesBeside,
     StopsBehind,
     TimeGap,
 )
@@ -21,7 +22,7 @@ from scenewright.tools.dsl_validator.parse import parse
 
 _BROUGHT_ABOUT_BY: dict[RelationType, tuple[type[Model], ...]] = {
     "collide_at": (Contact,),
-    "near_miss": (TimeGap, BrakesFor, StopsBehind),
+    "near_miss": (TimeGap, BrakesFor, StopsBehind, PassesBeside),
     "yield_to": (GivesWay,),
     "follow": (Headway, StopsBehind),
 }
@@ -59,8 +60,10 @@ def _check(pattern: Pattern) -> None:
 
 
 def _names(pattern: Pattern) -> tuple[str, str]:
-    second = 2 if pattern.from_.type == pattern.to.type else 1
-    return f"{pattern.from_.type}-1", f"{pattern.to.type}-{second}"
+    first, second = (
+        "cyclist" if role.type == "rider" else role.type for role in (pattern.from_, pattern.to)
+    )
+    return f"{first}-1", f"{second}-{2 if first == second else 1}"
 
 
 def _read(pattern: Pattern, number: int, names: tuple[str, str]) -> ConstraintProgram:

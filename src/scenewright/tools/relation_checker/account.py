@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 from scenewright.scene.account import SaidRecord
+from scenewright.scene.base import AgentClass
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
@@ -135,7 +136,7 @@ class _EvidenceFinder:
         agents = [self._agents[number] for number in entry.agents]
         if (entry.value or "").startswith(GROUP):
             return self._find_group(entry)
-        if entry.value in ("vehicle", "pedestrian") and any(a.type != entry.value for a in agents):
+        if entry.value in get_args(AgentClass) and any(a.type != entry.value for a in agents):
             return None
         named = entry.value in ("car", "truck", "bus", "motorcycle")
         if named and any(a.subtype != entry.value for a in agents):
@@ -180,7 +181,7 @@ class _EvidenceFinder:
 
     def _find_observed_leg(self, agent: AgentRecord, field: str) -> str | None:
         """The leg that the track itself shows, where it can be told."""
-        if self._map is None or agent.type != "vehicle":
+        if self._map is None or agent.type == "pedestrian" or agent.crosswalk is not None:
             return None
         track = self._tracks[agent.id]
         if field == "entry":

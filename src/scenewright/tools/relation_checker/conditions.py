@@ -22,7 +22,7 @@ from scenewright.tools.relation_checker.trajectory import Trajectory, extend_str
 ON_CROSSWALK = 0.5
 """How far beside a crosswalk [m] still counts as on it."""
 
-_BEYOND = {"vehicle": 25.0, "pedestrian": 5.0}
+_BEYOND = {"vehicle": 25.0, "pedestrian": 5.0, "cyclist": 25.0, "scooter": 25.0}
 """How far [m] the path of somebody who still waits is followed on."""
 
 TOLERANCES = {

@@ -75,7 +75,7 @@ def _find_conflict_zones(a: Trajectory, b: Trajectory) -> tuple[PathConflictZone
     """Events and the places asked for look at the same pairs; movers are known by identity."""
     overlap = get_swept_path(a).intersection(get_swept_path(b))
     parts = [p for p in geos.get_parts(overlap) if p.area > 1e-6]
-    if a.type != b.type:
+    if a.is_vehicle != b.is_vehicle:
         return tuple(PathConflictZone(p, False) for p in parts)
     paths = path_of(a), path_of(b)
     zones = (_drop_shared_lane(p, a, paths) for p in parts)

@@ -45,6 +45,7 @@ from scenewright.tools.relation_checker.following import (
 )
 from scenewright.tools.relation_checker.footprints import BoolArray
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
+from scenewright.tools.relation_checker.overtaking import find_close_overtaking
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.signals import SignalPlan
 from scenewright.tools.relation_checker.surrogates import (
@@ -78,7 +79,7 @@ YIELD_PET = 0.5
 YIELD_BRAKING = 5.0
 CUT = 0.2 + 1e-6
 """A track that ends this shortly before the scene, or after a contact [s], was ended by it."""
-ONWARDS = {"vehicle": 15.0, "pedestrian": 5.0}
+ONWARDS = {"vehicle": 15.0, "pedestrian": 5.0, "cyclist": 15.0, "scooter": 15.0}
 """How far who still waits at the end is taken to go straight on, if nothing was asked for [m]."""
 
 Pair = tuple[int, int]
@@ -276,7 +277,13 @@ class _EventSearch:
         close_calls = [t for t in braked if not any(a <= t <= b for a, b in covered)]
         if close_calls and not any(e.type == "near_miss" for e in found):
             found += self._find_near_miss(pair, None, full, around=close_calls)
-        return found
+        return found or self._find_close_overtaking(pair, full)
+
+    def _find_close_overtaking(self, pair: Pair, full: bool) -> list[Event]:
+        first, second = (self.grid.tracks[k] for k in pair)
+        left_hand = self.intersection_map is not None and self.intersection_map.left_hand_traffic
+        passed = find_close_overtaking(first, second, left_hand=left_hand)
+        return [] if passed is None else self._find_near_miss(pair, None, full, around=[passed[0]])
 
     def _classify_encounter(
         self, pair: Pair, encounter: Encounter, yielded: YieldEvent | None, full: bool

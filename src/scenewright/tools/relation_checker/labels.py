@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from scenewright.scene.base import Compass
+from scenewright.scene.base import AgentClass, Compass
 from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, EventRecord, SceneRecord
@@ -124,7 +124,7 @@ def find_false_journeys(
 def _find_misstatements(
     agent: AgentRecord, track: Trajectory, intersection_map: IntersectionMap
 ) -> Iterator[str]:
-    said = (agent.type, agent.entry, agent.exit, agent.movement, agent.crosswalk)
+    said = (_find_route_class(agent), agent.entry, agent.exit, agent.movement, agent.crosswalk)
     routes = get_ground_raster(intersection_map).routes
     if agent.route not in routes:
         yield f"the map has no route {agent.route}"
@@ -132,7 +132,7 @@ def _find_misstatements(
         yield f"its labels are not those of its route {agent.route}"
     if not _is_goal_near_exit(agent, intersection_map):
         yield f"its goal {agent.goal[0]:.0f}, {agent.goal[1]:.0f} is none of its exit"
-    if agent.type == "vehicle":
+    if _find_route_class(agent) == "vehicle":
         for word, label, seen in (
             ("comes from", agent.entry, find_entry_leg(track, intersection_map)),
             ("leaves to", agent.exit, find_exit_leg(track, intersection_map)),
@@ -141,6 +141,13 @@ def _find_misstatements(
                 yield f"it {word} the {seen}, its label says {label}"
     elif _walks_back(agent, track):
         yield f"it walks from its exit {agent.exit} towards its entry {agent.entry}"
+
+
+def _find_route_class(agent: AgentRecord) -> AgentClass:
+    """Whose ways an agent takes: those of vehicles, or, on a crosswalk, those of pedestrians."""
+    if agent.type not in ("cyclist", "scooter"):
+        return agent.type
+    return "vehicle" if agent.crosswalk is None else "pedestrian"
 
 
 def _walks_back(agent: AgentRecord, track: Trajectory) -> bool:
@@ -157,5 +164,5 @@ def _is_goal_near_exit(agent: AgentRecord, intersection_map: IntersectionMap) ->
     return any(
         west - GOAL <= x <= east + GOAL and south - GOAL <= y <= north + GOAL
         for kind, leg, (west, south, east, north) in get_ground_raster(intersection_map).goals
-        if kind == agent.type and (leg == agent.exit or agent.type == "pedestrian")
+        if kind == _find_route_class(agent) and (leg == agent.exit or kind == "pedestrian")
     )

@@ -72,7 +72,7 @@ def _check_agent(agent: AgentRecord, bound: frozenset[int]) -> Iterator[str]:
         yield f"{agent.type} {agent.id} was asked for and is called background"
     if not re.fullmatch(rf"{agent.type}-[1-9]\d*", agent.name):
         yield f"{agent.type} {agent.id} has the name {agent.name!r}, not one like {agent.type}-1"
-    known = RUNNERS if agent.type == "pedestrian" else VEHICLE_SIZES
+    known = {"pedestrian": RUNNERS, "vehicle": VEHICLE_SIZES}.get(agent.type, ())
     if agent.subtype is not None and agent.subtype not in known:
         yield f"there is no {agent.type} of the subtype {agent.subtype!r}"
 

@@ -30,6 +30,14 @@ SLIP_ABOVE = 1.0
 PEDESTRIAN_SPEED = 3.0
 RUNNING_SPEED = 4.5
 PEDESTRIAN_ACCELERATION = 3.0
+RIDER_SPEED = {"cyclist": 9.0, "scooter": 7.0}
+RIDER_ACCELERATION = 2.0
+RIDER_BRAKING = 3.5
+RIDER_CURVATURE = 1.0 / 3.0
+"""Sharpest turn [1/m] that a rider can lean into."""
+RIDES_ABOVE = 1.5
+"""Slower than this [m/s] a rider may turn the handlebar further, or walk."""
+RIDER_SIZES = {"cyclist": (1.8, 0.65), "scooter": (1.2, 0.55)}
 STEP_FACTOR = 1.2
 STEP_MARGIN = 0.05
 HELD = np.deg2rad(5.0)
@@ -78,6 +86,9 @@ def check_form(scene: SceneRecord) -> tuple[Finding, ...]:
 def _has_usual_size(agent: AgentRecord) -> bool:
     if agent.type == "pedestrian":
         return max(abs(agent.length - 0.6), abs(agent.width - 0.6)) < 0.01
+    if agent.type in RIDER_SIZES:
+        length, width = RIDER_SIZES[agent.type]
+        return max(abs(agent.length - length), abs(agent.width - width)) < 0.01
     named = VEHICLE_SIZES.get(agent.subtype or "")
     sizes = [named] if named else VEHICLE_SIZES.values()
     return any(
@@ -105,8 +116,12 @@ def check_motion_limits(
 ) -> tuple[tuple[Finding, ...], ...]:
     """Every limit of SEMANTICS section 5 that each agent's motion breaks, worst value each."""
     found: tuple[list[Finding], ...] = tuple([] for _ in tracks)
-    for rules, vehicles in ((_limit_vehicles, True), (_limit_pedestrians, False)):
-        rows = [n for n, m in enumerate(tracks) if m.is_vehicle == vehicles]
+    for rules, types in (
+        (_limit_vehicles, ("vehicle",)),
+        (_limit_riders, ("cyclist", "scooter")),
+        (_limit_pedestrians, ("pedestrian",)),
+    ):
+        rows = [n for n, m in enumerate(tracks) if m.type in types]
         chosen = [tracks[n] for n in rows]
         origin = concatenate_samples(chosen)[2]
         for rule in rules(chosen, [exceptions[n] for n in rows], origin) if rows else ():
@@ -147,6 +162,31 @@ def _limit_vehicles(
     yield _MotionLimit("acceleration", acceleration, VEHICLE_ACCELERATION, "m/s^2")
     yield _MotionLimit("braking", -acceleration, braking, "m/s^2")
     yield _MotionLimit("lateral_acceleration", lateral, LATERAL, "m/s^2")
+    yield from _limit_heading(tracks, speed, heading, origin)
+    yield _limit_steps(tracks, origin)
+
+
+def _limit_riders(
+    tracks: Sequence[Trajectory], _exceptions: Sequence[AllowedExceptions], origin: IntArray
+) -> Iterator[_MotionLimit]:
+    """Limits of SEMANTICS section 8 for cyclists and scooter riders, who lean into their turns."""
+    speed, acceleration = _concatenate(tracks, "speed"), _concatenate(tracks, "acceleration")
+    fastest = np.repeat([RIDER_SPEED[m.type] for m in tracks], np.diff(origin))
+    lateral = _concatenate(tracks, "lateral_acceleration")
+    bend = np.where(speed > RIDES_ABOVE, lateral / np.maximum(speed, RIDES_ABOVE) ** 2, 0.0)
+    yield _MotionLimit("speed", speed, fastest, "m/s")
+    yield _MotionLimit("acceleration", acceleration, RIDER_ACCELERATION, "m/s^2")
+    yield _MotionLimit("braking", -acceleration, RIDER_BRAKING, "m/s^2")
+    yield _MotionLimit("lateral_acceleration", lateral, LATERAL, "m/s^2")
+    yield _MotionLimit("curvature", bend, RIDER_CURVATURE, "1/m")
+    yield from _limit_heading(tracks, speed, _concatenate(tracks, "heading"), origin)
+    yield _limit_steps(tracks, origin)
+
+
+def _limit_heading(
+    tracks: Sequence[Trajectory], speed: FloatArray, heading: FloatArray, origin: IntArray
+) -> Iterator[_MotionLimit]:
+    """What faces forwards goes forwards, and does not turn on the spot."""
     yield _MotionLimit(
         "heading",
         _compute_slip(_concatenate(tracks, "velocity"), speed, heading),
@@ -160,7 +200,6 @@ def _limit_vehicles(
         HELD,
         "rad turned at standstill",
     )
-    yield _limit_steps(tracks, origin)
 
 
 def _limit_pedestrians(
@@ -231,6 +270,7 @@ def check_ground(
     ):
         if share < ON_ROAD:
             where = "road" if track.is_vehicle else "walkable area and crosswalks"
+            where = "road, or on footways and crosswalks" if track.is_rider else where
             found.append(Finding(
                 rule="off_road" if track.is_vehicle else "off_walkable", agents=(track.id,),
                 measured=round(share, 4), limit=ON_ROAD,
@@ -268,7 +308,7 @@ def check_vanishing(
             max(west - x, x - east, south - y, y - north) <= OUTSKIRTS
             for x, y in (track.xy[-1].tolist(),)
             for kind, _, (west, south, east, north) in goals
-            if kind == track.type
+            if kind == track.type or track.is_rider
         )
     )  # fmt: skip
 
@@ -276,13 +316,13 @@ def check_vanishing(
 def compute_ground_shares(
     tracks: tuple[Trajectory, ...], intersection_map: IntersectionMap, jaywalkers: frozenset[int]
 ) -> list[float]:
-    """Share of each agent's positions where its class belongs."""
+    """Share of each agent's positions where its class belongs: a rider's on road or footways."""
     ground = get_ground_raster(intersection_map)
     shares = [0.0] * len(tracks)
     for area, chosen in (
         (ground.road, [n for n, m in enumerate(tracks) if m.is_vehicle]),
         (ground.walkable, [n for n, m in enumerate(tracks)
-                           if not m.is_vehicle and m.id not in jaywalkers]),
+                           if m.is_rider or (not m.is_vehicle and m.id not in jaywalkers)]),
         (ground.anywhere, [n for n, m in enumerate(tracks)
                            if not m.is_vehicle and m.id in jaywalkers]),
     ):  # fmt: skip
@@ -290,14 +330,14 @@ def compute_ground_shares(
             xy, _, origin = concatenate_samples([tracks[n] for n in chosen])
             inside = np.add.reduceat(area.contains(xy), origin[:-1], dtype=np.float64)
             for n, share in zip(chosen, (inside / np.diff(origin)).tolist(), strict=True):
-                shares[n] = share
+                shares[n] = max(shares[n], share)
     return shares
 
 
 def find_extremes(tracks: tuple[Trajectory, ...]) -> dict[str, Any]:
     """Largest speeds and accelerations per class, for the report."""
     result: dict[str, Any] = {}
-    for name in ("vehicle", "pedestrian"):
+    for name in ("vehicle", "pedestrian", "cyclist", "scooter"):
         chosen = [m for m in tracks if m.type == name and len(m) > 1]
         if chosen:
             result[name] = {

@@ -36,7 +36,7 @@ SEAM = 2e-3
 
 @dataclass(frozen=True)
 class LightCrossing:
-    """A vehicle's front bumper over a stop line, or a pedestrian's step into a crosswalk.
+    """A vehicle's front over a stop line, or the entry of a pedestrian or rider into a crosswalk.
 
     Attributes:
         time: [s]; light: id of the stop line or crosswalk; colour: shown then, None if unknown.
@@ -81,7 +81,7 @@ class SignalPlan:
         if self._map is not None and self._spans:
             for track, time, name in self._lines.find_passages([m for m in tracks if m.is_vehicle]):
                 found[track].append((time, name))
-            walkers = [m for m in tracks if not m.is_vehicle]
+            walkers = [m for m in tracks if m.is_rider or not m.is_vehicle]
             for walk in get_ground_raster(self._map).crosswalks if walkers else ():
                 if walk.crosswalk.id in self._spans:
                     for track in walkers:
@@ -310,7 +310,7 @@ def _fits(shown: set[tuple[str, float, Colour]], program: SignalProgram, offset:
 
 
 def _find_crosswalk_entries(track: Trajectory, area: CrosswalkArea) -> list[float]:
-    """Times at which a pedestrian steps into the crosswalk and walks at least 2 m across.
+    """Times at which a pedestrian or rider enters the crosswalk and goes at least 2 m across.
 
     Who begins inside steps into it then: on red it cannot be known to have come on green.
     """

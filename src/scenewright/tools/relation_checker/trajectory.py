@@ -72,7 +72,8 @@ class Trajectory:
     """A road user on the 0.1 s grid, with its kinematics.
 
     Attributes:
-        is_vehicle: whether the footprint is a rectangle, else it is a disc.
+        is_vehicle: whether it is on wheels, so that its footprint is a rectangle; else a disc.
+        is_rider: a cyclist or the rider of a scooter.
         half_length, half_width: of the rectangle [m]; 0 for pedestrians.
         radius: of the disc [m]; 0 for vehicles.
         nose: distance from the centre to the foremost point [m].
@@ -91,6 +92,7 @@ class Trajectory:
     xy: FloatArray
     heading: FloatArray
     is_vehicle: bool = field(init=False)
+    is_rider: bool = field(init=False)
     half_length: float = field(init=False)
     half_width: float = field(init=False)
     radius: float = field(init=False)
@@ -98,11 +100,12 @@ class Trajectory:
     reach: float = field(init=False)
 
     def __post_init__(self) -> None:
-        drives = self.type == "vehicle"
+        drives = self.type != "pedestrian"
         length, width = (self.length / 2, self.width / 2) if drives else (0.0, 0.0)
         radius = 0.0 if drives else self.width / 2
         for name, value in (
-            ("is_vehicle", drives), ("half_length", length), ("half_width", width),
+            ("is_vehicle", drives), ("is_rider", self.type in ("cyclist", "scooter")),
+            ("half_length", length), ("half_width", width),
             ("radius", radius), ("nose", length + radius),
             ("reach", float(np.hypot(length, width)) + radius),
         ):  # fmt: skip

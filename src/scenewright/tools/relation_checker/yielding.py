@@ -27,7 +27,7 @@ MARGIN = 2.0
 
 @dataclass(frozen=True)
 class _ClassLimits:
-    """Class-dependent figures: vehicle or pedestrian."""
+    """Figures of one class of road users."""
 
     upstream: float
     approach: float
@@ -39,6 +39,8 @@ class _ClassLimits:
 LIMITS = {
     "vehicle": _ClassLimits(20.0, 40.0, 2.0, 1.0, 0.5),
     "pedestrian": _ClassLimits(5.0, 5.0, 0.5, 0.5, 0.2),
+    "cyclist": _ClassLimits(20.0, 40.0, 2.0, 1.0, 0.5),
+    "scooter": _ClassLimits(20.0, 40.0, 2.0, 1.0, 0.5),
 }
 
 
@@ -336,7 +338,7 @@ def is_leading(giver: Trajectory, other: Trajectory, *, time: float, before: flo
     Near enough: 5 m, or 3 s at the giver's speed; and not already past arc length `before` [m] of
     the giver's path, where the zone begins.
     """
-    if not other.start <= time <= other.end or other.type != giver.type:
+    if not other.start <= time <= other.end or other.is_vehicle != giver.is_vehicle:
         return False
     i, j = giver.index(time), other.index(time)
     away = other.xy[j] - giver.xy[i]

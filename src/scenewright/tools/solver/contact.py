@@ -6,6 +6,7 @@ from collections.abc import Generator, Iterator
 
 import numpy as np
 
+from scenewright.scene.base import RIDERS
 from scenewright.scene.constraints import Contact
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP
@@ -159,7 +160,7 @@ def _startled(
     context: SolverContext,
 ) -> tuple[ScheduledAgent, FirstContact]:
     """The striking vehicle brakes in the last moment, as drivers do, if it still strikes."""
-    kind, asked, rng = a.candidate.route.type, clause.cause == "late_brake", context.rng
+    kind, asked, rng = a.candidate.shape.type, clause.cause == "late_brake", context.rng
     if kind != "vehicle" or a.slowings or (rng.random() > _BRAKES and not asked):
         return a, found
     if context.wants_impact_point(clause) and not asked:
@@ -175,7 +176,7 @@ def _down_to(
     speed: float, a: ScheduledAgent, b: ScheduledAgent, found: FirstContact, context: SolverContext
 ) -> tuple[ScheduledAgent, FirstContact | None]:
     """The striking vehicle braked to the speed asked for, if it would be faster."""
-    if found.speed < speed + _SMOOTHED:
+    if found.speed < speed + _SMOOTHED or a.candidate.shape.type in RIDERS:
         return a, found
     return _braked(a, b, found, max(speed - _SMOOTHED, 0.5), context)
 
@@ -211,7 +212,7 @@ def _fault(
         extreme = "fastest" if found.speed < clause.speed else "slowest"
         words = (
             f"a target impact speed of {clause.speed:g} m/s: the {extreme} "
-            f"{a.candidate.subtype or a.candidate.route.type} on this movement strikes at "
+            f"{a.candidate.subtype or a.candidate.shape.type} on this movement strikes at "
             f"{found.speed:.1f} m/s"
         )
         return FailureStage.MEASURE, words, abs(found.speed - clause.speed)

@@ -9,6 +9,7 @@ is placed keeps its time, the other one gets the delta that the clause wants.
     headway    delta just behind C(0) of a shared lane
     gives_way  `first` is held upstream of the zone until `second` has left it; delta such that,
                unheld, it would have been there while `second` was (SEMANTICS 4, cause)
+    passes_beside  delta that brings both abreast where their paths lie side by side
     brakes_for delta inside C(0) of the free motions, outside of it once `first` brakes hard
     stops_behind  delta such that `first` answers the braking of `second` a reaction time later
 """
@@ -26,6 +27,7 @@ from scenewright.scene.constraints import (
     GivesWay,
     Headway,
     PairClause,
+    PassesBeside,
     StopsBehind,
     TimeGap,
 )
@@ -37,6 +39,7 @@ from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.entry_times import START_LAG
 from scenewright.tools.solver.hard_braking import schedule_hard_braking
 from scenewright.tools.solver.lead_braking import schedule_stops_behind
+from scenewright.tools.solver.overtaking import schedule_overtakings
 from scenewright.tools.solver.path_conflict import PathConflict, find_conflict_intervals
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
@@ -93,6 +96,8 @@ def _served(
             return schedule_headways(clause, schedule, context)
         case GivesWay():
             return schedule_yields(clause, schedule, context)
+        case PassesBeside():
+            return schedule_overtakings(clause, schedule, context)
         case BrakesFor():
             return schedule_hard_braking(clause, schedule, context)
         case StopsBehind():

@@ -136,8 +136,7 @@ def name_impact_points(along: float, across: float, *, shape: Shape) -> tuple[Im
 def _kind(
     a: ScheduledAgent, b: ScheduledAgent, time: float, turned: float, sides: list[str], sign: float
 ) -> CollisionKind:
-    routes = (a.candidate.route, b.candidate.route)
-    if any(route.type == "pedestrian" for route in routes):
+    if any(actor.candidate.shape.type == "pedestrian" for actor in (a, b)):
         return "pedestrian_strike"
     if turned <= np.radians(30):
         return "rear_end" if set(sides) == {"front", "rear"} else "sideswipe"

@@ -98,7 +98,7 @@ def find_path_conflict(
     i, j = find_close_nodes(
         pose_a.T, pose_b.T, float(radius + reach), (float(s_a[1]), float(s_b[1]))
     )
-    if all(shape.type == "vehicle" for shape in shapes):
+    if all(shape.type != "pedestrian" for shape in shapes):
         halves = [(shape.length / 2, shape.width / 2) for shape in shapes]
         gap = _axis_gaps(to_cosines(pose_a), to_cosines(pose_b), i, j, *halves)
         i, j, gap = i[gap <= reach], j[gap <= reach], gap[gap <= reach]

@@ -9,6 +9,7 @@ import numpy as np
 
 from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import STOP_GAP
+from scenewright.scene.base import RIDERS
 from scenewright.scene.constraints import Contact
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.tools.solver.context import SolverContext
@@ -22,6 +23,9 @@ _FOR_GOOD = 60.0
 
 _SUDDEN, _SUDDEN_BRAKING = (0.62, 0.82), 3.2
 """Where on its way (share of it) a leader stops for no light, and how hard it brakes [m/s^2]."""
+
+_RIDER_BRAKING = 3.0
+"""Of a rider that brakes too late [m/s^2]."""
 
 _AT_THE_ZONE = 7.0
 """Who waits no farther than this [m] from a conflict zone visibly waits for it."""
@@ -102,7 +106,8 @@ def _brakes_late(
         return None
     touch = float(shared.s_a[shared.i[standing]].min())
     speed = clause.speed or float(context.rng.uniform(3.0, 5.5))
-    return a.edited(stops=a.stops, slowings=(Slowing(touch, speed, 5.5),))
+    braking = _RIDER_BRAKING if a.candidate.shape.type in RIDERS else 5.5
+    return a.edited(stops=a.stops, slowings=(Slowing(touch, speed, braking),))
 
 
 def _lingering(leader: ScheduledAgent) -> ScheduledAgent | None:

@@ -98,7 +98,7 @@ def get_corridor(candidate: Candidate) -> Corridor:
         s,
         to_cosines(sample_poses(path, s)),
         (shape.length / 2, shape.width / 2),
-        kind == "pedestrian",
+        shape.type == "pedestrian",
     )
 
 

@@ -32,6 +32,7 @@ from scenewright.scene.constraints import (
     Near,
     PairClause,
     PairFigure,
+    PassesBeside,
     Pauses,
     RunsRed,
     SameLane,
@@ -127,8 +128,8 @@ _ROOM_TO_COME = 3.0
 _ONE_LANE = 0.5
 """How far footprints beside one another overlap if they share a lane [m]."""
 
-_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor, StopsBehind)
-_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | StopsBehind
+_Event = (Contact, TimeGap, Headway, GivesWay, BrakesFor, StopsBehind, PassesBeside)
+_EventClause = Contact | TimeGap | Headway | GivesWay | BrakesFor | StopsBehind | PassesBeside
 
 
 @dataclass(frozen=True, eq=False)

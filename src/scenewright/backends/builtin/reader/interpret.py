@@ -34,6 +34,7 @@ from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
 from scenewright.backends.builtin.scope import not_english, nothing_planned
 from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
 from scenewright.scene.social import PedestrianMotion
 
@@ -49,8 +50,8 @@ _RELATIVE = {
     "lateral": "lateral", "other": "other", "exit": "exit_crosswalk", "entry": "entry_crosswalk",
 }  # fmt: skip
 _UNKNOWN_CLASS = {
-    "cyc": "Bicycles are not a class of this generator",
-    "scoot": "Scooters, skateboards and the like are not a class of this generator",
+    "cyc": "Rickshaws and the like are not a class of this generator",
+    "scoot": "Skateboards, wheelchairs and the like are not a class of this generator",
     "obj": "Objects that stand are not a class of this generator",
     "other": "This agent is not a class of this generator",
 }
@@ -264,12 +265,13 @@ def _introduce(result: Interpretation, reading: Reading) -> None:
         span = reading.spans[index]
         if span.negated:
             _deny_class(result, span)
-        elif span.tag not in ("veh", "ped") and number not in eventful:
+        elif _class_of(span) is None and number not in eventful:
             result.enter(span, "nothing", note=_UNKNOWN_CLASS[span.tag].lower())
-        elif span.tag not in ("veh", "ped"):
+        elif _class_of(span) is None:
             raise Refused(
                 "out_of_scope",
-                f"{_UNKNOWN_CLASS[span.tag]} ({span.words}); use vehicles and pedestrians.",
+                f"{_UNKNOWN_CLASS[span.tag]} ({span.words}); use vehicles, cyclists, e-scooters "
+                "and pedestrians.",
             )
         elif span.value == "many" and number not in active:
             result.enter(span, "density", value="ordinary traffic")
@@ -282,8 +284,24 @@ def _introduce(result: Interpretation, reading: Reading) -> None:
             _add_user(result, number, span)
 
 
+_CLASSES: dict[str, AgentClass] = {
+    "veh": "vehicle", "ped": "pedestrian", "cyc": "cyclist", "scoot": "scooter",
+}  # fmt: skip
+_NO_BICYCLE = re.compile(r"rickshaw|pedicab|unicycl|velomobile|handcart|quad", re.IGNORECASE)
+_SCOOTER = re.compile(r"scoot|\btrottinette|\b(?:lime|bird|voi|tier)\b", re.IGNORECASE)
+
+
+def _class_of(span: ReadSpan) -> AgentClass | None:
+    """The class that a mention introduces; None where agents of its kind are not modelled."""
+    if span.tag == "cyc" and _NO_BICYCLE.search(span.words):
+        return None
+    if span.tag == "scoot" and not _SCOOTER.search(span.words):
+        return None
+    return _CLASSES.get(span.tag)
+
+
 def _add_user(result: Interpretation, number: int, span: ReadSpan) -> None:
-    agent = AgentDraft(type="vehicle" if span.tag == "veh" else "pedestrian", head=span.words)
+    agent = AgentDraft(type=_class_of(span) or "vehicle", head=span.words)
     agent.subtype = subtype_in(span.words) if span.tag == "veh" else None
     result.users[number] = agent
     result.draft.agents.append(agent)
@@ -488,9 +506,9 @@ def _read_roads(result: Interpretation) -> None:
 def _write_side(
     result: Interpretation, number: int, agent: AgentDraft, span: ReadSpan, side: str
 ) -> None:
-    walks = agent.type == "pedestrian"
+    walks = agent.walks
     name: Became = "exit" if span.tag == "to" else "entry"
-    if span.tag == "cw" and walks:
+    if span.tag == "cw" and (walks or agent.rides):
         name = "crosswalk"
         agent.movement = agent.movement or "crossing"
         agent.marked = agent.marked or _MARKED.search(span.words) is not None
@@ -516,7 +534,7 @@ def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
         for other in others:
             if agent is not other:
                 agent.relatives.append((word, other))
-        if agent.type == "pedestrian" and span.tag == "cw":
+        if (agent.walks or agent.rides) and span.tag == "cw":
             agent.movement = agent.movement or "crossing"
     result.enter(span, "tie", (*span.subjects, *span.objects), word)
 
@@ -534,7 +552,7 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
     walks = name in ("crossing", "jaywalking")
     for number in span.subjects:
         agent = result.users.get(number)
-        if agent is None or walks != (agent.type == "pedestrian"):
+        if agent is None or not _can_go(agent, span, name):
             continue
         if not walks:
             _put(result, agent, "movement", name, span.words)
@@ -543,6 +561,16 @@ def _move(result: Interpretation, span: ReadSpan) -> None:
             if name == "jaywalking" and result.changing:
                 agent.crosswalk = None
         result.enter(span, "movement", (number,), name)
+
+
+def _can_go(agent: AgentDraft, span: ReadSpan, movement: str) -> bool:
+    """Whether a word for a movement fits the class; a rider crosses where a crosswalk is named."""
+    walks = movement in ("crossing", "jaywalking")
+    if not agent.rides:
+        return walks == (agent.type == "pedestrian")
+    if walks:
+        return movement == "crossing" and (agent.walks or _MARKED.search(span.words) is not None)
+    return not agent.walks
 
 
 def _side_word(words: str) -> str | None:
@@ -675,8 +703,10 @@ def _of_fitting_classes(
     """The pairs whose classes can have such a relation, as far as there are any."""
 
     def fits(pair: tuple[int, int]) -> bool:
-        first, second = (users[number].type for number in pair)
-        return first == second if tag == "follow" else "vehicle" in (first, second)
+        first, second = (users[number] for number in pair)
+        if tag == "follow":
+            return first.walks == second.walks
+        return {first.type, second.type} != {"pedestrian"}
 
     return [pair for pair in pairs if fits(pair)] or pairs
 
@@ -897,7 +927,7 @@ def _settle(result: Interpretation) -> None:
                 if edge.manoeuvre is not None:
                     continue
                 edge.cause = "late_brake"
-                edge.braker = agent if agent.type == "vehicle" else None
+                edge.braker = agent if agent.type == "vehicle" else None  # riders brake softly
     for span in result.absent:
         _check_absent(result, span)
     for span in result.denied:

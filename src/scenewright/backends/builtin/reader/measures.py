@@ -32,7 +32,9 @@ _METRES = (
 _AROUND = 0.5
 """How far from a speed asked for an agent may be [m/s] (SEMANTICS 8)."""
 
-_SPEEDS = {"vehicle": (5.0, 14.0), "pedestrian": (1.0, 1.7)}
+_SPEEDS = {
+    "vehicle": (5.0, 14.0), "pedestrian": (1.0, 1.7), "cyclist": (2.5, 7.4), "scooter": (2.5, 5.9),
+}  # fmt: skip
 """Free speeds by class [m/s]."""
 
 _BOUND = re.compile(

@@ -1,0 +1,102 @@
+"""Priors of cyclists and scooter riders: where they ride, and how fast (SEMANTICS section 8).
+
+No bundle has tracks of them. They ride where vehicles drive, but on the outer side of the
+outermost lane that leads their way, and on a crosswalk where pedestrians walk. Their speeds are
+stated, not fitted: medians of 18 km/h for a bicycle in town, 16 km/h for an e-scooter and 13 km/h
+on a crosswalk, chosen about SUMO's default bicycle (20 km/h, 1.2 m/s^2 up, 3 m/s^2 down), which
+lies within the bounds, as these lie within the limits of SEMANTICS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scenewright.geometry.polyline import compute_normals, resample_to_count
+from scenewright.geometry.spline import DENSE, PER_INTERVAL
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.map import IntersectionMap, Route
+from scenewright.scene.track import RIDER_SIZES
+from scenewright.tools.gmm_sampler.priors import DrivingProfilePrior, Priors, WaypointPrior
+
+_FROM_EDGE = 0.35
+"""Between the handlebar and the edge of the lane [m]."""
+
+_WANDERS = 0.4
+"""Share of the vehicles' deviations from their mean paths that riders have from theirs."""
+
+_SAME_LANE = 1.5
+"""Mean paths less than this apart [m] are of one lane."""
+
+_SPREAD = np.array([0.20, 0.15, 0.20, 0.12])
+_LOW, _HIGH = np.array([2.4, 0.5, 0.9, 1.2]), np.array([7.5, 1.5, 2.5, 3.0])
+_SCOOTER_SPEED = 6.0
+_ON_CROSSWALK = 5.0
+"""Highest free speeds [m/s] of a scooter, and of anybody who rides over a crosswalk."""
+
+_MEDIAN: dict[tuple[AgentClass, bool], tuple[float, float, float, float]] = {
+    ("cyclist", False): (5.0, 0.9, 1.6, 2.0),
+    ("scooter", False): (4.5, 0.9, 1.6, 1.8),
+    ("cyclist", True): (3.6, 0.9, 1.6, 1.8),
+    ("scooter", True): (3.4, 0.9, 1.6, 1.8),
+}
+"""Speed, acceleration, braking, lateral acceleration [SI] by class and whether on a crosswalk."""
+
+
+def build_rider_priors(
+    priors: Priors, kind: AgentClass, route: Route, *, intersection_map: IntersectionMap
+) -> Priors:
+    """The priors as a rider of a class has them on one route."""
+    law = _build_profile_prior(kind, crosswalk=route.crosswalk is not None)
+    waypoints = priors.waypoints[route.id]
+    if route.crosswalk is None:
+        aside = _find_lane_offset(kind, route, intersection_map)
+        waypoints = shift_prior(waypoints, aside)
+    return replace(
+        priors, waypoints={route.id: waypoints}, driving_profiles={route.id: law}, subtypes={}
+    )
+
+
+def _build_profile_prior(kind: AgentClass, *, crosswalk: bool) -> DrivingProfilePrior:
+    fastest = _HIGH.copy()
+    if crosswalk or kind == "scooter":
+        fastest[0] = _ON_CROSSWALK if crosswalk else _SCOOTER_SPEED
+    return DrivingProfilePrior(np.array(_MEDIAN[kind, crosswalk]), _SPREAD, _LOW, fastest, 0)
+
+
+def _find_lane_offset(kind: AgentClass, route: Route, intersection_map: IntersectionMap) -> float:
+    """How far to the left of its lane's middle a rider keeps [m]; below 0 means to the right."""
+    movement = intersection_map.movement_of(route)
+    lanes = () if movement is None else movement.lanelets
+    widths = [lane.width for lane in intersection_map.lanelets if lane.id in lanes]
+    aside = max(min(widths, default=3.0) / 2 - RIDER_SIZES[kind][1] / 2 - _FROM_EDGE, 0.0)
+    return aside if intersection_map.left_hand_traffic else -aside
+
+
+def shift_prior(prior: WaypointPrior, aside: float) -> WaypointPrior:
+    """The components of the outermost lane, moved to their left by `aside` metres, and narrower."""
+    kept = _find_outermost(prior.base, outwards=float(np.sign(aside) or -1.0))
+    base = np.stack([_shift_line(line, aside) for line in prior.base[kept]])
+    return replace(
+        prior,
+        weights=prior.weights[kept] / prior.weights[kept].sum(),
+        means=base[:, ::PER_INTERVAL].reshape(len(base), -1),
+        cholesky=prior.cholesky[kept] * _WANDERS,
+        base=base,
+        tracks=0,
+    )
+
+
+def _find_outermost(lines: FloatArray, *, outwards: float) -> list[int]:
+    """Indices of the lines [C, P, 2] farthest to the left (1) or right (-1) at both ends."""
+    ends = (0, -1)
+    normals = np.array([compute_normals(lines[0])[end] for end in ends])
+    away = np.array([[(line[e] - lines[0][e]) @ n for e, n in zip(ends, normals, strict=True)]
+                     for line in lines]) * outwards  # fmt: skip
+    beyond = away.min(axis=1)
+    return np.flatnonzero(beyond >= beyond.max() - _SAME_LANE).tolist()
+
+
+def _shift_line(line: FloatArray, aside: float) -> FloatArray:
+    return resample_to_count(line + aside * compute_normals(line), DENSE)
