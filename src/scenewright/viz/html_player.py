@@ -23,9 +23,11 @@ from scenewright.scene.record import SceneRecord
 from scenewright.viz.appearance import (
     Motion,
     choose_view,
+    describe_object,
     find_main_time,
     list_motions,
     make_printable,
+    outline_object,
 )
 from scenewright.viz.road_markings import (
     build_crosswalk_bars,
@@ -77,6 +79,14 @@ def build_player_data(
         "mainTime": find_main_time(scene),
         "map": _describe_map(intersection),
         "agents": [_describe_agent(each) for each in moving],
+        "objects": [
+            {
+                "name": describe_object(each),
+                "high": each.height == "high",
+                "outline": _round(outline_object(each)),
+            }
+            for each in scene.objects
+        ],
         "signals": [each.model_dump(mode="json") for each in scene.signals],
         "events": _list_events(scene, proof, intersection),
         "proof": None if proof is None else _describe_proof(proof),

@@ -138,6 +138,21 @@ function drawLights() {
     }
 }
 
+/** What stands in the scene; what blocks the line of sight is dark. */
+function drawObjects() {
+  for (const { name, high, outline: ring } of data.objects) {
+    pen.beginPath();
+    trace(ring, true);
+    pen.fillStyle = readVariable(high ? "--soft" : "--kerb");
+    pen.fill();
+    pen.strokeStyle = readVariable("--soft");
+    pen.lineWidth = 1.2;
+    pen.stroke();
+    const [x, y] = ring.reduce((sum, point) => [sum[0] + point[0] / ring.length, sum[1] + point[1] / ring.length], [0, 0]);
+    writeLabel(name, [x, y], readVariable("--soft"));
+  }
+}
+
 function drawTrail(agent) {
   const from = Math.max(0, Math.ceil((state.time - 3 - agent.start) / STEP));
   const to = Math.min(agent.xy.length - 1, Math.floor((state.time - agent.start) / STEP));
@@ -274,6 +289,7 @@ function draw() {
   drawMap();
   drawLegs();
   drawLights();
+  drawObjects();
   data.agents.forEach(drawTrail);
   if (state.event !== null) drawEvidence(data.events[state.event]);
   data.agents.forEach(drawAgent);
