@@ -436,8 +436,10 @@ def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     orders = [(edge.from_, edge.to)]
     told = edge.pattern is not None or edge.manoeuvre is not None
     told = told and pattern.from_.type == pattern.to.type
-    if pattern.relation in _SYMMETRIC and not told:  # a phrase says who does it to whom
-        orders.append((edge.to, edge.from_))
+    # Who drives into the back or the side of whom is said, and a rider's pattern fixes its roles.
+    ridden = pattern.kind in ("rear_end", "sideswipe") and pattern.from_.type != pattern.to.type
+    if pattern.relation in _SYMMETRIC and not told and not ridden:
+        orders.append((edge.to, edge.from_))  # no phrase says who does it to whom
     return [each for each in orders if keeps_order(edge, pattern, each)]
 
 
