@@ -117,14 +117,14 @@ def test_animation_moves_and_lasts_as_long_as_the_scene(
     tmp_path: Path, scene: SceneRecord, proof: Proof, intersection: IntersectionMap
 ) -> None:
     path = tmp_path / "a.gif"
-    animate_scene(path, scene=scene, proof=proof, intersection=intersection, fps=2)
+    animate_scene(path, scene=scene, proof=proof, intersection=intersection, fps=1)
     with Image.open(path) as image:
         lasts, shown = 0, []
         for number in range(getattr(image, "n_frames", 1)):
             image.seek(number)
             lasts += image.info["duration"]
             shown.append(np.asarray(image.convert("RGB")).astype(int))
-    assert lasts == pytest.approx(30_500, abs=500)
+    assert lasts == pytest.approx(31_000, abs=500)
     assert all((a != b).any() for a, b in pairwise(shown))
     assert path.stat().st_size < 1_000_000
     orange = [share_of(picture, choose_colours(scene)[1]) for picture in shown]

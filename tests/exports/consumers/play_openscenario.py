@@ -20,11 +20,13 @@ def play(file: Path, question: dict[str, Any]) -> dict[str, Any]:
     gym.set_scenario(scenario)
     gym.reset_scenario()
     found: dict[tuple[str, str], float] = {}
-    while not gym.state.is_done:
+    while True:
         for entity, others in gym.state.collisions().items():
             for other in others:
                 pair = sorted((entity.ref, other.ref))
                 found.setdefault((pair[0], pair[1]), round(gym.state.t, 3))
+        if gym.state.is_done:  # the last state counts as well
+            break
         gym.step()
     by_name = {entity.ref: entity.trajectory for entity in scenario.entities}
     worst = 0.0

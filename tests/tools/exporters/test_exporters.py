@@ -17,8 +17,11 @@ import pytest
 
 import scenewright
 from exported_scenes import CONTACT, make_record, make_scene
+from scenewright.cli.main import main
+from scenewright.dataset.batch.manifest import write_manifest
+from scenewright.dataset.batch.scenes import list_scenes
 from scenewright.errors import InputError
-from scenewright.graph.run import load_tracks, verify_tracks
+from scenewright.graph.run import load_tracks, scene_bytes, verify_tracks
 from scenewright.scene.objects import ObjectRecord
 from scenewright.tools.exporters import FORMATS, ExportedScene, prepare_scene, write_scene
 from scenewright.tools.exporters.exported_scene import wrap_angles
@@ -333,6 +336,28 @@ def test_what_cannot_be_exported_leaves_nothing(
     with pytest.raises(InputError, match=words):
         scenewright.export([make_record()], to, tmp_path / "out", ego=ego)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_says_what_it_wrote(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "scene.json").write_bytes(scene_bytes(make_record()))
+    out = tmp_path / "out"
+    words = ["export", str(tmp_path), "--to", "openscenario", "--out", str(out), "--json"]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["files"] == [str(out / f"hand_made_1{end}") for end in (".xosc", ".xodr")]
+    assert sorted(map(str, out.iterdir())) == sorted(told["files"])
+    assert main([*words, "--form", "opera"]) == 2
+    assert "openscenario has no form 'opera'" in capsys.readouterr().err
+
+
+def test_a_dataset_lists_its_scenes_and_no_others(tmp_path: Path) -> None:
+    about: dict[str, Any] = {"rows": {}, "tables": {}}
+    files = ("a/scene.json", "a/proof.json", "README.md")
+    write_manifest(tmp_path, about, [(name, "0") for name in files])
+    assert list_scenes(tmp_path) == [tmp_path / "a"]
+    write_manifest(tmp_path, about, [("../b/scene.json", "0")])
+    with pytest.raises(InputError, match="outside"):
+        list_scenes(tmp_path)
 
 
 def test_scenes_of_one_id_get_files_of_their_own(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from scenewright.evals.markdown import format_table
 from scenewright.evals.realism.distances import (
     Distance,
     Gain,
@@ -135,20 +136,19 @@ def _quantiles(values: FloatArray) -> tuple[float, ...] | None:
 
 
 def _table(topic: str, reference: str, rows: Sequence[Row]) -> str:
-    lines = [
-        f"### {topic}, against {reference}",
-        "",
-        "| class | measure | scenes | W1 | 95 % | between means | n / reference | halves "
-        "| W1 / halves | by chance (95 %) | nearer than first | median, 5–95 % | reference |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [_line(row) for row in rows if (row.topic, row.reference) == (topic, reference)]
-    return "\n".join(lines)
+    cells = [_cells(row) for row in rows if (row.topic, row.reference) == (topic, reference)]
+    return f"### {topic}, against {reference}\n\n{format_table(_HEAD, cells)}"
 
 
-def _line(row: Row) -> str:
+_HEAD = (
+    "class", "measure", "scenes", "W1", "95 %", "between means", "n / reference", "halves",
+    "W1 / halves", "by chance (95 %)", "nearer than first", "median, 5–95 %", "reference",
+)  # fmt: skip
+
+
+def _cells(row: Row) -> list[str]:
     d = row.distance
-    cells = [
+    return [
         row.type,
         row.measure.replace("_", " "),
         row.scenes,
@@ -165,7 +165,6 @@ def _line(row: Row) -> str:
         _spread(row.quantiles),
         _spread(row.reference_quantiles),
     ]
-    return f"| {' | '.join(cells)} |"
 
 
 def _spread(quantiles: tuple[float, ...] | None) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from scenewright.evals.markdown import format_table
 from scenewright.evals.tables import paper
 from scenewright.evals.tables.diversity import BAR, Spread
 from scenewright.evals.tables.fidelity_tables import Cell
@@ -80,11 +81,6 @@ def markdown(tables: Tables) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
-
-
 def _about(tables: Tables) -> Iterator[str]:
     lines = []
     for key, value in tables.about.items():
@@ -116,11 +112,11 @@ def _fidelity(tables: Tables) -> Iterator[str]:
          f"{paper.NORMAL_NLL[r.type]}"]
         for r in found.references
     ]  # fmt: skip
-    yield _table(["normal scenes", "reading", "agents / scenes", "NLL", "paper"], rows)
+    yield format_table(["normal scenes", "reading", "agents / scenes", "NLL", "paper"], rows)
     for backend in dict.fromkeys(cell.backend for cell in found.cells):
         cells = [cell for cell in found.cells if cell.backend == backend]
         yield f"### Backend `{backend}`"
-        yield _table(
+        yield format_table(
             ["event", "agents", "class", "reading", "agents / scenes", "NLL", "S2R, signed",
              "size of S2R", "ΔNLL", *(f"paper: {name}" for name in paper.GAPS)],
             [_cell(cell) for cell in cells],
@@ -177,7 +173,7 @@ def _robustness(tables: Tables) -> Iterator[str]:
         for name, rates in paper.SATISFIED.items()
         for event, value in rates.items()
     ]
-    yield _table(["backend", "event", "verified / given", "ISR [%]", "95 %"], rows)
+    yield format_table(["backend", "event", "verified / given", "ISR [%]", "95 %"], rows)
 
 
 def _percent(rate: Rate) -> str:
@@ -202,7 +198,7 @@ def _understanding(tables: Tables) -> Iterator[str]:
             "its overall is not the mean of its columns. All windows, methods and definitions: "
             "`scenewright evals understanding`."
         )
-    yield _table(head, [*ours, *rows])
+    yield format_table(head, [*ours, *rows])
 
 
 def _nearness(near: Sequence[Near]) -> Iterator[str]:
@@ -215,7 +211,7 @@ def _nearness(near: Sequence[Near]) -> Iterator[str]:
         "two halves of the reference. Against real tracks both sides are smoothed over 1 s."
     )
     rows = [_near(each) for each in near]
-    yield _table(
+    yield format_table(
         ["measure", "whose", "against", "W1", "95 %", "n / reference", "halves",
          "median, 5–95 %", "reference"],
         rows,
@@ -257,7 +253,7 @@ def _diversity(spreads: Sequence[Spread]) -> Iterator[str]:
         ]
         for each in spreads
     ]  # fmt: skip
-    yield _table(
+    yield format_table(
         ["what", "whose", "dataset", "corpus", "ratio", "n / corpus", "enough", "to all windows"],
         rows,
     )

@@ -387,8 +387,40 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
         _brake(result, span)
         return
+    if span.tag == "act" and _overtakes_closely(result, span):
+        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
+
+
+_OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|buzz", re.IGNORECASE)
+_CLOSELY = re.compile(r"clos|tight|narrow|inch|whisker|squeez|brush|buzz|too near", re.IGNORECASE)
+
+
+def _overtakes_closely(result: Interpretation, span: ReadSpan) -> bool:
+    """Whether a vehicle overtakes the one rider too closely, which is a near miss of its own."""
+    riders = [number for number, agent in result.users.items() if agent.rides and agent.drives]
+    drivers = [n for n in span.subjects if n in result.users and not result.users[n].rides]
+    asked = _OVERTAKES.search(span.words) and _CLOSELY.search(result.text)
+    if result.eventful or span.negated or not asked or (len(drivers), len(riders)) != (1, 1):
+        return False
+    edge = RelationDraft("near_miss", result.users[drivers[0]], result.users[riders[0]])
+    edge.pattern = "rider_close_overtaking"
+    _add_relation(result, edge)
+    result.enter(span, "relation", (*drivers, *riders), "near_miss")
+    return True
+
+
+def _read_overtaking(result: Interpretation) -> None:
+    """ "Passes too closely", where the encoder marks no event: of a vehicle, then a rider."""
+    agents, text = result.draft.agents, result.text
+    if result.eventful or result.draft.relations or len(agents) != 2:
+        return
+    first, second = agents
+    said = _OVERTAKES.search(text) and _CLOSELY.search(text)
+    if said and first.type == "vehicle" and second.rides and second.drives:
+        edge = RelationDraft("near_miss", first, second, pattern="rider_close_overtaking")
+        _add_relation(result, edge)
 
 
 def side_of(span: ReadSpan) -> str | None:
@@ -885,6 +917,7 @@ def _settle(result: Interpretation) -> None:
     _read_order(result)
     _read_numbers(result)
     _read_severity(result)
+    _read_overtaking(result)
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
