@@ -35,7 +35,7 @@ from scenewright.backends.builtin.scope import not_english, nothing_planned
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
-from scenewright.scene.social import PedestrianMotion
+from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion
 
 OPPOSITE = {
     "north": "south", "south": "north", "east": "west", "west": "east",
@@ -70,7 +70,6 @@ LATER_STAGE: dict[str, Became] = {
 }
 """By note: the account of words that a later stage may serve where a model answers it."""
 
-_MOST_BACKGROUND = 20
 _LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?:/?[Bb])?(?![A-Za-z'’])")
 _NAME = re.compile(r"(?<![a-z])(north|south|east|west)(?:-?(east|west))?", re.IGNORECASE)
 _INITIAL = {"n": "north", "e": "east", "s": "south", "w": "west"}
@@ -769,9 +768,10 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
         number = 0 if none else number_in(span.words)
         if number is None and _NOBODY.search(span.words):
             number = 0
-        if number is not None and number > _MOST_BACKGROUND:
+        if number is not None and number > MOST_BACKGROUND:
             raise Refused(
-                "out_of_scope", f"'{span.words}' are more than the 20 that a scene can hold."
+                "out_of_scope",
+                f"'{span.words}' are more than the {MOST_BACKGROUND} that a scene can hold.",
             )
         if number == 0 and _NONE_AT_ALL.search(span.words):
             result.absent.append(span)
@@ -892,9 +892,9 @@ def _has_figure(result: Interpretation, span: ReadSpan) -> bool:
     """Whether other words give the figure that these announce: "approaching", "at 10 m/s"."""
     return any(
         other is not span
-        and other.tag == span.tag
+        and other.tag in (span.tag, *(("impact",) if span.tag == "speed" else ()))
         and measure_in(other.words) is not None
-        and set(other.subjects) == set(span.subjects)
+        and (set(other.subjects) >= set(span.subjects) or other.tag == "impact")
         for other in result.numbers
     )
 
