@@ -97,19 +97,18 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
                 for edge in plan.relations
                 if {edge.from_, edge.to}.issuperset(entry.agents)
             ]
+        case "order":
+            found = [
+                ((first, edge.to if first == edge.from_ else edge.from_), None)
+                for edge in plan.relations
+                if {edge.from_, edge.to}.issuperset(entry.agents)
+                and (first := edge.get_first()) is not None
+            ]
         case "manoeuvre":
             found = [
                 ((edge.from_, edge.to), edge.manoeuvre)
                 for edge in plan.relations
                 if edge.manoeuvre and {edge.from_, edge.to}.issuperset(entry.agents)
-            ]
-        case "object":
-            found = [((), f"{each.id} {each.kind}") for each in plan.objects]
-        case "sight":
-            found = [
-                ((str(each.hidden_from), each.hides), each.id)
-                for each in plan.objects
-                if each.hides is not None
             ]
         case "time_of_day":
             time = plan.context.time_of_day
@@ -120,9 +119,18 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
         case "density":
             found = [((), plan.context.density)]
         case _:
-            found = [(entry.agents, None)]
+            stands = entry.became in ("object", "sight")
+            found = _list_objects(entry, plan) if stands else [(entry.agents, None)]
     for who, value in found or [(entry.agents, _LACKING)]:
         yield entry.model_copy(update={"agents": who, "value": value})
+
+
+def _list_objects(entry: SaidSpan, plan: SocialGraph) -> list[tuple[tuple[str, ...], str | None]]:
+    """What stands, or whom it hides from whom."""
+    if entry.became == "object":
+        return [((), f"{each.id} {each.kind}") for each in plan.objects]
+    hiding = [each for each in plan.objects if each.hides is not None]
+    return [((str(each.hidden_from), str(each.hides)), each.id) for each in hiding]
 
 
 _LACKING = "?"
