@@ -18,10 +18,12 @@ from scenewright.scene.edits import (
     DeclinedTurn,
     Edits,
     NewScene,
+    RemoveAgent,
     Situation,
     apply_edits,
     diff_graphs,
 )
+from scenewright.scene.measures import format_measure
 from scenewright.scene.route_table import RouteDescription
 from scenewright.scene.social import SocialGraph
 
@@ -286,7 +288,7 @@ def test_an_answer_is_taken_if_it_means_one(answer: str, name: str | None) -> No
         ("remove the bus", "impossible", "There is no bus"),
         ("slow vehicle-77 down", "impossible", "no vehicle-77"),
         ("stop 400 metres later", "impossible", "at most 15"),
-        ("add 30 cars", "impossible", "at most 20"),
+        ("add 30 cars", "impossible", "at most 30"),
         ("make the car come from the west and turn right", "impossible", "east crosswalk"),
         ("make the truck turn left", "impossible", "one of the others"),
         ("make me a coffee", "no_change", "changes nothing"),
@@ -371,3 +373,23 @@ def test_the_difference_of_two_graphs_leads_from_one_to_the_other() -> None:
         made = apply_edits(before, diff_graphs(before, after))
         assert {n.id: n for n in made.agents} == {n.id: n for n in after.agents}
         assert set(made.relations) == set(after.relations)
+
+
+@pytest.mark.parametrize(
+    ("words", "measure"),
+    [
+        ("make it 10 m/s", "speed(vehicle-1) in [9.5, 10.5] m/s"),
+        ("let it brake at 3 m/s2", "braking(vehicle-1) in [2.5, 3.5] m/s2"),
+        (
+            "let it happen 12 s into the scene",
+            "time(vehicle-1, pedestrian-1) in [11.7, 12.3] s",
+        ),
+    ],
+)
+def test_a_number_becomes_a_figure_of_the_graph(words: str, measure: str) -> None:
+    reading = read(words, ONE)
+    assert isinstance(reading, Edits), reading
+    changed = apply_edits(ONE.graph, reading.edits)
+    assert [format_measure(each) for each in changed.measures] == [measure]
+    again = apply_edits(changed, (RemoveAgent(agent="pedestrian-1"),))
+    assert all(each.other is None for each in again.measures)

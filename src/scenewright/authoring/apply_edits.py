@@ -19,6 +19,7 @@ from scenewright.scene.edits import (
     Relate,
     RemoveAgent,
     SetBackground,
+    SetMeasure,
     SetPace,
     Unrelate,
     WaitLonger,
@@ -133,6 +134,9 @@ def _touched(
                 other.add(edge.to)
             case SetPace(agent=name) | Redraw(agent=str(name)):
                 touched.add(name)
+            case SetMeasure(measure=measure):
+                touched.add(measure.agent)
+                other |= set() if measure.other is None else {measure.other}
             case ComeLater(agent=name):
                 for edge in graph.relations:
                     if name in (edge.from_, edge.to):
@@ -167,6 +171,8 @@ def _named(edits: tuple[Edit, ...]) -> set[str]:
                 names.add(edit.agent)
             case Redraw(agent=str(name)):
                 names.add(name)
+            case SetMeasure(measure=measure):
+                names |= {measure.agent, measure.other or measure.agent}
     return names
 
 

@@ -187,7 +187,9 @@ class PassesBeside(_Pair):
         return _in_order(self, self.low, self.high)
 
 
-AgentFigureName = Literal["line_speed", "braking", "acceleration", "wait", "line_distance"]
+AgentFigureName = Literal[
+    "kept_speed", "line_speed", "braking", "acceleration", "wait", "line_distance"
+]
 PairFigureName = Literal[
     "contact_speed", "time_headway", "gap", "ttc", "time", "front_point",
     "front_point_left", "front_point_right", "side_point",

@@ -13,6 +13,7 @@ from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
 from scenewright.scene.measures import Measure, format_measure
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import (
+    MOST_BACKGROUND,
     AgentNode,
     Background,
     EntryTie,
@@ -108,8 +109,8 @@ class SetBackground(Model):
     """So many background agents of a class; None leaves it as it is."""
 
     edit: Literal["set_background"] = "set_background"
-    vehicles: int | None = Field(default=None, ge=0, le=20)
-    pedestrians: int | None = Field(default=None, ge=0, le=20)
+    vehicles: int | None = Field(default=None, ge=0, le=MOST_BACKGROUND)
+    pedestrians: int | None = Field(default=None, ge=0, le=MOST_BACKGROUND)
 
 
 class SetPace(Model):
@@ -144,6 +145,13 @@ class ComeLater(Model):
     seconds: float = Field(ge=-20.0, le=20.0)
 
 
+class SetMeasure(Model):
+    """A figure is asked for; it takes the place of an earlier one of its kind and agents."""
+
+    edit: Literal["set_measure"] = "set_measure"
+    measure: Measure
+
+
 class Redraw(Model):
     """An agent takes another path at another time; None: everybody."""
 
@@ -153,7 +161,7 @@ class Redraw(Model):
 
 Edit = (
     ChangeAgent | AddAgent | RemoveAgent | Relate | Unrelate | Tie | ChangeContext
-    | SetBackground | SetPace | MoveStop | WaitLonger | ComeLater | Redraw
+    | SetBackground | SetPace | MoveStop | WaitLonger | ComeLater | Redraw | SetMeasure
 )  # fmt: skip
 
 
@@ -273,6 +281,10 @@ def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:
             kept = [each for each in graph.relations if {each.from_, each.to} != {first, second}]
             measures = _measures_without(graph, {first, second})
             return graph.model_copy(update={"relations": tuple(kept), "measures": measures})
+        case SetMeasure(measure=measure):
+            about = (measure.kind, measure.agent, measure.other)
+            kept_ = [e for e in graph.measures if (e.kind, e.agent, e.other) != about]
+            return graph.model_copy(update={"measures": (*kept_, measure)})
         case Tie(ties=ties):
             return graph.model_copy(update={"ties": ties})
         case ChangeContext():

@@ -48,11 +48,22 @@ UNITS: dict[MeasureKind, MeasureUnit] = {
     "pet": MeasureUnit("s", 0.15, 0.1, 0.0, 8.0, of_two=True),
     "ttc": MeasureUnit("s", 0.3, 0.2, 0.0, 8.0, of_two=True),
     "time": MeasureUnit("s", 0.3, 0.2, 1.0, 29.0, of_two=True),
-    "front_point": MeasureUnit("%", 5.0, 1.5, 0.0, 100.0, of_two=True),
+    "front_point": MeasureUnit("%", 5.0, 2.5, 0.0, 100.0, of_two=True),
     "front_point_left": MeasureUnit("%", 5.0, 1.5, 0.0, 100.0, of_two=True),
     "front_point_right": MeasureUnit("%", 5.0, 1.5, 0.0, 100.0, of_two=True),
     "side_point": MeasureUnit("%", 5.0, 1.5, 0.0, 100.0, of_two=True),
 }
+
+
+_MEASURE_OF = {"kept_speed": "speed", "time_headway": "headway"}
+"""Measures by clauses that are called otherwise."""
+
+_BY_NAME: dict[str, MeasureUnit] = {str(kind): each for kind, each in UNITS.items()}
+
+
+def get_unit(clause: str) -> str:
+    """The unit of a clause that asks for a figure."""
+    return _BY_NAME[_MEASURE_OF.get(clause, clause)].unit
 
 
 class Measure(Model):

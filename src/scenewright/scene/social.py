@@ -40,6 +40,10 @@ MOST_AGENTS, MOST_RELATIONS, MOST_OBJECTS = 12, 12, 6
 """Named agents, relations between them, and standing objects that one graph holds."""
 
 
+MOST_BACKGROUND = 30
+"""Background agents of a class that a request may ask for."""
+
+
 class AgentNode(Model):
     """A vertex of the social graph (paper 3.1). None means: left free."""
 
@@ -170,8 +174,8 @@ DEFAULT_LEAD = (1.0, 2.0)
 class Background(Model):
     """Explicit numbers of background agents; None where the text leaves a class free."""
 
-    vehicles: int | None = Field(default=None, ge=0, le=20)
-    pedestrians: int | None = Field(default=None, ge=0, le=20)
+    vehicles: int | None = Field(default=None, ge=0, le=MOST_BACKGROUND)
+    pedestrians: int | None = Field(default=None, ge=0, le=MOST_BACKGROUND)
 
 
 class SceneContext(Model):

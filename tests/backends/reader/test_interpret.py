@@ -116,6 +116,19 @@ def test_cyclists_and_scooters_are_classes_of_their_own() -> None:
     assert (edge.type, edge.from_, edge.to) == ("near_miss", "vehicle-1", "cyclist-1")
 
 
+def test_passing_a_cyclist_too_closely_is_a_near_miss() -> None:
+    lines = (
+        "[veh:1 A bus] passes [cyc:2 a cyclist] [manner:1 too closely]",
+        "[veh:1 A bus] [act:1 overtakes] [cyc:2 a cyclist] [manner:1 much too closely]",
+    )
+    for line in lines:
+        (edge,) = graph_of(line).relations
+        assert (edge.type, edge.from_, edge.pattern) == (
+            "near_miss", "vehicle-1", "rider_close_overtaking",
+        )  # fmt: skip
+    assert graph_of("[veh:1 A bus] passes [cyc:2 a cyclist]").relations == ()
+
+
 def test_a_cyclist_comes_from_where_the_vehicle_does_not() -> None:
     graph = graph_of(
         "[veh:1 A car] from the [from:1 north] turns [left:1 left] and [hit:1>2 hits] "

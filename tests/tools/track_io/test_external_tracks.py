@@ -152,7 +152,7 @@ def test_classes_sizes_and_ids() -> None:
         ("pedestrian", 0.6, 0.6),
         ("vehicle", 5.1, 2.0),
         ("vehicle", *VEHICLE_SIZES["bus"]),
-        ("vehicle", 1.8, 0.6),
+        ("cyclist", 1.8, 0.65),
     ]
     assert tracks.names == {1: "b-1", 2: "b-2", 3: "b-3", 4: "b-4", 5: "b-5"}
     assert tracks.renamed == {1, 2, 3, 4, 5}

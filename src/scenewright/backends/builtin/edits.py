@@ -11,6 +11,7 @@ from scenewright.backends.builtin.context import read_context
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
 from scenewright.backends.builtin.lexicon import Chunk, lexicon
 from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.scene.social import MOST_BACKGROUND
 
 _CUE = re.compile(
     r"^\s*(?:then|and|next|afterwards|finally|ok|okay)\b|\b(instead|now|change|switch|"
@@ -118,8 +119,11 @@ def _more(draft: Draft, chunk: Chunk, number: int) -> None:
     context = draft.context
     pedestrian = chunk.tags["AGENT"].startswith("pedestrian")
     total = ((context.pedestrians if pedestrian else context.vehicles) or 0) + number
-    if total > 20:
-        raise Refused("impossible", f"{total} background agents are too many; ask for at most 20.")
+    if total > MOST_BACKGROUND:
+        raise Refused(
+            "impossible",
+            f"{total} background agents are too many; ask for at most {MOST_BACKGROUND}.",
+        )
     if pedestrian:
         context.pedestrians = total
     else:

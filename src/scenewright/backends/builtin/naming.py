@@ -20,6 +20,7 @@ from scenewright.backends.builtin.lexicon import Chunk
 from scenewright.backends.builtin.mentions import Item, Mention
 from scenewright.backends.builtin.relating import Relating
 from scenewright.scene.base import AgentClass
+from scenewright.scene.social import MOST_BACKGROUND
 
 
 def _is_verb(item: Item | None) -> bool:
@@ -668,9 +669,10 @@ class Naming(Relating):
         if mention.type is None:
             return
         context = self.draft.context
-        if count > 20:
+        if count > MOST_BACKGROUND:
             raise Refused(
-                "impossible", f"{count} background agents are too many; ask for at most 20."
+                "impossible",
+                f"{count} background agents are too many; ask for at most {MOST_BACKGROUND}.",
             )
         if mention.type == "vehicle":
             context.vehicles = count

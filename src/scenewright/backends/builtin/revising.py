@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from scenewright.backends.builtin import edits as grammar_of_edits
+from scenewright.backends.builtin.asked_figures import read_figure
 from scenewright.backends.builtin.clock import read_clock
 from scenewright.backends.builtin.dials import number, turned
 from scenewright.backends.builtin.draft import Refused, Site
@@ -37,7 +38,7 @@ from scenewright.scene.edits import (
     Unrelate,
     apply_edits,
 )
-from scenewright.scene.social import RelationEdge, RelationType
+from scenewright.scene.social import MOST_BACKGROUND, RelationEdge, RelationType
 
 _PARTS = re.compile(
     r"\s*(?:;|\.\s|,?\s+and then|,?\s+and|,\s*then|,)\s+(?=(?:then |also |please |now )*"
@@ -79,7 +80,6 @@ _TYPES: dict[str, RelationType] = {
     "NEAR": "near_miss", "COLLIDE": "collide_at", "FOLLOW": "follow", "YIELD": "yield_to",
     "WAIT": "yield_to", "LET": "yield_to",
 }  # fmt: skip
-_MOST = 20
 
 
 def read(
@@ -176,6 +176,7 @@ def _part(
         return related
     made = _removed(text, plain, items, situation, people)
     made = made or (None if event else _more_or_fewer(plain, items, situation))
+    made = made or _figure(text, items, situation, people)
     made = made or _dial(text, items, people)
     made = made or (None if event else _kind(plain, items, situation, people))
     return made or by_grammar(text, situation, people, site=site)
@@ -185,6 +186,14 @@ def _figures(plain: str) -> bool:
     """Whether the words tell how severe it shall be: those are for the grammar."""
     clock = read_clock(plain)[1]
     return any(each is not None for each in (clock.pet, clock.ttc, clock.speed))
+
+
+def _figure(
+    text: str, items: Sequence[Item], situation: Situation, people: People
+) -> tuple[Edit, ...] | None:
+    """The figure that a clause asks for; a speed at which to drive is a dial."""
+    found = read_figure(text, situation, people, _subject(items, people))
+    return None if found is None else (found,)
 
 
 def _which_events(
@@ -305,9 +314,10 @@ def _more_or_fewer(
         counts[str(group.type)] += -many if fewer else many
     kinds = [str(each.type) for each in groups]
     for kind in kinds:
-        if counts[kind] > _MOST:
+        if counts[kind] > MOST_BACKGROUND:
             raise Refused(
-                "impossible", f"{counts[kind]} others of one class are too many; at most {_MOST}."
+                "impossible",
+                f"{counts[kind]} others of one class are too many; at most {MOST_BACKGROUND}.",
             )
         counts[kind] = max(counts[kind], 0)
     return (_counted(counts, kinds),)

@@ -55,6 +55,7 @@ from scenewright.scene.edits import (
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.route_table import WAY_FIELDS, RouteDescription, resolve_route
 from scenewright.scene.social import (
+    MOST_BACKGROUND,
     AgentNode,
     Cause,
     CollisionKind,
@@ -234,8 +235,8 @@ def edits_schema(
     context = {
         "density": one_of(get_args(Density)),
         "time_of_day": text(TIME),
-        "vehicles": whole(0, 20),
-        "pedestrians": whole(0, 20),
+        "vehicles": whole(0, MOST_BACKGROUND),
+        "pedestrians": whole(0, MOST_BACKGROUND),
     }
     forms = [
         _form(("change_agent", "add_agent"), {"agent": who}, node),

@@ -106,6 +106,9 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
         case "time_of_day":
             time = plan.context.time_of_day
             found = [] if time is None else [((), time)]
+        case "measure" if plan.measures:
+            about = [m for m in plan.measures if {m.agent, m.other} & {a.id for a in agents}]
+            found = [(entry.agents, "; ".join(map(format_measure, about)) or None)]
         case "density":
             found = [((), plan.context.density)]
         case _:

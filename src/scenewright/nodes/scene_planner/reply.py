@@ -14,6 +14,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.relations import Pattern, load_patterns
 from scenewright.scene.route_table import RouteDescription
 from scenewright.scene.social import (
+    MOST_BACKGROUND,
     AgentNode,
     Cause,
     CollisionKind,
@@ -185,7 +186,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         **severity_asked(words),
     }
     tie = {"agent": who, "of": who, "side": one_of(get_args(EntrySide))}
-    count = whole(0, 20)
+    count = whole(0, MOST_BACKGROUND)
     context = {
         "density": one_of(get_args(Density)),
         "time_of_day": text(TIME),

@@ -37,7 +37,7 @@ from scenewright.scene.constraints import (
     TimeGap,
     UnaryClause,
 )
-from scenewright.scene.measures import UNITS
+from scenewright.scene.measures import get_unit
 from scenewright.scene.rejection import Rejection
 
 MAX_BYTES = 20_000
@@ -243,8 +243,7 @@ def _bound(clause: Clause) -> str:
         case PassesBeside():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] m"
         case AgentFigure() | PairFigure():
-            kind = "headway" if clause.clause == "time_headway" else clause.clause
-            unit = UNITS[kind].unit
+            unit = get_unit(clause.clause)
             return f" in [{_number(clause.low)}, {_number(clause.high)}] {unit}"
         case TimeGap() | Headway() | BrakesFor() | StopsBehind():
             return f" in [{_number(clause.low)}, {_number(clause.high)}] s"

@@ -90,6 +90,8 @@ def _measured(measure: Measure, lines: list[str]) -> list[str]:
     head = next((head for head in heads if any(head in line for line in lines)), heads[0])
     if name == "headway":
         lines = [*lines, f"time_headway({pairs[0]}){bounds}"]
+    if name == "speed":
+        lines = [*lines, f"kept_speed({measure.agent}){bounds}"]
     if name == "brakes_for" and not any(head in line for line in lines):
         # Without hard braking, the figure is looked at on what comes about.
         return [*lines, f"ttc({pairs[0]}){bounds}"]

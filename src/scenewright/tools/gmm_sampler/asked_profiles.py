@@ -20,6 +20,9 @@ _FIELDS: dict[MeasureKind, str] = {
 _NARROW = 1.0
 """A range up to this wide is drawn from evenly [m/s, m/s^2]."""
 
+_BRISK, _FIRM = 12.0, (3.0, 3.5)
+"""Who is to be faster than this [m/s] takes the bends of its lane at so much [m/s^2]."""
+
 _FASTEST = 20.0
 """Of vehicles [m/s]."""
 
@@ -70,6 +73,8 @@ def apply_measures(
         if field is not None:
             low, high = get_aim(measure)
             _draw_field(agents, measure.agent, field, (low, high), rng)
+            if field == "speed" and low > _BRISK:
+                _draw_field(agents, measure.agent, "lateral", _FIRM, rng)
     for measure in measures:
         if measure.kind in ("headway", "gap") and measure.other is not None:
             speed = _choose_speed(agents, measure, measures)

@@ -429,7 +429,9 @@ def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     orders = [(edge.from_, edge.to)]
     told = edge.pattern is not None or edge.manoeuvre is not None
     told = told and pattern.from_.type == pattern.to.type
-    if pattern.relation not in _SYMMETRIC or told:
+    # Who drives into the back or the side of whom is said, and a rider's pattern fixes its roles.
+    ridden = pattern.kind in ("rear_end", "sideswipe") and pattern.from_.type != pattern.to.type
+    if pattern.relation not in _SYMMETRIC or told or ridden:
         return orders  # a phrase says who does it to whom
     return [*orders, (edge.to, edge.from_)]
 

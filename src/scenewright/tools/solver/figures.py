@@ -8,7 +8,7 @@ import numpy as np
 
 from scenewright.scene.base import FloatArray
 from scenewright.scene.constraints import AgentFigure, Contact, PairFigure
-from scenewright.scene.measures import UNITS
+from scenewright.scene.measures import get_unit
 from scenewright.scene.track import STEP
 from scenewright.tools.dsl_validator.parse import format_clause
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent
@@ -48,7 +48,7 @@ def describe_miss(clause: FigureClause, off: float) -> str:
     """What cannot be met, and by how much."""
     if not np.isfinite(off):
         return f"{format_clause(clause)}: there is no such moment in the scene"
-    unit = UNITS[clause.clause].unit if clause.clause in UNITS else "s"
+    unit = get_unit(clause.clause)
     return f"{format_clause(clause)}: the nearest possible is {off:.2g} {unit} off"
 
 
@@ -87,6 +87,8 @@ def _find_event(schedule: PartialSchedule, clause: PairFigure) -> ScheduledEvent
 def _of_agent(clause: AgentFigure, actor: ScheduledAgent, *, timed: bool) -> tuple[float, ...]:
     line = actor.landmarks.line
     match clause.clause:
+        case "kept_speed":
+            return _compute_kept_speed(actor, timed=timed)
         case "line_speed":
             at = np.inf if line is None else actor.motion.find_time_at(line)
             return (_speed_at(actor, at),) if np.isfinite(at) else ()
@@ -99,6 +101,16 @@ def _of_agent(clause: AgentFigure, actor: ScheduledAgent, *, timed: bool) -> tup
             return tuple(
                 gap for _, _, s in _list_stands(actor)[:1] for gap in _compute_way_to_mark(actor, s)
             )
+
+
+def _compute_kept_speed(actor: ScheduledAgent, *, timed: bool) -> tuple[float, ...]:
+    """The highest speed that is kept for a second while the agent is seen [m/s]."""
+    first = max(round(-actor.enters / STEP), 0) if timed else 0
+    speed, window = actor.motion.speed[first:], round(1.0 / STEP)
+    if len(speed) <= window:
+        return ()
+    kept = np.lib.stride_tricks.sliding_window_view(speed, window).min(axis=1)
+    return (float(kept.max()),)
 
 
 def _speed_at(actor: ScheduledAgent, local: float) -> float:

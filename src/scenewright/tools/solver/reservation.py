@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scenewright.compiled import compiled
 from scenewright.geometry.along import sample_nodes, sample_poses, to_cosines
 from scenewright.geometry.driving_profile import Motion
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.track import STEP
 from scenewright.time_limit import check_time
@@ -63,6 +63,9 @@ AFTER_YIELD = SafetyMargin(clearance=0.0, gap=2.4)
 
 _WIDEST, _WALKERS_APART = FOREGROUND.clearance, WALKERS.clearance
 
+_BESIDE_RIDERS = 0.75
+"""Room beside a rider [m] on top of the clearance: closer than 1.5 m it would be overtaken."""
+
 WALKER_AHEAD = 8.4
 """Nobody else crosses so shortly [s] before a vehicle that waits for one pedestrian."""
 
@@ -97,7 +100,7 @@ def get_corridor(candidate: Candidate) -> Corridor:
     return Corridor(
         s,
         to_cosines(sample_poses(path, s)),
-        (shape.length / 2, shape.width / 2),
+        (shape.length / 2, shape.width / 2 + (_BESIDE_RIDERS if shape.type in RIDERS else 0.0)),
         shape.type == "pedestrian",
     )
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
-from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, vehicle_shape
+from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, rider_shape, vehicle_shape
 from scenewright.tools.relation_checker.external_events import ExternalTracks
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser
 from scenewright.tools.track_io.sampled_recording import SampledRecording
@@ -45,20 +45,20 @@ FAR_FROM_ZERO = 1e5
 """Times further from 0 than a day or so [s] are clock times and counted from the first row."""
 MOST_HEADING = 20.0
 """Headings beyond this are degrees [rad]."""
-COURSE = {"vehicle": 0.5, "pedestrian": 0.2}
+COURSE = {"vehicle": 0.5, "pedestrian": 0.2, "cyclist": 0.5, "scooter": 0.5}
 """Way over which the course is measured, and within 1 s the least that counts as motion [m]."""
 TRAJNET_FPS = 2.5
 
-_CAR, _BIKE = vehicle_shape("car"), Shape("vehicle", 1.8, 0.6)
+_CAR = vehicle_shape("car")
 _SHAPES = {
     "car": _CAR,
     "truck": vehicle_shape("truck"),
     "bus": vehicle_shape("bus"),
     "motorcycle": vehicle_shape("motorcycle"),
-    "bicycle": _BIKE,
+    "bicycle": rider_shape("cyclist"),
     "pedestrian": PEDESTRIAN,
 }
-"""Footprints by subtype (SEMANTICS section 1); bicycles are small vehicles."""
+"""Footprints by subtype (SEMANTICS sections 1 and 8)."""
 _REQUIRED = ("t", "id", "class", "x", "y")
 _OPTIONAL = ("heading", "length", "width")
 
@@ -528,7 +528,7 @@ def _find_shape(rows: _Rows) -> Shape:
     if usual.type == "pedestrian":
         size = max(given.values(), default=usual.width)
         return Shape("pedestrian", size, size)
-    return Shape("vehicle", given.get("length", usual.length), given.get("width", usual.width))
+    return Shape(usual.type, given.get("length", usual.length), given.get("width", usual.width))
 
 
 def compute_headings(xy: FloatArray, *, step: float, least: float) -> FloatArray:
@@ -571,7 +571,7 @@ def _collect_notes(
 
 def _is_blind(user: RoadUser, rows: _Rows) -> bool:
     """Whether nothing says where a vehicle faces."""
-    if user.shape.type != "vehicle" or user.track.heading.any():
+    if user.shape.type == "pedestrian" or user.track.heading.any():
         return False
     extent = float(np.ptp(user.track.xy, axis=0).max())
     return extent < COURSE["vehicle"] and bool(np.isnan(rows.column("heading")).all())

@@ -15,7 +15,7 @@ MOVES = 1.0
 SLIP = np.deg2rad(20.0)
 TINY = 0.01
 """Traffic that moves and all fits into this [m] is in degrees, not in metres."""
-FAST = {"vehicle": 45.0, "pedestrian": 7.0}
+FAST = {"vehicle": 45.0, "pedestrian": 7.0, "cyclist": 20.0, "scooter": 15.0}
 SLOW = 2.0
 """If no vehicle is faster than this [m/s] at a step of 0.5 s or more, times may be frames."""
 LONG_STEP, DRIVEN = 0.5, 10.0

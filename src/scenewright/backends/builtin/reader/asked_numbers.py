@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import (
     AgentDraft,
@@ -31,11 +31,13 @@ _NEEDS = {
     "acceleration": "m/s2", "headway": "s", "gap": "m", "pet": "s", "ttc": "s", "time": "s",
     "wait": "s", "line_distance": "m",
 }  # fmt: skip
-_WALKS = {"speed": 3.0, "line_speed": 3.0, "acceleration": 3.0, "braking": 3.0}
-"""The most of a pedestrian (SEMANTICS 5)."""
-
-_DRIVES = {"braking": 8.0}
-"""The most of a vehicle, where it is not the class's own."""
+_MOST: dict[str, dict[str, float]] = {
+    "vehicle": {"braking": 8.0},
+    "pedestrian": {"speed": 3.0, "line_speed": 3.0, "acceleration": 3.0, "braking": 3.0},
+    "cyclist": {"speed": 9.0, "line_speed": 9.0, "acceleration": 2.0, "braking": 3.5},
+    "scooter": {"speed": 7.0, "line_speed": 7.0, "acceleration": 2.0, "braking": 3.5},
+}
+"""The most of a class, where it is less than a scene can have (SEMANTICS 5 and 8)."""
 
 _EVENTS = ("collide_at", "near_miss", "yield_to", "follow")
 _EVENTS_OF: dict[str, tuple[str, ...]] = {
@@ -81,6 +83,7 @@ def read_number(
     Raises:
         Refused: a figure that no scene can have, with the most that it can.
     """
+    span = _as_driven(span, text, spans)
     before = _words_before(span, text)
     unit = range_in(span.words, before, 0.0)
     kind = _find_kind(span, users, spans, _words_after(span, text))
@@ -98,6 +101,21 @@ def read_number(
     if not bounded:
         return None
     return AskedNumber(tuple(MeasureDraft(kind, a, o, lo, hi) for lo, hi, a, o in bounded))
+
+
+def _as_driven(span: ReadSpan, text: str, spans: Sequence[ReadSpan]) -> ReadSpan:
+    """A speed "driving at" which somebody is said to be is that one's, and not of the impact."""
+    if span.tag != "impact" or not _DRIVING.search(text[: span.start] + span.words.split()[0]):
+        return span
+    mentions = [s for s in spans if s.start < span.start and s.tag in ("ref", *MENTIONS)]
+    return replace(span, tag="speed", subjects=mentions[-1].subjects) if mentions else span
+
+
+_DRIVING = re.compile(
+    r"\b(?:driv|go|travel|do|mov|rid|walk|com|run|approach)\w*(?: (?:along|up|on))?"
+    r"(?: (?:at|with))?(?: [\d.]+)?\s*$",
+    re.IGNORECASE,
+)
 
 
 def _words_before(span: ReadSpan, text: str) -> str:
@@ -221,7 +239,7 @@ def _limit(
         Refused: nothing of the range can be, with the nearest that can.
     """
     unit = UNITS[kind]
-    most = _WALKS.get(kind, unit.most) if agent.type != "vehicle" else _DRIVES.get(kind, unit.most)
+    most = _MOST[agent.type].get(kind, unit.most)
     high = most if high is None else high
     slack = unit.tolerance
     if low + slack > most + 1e-6 and low > unit.least:

@@ -35,7 +35,7 @@ from scenewright.backends.builtin.scope import not_english, nothing_planned
 from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
-from scenewright.scene.social import PedestrianMotion
+from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion
 
 OPPOSITE = {
     "north": "south", "south": "north", "east": "west", "west": "east",
@@ -70,7 +70,6 @@ LATER_STAGE: dict[str, Became] = {
 }
 """By note: the account of words that a later stage may serve where a model answers it."""
 
-_MOST_BACKGROUND = 20
 _LETTER = re.compile(r"(?<![A-Za-z'’])([NESWnesw])(?:/?[Bb])?(?![A-Za-z'’])")
 _NAME = re.compile(r"(?<![a-z])(north|south|east|west)(?:-?(east|west))?", re.IGNORECASE)
 _INITIAL = {"n": "north", "e": "east", "s": "south", "w": "west"}
@@ -387,8 +386,40 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
     if span.tag == "act" and _TOO_LATE.search(span.words) and result.eventful:
         _brake(result, span)
         return
+    if span.tag == "act" and _overtakes_closely(result, span):
+        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
+
+
+_OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|buzz", re.IGNORECASE)
+_CLOSELY = re.compile(r"clos|tight|narrow|inch|whisker|squeez|brush|buzz|too near", re.IGNORECASE)
+
+
+def _overtakes_closely(result: Interpretation, span: ReadSpan) -> bool:
+    """Whether a vehicle overtakes the one rider too closely, which is a near miss of its own."""
+    riders = [number for number, agent in result.users.items() if agent.rides and agent.drives]
+    drivers = [n for n in span.subjects if n in result.users and not result.users[n].rides]
+    asked = _OVERTAKES.search(span.words) and _CLOSELY.search(result.text)
+    if result.eventful or span.negated or not asked or (len(drivers), len(riders)) != (1, 1):
+        return False
+    edge = RelationDraft("near_miss", result.users[drivers[0]], result.users[riders[0]])
+    edge.pattern = "rider_close_overtaking"
+    _add_relation(result, edge)
+    result.enter(span, "relation", (*drivers, *riders), "near_miss")
+    return True
+
+
+def _read_overtaking(result: Interpretation) -> None:
+    """ "Passes too closely", where the encoder marks no event: of a vehicle, then a rider."""
+    agents, text = result.draft.agents, result.text
+    if result.eventful or result.draft.relations or len(agents) != 2:
+        return
+    first, second = agents
+    said = _OVERTAKES.search(text) and _CLOSELY.search(text)
+    if said and first.type == "vehicle" and second.rides and second.drives:
+        edge = RelationDraft("near_miss", first, second, pattern="rider_close_overtaking")
+        _add_relation(result, edge)
 
 
 def side_of(span: ReadSpan) -> str | None:
@@ -737,9 +768,10 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
         number = 0 if none else number_in(span.words)
         if number is None and _NOBODY.search(span.words):
             number = 0
-        if number is not None and number > _MOST_BACKGROUND:
+        if number is not None and number > MOST_BACKGROUND:
             raise Refused(
-                "out_of_scope", f"'{span.words}' are more than the 20 that a scene can hold."
+                "out_of_scope",
+                f"'{span.words}' are more than the {MOST_BACKGROUND} that a scene can hold.",
             )
         if number == 0 and _NONE_AT_ALL.search(span.words):
             result.absent.append(span)
@@ -860,9 +892,9 @@ def _has_figure(result: Interpretation, span: ReadSpan) -> bool:
     """Whether other words give the figure that these announce: "approaching", "at 10 m/s"."""
     return any(
         other is not span
-        and other.tag == span.tag
+        and other.tag in (span.tag, *(("impact",) if span.tag == "speed" else ()))
         and measure_in(other.words) is not None
-        and set(other.subjects) == set(span.subjects)
+        and (set(other.subjects) >= set(span.subjects) or other.tag == "impact")
         for other in result.numbers
     )
 
@@ -885,6 +917,7 @@ def _settle(result: Interpretation) -> None:
     _read_order(result)
     _read_numbers(result)
     _read_severity(result)
+    _read_overtaking(result)
     if result.braking and not result.draft.relations and len(result.draft.agents) == 2:
         first, second = result.draft.agents
         result.draft.relations.append(RelationDraft("near_miss", first, second))
