@@ -403,17 +403,27 @@ def _list_paths(lanelets: _Lanelets, follows: Mapping[str, list[str]]) -> Iterat
             todo += [[*path, name] for name in onwards]
 
 
+_ENDS = 6
+"""So many points at either end of a path have no curvature of their own."""
+_LEAST_POINTS = 4
+"""A path of fewer points has no direction to go on in."""
+
+
 def _measure_curvature(line: FloatArray) -> FloatArray:
     """[P] curvature of a line with points half a metre apart, over some metres [1/m]."""
+    if len(line) <= 2 * _ENDS:
+        return np.zeros(len(line))
     step = np.gradient(smooth_gaussian(line, 4.0), axis=0)
     course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
     bend = np.abs(np.gradient(course)) / np.maximum(np.hypot(*step.T), 1e-6)
-    bend[:6] = bend[-6:] = 0.0
+    bend[:_ENDS] = bend[-_ENDS:] = 0.0
     return np.asarray(bend)
 
 
 def _graft(line: FloatArray, names: Sequence[str], lanelets: _Lanelets) -> FloatArray:
     """A path that ends upon another lanelet goes on along it, and begins along one likewise."""
+    if len(line) < _LEAST_POINTS:
+        return line
     others = [lanelet for name, lanelet in lanelets.items() if name not in names]
     after = _find_beneath(line[-1], line[-1] - line[-4], others)
     if after is not None:

@@ -38,7 +38,24 @@ def join_groups(reading: Reading) -> Reading:
             count = _count_members(span, reading.text)
             if count is not None and 2 <= count <= MOST_MEMBERS:
                 reading = _join(reading, span, count)
-    return reading
+    return _read_together(reading)
+
+
+def _read_together(reading: Reading) -> Reading:
+    """ "Side by side" is no event: those who walk so are a group already, or drive."""
+    match = _TOGETHER.search(reading.text)
+    if match is None or not any((s.value or "").startswith(GROUP) for s in reading.spans):
+        return reading
+    spans = tuple(_without_event(span, match) for span in reading.spans)
+    return replace(reading, spans=spans)
+
+
+def _without_event(span: ReadSpan, match: re.Match[str]) -> ReadSpan:
+    inside = span.start < match.end() and match.start() < span.end
+    if not inside or span.tag in ("ped", "veh", "ref"):
+        return span
+    tag = "cross" if span.words.lower().startswith("cross") else "manner"
+    return replace(span, tag=tag, value=None, objects=(), confidence=_KNOWN)
 
 
 def _count_members(span: ReadSpan, text: str) -> int | None:

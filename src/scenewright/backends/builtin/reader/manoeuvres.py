@@ -41,9 +41,13 @@ _CLOSE_UP = re.compile(
 _LANE_CHANGE = re.compile(
     r"\b(?:chang\w+|switch\w*|swap\w*) (?:its |his |her |the )?lanes?\b|\blane change\b|"
     r"\b(?:cuts?|cutting|merg\w+|swerv\w+|mov\w+|drift\w*|pull\w*)\b.*\blane\b|^merg\w+$|"
-    r"\bcut(?:s|ting)? in\b(?! front)",
+    r"\bcut(?:s|ting)? in\b(?! front)|\b(?:next|adjacent|other|neighbou?ring) lane\b",
     re.IGNORECASE,
 )
+_SWERVES = re.compile(r"(?:swerv|mov|drift|pull|cut)\w*(?: over| across)?$", re.IGNORECASE)
+_NEAR = 45
+"""Characters behind the words of a follow in which it may be said that it is a close one."""
+
 _SHORT_OF = re.compile(r"^(?:right|just)$", re.IGNORECASE)
 _MIDWAY = re.compile(
     r"\b(?:stop\w*|paus\w+|freez\w+|froze|halt\w*|stand\w* still|stood still)\b[^.;,]*?"
@@ -61,7 +65,7 @@ _RUNS = re.compile(
     r"\b(?:runs?|running|ran|sprint\w*|dash\w*|rac(?:es|ed|ing)|rush\w*|jogs|jogging)"
     r"(?= (?:quickly |fast |straight )?"
     r"(?:across|over|onto|into the (?:road|street|roadway|crosswalk)))"
-    r"(?: (?:onto|into) the (?:road|street|roadway|crosswalk))?",
+    r"(?: (?:across|over|onto|into) the (?:road|street|roadway|crosswalk))?",
     re.IGNORECASE,
 )
 _MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion], ...] = (
@@ -164,6 +168,8 @@ def _overlaps(span: ReadSpan, match: re.Match[str]) -> bool:
 
 
 def _sharpened(span: ReadSpan) -> ReadSpan:
+    if span.tag == "place" and _LANE_CHANGE.search(span.words):
+        return replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
     if span.tag == "act" and _LANE_CHANGE.search(span.words):
         return replace(span, confidence=max(span.confidence, _KNOWN))
     if span.tag == "follow" and _CLOSE_UP.search(span.words):
@@ -190,16 +196,32 @@ def settle_lanes(result: Interpretation) -> None:
     for n, entry in enumerate(result.entries):
         agents = result.agents_of(entry.users)
         words = entry.span.words
-        if entry.became == "relation" and entry.value == "follow" and _CLOSE_UP.search(words):
+        near = words + result.text[entry.span.end : entry.span.end + _NEAR]
+        if entry.became == "relation" and entry.value == "follow" and _CLOSE_UP.search(near):
             for edge in result.draft.relations:
                 if edge.type == "follow" and [edge.from_, edge.to] == agents:
                     edge.manoeuvre = "tailgates"
                     result.entries[n] = replace(entry, became="manoeuvre", value="tailgates")
-        elif entry.span.tag in ("act", "near") and _LANE_CHANGE.search(words):
+        elif entry.span.tag in ("act", "near", "place") and _LANE_CHANGE.search(words):
             edge_ = _find_changed(result, agents)
             if edge_ is not None and entry.became == "nothing":
                 known = replace(entry, became="manoeuvre", value=edge_.manoeuvre)
                 result.entries[n] = replace(known, note=None)
+    _take_in_swerves(result)
+
+
+def _take_in_swerves(result: Interpretation) -> None:
+    """ "Swerves" beside words for a lane change says the same."""
+    for n, entry in enumerate(result.entries):
+        agents = result.agents_of(entry.users)
+        changes = [
+            edge.manoeuvre
+            for edge in result.draft.relations
+            if edge.manoeuvre in _CHANGES.values() and agents[:1] == [edge.from_]
+        ]
+        if changes and entry.became == "nothing" and _SWERVES.match(entry.span.words):
+            known = replace(entry, became="manoeuvre", value=changes[0])
+            result.entries[n] = replace(known, note=None)
 
 
 def _find_changed(result: Interpretation, agents: list[AgentDraft]) -> RelationDraft | None:
