@@ -3,9 +3,10 @@
     python benchmarks/planner_order.py [--show]
 
 Rows of evals/planning/order.jsonl are {"id", "text", "first", "second"}: who passes first and who
-second, by class, subtype, entry, movement or crosswalk. `kept`: a yield, a follow or a collision
-in one lane fixes that order in the plan; `inverted`: the other one; `left open`: neither, and no
-words are said to be left out. Where words are left out, `make` refuses the instruction.
+second, by class, subtype, entry, movement or crosswalk. `kept`: a yield, a follow, a collision in
+one lane or `first` of another relation fixes that order in the plan; `inverted`: the other one;
+`left open`: neither, and no words are said to be left out. Where words are left out, `make`
+refuses the instruction.
 """
 
 from __future__ import annotations
@@ -40,13 +41,14 @@ def find_pair(plan: Row, row: Row) -> tuple[Row, Row] | None:
     return None if best is None or best[0] < 0 else best[1:]
 
 
-def says_order(relation: Row, one: Row, two: Row) -> bool:
-    """Whether a relation of two agents says that `to` passes first."""
+def find_first(relation: Row, one: Row, two: Row) -> str | None:
+    """Who of two agents passes first by their relation; None where it says nothing of that."""
     in_one_lane = one["entry"] is not None and one["entry"] == two["entry"]
     if {relation["from"], relation["to"]} != {one["id"], two["id"]}:
-        return False
+        return None
     kind = relation["type"]
-    return kind in ("yielding", "follow") or (kind == "collision" and in_one_lane)
+    ordered = kind in ("yielding", "follow") or (kind == "collision" and in_one_lane)
+    return relation.get("first") or (relation["to"] if ordered else None)
 
 
 def verdict_of(row: Row) -> str:
@@ -57,8 +59,9 @@ def verdict_of(row: Row) -> str:
     left_out = ", words left out" if plan["unrealised"] else ""
     pair = find_pair(plan, row)
     for relation in plan["relations"]:
-        if pair and says_order(relation, *pair):
-            return ("kept" if relation["to"] == pair[0]["id"] else "inverted") + left_out
+        first = find_first(relation, *pair) if pair else None
+        if pair and first is not None:
+            return ("kept" if first == pair[0]["id"] else "inverted") + left_out
     return f"left open{left_out}"
 
 

@@ -375,6 +375,33 @@ def test_the_difference_of_two_graphs_leads_from_one_to_the_other() -> None:
         assert set(made.relations) == set(after.relations)
 
 
+NEAR = situation(
+    "A car from the north narrowly misses a truck from the east",
+    there("vehicle-1"),
+    there("vehicle-2", subtype="truck", entry="east", exit="west"),
+)
+
+
+@pytest.mark.parametrize(
+    ("words", "first"),
+    [
+        ("the truck goes first instead", "vehicle-2"),
+        ("make the car pass before the truck", "vehicle-1"),
+        ("the truck should go second", "vehicle-1"),
+        ("the car should only cross after the truck", "vehicle-2"),
+    ],
+)
+def test_who_passes_first_can_be_changed(words: str, first: str) -> None:
+    (edit,) = told(words, NEAR)
+    assert edit[""] == "Relate"
+    assert edit["edge"]["first"] == first
+
+
+def test_who_gives_way_is_turned_round_by_another_order() -> None:
+    (edit,) = told("the car goes first instead", ONE)
+    assert (edit["edge"]["from"], edit["edge"]["to"]) == ("pedestrian-1", "vehicle-1")
+
+
 @pytest.mark.parametrize(
     ("words", "measure"),
     [

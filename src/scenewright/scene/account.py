@@ -11,7 +11,7 @@ from scenewright.scene.base import Model
 
 Became = Literal[
     "agent", "entry", "exit", "movement", "crosswalk", "runs_red", "relation", "cause", "tie",
-    "time_of_day", "density", "background", "normal", "denied", "measure", "impact_point",
+    "time_of_day", "density", "background", "normal", "denied", "measure", "impact_point", "order",
     "signals", "road", "retracted", "manoeuvre", "motion", "object", "sight", "constraint",
     "behavior", "manner", "nothing",
 ]  # fmt: skip

@@ -99,7 +99,8 @@ class SameLane(_Pair):
 
 
 class Before(_Pair):
-    """`first` leaves the pair's conflict zone before `second` enters it."""
+    """`first` leaves the pair's conflict zone before `second` enters it; of two that touch there,
+    it enters the zone first."""
 
     clause: Literal["before"] = "before"
 

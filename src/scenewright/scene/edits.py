@@ -228,7 +228,7 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
         return False
     named = [agents[name] for name in entry.agents]
     match entry.became:
-        case "entry" | "exit" | "movement" | "crosswalk":
+        case "entry" | "exit" | "movement" | "crosswalk" | "motion":
             return all(getattr(agent, entry.became) == entry.value for agent in named)
         case "agent" if (entry.value or "").startswith("group of "):
             return all(f"group of {agent.members}" == entry.value for agent in named)
@@ -242,8 +242,11 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
                 edge.type == entry.value and {edge.from_, edge.to} == set(entry.agents)
                 for edge in graph.relations
             )
-        case "motion":
-            return all(agent.motion == entry.value for agent in named)
+        case "order":
+            return any(
+                {edge.from_, edge.to} == set(entry.agents) and edge.get_first() == entry.agents[0]
+                for edge in graph.relations
+            )
         case "manoeuvre":
             return any(
                 edge.manoeuvre == entry.value and {edge.from_, edge.to}.issuperset(entry.agents)

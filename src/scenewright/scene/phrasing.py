@@ -111,6 +111,8 @@ def _describe_relation(edge: RelationEdge, names: dict[str, str]) -> str:
         words += f" with a TTC of {edge.target_ttc:g} s"
     if edge.impact_speed is not None:
         words += f" at an impact speed of {edge.impact_speed:g} m/s"
+    if edge.first is not None and edge.type != "yield_to":
+        words += f", and {names[edge.first]} passes first"
     return words
 
 

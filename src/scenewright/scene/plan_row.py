@@ -18,12 +18,14 @@ def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
     relation has one row `normal` with from and to null; a refusal has no agents and no relations,
     but, under `did_you_mean`, sentences that would be understood. `said` is the account of words,
     `unrealised` lists those of them that no scene can show. A range of time is [from, to].
+    `first` is there where the text says which of the two passes first.
     """
     if isinstance(plan, Refusal):
         row = _row(row_id, SocialGraph(agents=()), relations=[], reason=plan.reason)
         return {**row, "did_you_mean": list(plan.did_you_mean)}
     relations: list[dict[str, Any]] = [
         {"type": EVENT_OF_RELATION[edge.type], "from": edge.from_, "to": edge.to}
+        | ({} if edge.first is None else {"first": edge.first})
         for edge in plan.relations
     ]
     normal = [{"type": "normal", "from": None, "to": None}]

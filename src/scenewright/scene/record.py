@@ -107,7 +107,8 @@ class RelationRecord(Model):
     Attributes:
         cause, cause_agent: how it is to come about, and by whom, where the request says so.
         manoeuvre: how it is to come about in one lane; written only where the request says so.
-        zone: where the event must lie; first: who must pass first, as its relation file says.
+        zone: where the event must lie; first: who must pass first, or enter
+            the zone of a collision first, as the request or its relation file says.
         within: figure of the event's evidence -> lowest and highest value that prove it.
     """
 

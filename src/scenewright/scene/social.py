@@ -82,6 +82,7 @@ class RelationEdge(Model):
         pattern: id of the one relation file that may play it, where the text uses its phrase.
         target_pet, target_ttc, impact_speed: severity asked for [s, s, m/s].
         point_from, point_to: where on either vehicle a collision strikes, where the text says so.
+        first: who leaves the two's conflict zone first; in a collision, who enters it first.
     """
 
     type: RelationType
@@ -97,6 +98,7 @@ class RelationEdge(Model):
     impact_speed: float | None = Field(default=None, gt=0, le=20)
     point_from: ImpactPoint | None = None
     point_to: ImpactPoint | None = None
+    first: AgentId | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
     def _two_agents(self) -> Self:
@@ -104,7 +106,19 @@ class RelationEdge(Model):
             raise ValueError(f"{self.type} needs two different agents, got {self.to} twice")
         if self.braker not in (None, self.from_, self.to):
             raise ValueError(f"braker must be {self.from_} or {self.to}, got {self.braker}")
+        if self.first not in (None, self.from_, self.to):
+            raise ValueError(f"first must be {self.from_} or {self.to}, got {self.first}")
         return self
+
+    @property
+    def brakes(self) -> bool:
+        """Whether one of the two of a near miss brakes hard, and so lets the other pass first."""
+        return self.target_ttc is not None or self.cause == "late_brake"
+
+    def get_first(self) -> str | None:
+        """Who passes first, as asked for or as the relation itself has it."""
+        ahead = self.to if self.type in ("yield_to", "follow") else None
+        return self.first or ahead
 
 
 _VehicleId = Annotated[

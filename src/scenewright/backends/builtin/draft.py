@@ -124,6 +124,7 @@ class RelationDraft:
         point_from, point_to: where on either vehicle a collision strikes.
         pattern: id of the relation file whose phrase the text uses.
         braker: who brakes hard or late, where the text says so.
+        first: who passes first, where the text says so.
         manoeuvre: how it comes about in one lane, where the text says so.
     """
 
@@ -137,7 +138,14 @@ class RelationDraft:
     point_to: ImpactPoint | None = None
     pattern: str | None = None
     braker: AgentDraft | None = None
+    first: AgentDraft | None = None
     manoeuvre: Manoeuvre | None = None
+
+    @property
+    def ahead(self) -> AgentDraft | None:
+        """Who comes first by what the relation is; None where that is left open."""
+        in_one_lane = self.kind == "rear_end" or self.manoeuvre is not None
+        return self.to if self.type in ("yield_to", "follow") or in_one_lane else None
 
     def pair(self) -> frozenset[int]:
         """The two agents, unordered."""

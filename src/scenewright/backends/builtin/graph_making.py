@@ -8,6 +8,7 @@ from typing import get_args
 from scenewright.backends.builtin.draft import AgentDraft, Draft, Refused, RelationDraft
 from scenewright.backends.builtin.entail import entail
 from scenewright.backends.builtin.impacts import Impacts
+from scenewright.backends.builtin.orders import pass_order_on, settle_orders
 from scenewright.backends.builtin.phrases import cast
 from scenewright.backends.builtin.scope import nothing_planned
 from scenewright.backends.builtin.ties import name_turns_across, ties
@@ -35,6 +36,7 @@ def finish_draft(draft: Draft) -> Draft:
     if any(edge.from_ is edge.to for edge in draft.relations):
         raise Refused("impossible", "Nothing happens between an agent and itself; name another.")
     _one_event_per_pair(draft)
+    settle_orders(draft.relations)
     for relation in draft.relations:
         cast(relation, draft.site)
     entail(draft)
@@ -95,6 +97,7 @@ def _one_event_per_pair(draft: Draft) -> None:
         overruled = relation.type == "near_miss" and types & {"collide_at", "yield_to"}
         if softened or overruled:
             draft.relations.remove(relation)
+            pass_order_on(relation, draft.relations)
 
 
 def set_cause(draft: Draft, cause: str) -> None:
@@ -196,6 +199,7 @@ def make_edge(relation: RelationDraft, ids: dict[int, str], draft: Draft) -> Rel
             "impact_speed": (context.speed or None) if collision else None,
             "point_from": relation.point_from if collision else None,
             "point_to": relation.point_to if collision else None,
+            "first": None if relation.first is None else ids[id(relation.first)],
         }
     )
 

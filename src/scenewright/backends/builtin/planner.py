@@ -12,7 +12,7 @@ from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.normalise import clean, tokenise
 from scenewright.backends.builtin.phrases import says_a_phrase
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
-from scenewright.backends.builtin.reader.coverage import find_passed_over
+from scenewright.backends.builtin.reader.coverage import find_passed_over, passes_over_order
 from scenewright.backends.builtin.reader.learned_plan import (
     LearnedPlan,
     plan_reading,
@@ -111,7 +111,8 @@ def decide(readings: Readings, site: Site) -> Plan:
     doubtful = learned.confidence < SURE and learned.reading.kind == "scene"
     text = learned.reading.text
     taken_back = _TAKEN_BACK.search(text) is not None
-    if agree(learned.plan, other) and not (doubtful and (taken_back or _is_refused(learned.plan))):
+    doubt = taken_back or _is_refused(learned.plan) or passes_over_order(learned.reading)
+    if agree(learned.plan, other) and not (doubtful and doubt):
         return _filled(learned.plan, other)
     enough = SURE_OF_HARD if taken_back or _DENIED.search(text) else SURE
     if learned.confidence >= enough and not _is_bare(learned.plan):
@@ -158,6 +159,13 @@ def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge]) -> RelationEd
     return edge.model_copy(update=open_)
 
 
+def _fill_order(edge: RelationEdge, others: Sequence[RelationEdge]) -> RelationEdge:
+    """The edge with the order that only the learned reading sees between the two."""
+    pair = {edge.from_, edge.to}
+    found = [o.first for o in others if {o.from_, o.to} == pair and o.type == edge.type]
+    return edge.model_copy(update={"first": found[0]}) if found and not edge.first else edge
+
+
 def _is_bare(plan: Plan) -> bool:
     """Whether agents are there, and nothing is said to happen: not even that nothing does.
 
@@ -187,6 +195,8 @@ def _with_account(plan: Plan, learned: LearnedPlan) -> Plan:
     """The grammar's plan with as much of the learned account as is true of it."""
     if isinstance(plan, SocialGraph) and isinstance(learned.plan, SocialGraph):
         said = learned.plan.said
+        edges = tuple(_fill_order(edge, learned.plan.relations) for edge in plan.relations)
+        plan = plan.model_copy(update={"relations": edges})
         plan = plan.model_copy(update={"measures": learned.plan.measures})
         held = tuple(e for e in said if e.became != "nothing" and still_holds(e, plan))
         return plan.model_copy(update={"said": held})

@@ -92,6 +92,7 @@ class _Base:
                     point_from=edge.point_from,
                     point_to=edge.point_to,
                     pattern=edge.pattern,
+                    first=None if edge.first is None else self._agents[edge.first],
                 ),
                 edge,
             )
@@ -111,6 +112,9 @@ class _Base:
         if any(chunk.tags.get("EDIT") == "swap" for chunk in chunks):
             for relation in draft.relations:
                 relation.from_, relation.to = relation.to, relation.from_
+                if relation.first is not None:
+                    swapped = relation.first is relation.from_
+                    relation.first = relation.to if swapped else relation.from_
         else:
             self._read(plain, chunks, people)
         read_context(draft, chunks, clock)
@@ -207,7 +211,8 @@ class _Base:
         if before is None:
             return made
         update: dict[str, object] = {
-            name: getattr(made, name) for name in ("from_", "to", "kind", "cause", "pattern")
+            name: getattr(made, name)
+            for name in ("from_", "to", "kind", "cause", "pattern", "first")
         }
         if relation.type == "follow" and (clock.pet, clock.ttc) != (None, None):
             raise Refused("impossible", "Who follows keeps a headway; it has no PET and no TTC.")

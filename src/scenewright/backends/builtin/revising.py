@@ -18,6 +18,7 @@ from scenewright.backends.builtin.grammar import Modifier, modifiers
 from scenewright.backends.builtin.lexicon import Chunk, lexicon
 from scenewright.backends.builtin.mentions import Item, Mention, noun_phrases
 from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.order_edits import read_order
 from scenewright.backends.builtin.redraft import by_grammar, free_name, next_item
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.errors import Rejected
@@ -176,6 +177,7 @@ def _part(
         return related
     made = _removed(text, plain, items, situation, people)
     made = made or (None if event else _more_or_fewer(plain, items, situation))
+    made = made or (None if event else read_order(plain, items, situation, people))
     made = made or _figure(text, items, situation, people)
     made = made or _dial(text, items, people)
     made = made or (None if event else _kind(plain, items, situation, people))

@@ -16,6 +16,7 @@ from scenewright.nodes.scene_planner.reply import (
     completed,
     manoeuvres_asked,
     motions_asked,
+    order_asked,
     points_asked,
     severity_asked,
 )
@@ -122,6 +123,7 @@ class RelateLine(_Line):
     impact_speed: float | None = None
     point_from: str | None = None
     point_to: str | None = None
+    first: AgentId | None = None
 
 
 class PaceLine(_Line):
@@ -229,6 +231,7 @@ def edits_schema(
     relation: dict[str, Schema] = {
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
+        **order_asked(words, who),
     }
     relation |= severity_asked(words) | manoeuvres_asked(words)
     ends = {"from": who, "to": who, "type": one_of((*get_args(RelationType), "none"))}

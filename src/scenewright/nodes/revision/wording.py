@@ -9,6 +9,7 @@ from scenewright.nodes.revision.reply import edits_schema, new_ids
 from scenewright.nodes.scene_planner.wording import (
     crosswalks_told,
     manoeuvres_told,
+    order_told,
     times_told,
     ways_told,
 )
@@ -42,7 +43,7 @@ def worded_edits(
         "ways": ways_told(ways),
         "traffic": traffic_told(left_hand),
         "crosswalks": crosswalks_told(ways),
-        "times": times_told(words) + manoeuvres_told(words),
+        "times": times_told(words) + manoeuvres_told(words) + order_told(words),
         "agents": compact({each.id: _agent(each) for each in front}),
         "free": ", ".join(new_ids(situation, words)),
         "relations": compact(relations),

@@ -97,6 +97,13 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
                 for edge in plan.relations
                 if {edge.from_, edge.to}.issuperset(entry.agents)
             ]
+        case "order":
+            found = [
+                ((first, edge.to if first == edge.from_ else edge.from_), None)
+                for edge in plan.relations
+                if {edge.from_, edge.to}.issuperset(entry.agents)
+                and (first := edge.get_first()) is not None
+            ]
         case "manoeuvre":
             found = [
                 ((edge.from_, edge.to), edge.manoeuvre)

@@ -50,6 +50,11 @@ _IN_LANE = re.compile(
     r"\bbrak|\bahead|\bbehind|\bin front|lead|tail|bumper|cuts? in|\blanes?\b|merg|swerv",
     re.IGNORECASE,
 )
+_IN_ORDER = re.compile(
+    r"\b(?:first|second|last|before|after|until|once|ahead|behind|in front|beats?|cut|cuts|"
+    r"cutting|prior|order|(?:step|pull|dart|dash|run|walk|jump)(?:s|ped|ed|ing)? out)\b|\bpreced",
+    re.IGNORECASE,
+)
 _ON_FOOT = re.compile(
     r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|"
     r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
@@ -131,6 +136,7 @@ _KEYS = {
     **dict.fromkeys(("target_pet", "target_ttc", "impact_speed"), "measure"),
     **dict.fromkeys(("point_from", "point_to"), "impact_point"),
     **dict.fromkeys(("braker", *get_args(Cause)), "cause"),
+    "first": "order",
     **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
     **dict.fromkeys(get_args(PedestrianMotion), "motion"),
 }
@@ -181,6 +187,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
         "kind": one_of(get_args(CollisionKind)),
         "cause": one_of(get_args(Cause)),
         "braker": who,
+        **order_asked(words, who),
         **manoeuvres_asked(words),
         **({"pattern": one_of(each.id for each in told)} if told else {}),
         **severity_asked(words),
@@ -224,6 +231,11 @@ def severity_asked(words: str) -> Schema:
 def manoeuvres_asked(words: str) -> Schema:
     """How a relation in one lane comes about, where the words may speak of it."""
     return {"manoeuvre": one_of(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
+
+
+def order_asked(words: str, who: Schema) -> Schema:
+    """The key of a relation that says who passes first, where the words may speak of that."""
+    return {"first": who} if _IN_ORDER.search(words) else {}
 
 
 def motions_asked(words: str) -> Schema:

@@ -10,6 +10,7 @@ from scenewright.backends import Wording
 from scenewright.nodes.scene_planner.reply import (
     manoeuvres_asked,
     motions_asked,
+    order_asked,
     patterns_told,
     plan_schema,
 )
@@ -67,11 +68,12 @@ def worded_plan(
         left_hand: people drive on the left.
     """
     told = patterns_told(instruction, left_hand=left_hand)
+    said = f"{instruction} {previous or ''}"
     values = {
         "crosswalks": crosswalks_told(ways),
         "ways": ways_told(ways) + _uturns_told(ways),
         "traffic": traffic_told(left_hand),
-        "patterns": _patterns(told) + manoeuvres_told(f"{instruction} {previous or ''}"),
+        "patterns": _patterns(told) + manoeuvres_told(said) + order_told(said),
         "times": times_told(f"{instruction} {previous or ''}"),
         "previous": _previous(previous),
         "instruction": quoted(instruction),
@@ -149,6 +151,17 @@ def manoeuvres_told(words: str) -> str:
     asked = motions_asked(words)
     motions = (_MOTIONS if "motion" in asked else "") + (_MEMBERS if "members" in asked else "")
     return manoeuvres + motions
+
+
+_ORDER = (
+    'first, who passes first (collide_at: is in the way first): "X cuts off Y", "steps out before '
+    'Y", "goes ahead of Y": X; "only after Y", "second to Y": Y. Not for follow and rear_end.\n'
+)
+
+
+def order_told(words: str) -> str:
+    """What `first` is, where a request may speak of an order."""
+    return _ORDER if order_asked(words, {}) else ""
 
 
 def times_told(request: str) -> str:

@@ -230,15 +230,16 @@ def _demands(
     """What the relation's file wants to see; the text may ask for more, or for other figures."""
     pattern = get_pattern(played.pattern)
     roles = {"from": numbers[played.from_], "to": numbers[played.to]}
-    brakes = edge.target_ttc is not None or edge.cause == "late_brake"
+    brakes = edge.brakes
     severe = brakes or edge.target_pet is not None
+    by_file = roles[pattern.order] if pattern.order and not brakes else None
     return {
         "type": pattern.proof.event,
         "kind": edge.kind or pattern.proof.kind,
         "cause": edge.cause or pattern.proof.cause,
         "manoeuvre": pattern.manoeuvre,
         "zone": pattern.zone,
-        "first": roles[pattern.order] if pattern.order and not brakes else None,
+        "first": by_file if edge.first is None else numbers[edge.first],
         "within": {} if severe else pattern.bounds(),
     }
 

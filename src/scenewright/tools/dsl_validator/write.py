@@ -7,7 +7,7 @@ from typing import Any
 
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.measures import UNITS, Measure, get_aim
-from scenewright.scene.relations import Pattern, RoleName, get_pattern
+from scenewright.scene.relations import Pattern, get_pattern
 from scenewright.tools.dsl_validator.parse import parse
 
 _PET_BAND, _TTC_BAND = 0.05, 0.08
@@ -106,24 +106,37 @@ def _clauses(pattern: Pattern, relation: dict[str, Any]) -> list[str]:
         pattern.filled(line, **(struck if _names_striker(line) else names))
         for line in pattern.clauses
     ]
+    first = relation.get("first") or (relation[pattern.order] if pattern.order else None)
     if relation["type"] == "collide_at":
-        return [_contact(line, relation) if line.startswith("contact(") else line for line in lines]
+        lines = [
+            _contact(each, relation) if each.startswith("contact(") else each for each in lines
+        ]
+        return [*lines, *_before(relation)]
     if pattern.manoeuvre == "lead_brakes":
         return [_stop(line, relation) for line in lines]
     if relation["type"] == "near_miss":
-        return _near_miss(lines, relation, first=pattern.order)
+        return _near_miss([*lines, *_before(relation)], relation, first=first)
     pet = relation["target_pet"] if relation["type"] == "yield_to" else None
     return lines if pet is None else [*lines, _time_gap(relation, pet)]
 
 
-def _near_miss(lines: list[str], relation: dict[str, Any], *, first: RoleName | None) -> list[str]:
+def _before(relation: dict[str, Any]) -> list[str]:
+    """The order of passing that the text asks for."""
+    first, names = relation.get("first"), [relation["from"], relation["to"]]
+    if first is None:
+        return []
+    names.sort(key=lambda name: name != first)
+    return [f"before({', '.join(names)})"]
+
+
+def _near_miss(lines: list[str], relation: dict[str, Any], *, first: str | None) -> list[str]:
     """A gap in time; or hard braking, where the text speaks of it, of a TTC or of a longer PET."""
     pet, ttc = relation["target_pet"], relation["target_ttc"]
     brakes = ttc is not None or relation["cause"] == "late_brake"
     brakes = brakes or (pet is not None and pet > _NEAR_MISS_PET)
     if pet is None and not brakes:
         return lines
-    # Who brakes lets the other pass first, whatever order the pattern has.
+    # Who brakes lets the other pass first; the clause for that says so by itself.
     dropped = ("time_gap(", "brakes_for(", "before(") if brakes else ("time_gap(",)
     kept = [line for line in lines if not line.startswith(dropped)]
     if brakes:
@@ -131,11 +144,10 @@ def _near_miss(lines: list[str], relation: dict[str, Any], *, first: RoleName | 
     return kept if pet is None else [*kept, _time_gap(relation, pet)]
 
 
-def _brakes_for(relation: dict[str, Any], ttc: float | None, *, first: RoleName | None) -> str:
+def _brakes_for(relation: dict[str, Any], ttc: float | None, *, first: str | None) -> str:
     """The named braker, else who passes second, else the first vehicle; a TTC may be free."""
     names = [relation["striker"], relation["struck"]]
-    if first is not None:
-        names.sort(key=lambda name: name == relation[first])
+    names.sort(key=lambda name: name == first)
     names.sort(key=lambda name: not name.startswith("vehicle"))
     names.sort(key=lambda name: name != relation.get("braker"))
     low, high = _CLOSE_CALL if ttc is None else _around(ttc, _TTC_BAND)

@@ -16,6 +16,11 @@ from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, get_pattern
 from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
 from scenewright.tools.map_grounding.hiding import can_hide, refuse_unhidden
+from scenewright.tools.map_grounding.orders import (
+    can_be_ordered,
+    keeps_order,
+    refuse_wrong_orders,
+)
 from scenewright.tools.map_grounding.relation_files import load_checked_patterns
 
 RouteWeight = Callable[[Route], float]
@@ -92,6 +97,7 @@ def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
         _late_without_a_clash,
         _brakes_on_foot,
         _waits_for_a_wreck,
+        refuse_wrong_orders,
     ):
         refuse(graph)
     grounding = Grounding(routes=routes)
@@ -392,6 +398,7 @@ def find_patterns(edge: RelationEdge, graph: SocialGraph) -> list[Pattern]:
         and _can_be_so_severe(pattern, edge)
         and _can_strike(pattern, edge)
         and _can_run_red(pattern, edge)
+        and can_be_ordered(pattern, edge)
     ]
 
 
@@ -431,9 +438,9 @@ def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     told = told and pattern.from_.type == pattern.to.type
     # Who drives into the back or the side of whom is said, and a rider's pattern fixes its roles.
     ridden = pattern.kind in ("rear_end", "sideswipe") and pattern.from_.type != pattern.to.type
-    if pattern.relation not in _SYMMETRIC or told or ridden:
-        return orders  # a phrase says who does it to whom
-    return [*orders, (edge.to, edge.from_)]
+    if pattern.relation in _SYMMETRIC and not told and not ridden:
+        orders.append((edge.to, edge.from_))  # no phrase says who does it to whom
+    return [each for each in orders if keeps_order(edge, pattern, each)]
 
 
 def can_serve(pattern: Pattern, a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:

@@ -18,6 +18,7 @@ from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_le
 from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.objects import describe_object
+from scenewright.tools.relation_checker.passing_order import find_passing_order
 from scenewright.tools.relation_checker.pedestrian_motions import describe_pedestrian_motion
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
@@ -98,6 +99,7 @@ class _EvidenceFinder:
             "runs_red": self._find_red_run,
             "relation": self._find_event,
             "cause": self._find_braking,
+            "order": self._find_order,
             "manoeuvre": self._find_manoeuvre,
             "motion": self._find_motion,
             "object": self._find_object,
@@ -200,6 +202,23 @@ class _EvidenceFinder:
         for event in self._events:
             if event.type == kind and {event.from_, event.to} == set(entry.agents):
                 return f"{event.type} of {event.from_} and {event.to} at {event.time:.1f} s"
+        return None
+
+    def _find_order(self, entry: SaidRecord) -> str | None:
+        """That the first agent of the entry passes before the second in an event of the two."""
+        for event in self._events:
+            if len(entry.agents) != 2 or {event.from_, event.to} != set(entry.agents):
+                continue
+            first, second = entry.agents
+            order = find_passing_order(self._seen, event)
+            if order is not None and order.first == first:
+                does = "enters the conflict zone" if event.type == "collision" else "passes"
+                return (
+                    f"agent {first} {does} at {order.first_time:.2f} s, "
+                    f"agent {second} at {order.second_time:.2f} s"
+                )
+            if order is None and event.to == first and event.type in ("yielding", "follow"):
+                return f"agent {first} goes ahead in the {event.type} at {event.time:.1f} s"
         return None
 
     def _find_braking(self, entry: SaidRecord) -> str | None:

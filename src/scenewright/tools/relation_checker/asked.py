@@ -13,10 +13,10 @@ import numpy as np
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.track import STEP
-from scenewright.tools.relation_checker.conditions import find_first_passer
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.legs import BESIDE
+from scenewright.tools.relation_checker.passing_order import find_crossing_order
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
@@ -119,8 +119,9 @@ class AskedFor:
 
     def _check_order(self, match: re.Match[str]) -> str | None:
         first, second = self._get_track(match[1]).id, self._get_track(match[2]).id
-        early = find_first_passer(self._observed, {first, second})
-        return f"agent {first} passes before agent {second}" if early == first else None
+        order = find_crossing_order(self._observed, {first, second})
+        ahead = order is not None and order.first == first
+        return f"agent {first} passes before agent {second}" if ahead else None
 
     def _check_gap(self, match: re.Match[str]) -> str | None:
         pair = self._get_track(match[2]).id, self._get_track(match[3]).id

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Set
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.footprints import compute_angle_between
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.manoeuvres import find_missing_manoeuvre
+from scenewright.tools.relation_checker.passing_order import find_passing_order
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import Trajectory, extend_straight
 
@@ -40,7 +40,7 @@ def find_unmet_condition(
     """Why an event of the right type and roles is not what the relation's file demands."""
     return (
         _check_bounds(relation, event)
-        or _check_order(relation, observed)
+        or _check_order(relation, event, observed)
         or find_missing_manoeuvre(relation, event, observed)
         or (_check_zone(relation, event, observed, intersection_map))
     )
@@ -57,26 +57,16 @@ def _check_bounds(relation: RelationRecord, event: Event) -> str | None:
     return None
 
 
-def _check_order(relation: RelationRecord, observed: SceneObservation) -> str | None:
-    """Who comes first through the stretch where the two come closest in time."""
+def _check_order(relation: RelationRecord, event: Event, observed: SceneObservation) -> str | None:
+    """Who comes first through the stretch where the two come closest in time, or collide."""
     if relation.first is None:
         return None
-    early = find_first_passer(observed, {relation.from_, relation.to})
-    if early is None:  # the scene ends while one of the two still waits
+    order = find_passing_order(observed, event)
+    if order is None:  # the scene ends while one of the two still waits
         return None if relation.type == "yielding" else "nobody passes before the other"
-    if early == relation.first:
+    if order.first == relation.first:
         return None
-    return f"{early} passes first, {relation.first} was to"
-
-
-def find_first_passer(observed: SceneObservation, pair: Set[int]) -> int | None:
-    """The id of a pair that comes first where the two come closest in time; None without one."""
-    ids = [track.id for track in observed.tracks]
-    between = [e for e in observed.encounters if {ids[e.first], ids[e.second]} == pair]
-    if not between:
-        return None
-    closest = min(between, key=lambda each: each.pet)
-    return ids[closest.first if closest.first_time < closest.second_time else closest.second]
+    return f"{order.first} passes first, {relation.first} was to"
 
 
 def _check_zone(

@@ -40,11 +40,14 @@ from scenewright.tools.solver.entry_times import START_LAG
 from scenewright.tools.solver.hard_braking import schedule_hard_braking
 from scenewright.tools.solver.lead_braking import schedule_stops_behind
 from scenewright.tools.solver.overtaking import schedule_overtakings
-from scenewright.tools.solver.path_conflict import find_conflict_intervals
+from scenewright.tools.solver.path_conflict import PathConflict, find_conflict_intervals
 from scenewright.tools.solver.schedule import PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 from scenewright.tools.solver.time_gaps import schedule_headways, schedule_time_gaps
 from scenewright.tools.solver.yielding import schedule_yields
+
+_CLEARLY = 0.2
+"""How much earlier [s] who comes first into the zone of a collision must be there."""
 
 _SLOWS = 5.5
 """How long before a stop [s] the light must not explain it."""
@@ -110,11 +113,25 @@ def _bound(gap: PairClause, clauses: tuple[PairClause, ...]) -> bool:
 
 
 def passes_first(first: ScheduledAgent, second: ScheduledAgent) -> bool:
-    """Whether `first` has left the pair's conflict zone before `second` enters it."""
+    """Whether `first` leaves the pair's conflict zone before `second` enters it.
+
+    Where the two end in a collision: whether it enters the zone first.
+    """
     pair = find_contact_nodes(first.candidate, second.candidate)
+    if first.contact is not None and first.contact == second.contact:
+        return _enters_first(pair, first, second)
     meetings = find_conflict_intervals(pair, first.motion, second.motion, c=0.0, exact=True)
     delta = second.enters - first.enters
     return bool(len(meetings) and delta >= meetings[:, 1].max())
+
+
+def _enters_first(pair: PathConflict, first: ScheduledAgent, second: ScheduledAgent) -> bool:
+    """Whether `first` is clearly earlier where it could first touch the other than that one is."""
+    if not len(pair.i):
+        return False
+    early = first.enters + first.motion.find_time_at(float(pair.s_a[pair.i].min()))
+    late = second.enters + second.motion.find_time_at(float(pair.s_b[pair.j].min()))
+    return bool(early + _CLEARLY <= late)
 
 
 def list_signal_demands(

@@ -16,10 +16,23 @@ _MEASURES = re.compile(
     r"\b\d+(?:[.,]\d+)?\s?(?:m/s|km/?h|kph|mph|seconds?|secs?|s|met(?:re|er)s?|m|cm|feet|ft|am|pm)\b",
     re.IGNORECASE,
 )
+_ORDERS = re.compile(
+    r"\b(?:first|second|last) (?:is|over|through|across|comes|goes)\b|"
+    r"\b(?:is|comes|goes|passes|crosses) (?:first|second|last)\b",
+    re.IGNORECASE,
+)
 _NEGATIONS = compile_negations("no one", "none", "cannot")
 _DENYING = ("normal", "bgveh", "bgped", "bgall", "del", "density", "manner", "jay", "red", "pace")
 _NEAR = 30
 """Characters between a negation and the span that takes account of it."""
+
+
+def passes_over_order(reading: Reading) -> bool:
+    """Whether words for an order of passing lie outside of all spans."""
+    return any(
+        not any(a.start < match.end() and match.start() < a.end for a in reading.spans)
+        for match in _ORDERS.finditer(reading.text)
+    )
 
 
 def find_passed_over(reading: Reading) -> list[str]:

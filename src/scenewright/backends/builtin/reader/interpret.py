@@ -28,6 +28,7 @@ from scenewright.backends.builtin.reader.groups import GROUP
 from scenewright.backends.builtin.reader.manoeuvres import settle_lanes, settle_lead_braking
 from scenewright.backends.builtin.reader.measures import measure_in
 from scenewright.backends.builtin.reader.numbers import number_in
+from scenewright.backends.builtin.reader.orders import says_order
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a_street
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
@@ -102,6 +103,11 @@ _OWN_SIDE = re.compile(
     r"\bcame (?:in|from)|\bcom(?:es?|ing) from",
     re.IGNORECASE,
 )
+_TO_NOBODY = re.compile(r"\b(?:nobody|no[- ]?one)\b", re.IGNORECASE)
+_BEHIND = re.compile(
+    r"\b(?:pass|cross|go|goes|walk|slip|get|come)(?:e?s|ing|ed)? behind\b", re.IGNORECASE
+)
+_UNTIL = re.compile(r"\b(?:until|till|before)$", re.IGNORECASE)
 _NO_TURN = re.compile(
     r"^leav|\bright (?:in front|behind|away|after|at|into the|now)\b", re.IGNORECASE
 )
@@ -134,11 +140,11 @@ class Interpretation:
 
     Attributes:
         braking: who brakes hard; times: the spans that say the time of day; first: those that say
-            who passes first; roads: those that name a street; absent: those that
-            say that a class is not in the scene at all.
+            who passes first; behind: those that say either this or who follows; roads: those that
+            name a street; absent: those that say that a class is not in the scene at all.
         eventful: whether the text names any event.
         changing: whether the spans that come next change an earlier instruction; retimed: whether
-            such a span has said a time.
+            such a span has said a time; settling: whether all spans have been read.
     """
 
     draft: Draft
@@ -149,6 +155,7 @@ class Interpretation:
     braking: set[int] = field(default_factory=set)
     times: list[ReadSpan] = field(default_factory=list)
     first: list[ReadSpan] = field(default_factory=list)
+    behind: list[ReadSpan] = field(default_factory=list)
     roads: list[ReadSpan] = field(default_factory=list)
     absent: list[ReadSpan] = field(default_factory=list)
     numbers: list[ReadSpan] = field(default_factory=list)
@@ -156,6 +163,7 @@ class Interpretation:
     eventful: bool = False
     changing: bool = False
     retimed: bool = False
+    settling: bool = False
 
     def enter(
         self,
@@ -342,8 +350,18 @@ def _deny_class(result: Interpretation, span: ReadSpan) -> None:
 
 def _apply(result: Interpretation, span: ReadSpan) -> None:
     """Write what one span says into the draft."""
+    if span.tag == "yield":
+        span = _turn_yield(span)
     if span.tag not in MENTIONS:
         _RULES.get(span.tag, _leave_out)(result, span)
+
+
+def _turn_yield(span: ReadSpan) -> ReadSpan:
+    """ "Lets nobody go first" is no yield; "does not move until" is one."""
+    waits = span.negated and _UNTIL.search(span.words) is not None
+    if waits or (not span.negated and _TO_NOBODY.search(span.words)):
+        return replace(span, negated=not span.negated)
+    return span
 
 
 def _note(became: Became) -> Rule:
@@ -611,6 +629,9 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
     named = [
         (a, b) for a in span.subjects for b in span.objects if a in users and b in users and a != b
     ]
+    if span.tag == "follow" and _BEHIND.search(span.words) and not result.settling:
+        result.behind.append(span)
+        return
     pairs = _in_a_row(named) if span.tag == "follow" else named
     pairs = pairs or _with_striker(result, span) or _with_implied(result, span)
     if not pairs:
@@ -628,8 +649,11 @@ def _relate(result: Interpretation, span: ReadSpan) -> None:
         if span.tag == "yield" and _CROSSES.search(span.words):
             _let_cross(users[second])
         edge.kind = _KINDS.get(span.value or "")
+        edge.first = users[first] if span.value == "cutoff" else None
         _add_relation(result, edge)
         result.enter(span, "relation", (first, second), edge.type)
+        if edge.first is not None:
+            result.enter(span, "order", (first, second))
 
 
 _HEAD_ON = re.compile(r"head[- ]?on", re.IGNORECASE)
@@ -726,6 +750,7 @@ def _add_relation(result: Interpretation, edge: RelationDraft) -> None:
     same = [each for each in relations if each.type == edge.type and each.pair() == edge.pair()]
     if same:
         same[0].kind = same[0].kind or edge.kind
+        same[0].first = same[0].first or edge.first
     else:
         relations.append(edge)
 
@@ -743,6 +768,8 @@ def _edit(result: Interpretation, span: ReadSpan) -> None:
         for edge in draft.relations:
             if not agents or {id(edge.from_), id(edge.to)} <= {id(each) for each in agents}:
                 edge.from_, edge.to = edge.to, edge.from_
+                if edge.first is not None:
+                    edge.first = edge.to if edge.first is edge.from_ else edge.from_
     else:
         for agent in result.agents_of(span.subjects):
             agent.subtype = subtype_in(span.words) if agent.type == "vehicle" else None
@@ -914,6 +941,9 @@ def _pass_over_number(result: Interpretation, span: ReadSpan) -> None:
 def _settle(result: Interpretation) -> None:
     """Braking becomes a cause, and what is denied is held against what is said."""
     _read_roads(result)
+    result.settling = True
+    _read_behind(result)
+    result.settling = False
     _read_order(result)
     _read_numbers(result)
     _read_severity(result)
@@ -942,25 +972,73 @@ def _settle(result: Interpretation) -> None:
 
 
 def _read_order(result: Interpretation) -> None:
-    """Who goes first is given way to; beside another event it cannot be asked for yet."""
+    """Who goes first does so in the event of the two; where there is none, it is given way to."""
     for span in result.first:
+        users = (span.objects, span.subjects) if span.negated else (span.subjects, span.objects)
         pairs = [
-            (result.users[b], result.users[a])
-            for a in span.subjects
-            for b in span.objects
-            if a in result.users and b in result.users
+            (a, b)
+            for a in users[0]
+            for b in users[1]
+            if a in result.users and b in result.users and a != b
         ]
-        yields = {(id(e.from_), id(e.to)) for e in result.draft.relations if e.type == "yield_to"}
-        bound = {e.pair() for e in result.draft.relations}
-        if pairs and all((id(a), id(b)) in yields for a, b in pairs):
-            result.enter(span, "relation", (*span.objects, *span.subjects), "yield_to")
-        elif len(pairs) == 1 and frozenset(map(id, pairs[0])) not in bound:
-            ((second, first),) = pairs
-            result.draft.relations.append(RelationDraft("yield_to", second, first))
-            result.enter(span, "relation", (*span.objects, *span.subjects), "yield_to")
-        else:
+        for first, second in pairs:
+            _put_first(result, span, first, second)
+        if not pairs:
             result.enter(span, "nothing", span.subjects, note=_BEYOND["first"])
     result.first = []
+
+
+def _read_behind(result: Interpretation) -> None:
+    """ "Passes behind" is a follow of two in one lane; of two who cross it says who comes first."""
+    for span in result.behind:
+        one, two = (result.agents_of(each)[:1] for each in (span.subjects, span.objects))
+        entries = {agent.entry for agent in (*one, *two)} - {None}
+        classes = {agent.type for agent in (*one, *two)}
+        if one and two and (len(entries) == 2 or len(classes) == 2):
+            result.first.append(replace(span, subjects=span.objects, objects=span.subjects))
+        else:
+            _relate(result, span)
+    result.behind = []
+
+
+def _put_first(result: Interpretation, span: ReadSpan, first: int, second: int) -> None:
+    """The order of two road users in the account, and in the event that they have.
+
+    Raises:
+        Refused: the event has the other order, or two orders are said.
+    """
+    ahead, behind = result.users[first], result.users[second]
+    pair = frozenset((id(ahead), id(behind)))
+    edges = [edge for edge in result.draft.relations if edge.pair() == pair]
+    if not edges:
+        edges = [RelationDraft("yield_to", behind, ahead)]
+        result.draft.relations += edges
+    for edge in edges:
+        if result.changing and edge.ahead is behind:
+            edge.from_, edge.to = behind, ahead
+        if result.changing:
+            edge.first = None
+        if (edge.ahead or edge.first or ahead) is not ahead:
+            if not says_order(span.words):
+                result.enter(span, "manner", (first, second))
+                return
+            raise Refused("contradictory", _tell_two_orders(edge, span))
+    (edge, *_) = edges
+    if edge.ahead is not None:
+        result.enter(span, "relation", (second, first), edge.type)
+    else:
+        edge.first = ahead
+        result.enter(span, "order", (first, second))
+
+
+def _tell_two_orders(edge: RelationDraft, span: ReadSpan) -> str:
+    does = {"yield_to": "gives way", "follow": "follows"}.get(edge.type, "runs into the other")
+    if edge.ahead is None:
+        return f"The text has either of the two pass first ('{span.words}'); keep one of the two."
+    return (
+        f"Who {does} comes second, so '{span.words}' contradicts it; keep one of the two, or say "
+        "that the two nearly collide."
+    )
 
 
 def _read_severity(result: Interpretation) -> None:

@@ -18,9 +18,11 @@ from scenewright.backends.builtin.reader.groups import join_groups
 from scenewright.backends.builtin.reader.interpret import Interpretation, interpret
 from scenewright.backends.builtin.reader.manoeuvres import sharpen_manoeuvres
 from scenewright.backends.builtin.reader.merging import merge_mentions
+from scenewright.backends.builtin.reader.orders import orient_orders
 from scenewright.backends.builtin.reader.reading import Reading, read_text
 from scenewright.backends.builtin.scope import nothing_planned
 from scenewright.scene.account import SaidSpan
+from scenewright.scene.edits import still_holds
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 
 
@@ -47,7 +49,7 @@ def read_plan(text: str, *, previous: str | None = None, site: Site | None = Non
 
 def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
-    reading = sharpen_manoeuvres(join_groups(merge_mentions(reading)))
+    reading = orient_orders(sharpen_manoeuvres(join_groups(merge_mentions(reading))))
     spans = [span.confidence for span in reading.spans if span.tag not in ("manner", "ref")]
     confidence = min([reading.kind_confidence, *spans])
     if reading.kind in ("scene", "edit") and find_passed_over(reading):
@@ -74,6 +76,8 @@ def _as_planned(entry: SaidSpan, graph: SocialGraph) -> SaidSpan:
         if entry.value not in types:
             update = {"value": types[0]} if types else {"became": "manner", "value": None}
             return entry.model_copy(update=update)
+    elif entry.became == "order" and not still_holds(entry, graph):
+        return entry.model_copy(update={"became": "manner"})
     elif entry.became == "cause" and all(edge.cause != entry.value for edge in graph.relations):
         return entry.model_copy(update={"became": "manner", "value": None})
     return entry

@@ -50,7 +50,8 @@ class ReadSpan:
         tag, value, negated: as in `annotation.Span`.
         side: the compass direction that the encoder sees in the words, where the tag has one.
         subjects, objects: road users by number, from 1.
-        confidence: the least probability of the choices made for this span.
+        confidence: the least probability of the choices made for this span; label_confidence: that
+            of its tag alone.
     """
 
     start: int
@@ -63,6 +64,7 @@ class ReadSpan:
     subjects: tuple[int, ...]
     objects: tuple[int, ...]
     confidence: float
+    label_confidence: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -187,7 +189,19 @@ def _describe(
         denied = bool(negated[at] > 0.5)
         sure = min(sure, each.confidence, float(max(negated[at], 1 - negated[at])))
         result.append(
-            ReadSpan(start, end, said, tag, value, denied, side, who, whom, round(sure, 4))
+            ReadSpan(
+                start,
+                end,
+                said,
+                tag,
+                value,
+                denied,
+                side,
+                who,
+                whom,
+                round(sure, 4),
+                round(each.confidence, 4),
+            )
         )
     return tuple(result), users
 

@@ -79,3 +79,15 @@ def time_words_in(low: str) -> list[str]:
             found.append(name)
             low = re.sub(pattern, " ", low)
     return found
+
+
+_USER = re.compile(
+    r"\b(?:vehicles?|autos?|ego|ped(?:estrian)?s?|(?:wo)?m[ae]n|girls?|boys?|kids?|child(?:ren)?|"
+    r"lad(?:y|ies)|walkers?|joggers?|persons?|people|bikes?|motors?)\b",
+    re.IGNORECASE,
+)
+
+
+def names_user(words: str) -> bool:
+    """Whether some words name a road user by a noun."""
+    return subtype_in(words) is not None or _USER.search(words) is not None

@@ -1,0 +1,186 @@
+"""Who goes first, by the words themselves: "after", "second to" and "behind" turn an order round.
+
+The encoder sees that words speak of an order; which of the two it puts first is read from where the
+two are named: the complement of "after" goes first, the subject of "second" goes second.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from scenewright.backends.builtin.reader.annotation import MENTIONS
+from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+from scenewright.backends.builtin.reader.words import names_user
+
+_EARLY = re.compile(
+    r"\b(?:first|1st|before|ahead|in front|precede[sd]?|beat(?:s|en)?|prior|leads?|earlier)\b",
+    re.IGNORECASE,
+)
+_LATE = re.compile(
+    r"\b(?:second|2nd|after|afterwards?|behind|last|later|thereafter|until|once)\b", re.IGNORECASE
+)
+_THEN = re.compile(r"\b(?:then|next|already|third|only|finally)\b", re.IGNORECASE)
+_IS = re.compile(
+    r"^(?:first|second|last)\b.*\b(?:is|are|was|were|goes|comes|came|went)$", re.IGNORECASE
+)
+"""Words whose subject comes after them: "first through is"."""
+
+_GOVERNS = re.compile(
+    r"\b(?:before|ahead of|in front of|prior to|beats?|precede[sd]?|after|behind|second to|"
+    r"until|once)$",
+    re.IGNORECASE,
+)
+"""Words that what comes next is the complement of."""
+
+_POINTS_BACK = re.compile(r"^\s*(?:this|that|which|whom|those|him|her|it|them)\b", re.IGNORECASE)
+_BREAK = re.compile(r"[;:.!?,]|\b(?:and|then|but|while|whereas)\b", re.IGNORECASE)
+_ELSEWHERE = re.compile(r"\bby$|\b(?:after|before) th(?:is|at)\b", re.IGNORECASE)
+"""Passives, and what points at other words: these are left to the encoder."""
+
+_TOUCHING = 4
+"""Characters between words and what they govern."""
+
+Parties = tuple[tuple[int, ...], tuple[int, ...]]
+"""Road users who go first, and those who go second."""
+
+
+def orient_orders(reading: Reading) -> Reading:
+    """The reading with every order as its words have it, whatever the encoder makes of them.
+
+    Where the words settle it, no doubt is left but whether they speak of an order at all.
+    """
+    reading = replace(reading, spans=tuple(_name_both(reading, span) for span in reading.spans))
+    settled = {
+        at: found
+        for at, span in enumerate(reading.spans)
+        if span.tag == "first" and (found := find_direction(reading, span)) is not None
+    }
+    told = [
+        *settled.values(),
+        *(
+            (span.subjects, span.objects)
+            for at, span in enumerate(reading.spans)
+            if span.tag == "first" and at not in settled and says_order(span.words)
+        ),
+    ]
+    for at, span in enumerate(reading.spans):
+        if span.tag == "first" and at not in settled and not says_order(span.words):
+            same = [each for each in told if set(each) == {span.subjects, span.objects}]
+            settled |= {at: same[0]} if same else {}
+    spans = tuple(
+        _turn(span, settled[at]) if at in settled else span for at, span in enumerate(reading.spans)
+    )
+    return replace(reading, spans=spans)
+
+
+def _name_both(reading: Reading, span: ReadSpan) -> ReadSpan:
+    """The span with the other of two road users where it names but one of them."""
+    others = tuple(set(reading.users) - {*span.subjects, *span.objects})
+    if span.tag != "first" or len(reading.users) != 2 or len(others) != 1:
+        return span
+    if not span.objects:
+        return replace(span, objects=others)
+    return replace(span, subjects=others) if not span.subjects else span
+
+
+def says_order(words: str) -> bool:
+    """Whether the words themselves speak of an order; "goes" and "crosses" do not."""
+    return any(each.search(words) for each in (_EARLY, _LATE, _THEN))
+
+
+def _turn(span: ReadSpan, parties: Parties) -> ReadSpan:
+    sure = max(span.confidence, span.label_confidence)
+    return replace(span, subjects=parties[0], objects=parties[1], confidence=sure)
+
+
+def find_direction(reading: Reading, span: ReadSpan) -> Parties | None:
+    """Who goes first and who second by the words of a span; None where they leave it open."""
+    early, late = _EARLY.search(span.words), _LATE.search(span.words)
+    parties = (span.subjects, span.objects)
+    unclear = bool(early) == bool(late) or not all(parties) or names_user(span.words)
+    if unclear or _ELSEWHERE.search(span.words) or _is_in_a_chain(reading, span):
+        return None
+    complement = _find_complement(reading, span, parties)
+    if complement is not None:
+        other = parties[1 - parties.index(complement)]
+        return (complement, other) if late else (other, complement)
+    subject = _find_subject(reading, span, parties) or _find_late_subject(reading, span, parties)
+    if subject is None:
+        return None
+    other = parties[1 - parties.index(subject)]
+    return (subject, other) if early else (other, subject)
+
+
+def _is_in_a_chain(reading: Reading, span: ReadSpan) -> bool:
+    """Whether "second" may be said of the second of three, who goes ahead of the third."""
+    return len(reading.users) > 2 and not _GOVERNS.search(span.words)
+
+
+def _find_complement(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[int, ...] | None:
+    """Who is named right after "before", "after", "second to" and their like."""
+    governed = _GOVERNS.search(span.words)
+    to = re.match(r"\s+to\b", reading.text[span.end :])
+    if not governed and not (to and span.words.lower().endswith("second")):
+        return None
+    found = _next_party(reading, span, parties)
+    if found is None:
+        return None
+    between = reading.text[span.end : found[0].start]
+    return found[1] if not _BREAK.search(between) else None
+
+
+def _find_subject(reading: Reading, span: ReadSpan, parties: Parties) -> tuple[int, ...] | None:
+    """Who is named last before the words, in one clause with them and as its subject."""
+    after = reading.text[span.end :]
+    if _GOVERNS.search(span.words) and _POINTS_BACK.match(after):
+        return None
+    before = [
+        (mention, party)
+        for mention, party in _list_parties(reading, parties)
+        if mention.end <= span.start
+    ]
+    if before:
+        mention, party = max(before, key=lambda each: each[0].end)
+        between = reading.text[mention.end : span.start]
+        if not _BREAK.search(between) and not _is_object(reading, mention):
+            return party
+    return None
+
+
+def _find_late_subject(
+    reading: Reading, span: ReadSpan, parties: Parties
+) -> tuple[int, ...] | None:
+    """Who is named right after "first through is"."""
+    found = _next_party(reading, span, parties) if _IS.search(span.words) else None
+    if found is None or _BREAK.search(reading.text[span.end : found[0].start]):
+        return None
+    return found[1]
+
+
+def _is_object(reading: Reading, mention: ReadSpan) -> bool:
+    """Whether the words just before a mention say what others do to it: "right of [a truck]"."""
+    return any(
+        0 <= mention.start - span.end <= _TOUCHING
+        and set(span.objects) & set(mention.subjects)
+        and not _BREAK.search(reading.text[span.end : mention.start])
+        for span in reading.spans
+    )
+
+
+def _next_party(
+    reading: Reading, span: ReadSpan, parties: Parties
+) -> tuple[ReadSpan, tuple[int, ...]] | None:
+    later = [each for each in _list_parties(reading, parties) if each[0].start >= span.end]
+    return min(later, key=lambda each: each[0].start, default=None)
+
+
+def _list_parties(reading: Reading, parties: Parties) -> list[tuple[ReadSpan, tuple[int, ...]]]:
+    """Every mention of one of the two parties alone."""
+    found = []
+    for span in reading.spans:
+        if span.tag in (*MENTIONS, "ref"):
+            named = [party for party in parties if set(span.subjects) & set(party)]
+            if len(named) == 1:
+                found.append((span, named[0]))
+    return found

@@ -1,0 +1,72 @@
+"""Who passes first: which relations can say so, and which patterns agree with it (SEMANTICS 8)."""
+
+from __future__ import annotations
+
+from scenewright.errors import Rejected
+from scenewright.scene.rejection import Rejection
+from scenewright.scene.relations import Pattern
+from scenewright.scene.social import CollisionKind, RelationEdge, SocialGraph
+
+_ORDERED = ("crossing", "merging")
+"""Geometries with a place that two pass one after the other."""
+
+_UNORDERED: tuple[CollisionKind, ...] = ("rear_end", "sideswipe", "head_on")
+"""Collisions along one road, where nobody comes to such a place first."""
+
+_LONGEST_PET = 1.4
+"""A near miss with a longer PET needs a vehicle that brakes hard [s] (SEMANTICS 4)."""
+
+
+def can_be_ordered(pattern: Pattern, edge: RelationEdge) -> bool:
+    """Whether the order that the relation asks for, if any, can be seen in the pattern."""
+    return edge.first is None or pattern.geometry in _ORDERED
+
+
+def keeps_order(edge: RelationEdge, pattern: Pattern, roles: tuple[str, str]) -> bool:
+    """Whether who plays `from` and who plays `to` leaves the order as it is asked for."""
+    if edge.first is None or pattern.order is None:
+        return True
+    return edge.first == roles[("from", "to").index(pattern.order)]
+
+
+def refuse_wrong_orders(graph: SocialGraph) -> None:
+    """Raises Rejected, `ungroundable`, if a relation cannot have the order asked for."""
+    for edge in graph.relations:
+        fault = None if edge.first is None else find_wrong_order(edge, graph)
+        if fault is not None:
+            pair = (edge.from_, edge.to)
+            raise Rejected(
+                Rejection(stage="scene_planner", code="ungroundable", agents=pair, detail=fault)
+            )
+
+
+def find_wrong_order(edge: RelationEdge, graph: SocialGraph) -> str | None:
+    """Why the relation cannot have its order, and what would work; None where it can."""
+    second = edge.to if edge.first == edge.from_ else edge.from_
+    if edge.type == "follow" or edge.kind in _UNORDERED or edge.manoeuvre is not None:
+        return (
+            f"{edge.manoeuvre or edge.kind or edge.type} has no order of passing, as the two share "
+            f"one road, where {edge.to} is ahead or beside; leave first out, or ask for a "
+            "near_miss, a yield_to or an angle collision of two that cross"
+        )
+    if edge.type == "yield_to" and edge.first == edge.from_:
+        return (
+            f"{edge.from_} gives way, so {edge.to} passes first; turn the two round, or ask for a "
+            f"near_miss in which {edge.from_} passes first"
+        )
+    return _find_wrong_braker(edge, second, graph) if edge.type == "near_miss" else None
+
+
+def _find_wrong_braker(edge: RelationEdge, second: str, graph: SocialGraph) -> str | None:
+    late = edge.target_pet is not None and edge.target_pet > _LONGEST_PET
+    if edge.brakes and edge.braker == edge.first:
+        return (
+            f"{edge.first} brakes hard and so lets {second} pass; write {second} as first, or as "
+            "braker, or leave one of the two out"
+        )
+    if (edge.brakes or late) and graph.agent(second).type != "vehicle":
+        return (
+            f"{second} passes second and has no brakes; ask for a PET of at most {_LONGEST_PET:g} s"
+            f", without hard braking and without a TTC, or write {second} as first"
+        )
+    return None

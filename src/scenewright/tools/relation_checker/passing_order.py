@@ -1,0 +1,89 @@
+"""Who passes first (SEMANTICS 8): leaves the conflict zone first, or enters that of a collision."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from dataclasses import dataclass
+
+from scenewright.scene.events import Event
+from scenewright.tools.relation_checker.conflict_zones import (
+    PathConflictZone,
+    find_conflict_zones,
+    find_zone_occupancy,
+)
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.planar import geos
+from scenewright.tools.relation_checker.trajectory import Trajectory, extend_straight
+
+_ONWARDS = {"vehicle": 15.0, "pedestrian": 5.0}
+"""How far [m] the ways of two who collide are taken to go straight on from the contact."""
+
+_SLOWEST = 1.0
+"""Speed [m/s] of that for who hardly moves at the contact."""
+
+
+@dataclass(frozen=True)
+class PassingOrder:
+    """Which of two comes first, and when [s] they come.
+
+    Attributes:
+        first: id of the agent; first_time, second_time: when either is at the place that both
+            pass with the least time between, or enters the zone in which they collide.
+    """
+
+    first: int
+    first_time: float
+    second_time: float
+
+
+def find_passing_order(observed: SceneObservation, event: Event) -> PassingOrder | None:
+    """The order of an event's two agents; None where it cannot be told.
+
+    None for two who share a lane, and where one of them still waits when the scene ends.
+    """
+    if event.type == "collision":
+        return _find_entering_order(observed, event)
+    return find_crossing_order(observed, {event.from_, event.to})
+
+
+def find_crossing_order(observed: SceneObservation, pair: Set[int]) -> PassingOrder | None:
+    """The order of two who do not touch, where they come closest in time; None without one."""
+    ids = [track.id for track in observed.tracks]
+    between = [e for e in observed.encounters if {ids[e.first], ids[e.second]} == pair]
+    if not between:
+        return None
+    closest = min(between, key=lambda each: each.pet)
+    times = (closest.first_time, closest.second_time)
+    ahead = closest.first if times[0] < times[1] else closest.second
+    return PassingOrder(ids[ahead], min(times), max(times))
+
+
+def _find_entering_order(observed: SceneObservation, event: Event) -> PassingOrder | None:
+    """Who of two that collide is in their conflict zone first; None where both come at once."""
+    tracks = {track.id: track for track in observed.tracks}
+    pair = [_carry_on(tracks[each], event.time) for each in (event.from_, event.to)]
+    zone = _find_zone_at(event, pair)
+    stays = [] if zone is None else [find_zone_occupancy(each, zone.polygon) for each in pair]
+    entered = [(stay.enter, track.id) for stay, track in zip(stays, pair, strict=False) if stay]
+    if len(entered) < 2 or entered[0][0] == entered[1][0]:
+        return None
+    (early, first), (late, _) = sorted(entered)
+    return PassingOrder(first, early, late)
+
+
+def _carry_on(track: Trajectory, time: float) -> Trajectory:
+    """The track as if the contact at `time` had not been: straight on from there."""
+    last = track.index(time)
+    until = Trajectory(
+        track.id, track.type, track.length, track.width, track.start,
+        track.xy[: last + 1], track.heading[: last + 1],
+    )  # fmt: skip
+    speed = max(float(track.speed[last]), _SLOWEST)
+    return extend_straight(until, distance=_ONWARDS[track.type], speed=speed)
+
+
+def _find_zone_at(event: Event, pair: list[Trajectory]) -> PathConflictZone | None:
+    """The conflict zone of the two that lies nearest to the contact."""
+    here = geos.Point(event.location)
+    zones = find_conflict_zones(pair[0], pair[1])
+    return min(zones, key=lambda each: float(each.polygon.distance(here)), default=None)
