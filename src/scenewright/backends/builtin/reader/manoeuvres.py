@@ -81,6 +81,9 @@ _PASSIVE_REAR = re.compile(
     r"rear-?ended)\b(?! by)",
     re.IGNORECASE,
 )
+_TURNS = re.compile(r"(?:turn\w*|veer\w*|going|heading|bear\w*|swing\w*) $", re.IGNORECASE)
+_ADVERB = re.compile(r"(?:\w+ly|just|almost)\b", re.IGNORECASE)
+"""Words for a near miss that stand on their own: the word before them is no part of them."""
 _FOR = re.compile(r"^ (?:for|to let) $", re.IGNORECASE)
 
 
@@ -89,7 +92,10 @@ def sharpen_manoeuvres(reading: Reading) -> Reading:
     spans = [_sharpened(span) for span in reading.spans]
     for n, span in enumerate(spans[:-1]):
         close = spans[n + 1].tag in ("follow", "near") and spans[n + 1].start - span.end <= 1
-        if close and span.tag in ("right", "place") and _SHORT_OF.search(span.words):
+        turns = _TURNS.search(reading.text[: span.start]) or _ADVERB.match(spans[n + 1].words)
+        if not close or turns:
+            continue
+        if span.tag in ("right", "place") and _SHORT_OF.search(span.words):
             spans[n] = replace(span, tag="manner", confidence=_KNOWN)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
