@@ -7,7 +7,7 @@ and is hit by a car"; the truck becomes an object of the plan that hides the wom
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from scenewright.backends.builtin.draft import Refused
@@ -126,11 +126,13 @@ _WHO = _any(
 _OUT = r"(?P<out>(?:emerg(?:es?|ed|ing)|appear(?:s|ed|ing)?|(?:com(?:es?|ing)|came|pops?) out) )?"
 
 _HIDING = re.compile(
-    rf"(?:,? ?(?:{_BLOCKED_VIEW}|{_CANNOT_SEE})|{_WHO}(?:{_HIDDEN}|{_OUT}(?:from )?behind)) "
+    rf"(?:,? ?(?:{_BLOCKED_VIEW}|{_CANNOT_SEE})|"
+    rf"{_WHO}(?:{_HIDDEN}|{_OUT}(?P<behind>(?:from )?behind))) "
     rf"(?P<object>{_RESTS}){_PLACE}{_LEAD}",
     re.IGNORECASE,
 )
 """Somebody comes from behind an object, is hidden by it, or a view is blocked by it."""
+_STANDS_FOR_SURE = re.compile(_STANDS, re.IGNORECASE)
 
 _HIDES = re.compile(
     rf"(?P<object>{_STANDS}){_PLACE},? (?:that |which )?"
@@ -242,11 +244,19 @@ def _take_lead(text: str, found: list[StandingPhrase]) -> tuple[str, tuple[Stand
 
 def _read(match: re.Match[str], *, hides: bool) -> StandingPhrase | None:
     groups = match.groupdict()
+    if _only_follows(groups):
+        return None
     named = next(filter(None, map(groups.get, ("object", "subject", "parked", "alone"))), None)
     lead = _read_seconds(groups.get("seconds"))
     words = match[0].strip(" ,")
     start = match.start() + match[0].index(words)
     return StandingPhrase(start, start + len(words), words, named or "", hides, lead)
+
+
+def _only_follows(groups: Mapping[str, str | None]) -> bool:
+    """Whether the words are "behind a bus" alone, which drives for all that is said."""
+    bare = groups.get("behind") == "behind" and not groups.get("out")
+    return bare and _STANDS_FOR_SURE.fullmatch(groups.get("object") or "") is None
 
 
 def _fill(match: re.Match[str]) -> str:

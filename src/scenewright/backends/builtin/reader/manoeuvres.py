@@ -89,7 +89,9 @@ _FOR = re.compile(r"^ (?:for|to let) $", re.IGNORECASE)
 
 def sharpen_manoeuvres(reading: Reading) -> Reading:
     """The reading with spans made sure, or read otherwise, whose words leave no doubt."""
-    spans = [_sharpened(span) for span in reading.spans]
+    # Who stops for a pedestrian gives way; only behind another vehicle is it a manoeuvre.
+    driving = all(span.tag != "ped" for span in reading.spans)
+    spans = [_sharpened(span, driving=driving) for span in reading.spans]
     for n, span in enumerate(spans[:-1]):
         close = spans[n + 1].tag in ("follow", "near") and spans[n + 1].start - span.end <= 1
         turns = _TURNS.search(reading.text[: span.start]) or _ADVERB.match(spans[n + 1].words)
@@ -173,14 +175,14 @@ def _overlaps(span: ReadSpan, match: re.Match[str]) -> bool:
     return span.start < match.end() and match.start() < span.end
 
 
-def _sharpened(span: ReadSpan) -> ReadSpan:
+def _sharpened(span: ReadSpan, *, driving: bool) -> ReadSpan:
     if span.tag == "place" and _LANE_CHANGE.search(span.words):
         return replace(span, tag="act", subjects=span.subjects or (1,), confidence=_KNOWN)
     if span.tag == "act" and _LANE_CHANGE.search(span.words):
         return replace(span, confidence=max(span.confidence, _KNOWN))
     if span.tag == "follow" and _CLOSE_UP.search(span.words):
         return replace(span, confidence=max(span.confidence, _KNOWN))
-    if span.tag not in ("hit", "near", "yield", "follow"):
+    if span.tag not in ("hit", "near", "yield", "follow") or not driving:
         return span
     if stops_in_time(span):
         sure = max(span.confidence, _KNOWN)
