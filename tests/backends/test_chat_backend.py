@@ -403,7 +403,7 @@ def test_what_a_refused_run_has_cost_is_told(
 ) -> None:
     server.faults, server.forever = [said(lambda _: '{"agents": 1}')], True
     who = ["--backend", "openai:m", "--base-url", server.url]
-    assert main(["make", YIELD, *who, "--json"]) == 3
+    assert main(["make", YIELD, *who, "--json"]) == 4
     [paid] = json.loads(capsys.readouterr().out)["models"].values()
     assert {key: paid[key] for key in ("model", "answers", "requests")} == {
         "model": f"openai:m at {server.url}", "answers": 3, "requests": 3,
@@ -414,7 +414,7 @@ def test_what_a_refused_run_has_cost_is_told(
     main(["batch", str(tmp_path / "rows.jsonl"), "--out", str(folder), *who, "--workers", "1"])
     [row] = (folder / "journal.jsonl").read_text("utf-8").splitlines()[1:]
     told = json.loads(row)
-    assert (told["status"], told["paid"]["requests"]) == ("refused", 3)
+    assert (told["status"], told["paid"]["requests"]) == ("failed", 3)
     assert told["paid"]["input_tokens"] == 2100
 
 

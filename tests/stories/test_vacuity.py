@@ -117,7 +117,7 @@ def test_its_phrase_brings_about_the_event_of_its_file(name: str) -> None:
 
 
 def plays(agent: AgentRecord, role: Role) -> bool:
-    return agent.type == role.type and agent.movement in role.movements
+    return role.admits(agent.type) and agent.movement in role.movements
 
 
 @every_pattern
@@ -161,7 +161,8 @@ def test_it_is_seen_alike_from_everywhere(name: str, edit: Callable[[Track], Tra
         assert after[3] == pytest.approx(before[3], abs=0.11)
 
 
-@every_pattern
+# a rider is overtaken on the side away from the kerb, which in a mirror is the other one
+@pytest.mark.parametrize("name", [each for each in NAMES if each != "rider_close_overtaking"])
 def test_in_a_mirror_only_the_name_of_a_turn_changes(name: str) -> None:
     users = list(read_users(played(name).record))
     others = [changed(user, mirrored) for user in users]

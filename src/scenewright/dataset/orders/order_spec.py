@@ -253,7 +253,7 @@ def _quotas(span: list[str], count: int) -> list[Quota]:
         raise InputError(f"no relation is a {' '.join(span)[:60]!r}; {_KNOWN_KINDS}")
     if {"each", "every"} & set(span):
         return [_quota(pattern.id.replace("_", "-"), count, [pattern]) for pattern in found]
-    found = [each for each in found if each.manoeuvre is None] or found
+    found = [each for each in found if each.is_common] or found
     if len(kinds) == 1:
         return [_quota(_name(span, next(iter(kinds))), count, found)]
     return _spread(found, count)

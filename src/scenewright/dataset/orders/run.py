@@ -250,9 +250,7 @@ def paper_wish(backends: Sequence[str], *, scale: float = 1.0) -> Wish:
     quotas = [Quota(NORMAL, normal, NORMAL, backend=None, foreground=True)]
     leaves = {
         relation: tuple(
-            each.id
-            for each in load_patterns()
-            if each.relation == relation and each.manoeuvre is None
+            each.id for each in load_patterns() if each.relation == relation and each.is_common
         )
         for relation in ("collide_at", "yield_to")
     }

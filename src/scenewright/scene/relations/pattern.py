@@ -144,6 +144,11 @@ class Pattern(Model):
     from_: Role = Field(alias="from")
     to: Role
 
+    @property
+    def is_common(self) -> bool:
+        """Whether an order that names no manoeuvre and no riders may be filled with it."""
+        return self.manoeuvre is None and "rider" not in (self.from_.type, self.to.type)
+
     @field_validator("phrases")
     @classmethod
     def _spoken(cls, phrases: tuple[str, ...]) -> tuple[str, ...]:

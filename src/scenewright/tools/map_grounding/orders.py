@@ -7,7 +7,7 @@ from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern
 from scenewright.scene.social import CollisionKind, RelationEdge, SocialGraph
 
-_ORDERED = ("crossing", "merging")
+_ORDERED = ("crossing", "merging", "turn_across")
 """Geometries with a place that two pass one after the other."""
 
 _UNORDERED: tuple[CollisionKind, ...] = ("rear_end", "sideswipe", "head_on")
