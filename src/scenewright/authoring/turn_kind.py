@@ -38,7 +38,8 @@ _QUESTION = re.compile(
 )
 _WHY_REFUSED = (
     r"(?:why|how come|explain|what went wrong|what was wrong|for what reason)"
-    r"(?: (?:not|was (?:that|it|this) refused|did (?:that|it|this) fail|did you refuse(?: (?:that|it|this|me))?|(?:that|this)|so))?"
+    r"(?: (?:not|was (?:that|it|this) refused|did (?:that|it|this) fail|"
+    r"did you refuse(?: (?:that|it|this|me))?|(?:that|this)|so))?"
 )
 _STEPS = r"(?: (?:steps?|times|versions?|changes?|turns?))?"
 _THANKS = r"thanks?(?: you)?(?: (?:so|very) much| a lot)?"
