@@ -1,6 +1,6 @@
 """What kind of turn words are: a question, a step between versions, small talk, or words to act on.
 
-The kind is told by the form of a sentence alone, for every backend alike, so that a question never
+The form of a sentence alone decides the kind, for every backend alike, so that a question never
 changes a scene. What is left, requests and descriptions, is read by the planner.
 """
 
@@ -85,7 +85,7 @@ class TurnKind(Model):
 
 
 def classify_turn(words: str) -> TurnKind:
-    """The kind of the words, told by their form."""
+    """The kind of the words, by their form."""
     plain = " ".join(words.lower().split())
     while (bare := _POLITE.sub("", plain)) != plain:
         plain = bare

@@ -65,7 +65,7 @@ _RESTS = _any(
     _STANDS, f"{_THE}{_ADJECTIVES}{_AT_REST} {_VEHICLE}", f"{_THE}{_VEHICLE} {_AT_REST}",
     f"{_THE}{_VEHICLE}",
 )  # fmt: skip
-"""What is said to hide somebody stands, be that said or not: "from behind a bus"."""
+"""What hides a road user stands, whether the text says so or not: "from behind a bus"."""
 
 _COMPASS = r"(?:north|south|east|west)(?:ern)?(?:bound)?"
 _ON = _any(
@@ -131,7 +131,7 @@ _HIDING = re.compile(
     rf"(?P<object>{_RESTS}){_PLACE}{_LEAD}",
     re.IGNORECASE,
 )
-"""Somebody comes from behind an object, is hidden by it, or a view is blocked by it."""
+"""A road user comes from behind an object, is hidden by it, or a view is blocked by it."""
 _STANDS_FOR_SURE = re.compile(_STANDS, re.IGNORECASE)
 
 _HIDES = re.compile(
@@ -144,7 +144,7 @@ _HIDES = re.compile(
     + _LEAD,
     re.IGNORECASE,
 )  # fmt: skip
-"""An object hides somebody or blocks a view."""
+"""An object hides a road user or blocks a view."""
 
 _SEEN = re.compile(
     r",? ?(?P<words>(?:and |but )?(?:(?:who|she|he|it|that) )?"
@@ -342,7 +342,7 @@ def find_addition(words: str) -> tuple[StandingPhrase, ...]:
 
 
 def find_pair(graph: SocialGraph, phrase: StandingPhrase) -> tuple[str, str]:
-    """The driver and the pedestrian of the event in which the phrase has somebody hidden."""
+    """The driver and the pedestrian of the event in which the phrase hides the pedestrian."""
     pairs = list(_list_pairs(graph))
     walkers = dict.fromkeys(walker for _, walker in pairs)
     if not walkers:
@@ -373,7 +373,7 @@ def _list_pairs(graph: SocialGraph) -> Iterator[tuple[str, str]]:
 
 
 def _find_nearest(graph: SocialGraph, phrase: StandingPhrase) -> str | None:
-    """The agent mentioned last before the words, if they say that somebody comes out or is hidden.
+    """The agent mentioned last before the words, if they say that it comes out or is hidden.
 
     What blocks a view is said of nobody in particular.
     """

@@ -59,7 +59,7 @@ def _without_event(span: ReadSpan, match: re.Match[str]) -> ReadSpan:
 
 
 def _count_members(span: ReadSpan, text: str) -> int | None:
-    """How many walk together; None for somebody alone, or several each on its own."""
+    """How many walk together; None for one alone, or several each on its own."""
     if _TWO.search(span.words):
         return 2
     kind = _KINDS.search(span.words)

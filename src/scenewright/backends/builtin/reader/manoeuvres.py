@@ -195,7 +195,7 @@ def _sharpened(span: ReadSpan, *, driving: bool) -> ReadSpan:
 
 
 def stops_in_time(span: ReadSpan) -> bool:
-    """Whether the words say that somebody stops in time, with nothing that makes it narrow."""
+    """Whether the words say that a vehicle stops in time, with nothing that makes it narrow."""
     return bool(_IN_TIME.search(span.words)) and not _NARROWLY.search(span.words)
 
 
