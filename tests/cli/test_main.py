@@ -292,7 +292,7 @@ def test_a_full_disk_keeps_the_earlier_scene(
 
 
 def test_a_scene_outlives_its_picture(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(making, "_draw", raiser(RuntimeError("no fonts")))
+    monkeypatch.setattr(making, "write_view", raiser(RuntimeError("no fonts")))
     done = run("make", QUICK, "--out", "x", "--no-recording", "--json")
     told = json.loads(done.out)
     assert (done.code, told["files"]) == (0, FILES)
@@ -319,7 +319,7 @@ def test_interrupted_while_drawing_leaves_nothing(
             if not swallowed:
                 raise
 
-    monkeypatch.setattr(making, "_draw", draw)
+    monkeypatch.setattr(making, "write_view", draw)
     # Whoever runs the tests in the background has interrupts ignored.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:

@@ -238,7 +238,7 @@ def _find_fault(scene: _Scene, event: Event) -> str:
         if agent.movement == "jaywalking":
             return f"{_name(agent)} crossed away from the crosswalks."
     if event.type == "yielding":
-        return "Nobody: one gave way to the other."
+        return "Neither: one gave way to the other."
     if event.kind == "rear_end" or event.type == "follow":
         return f"{_name(scene.get_agent(event.from_))} drove behind and had to keep its distance."
     turning = [
@@ -246,7 +246,7 @@ def _find_fault(scene: _Scene, event: Event) -> str:
     ]
     if len(turning) == 1:
         return f"{_name(turning[0])} turned across the other's way and had to give way."
-    return "The tracks show nobody breaking a rule."
+    return "The tracks show no rule broken."
 
 
 def _tell_all(scene: _Scene, about: list[AgentRecord]) -> list[str]:

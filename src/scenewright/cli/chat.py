@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from scenewright.authoring.session import Session, Shown
     from scenewright.backends import Backend
+    from scenewright.cli.views import ViewKind
     from scenewright.graph.run import Tell
     from scenewright.memory.episodes import Episodes
 
@@ -164,8 +165,8 @@ class _Talk:
             "show": self._show,
             "compare": self._compare,
             "save": self._save,
-            "html": partial(self._write_view, "html"),
-            "gif": partial(self._write_view, "gif"),
+            "html": partial(self._save_view, "html"),
+            "gif": partial(self._save_view, "gif"),
             "why": lambda _: self._why(),
             "help": lambda _: {"kind": "help", "text": HELP},
         }
@@ -290,13 +291,13 @@ class _Talk:
         warnings += self._remember(shown)
         return {"kind": "saved", "folder": str(folder), "files": files, "warnings": warnings}
 
-    def _write_view(self, kind: str, arguments: list[str]) -> dict[str, Any]:
+    def _save_view(self, kind: ViewKind, arguments: list[str]) -> dict[str, Any]:
         """Writes the current version as one file; a file that is there is not overwritten."""
-        from scenewright.cli.save import write_view
+        from scenewright.cli.save import save_view
 
         shown = self._needed(None)
         name = f"{self._session.thread}-{shown.version['number']}.{kind}"
-        path = write_view(shown, kind, " ".join(arguments) or name)
+        path = save_view(shown, kind, " ".join(arguments) or name)
         return {"kind": "saved", "folder": str(path.parent), "files": [path.name], "warnings": []}
 
     def _remember(self, shown: Shown) -> list[str]:

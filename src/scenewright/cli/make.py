@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from scenewright.cli.console import one_line
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import target_folder, whole_folder
+from scenewright.cli.views import ViewKind, write_view
 from scenewright.errors import InputError, ScenewrightError
 from scenewright.time_limit import DEFAULT_LIMIT
 
@@ -147,10 +148,10 @@ def _synthesize(request: Request, tell: Tell) -> Scene:
 
 def _add_views(scene: Scene, folder: Path, request: Request, tell: Tell) -> tuple[str, ...]:
     views: list[tuple[bool, str, Callable[[Scene, Path], None]]] = [
-        (request.picture, "scene.png", _draw),
+        (request.picture, "scene.png", partial(_write, "png")),
         (request.recording, "scene.rrd", _record),
-        (request.gif, "scene.gif", _animate),
-        (request.html, "scene.html", _write_page),
+        (request.gif, "scene.gif", partial(_write, "gif")),
+        (request.html, "scene.html", partial(_write, "html")),
     ]
     warnings = []
     for wanted, name, write in views:
@@ -172,28 +173,8 @@ def _attempt(write: Callable[[], None], name: str) -> list[str]:
     return []
 
 
-def _draw(scene: Scene, path: Path) -> None:
-    from scenewright.intersections import load_map
-    from scenewright.viz.still import draw_scene
-
-    intersection_map = load_map(scene.record.meta.intersection)
-    draw_scene(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
-
-
-def _animate(scene: Scene, path: Path) -> None:
-    from scenewright.intersections import load_map
-    from scenewright.viz.animation import animate_scene
-
-    intersection_map = load_map(scene.record.meta.intersection)
-    animate_scene(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
-
-
-def _write_page(scene: Scene, path: Path) -> None:
-    from scenewright.intersections import load_map
-    from scenewright.viz.html_player import write_player
-
-    intersection_map = load_map(scene.record.meta.intersection)
-    write_player(path, scene=scene.record, proof=scene.proof, intersection=intersection_map)
+def _write(kind: ViewKind, scene: Scene, path: Path) -> None:
+    write_view(kind, path, scene.record, scene.proof)
 
 
 def _record(scene: Scene, path: Path) -> None:

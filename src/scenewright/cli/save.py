@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from scenewright.cli.console import one_line
 from scenewright.cli.interrupts import stop_if_asked
 from scenewright.cli.output_folder import target_folder, whole_folder
+from scenewright.cli.views import ViewKind, write_view
 from scenewright.errors import InputError, ScenewrightError
 
 if TYPE_CHECKING:
@@ -50,36 +51,21 @@ def _views(shown: Shown, folder: Path) -> list[str]:
     return warnings
 
 
-def write_view(shown: Shown, kind: str, path: str) -> Path:
+def save_view(shown: Shown, kind: ViewKind, path: str) -> Path:
     """Writes a version as one file, a page (`html`) or an animation (`gif`).
 
     Raises:
         InputError: there is a file already, or it cannot be written.
     """
-    from scenewright.intersections import load_map
-
     target = Path(path)
     if target.exists():
         raise InputError(f"{target} is there already; name another file")
-    facts: dict[str, Any] = {"scene": shown.record, "proof": shown.proof}
-    intersection_map = load_map(shown.record.meta.intersection)
-    if kind == "html":
-        from scenewright.viz.html_player import write_player
-
-        write_player(target, **facts, intersection=intersection_map)
-    else:
-        from scenewright.viz.animation import animate_scene
-
-        animate_scene(target, **facts, intersection=intersection_map)
+    write_view(kind, target, shown.record, shown.proof)
     return target
 
 
 def _draw(shown: Shown, path: Path) -> None:
-    from scenewright.intersections import load_map
-    from scenewright.viz.still import draw_scene
-
-    intersection_map = load_map(shown.record.meta.intersection)
-    draw_scene(path, scene=shown.record, proof=shown.proof, intersection=intersection_map)
+    write_view("png", path, shown.record, shown.proof)
 
 
 def _record(shown: Shown, path: Path) -> None:

@@ -13,18 +13,13 @@ def write_views(scene: str, *, html: str | None, gif: str | None) -> list[str]:
     Raises:
         InputError: there is no scene, or a file cannot be written.
     """
+    from scenewright.cli.views import write_view
     from scenewright.graph.run import load_scene, verify
-    from scenewright.intersections import load_map
 
     record = load_scene(scene)
-    intersection_map = load_map(record.meta.intersection)
     proof = verify(record)
     if html is not None:
-        from scenewright.viz.html_player import write_player
-
-        write_player(Path(html), scene=record, proof=proof, intersection=intersection_map)
+        write_view("html", Path(html), record, proof)
     if gif is not None:
-        from scenewright.viz.animation import animate_scene
-
-        animate_scene(Path(gif), scene=record, proof=proof, intersection=intersection_map)
+        write_view("gif", Path(gif), record, proof)
     return [each for each in (html, gif) if each is not None]

@@ -224,7 +224,8 @@ def verify(
         file = scene_file(scene)
         record, digest = _read_scene(file)
         # Beside a file of another name may lie the proof of something else.
-        written = read_proof(file.with_name("proof.json")) if file.name == "scene.json" else None
+        beside = file.with_name("proof.json")
+        written = read_proof(beside) if file.name == "scene.json" and beside.exists() else None
     else:
         record, written = (scene.record, scene.proof) if isinstance(scene, Scene) else (scene, None)
         digest = digest_scene(record)

@@ -15,14 +15,12 @@ ROUNDING = 0.011
 """Figures may differ by this from machine to machine: most are kept to 1 mm or 0.001 s."""
 
 
-def read_proof(file: Path) -> Proof | None:
-    """The proof in a file; None if there is no such file.
+def read_proof(file: Path) -> Proof:
+    """The proof in a file.
 
     Raises:
         InputError: it cannot be read, or is no proof; says where the first fault is.
     """
-    if not file.exists():
-        return None
     try:
         return Proof.model_validate_json(file.read_bytes())
     except OSError as error:

@@ -6,7 +6,7 @@ solved for (pair clauses). Metres, seconds, metres per second.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -32,6 +32,20 @@ class _Pair(Model):
     @model_validator(mode="after")
     def _differ(self) -> Self:
         return _two_agents(self, self.first, self.second)
+
+
+class _Range(Model):
+    """A clause with a range [low, high], each with bounds of its own."""
+
+    if TYPE_CHECKING:
+        low: float
+        high: float
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.low > self.high:
+            raise ValueError(f"range [{self.low:g}, {self.high:g}] is empty")
+        return self
 
 
 class OnRoad(Model):
@@ -71,17 +85,13 @@ class PassesThrough(Model):
         return self
 
 
-class SpeedBetween(Model):
+class SpeedBetween(_Range):
     """The free speed on a straight lies in [low, high] [m/s]."""
 
     clause: Literal["speed"] = "speed"
     agent: AgentId
     low: float = Field(ge=0, le=20)
     high: float = Field(gt=0, le=20)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _in_order(self, self.low, self.high)
 
 
 class Near(_Pair):
@@ -105,28 +115,20 @@ class Before(_Pair):
     clause: Literal["before"] = "before"
 
 
-class TimeGap(_Pair):
+class TimeGap(_Range, _Pair):
     """The pair's PET lies in [low, high] [s] (SEMANTICS section 4)."""
 
     clause: Literal["time_gap"] = "time_gap"
     low: float = Field(ge=0, le=30)
     high: float = Field(gt=0, le=30)
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _in_order(self, self.low, self.high)
 
-
-class Headway(_Pair):
+class Headway(_Range, _Pair):
     """`first` follows `second` in one lane at a time headway in [low, high] [s]."""
 
     clause: Literal["headway"] = "headway"
     low: float = Field(gt=0, le=10)
     high: float = Field(gt=0, le=10)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _in_order(self, self.low, self.high)
 
 
 class Contact(_Pair):
@@ -160,7 +162,7 @@ class GivesWay(_Pair):
     clause: Literal["gives_way"] = "gives_way"
 
 
-class BrakesFor(_Pair):
+class BrakesFor(_Range, _Pair):
     """`first` brakes hard for `second`, at more than 5 m/s^2, and lets it pass.
 
     The least path TTC of the two lies in [low, high] [s] (SEMANTICS section 4).
@@ -171,21 +173,13 @@ class BrakesFor(_Pair):
     low: float = Field(ge=0, le=8)
     high: float = Field(gt=0, le=8)
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _in_order(self, self.low, self.high)
 
-
-class PassesBeside(_Pair):
+class PassesBeside(_Range, _Pair):
     """`first` overtakes `second` at a least clearance in [low, high] [m], both moving."""
 
     clause: Literal["passes_beside"] = "passes_beside"
     low: float = Field(ge=0, le=10)
     high: float = Field(gt=0, le=10)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _in_order(self, self.low, self.high)
 
 
 AgentFigureName = Literal[
@@ -197,7 +191,7 @@ PairFigureName = Literal[
 ]  # fmt: skip
 
 
-class AgentFigure(Model):
+class AgentFigure(_Range):
     """A figure of the agent's motion in the scene lies in [low, high]; units as in `UNITS`."""
 
     clause: AgentFigureName
@@ -205,24 +199,16 @@ class AgentFigure(Model):
     low: float = Field(ge=0, le=100)
     high: float = Field(ge=0, le=100)
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _in_order(self, self.low, self.high)
 
-
-class PairFigure(_Pair):
+class PairFigure(_Range, _Pair):
     """A figure of what happens between the two lies in [low, high]; units as in `UNITS`."""
 
     clause: PairFigureName
     low: float = Field(ge=0, le=100)
     high: float = Field(ge=0, le=100)
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _in_order(self, self.low, self.high)
 
-
-class StopsBehind(_Pair):
+class StopsBehind(_Range, _Pair):
     """`second` brakes hard ahead of `first` in one lane, which stops behind it without a contact.
 
     The least path TTC of the two lies in [low, high] [s] (SEMANTICS section 4).
@@ -233,10 +219,6 @@ class StopsBehind(_Pair):
     second: VehicleId
     low: float = Field(ge=0, le=8)
     high: float = Field(gt=0, le=8)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _in_order(self, self.low, self.high)
 
 
 class RunsRed(Model):
@@ -295,10 +277,4 @@ class ConstraintProgram(Model):
 def _two_agents(model: _ModelT, first: str, second: str | None) -> _ModelT:
     if first == second:
         raise ValueError(f"needs two different agents, got {first} twice")
-    return model
-
-
-def _in_order(model: _ModelT, low: float, high: float) -> _ModelT:
-    if low > high:
-        raise ValueError(f"range [{low:g}, {high:g}] is empty")
     return model

@@ -97,10 +97,9 @@ class Page:
 
     async def describe_start(self, _request: Request) -> Response:
         """Intersections, conversations and the backend."""
-        names = await run_in_threadpool(list_intersections)
         return JSONResponse(
             {
-                "intersections": [{"name": n, "title": load_map(n).title} for n in names],
+                "intersections": await run_in_threadpool(_list_places),
                 "threads": await run_in_threadpool(self._conversations.list_names),
                 "backend": self._backend,
                 "intersection": self._intersection,
@@ -225,6 +224,10 @@ def _safely(answer: _Answer) -> _Answer:
             return _refuse(500, _describe_fault(error))
 
     return run
+
+
+def _list_places() -> list[dict[str, str]]:
+    return [{"name": each, "title": load_map(each).title} for each in list_intersections()]
 
 
 def _describe_fault(error: Exception) -> str:

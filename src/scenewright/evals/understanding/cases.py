@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from pydantic import ValidationError
-
 from scenewright.errors import InputError
 from scenewright.evals.understanding.labels import RELATIONS, Labels, extract_labels
 from scenewright.evals.understanding.observation import hash_scene
 from scenewright.graph.run import load_scene
-from scenewright.scene.events import Proof
+from scenewright.graph.written_proof import read_proof
 from scenewright.scene.record import SceneRecord
 
 Split = Literal["dev", "test"]
@@ -72,7 +70,7 @@ def read_case(folder: Path) -> SceneCase:
     Raises:
         InputError: a file is missing or is not what it should be.
     """
-    record, proof = load_scene(folder), _read_proof(folder / "proof.json")
+    record, proof = load_scene(folder), read_proof(folder / "proof.json")
     types = {event.type for event in proof.events}
     named = next((kind for kind in RELATIONS if kind in types), None)
     return SceneCase(
@@ -89,14 +87,3 @@ def is_foreseeable(case: SceneCase) -> bool:
         for each in case.record.events
         if each.type != "follow" and frozenset((each.from_, each.to)) in requested
     )
-
-
-def _read_proof(file: Path) -> Proof:
-    try:
-        return Proof.model_validate_json(file.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"]) or "file"
-        raise InputError(f"{file} is not a proof: {where}: {first['msg']}") from error
