@@ -55,6 +55,7 @@ def import_file(
     licence: str | None,
     force: bool,
     tell: Tell,
+    streets: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Imports a map and writes its bundle; what was made, for printing.
 
@@ -74,6 +75,7 @@ def import_file(
         extent=extent,
         title=title,
         signals=signals,
+        streets=streets,
     )
     tell("deriving", "priors from the map, nothing was seen there yet")
     place, lines = made.intersection_map, made.route_lines

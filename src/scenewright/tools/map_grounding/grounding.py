@@ -47,6 +47,15 @@ def ground_graph(graph: SocialGraph, *, intersection_map: IntersectionMap) -> Gr
     )
 
 
+def can_ground(graph: SocialGraph, *, intersection_map: IntersectionMap) -> bool:
+    """Whether the map has routes for each agent and relation."""
+    try:
+        ground_graph(graph, intersection_map=intersection_map)
+    except Rejected:
+        return False
+    return True
+
+
 _GROUNDED: RecentCache[SocialGraph, Grounding] = RecentCache(most=256)
 """Seeds of one text share a graph."""
 

@@ -62,6 +62,7 @@ class Survey:
         areas: [P, 2] outlines of mapped drivable area inside the junction.
         phases: (duration [s], colour by light) of the programme; empty where there is none.
         is_signalised: None where the file does not say.
+        is_roundabout: whether its ways lead round a middle island.
         origin: of the coordinates; None where the file has none.
         offset: of the origin in the coordinates of the file [m].
         notes: what was assumed or dropped.
@@ -76,6 +77,7 @@ class Survey:
     phases: tuple[tuple[float, Mapping[str, Colour]], ...] = ()
     left_hand: bool = False
     is_signalised: bool | None = None
+    is_roundabout: bool = False
     origin: LatLon | None = None
     offset: tuple[float, float] = (0.0, 0.0)
     notes: list[str] = field(default_factory=list)
