@@ -45,7 +45,8 @@ def use_plain_style() -> Iterator[None]:
     """Settings that a user's own matplotlib configuration must not change."""
     import matplotlib as mpl
 
-    with mpl.rc_context({**_STYLE, "font.family": list(list_fonts())}):  # type: ignore[arg-type]
+    style: Any = {**_STYLE, "font.family": list(list_fonts())}
+    with mpl.rc_context(style):
         yield
 
 

@@ -49,6 +49,7 @@ def draw_junctions(png: str, *, title: str, marks: Sequence[JunctionMark]) -> No
         axes = figure.add_axes((0.06, 0.05, 0.92, 0.9))
         for mark in marks:
             _draw_mark(axes, mark, with_streets=len(marks) <= _LABELLED)
+        axes.margins(0.12)
         axes.set_aspect("equal", adjustable="datalim")
         axes.tick_params(labelsize=7)
         axes.set_title(make_drawable(title, limit=110), fontsize=10)

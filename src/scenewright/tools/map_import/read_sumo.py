@@ -44,7 +44,7 @@ _LANE_REACH = 120.0
 """Lanes are followed that far out of the junction [m]."""
 _STRAIGHT = math.radians(35.0)
 _COLOURS: Mapping[str, Colour] = {"g": "green", "y": "yellow", "o": "green"}
-_MISSING_SUMO = "importing this map needs SUMO{}: install the extra, scenewright[simulate]"
+_MISSING_SUMO = "importing this map needs SUMO{}: pip install 'scenewright[maps]'"
 _CUT_OUT = "cut out the surroundings of the junction first"
 
 
