@@ -2,10 +2,10 @@
 
 Sources. Reaction time: stated by SEMANTICS section 8 (lognormal, median 1.0 s, 5 to 95 % about 0.6
 to 1.8 s). Recordings do not show it, as drivers there have seen one another long before.
-Braking of vehicles: highest braking in the 3 s after the path TTC fell below 3 s, of 55 vehicles
-that braked above 1 m/s^2 and had not before, at two intersections in Karlsruhe (TAF-BW; Zipfl et al.
-2020). What is done: 338 conflicts of right-turning vehicles and pedestrians less than 3 s apart in
-Utah (Singleton et al. 2023, CC BY 4.0): of 195 drivers who braked or swerved 191 braked; of 75
+Braking of vehicles: highest braking in the 3 s after the path TTC fell below 3 s, of 55 that braked
+above 1 m/s^2 and had not before, at two intersections in Karlsruhe (TAF-BW, Zipfl et al. 2020).
+What is done: 338 conflicts of right-turning vehicles and pedestrians less than 3 s apart in Utah
+(Singleton et al. 2023, CC BY 4.0): of 195 drivers who braked or swerved 191 braked; of 75
 pedestrians who did something 40 stopped or slowed, 24 ran or hurried and 11 turned away.
 Stated, for want of data: riders brake below the 3.5 m/s^2 of SEMANTICS; who walks at 1.4 m/s stops
 within one to two steps, that is 0.5 to 1.2 s.
