@@ -73,4 +73,4 @@ def _read(folder: Path, _changed: tuple[tuple[int, int], ...]) -> Learned:
     check_bundle(folder, REFINER_WEIGHTS)
     file = folder / REFINER_WEIGHTS
     digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
-    return Learned(load_refiner(file), digest, folder.name)
+    return Learned(load_refiner(file, task="scenes"), digest, folder.name)
