@@ -90,7 +90,7 @@ def predict_scenes(
         step=recording.step,
     )
     everybody = [
-        (np.concatenate((who, left)), np.concatenate((xy, beyond)))
+        (np.concatenate((who, left)), np.concatenate((xy, beyond)), len(who))
         for who, xy, (left, beyond) in zip(places, ahead, gone, strict=True)
     ]
     by_start = dict(zip(starts, everybody, strict=True))
@@ -109,10 +109,10 @@ def _gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
 
 
 def _scene(
-    recording: Recording, row: SceneRow, who: NDArray[np.int64], ahead: FloatArray
+    recording: Recording, row: SceneRow, who: NDArray[np.int64], ahead: FloatArray, present: int
 ) -> PredictedScene:
     is_primary = recording.ids[who] == row.primary
-    if not is_primary.any():
+    if not is_primary[:present].any():
         raise InputError(
             f"{recording.name}.ndjson: the primary of scene {row.id}, pedestrian {row.primary}, "
             "is not there at the ninth step"
