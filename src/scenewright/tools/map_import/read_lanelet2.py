@@ -32,6 +32,7 @@ from scenewright.geometry.polyline import (
 )
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.junction_choice import Junction, choose_junction
+from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
 from scenewright.tools.map_import.legs import find_legs
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.survey import (
@@ -148,6 +149,7 @@ class LaneletFile:
     Attributes:
         lanelets: for vehicles, by id; foot: for pedestrians.
         origin: latitude and longitude of x = y = 0; None where the file has no degrees.
+        crossings: for pedestrians, as drawn.
         notes: what was dropped.
     """
 
@@ -155,6 +157,7 @@ class LaneletFile:
     lanelets: dict[str, FileLanelet]
     foot: tuple[FileLanelet, ...]
     origin: LatLon | None
+    crossings: tuple[SurveyCrossing, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -187,7 +190,8 @@ def load_lanelet2(file: Path, center: LatLon | None = None) -> LaneletFile:
     origin = center or (float(nodes[:, 0].mean()), float(nodes[:, 1].mean()))
     notes: list[str] = []
     lanelets, foot = build_lanelets(elements, origin, file, notes)
-    return LaneletFile(file, lanelets, tuple(foot), origin, tuple(notes))
+    crossings = tuple(read_lanelet2_crossings(elements, foot, origin))
+    return LaneletFile(file, lanelets, tuple(foot), origin, crossings, tuple(notes))
 
 
 def survey_lanelets(
@@ -287,13 +291,16 @@ class FileElements:
     """What a file holds.
 
     Attributes:
-        nodes: latitude and longitude; ways: ids of nodes.
-        relations: (tags, (role, id of a way) of each member) of the lanelets.
+        nodes: latitude and longitude; ways: ids of nodes; way_tags: of those that have some.
+        relations: (tags, (role, id of a way) of each member) of the lanelets; rules: the same of
+            the regulatory elements, by id.
     """
 
     nodes: dict[str, LatLon] = field(default_factory=dict)
     ways: dict[str, list[str]] = field(default_factory=dict)
+    way_tags: dict[str, dict[str, str]] = field(default_factory=dict)
     relations: list[tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=list)
+    rules: dict[str, tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=dict)
 
 
 def read_elements(file: Path) -> FileElements:
@@ -323,11 +330,15 @@ def _add_element(found: FileElements, element: Any, file: Path) -> None:
         found.nodes[name] = node
     elif element.tag == "way":
         found.ways[name] = [n.attrib["ref"] for n in element.iter("nd")]
+        if tags := {t.attrib["k"]: t.attrib["v"] for t in element.iter("tag")}:
+            found.way_tags[name] = tags
     else:
         tags = {t.attrib["k"]: t.attrib["v"] for t in element.iter("tag")}
         members = [(m.get("role", ""), m.get("ref", "")) for m in element.iter("member")]
         if tags.get("type") == "lanelet":
             found.relations.append((tags | {"id": name}, members))
+        elif tags.get("type") == "regulatory_element":
+            found.rules[name] = tags, members
 
 
 def build_lanelets(
@@ -420,7 +431,7 @@ def _survey_junction(
     Args:
         ground: that lanelets share there; None takes all that they share.
     """
-    file, foot = held.file, held.foot
+    file, foot, crossings = held.file, held.foot, held.crossings
     follows = _find_successors(lanelets)
     paths = [_Path.join(lanelets, names) for names in _list_paths(lanelets, follows)]
     used = sorted({name for path in paths for name in path.names})
@@ -432,8 +443,7 @@ def _survey_junction(
             "through a junction to outside"
         )
     middle = np.round(np.array(shared.envelope.centroid.coords[0]), 3)
-    crossings = [each for each in foot if each.tags.get("subtype") == "crosswalk"]
-    if walks := len(foot) - len(crossings):
+    if walks := sum(each.tags.get("subtype") != "crosswalk" for each in foot):
         notes.append(
             f"{walks} footways of the file are shown as they are not; sidewalks are derived along "
             "the kerbs"
@@ -451,14 +461,12 @@ def _survey_junction(
             SurveyConnection(a, b, _take_between(line, approaches[a][-1], exits[b][0]) - middle)
             for (a, b), line in found.items()
         ),
-        crossings=tuple(
-            SurveyCrossing((each.middle - middle)[[0, -1]], float(np.clip(each.width, 2.0, 8.0)))
-            for each in crossings
-        ),
+        crossings=tuple(each.move(-middle) for each in crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
         left_hand=left_hand,
         origin=None if held.origin is None else project_to_degrees(held.origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
+        file_origin=held.origin,
         notes=notes,
     )
 

@@ -6,6 +6,7 @@ import heapq
 import math
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,12 @@ from scenewright.tools.map_import.junction_groups import (
     StreetPiece,
     group_junctions,
 )
+from scenewright.tools.map_import.opendrive_features import (
+    list_opendrive_crossings,
+    read_opendrive_file,
+)
 from scenewright.tools.map_import.osm_elements import is_pbf
+from scenewright.tools.map_import.osm_features import list_osm_crossings, read_osm_file
 from scenewright.tools.map_import.osm_streets import cut_out, describe_group, list_osm_junctions
 from scenewright.tools.map_import.survey import (
     Survey,
@@ -101,7 +107,13 @@ def read_sumo(
         _check_is_there(net, group, listed_one, origin, file)
     left_hand = _is_left_hand(network) if left_hand is None else left_hand
     survey = _survey_junction(net, group, origin, left_hand)
-    if map_format == "osm":
+    if map_format == "opendrive":
+        drive = read_opendrive_file(file)
+        own = list_opendrive_crossings(drive, np.array(survey.offset))
+        survey = replace(survey, crossings=(*survey.crossings, *own))
+    if map_format == "osm" and origin is not None:
+        osm = read_osm_file(source, origin)
+        survey = replace(survey, crossings=tuple(list_osm_crossings(osm, np.array(survey.offset))))
         survey.notes.append(
             "lane widths, turning lanes and signal times that the file does not tag are "
             "netconvert's guesses"
@@ -190,7 +202,7 @@ def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: boo
     command = [str(home / "bin" / "netconvert"), "-o", str(network), "--no-turnarounds", "true"]
     command += ["--junctions.internal-link-detail", "16", "--junctions.corner-detail", "8"]
     command += ["--no-warnings", "true", "--output.street-names", "true"]
-    command += ["--offset.disable-normalization", "true"]
+    command += ["--offset.disable-normalization", "true", "--default.spreadtype", "roadCenter"]
     if origin is not None:
         where = f"+proj=tmerc +lat_0={origin[0]:.8f} +lon_0={origin[1]:.8f} +k=1 +ellps=WGS84"
         command += ["--osm-files", str(file), "--proj", f"{where} +units=m +no_defs"]
@@ -294,6 +306,7 @@ def _survey_junction(
         origin=None if origin is None else project_to_degrees(origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         is_roundabout=group.is_roundabout,
+        file_origin=origin,
         notes=[
             *_describe_parts(group),
             *(
@@ -445,8 +458,8 @@ def _read_crossings(net: Any, node: Any, middle: FloatArray) -> Iterator[SurveyC
     for edge in net.getEdges(withInternal=True):
         if edge.getFunction() == "crossing" and str(edge.getID()).startswith(f":{node.getID()}_c"):
             lane = edge.getLanes()[0]
-            line = _get_shape(lane) - middle
-            yield SurveyCrossing(line[[0, -1]], float(lane.getWidth()))
+            line, name = _get_shape(lane) - middle, f"crossing {edge.getID()}"
+            yield SurveyCrossing(line[[0, -1]], float(lane.getWidth()), source=name)
 
 
 def _read_phases(net: Any, lights: set[str]) -> tuple[tuple[float, Mapping[str, Colour]], ...]:
