@@ -87,9 +87,9 @@ def junctions(
     """List the junctions of a map file, to choose one for `import`."""
     from scenewright.cli.map_junctions import draw_list, list_rows, rows_text
 
-    found = list_rows(file, street or ())
+    found, roads = list_rows(file, street or ())
     if png is not None:
-        draw_list(file, found, png)
+        draw_list(file, found, roads, png)
     if as_json:
         put_json({"ok": True, "file": file, "junctions": [row.describe() for row in found]})
     else:

@@ -9,6 +9,7 @@ from typing import Any
 
 from scenewright.cli.console import one_line
 from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import import Junction, list_junctions
 from scenewright.tools.map_import.compass import name_bearing
 from scenewright.tools.map_import.junction_choice import find_streets
@@ -49,20 +50,24 @@ class JunctionRow:
         }
 
 
-def list_rows(file: str, streets: Sequence[str] = ()) -> list[JunctionRow]:
-    """The junctions of a file, those of most legs first.
+def list_rows(
+    file: str, streets: Sequence[str] = ()
+) -> tuple[list[JunctionRow], tuple[FloatArray, ...]]:
+    """The junctions of a file, those of most legs first, and its roads.
 
     Raises:
         InputError: the file cannot be read, or has no junction (of those streets).
     """
     from pathlib import Path
 
-    found: Sequence[Junction] = list_junctions(file)
+    overview = list_junctions(file)
+    found: Sequence[Junction] = overview.junctions
     if streets:
         found = find_streets(found, Path(file), streets)
     if not found:
         raise InputError(f"{file} has no junction of three or more legs for vehicles")
-    return [JunctionRow(each) for each in sorted(found, key=lambda j: (-j.legs, len(j.id), j.id))]
+    ordered = sorted(found, key=lambda each: (-each.legs, len(each.id), each.id))
+    return [JunctionRow(each) for each in ordered], overview.roads
 
 
 def rows_text(rows: Sequence[JunctionRow]) -> str:
@@ -75,7 +80,9 @@ def rows_text(rows: Sequence[JunctionRow]) -> str:
     return "".join(one_line(line, limit=240) + "\n" for line in lines)
 
 
-def draw_list(file: str, rows: Sequence[JunctionRow], png: str) -> None:
+def draw_list(
+    file: str, rows: Sequence[JunctionRow], roads: Sequence[FloatArray], png: str
+) -> None:
     """A picture of where the junctions lie, each with its id and its streets."""
     from scenewright.viz.junction_list import JunctionMark, draw_junctions
 
@@ -88,4 +95,4 @@ def draw_list(file: str, rows: Sequence[JunctionRow], png: str) -> None:
         )
         for row in shown
     ]
-    draw_junctions(png, title=f"{file}: {len(rows)} junctions", marks=marks)
+    draw_junctions(png, title=f"{file}: {len(rows)} junctions", marks=marks, roads=roads)

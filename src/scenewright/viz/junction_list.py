@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from scenewright.files import write_atomically
-from scenewright.scene.base import Point
+from scenewright.scene.base import FloatArray, Point
 from scenewright.viz.figure import (
     INK,
     add_halo,
@@ -38,15 +38,23 @@ class JunctionMark:
     legs: tuple[tuple[float, str], ...]
 
 
-def draw_junctions(png: str, *, title: str, marks: Sequence[JunctionMark]) -> None:
+def draw_junctions(
+    png: str, *, title: str, marks: Sequence[JunctionMark], roads: Sequence[FloatArray] = ()
+) -> None:
     """Draws junctions as stars of their legs, with ids and street names, north up.
+
+    Args:
+        roads: [P, 2] lines of the streets beneath [m].
 
     Raises:
         InputError: the file cannot be written; nothing is left behind.
     """
+    from matplotlib.collections import LineCollection
+
     with use_plain_style():
         figure = create_figure(_SIDE, _SIDE, dpi=110)
         axes = figure.add_axes((0.06, 0.05, 0.92, 0.9))
+        axes.add_collection(LineCollection(list(roads), colors="#D9DCE1", linewidths=1.2, zorder=0))
         for mark in marks:
             _draw_mark(axes, mark, with_streets=len(marks) <= _LABELLED)
         axes.margins(0.12)

@@ -76,7 +76,7 @@ def town(tmp_path_factory):
 
 
 def test_all_junctions_are_listed_with_streets_and_places(town):
-    found = list_junctions(town)
+    found = list_junctions(town).junctions
     assert [each.id for each in found] == ["1", "101"]
     assert set(found[0].streets) == {"Elm Street", "Mill Road", "Kings Avenue"}
     assert found[0].degrees == pytest.approx(map_files.ORIGIN, abs=1e-6)
@@ -85,7 +85,7 @@ def test_all_junctions_are_listed_with_streets_and_places(town):
 def test_packed_files_list_the_same(town, tmp_path):
     packed = tmp_path / "town.osm.gz"
     packed.write_bytes(gzip.compress(town.read_bytes()))
-    assert list_junctions(packed) == list_junctions(town)
+    assert list_junctions(packed).junctions == list_junctions(town).junctions
     packed.write_bytes(gzip.compress(town.read_bytes())[:300])
     with pytest.raises(InputError, match="damaged"):
         list_junctions(packed)
@@ -119,7 +119,7 @@ def pbf(file):
 
 
 def test_protocol_buffers_are_read(tmp_path):
-    [found] = list_junctions(pbf(tmp_path / "town.osm.pbf"))
+    [found] = list_junctions(pbf(tmp_path / "town.osm.pbf")).junctions
     assert (found.id, found.legs) == ("1", 4)
     assert set(found.streets) == {"Elm Street", "Mill Road"}
     cut = tmp_path / "cut.osm.pbf"

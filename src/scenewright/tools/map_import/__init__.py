@@ -14,11 +14,18 @@ from pathlib import Path
 
 from scenewright.tools.map_import.assemble import ImportedMap, assemble_map
 from scenewright.tools.map_import.check_file import MapFormat, detect_map_format, unpack_map
-from scenewright.tools.map_import.junction_choice import Junction
-from scenewright.tools.map_import.osm_streets import list_osm_junctions
+from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview
+from scenewright.tools.map_import.osm_streets import survey_osm_junctions
 from scenewright.tools.map_import.survey import Survey
 
-__all__ = ["ImportedMap", "Junction", "MapFormat", "import_map", "list_junctions"]
+__all__ = [
+    "ImportedMap",
+    "Junction",
+    "JunctionOverview",
+    "MapFormat",
+    "import_map",
+    "list_junctions",
+]
 
 
 def import_map(
@@ -55,17 +62,17 @@ def import_map(
     return assemble_map(survey, map_format, name=name, extent=extent, title=title, signals=signals)
 
 
-def list_junctions(file: str | Path) -> list[Junction]:
-    """The junctions of a file, with legs, streets and places.
+def list_junctions(file: str | Path) -> JunctionOverview:
+    """The junctions of a file, with legs, streets and places, and its roads to draw them on.
 
     Raises:
-        InputError: the file cannot be read.
+        InputError: the file cannot be read; one line says why.
     """
     with tempfile.TemporaryDirectory() as scratch:
         path = unpack_map(Path(file), Path(scratch))
         map_format = detect_map_format(path)
         if map_format == "osm":
-            return list_osm_junctions(path)
+            return survey_osm_junctions(path)
         if map_format == "lanelet2":
             from scenewright.tools.map_import.read_lanelet2 import (
                 list_lanelet_junctions,
@@ -73,9 +80,9 @@ def list_junctions(file: str | Path) -> list[Junction]:
             )
 
             return list_lanelet_junctions(load_lanelet2(path))
-        from scenewright.tools.map_import.read_sumo import list_network_junctions
+        from scenewright.tools.map_import.read_sumo import survey_junctions
 
-        return list_network_junctions(path, map_format, Path(scratch))
+        return survey_junctions(path, map_format, Path(scratch))
 
 
 def _read_survey(

@@ -12,6 +12,7 @@ from rapidfuzz import fuzz
 
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import LatLon, project_to_degrees, project_to_metres
+from scenewright.scene.base import FloatArray
 from scenewright.scene.streets import expand_name
 
 _MAX_LISTED = 12
@@ -47,6 +48,18 @@ class Junction:
     def degrees(self) -> LatLon | None:
         """Its latitude and longitude, where the file has degrees."""
         return None if self.origin is None else project_to_degrees(self.origin, np.array(self.xy))
+
+
+@dataclass(frozen=True, eq=False)
+class JunctionOverview:
+    """What a file has to choose from.
+
+    Attributes:
+        roads: [P, 2] middle of every carriageway [m], to draw the junctions on.
+    """
+
+    junctions: tuple[Junction, ...]
+    roads: tuple[FloatArray, ...]
 
 
 def choose_junction(

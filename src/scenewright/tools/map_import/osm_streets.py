@@ -16,7 +16,7 @@ import numpy as np
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import EARTH_RADIUS, LatLon, is_in_degrees
 from scenewright.scene.base import FloatArray
-from scenewright.tools.map_import.junction_choice import Junction
+from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview
 from scenewright.tools.map_import.junction_groups import (
     JunctionGroup,
     StreetPiece,
@@ -142,16 +142,17 @@ def _build_piece(
     )
 
 
-def list_osm_junctions(file: Path) -> list[Junction]:
-    """The junctions of a file; the id of each is the least of its nodes' ids.
+def survey_osm_junctions(file: Path) -> JunctionOverview:
+    """The junctions of a file and its streets; the id of a junction is the least of its nodes' ids.
 
     So it does not depend on how the file is converted, nor on the side that is driven on.
     """
     streets = read_streets(file)
-    return [
-        describe_group(group, streets.origin)
-        for group in group_junctions(streets.places, _merge_through(streets))
-    ]
+    found = group_junctions(streets.places, _merge_through(streets))
+    return JunctionOverview(
+        tuple(describe_group(group, streets.origin) for group in found),
+        tuple(piece.line for piece in streets.pieces),
+    )
 
 
 def _merge_through(streets: StreetMap) -> list[StreetPiece]:

@@ -31,7 +31,7 @@ from scenewright.geometry.polyline import (
     smooth_gaussian,
 )
 from scenewright.scene.base import FloatArray
-from scenewright.tools.map_import.junction_choice import Junction, choose_junction
+from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview, choose_junction
 from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
 from scenewright.tools.map_import.legs import find_legs
 from scenewright.tools.map_import.map_parts import geos
@@ -248,9 +248,10 @@ def _take_near(lanelets: _Lanelets, xy: tuple[float, float]) -> dict[str, FileLa
     }
 
 
-def list_lanelet_junctions(held: LaneletFile) -> list[Junction]:
-    """The junctions of a file of lanelets."""
-    return [each for each, _ in _find_places(held)]
+def list_lanelet_junctions(held: LaneletFile) -> JunctionOverview:
+    """The junctions of a file of lanelets, and its lanelets."""
+    found = tuple(each for each, _ in _find_places(held))
+    return JunctionOverview(found, tuple(each.middle for each in held.lanelets.values()))
 
 
 def _find_places(held: LaneletFile) -> list[tuple[Junction, Any]]:

@@ -24,7 +24,11 @@ from scenewright.geometry.geographic import (
 from scenewright.geometry.polyline import measure_length
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat
-from scenewright.tools.map_import.junction_choice import Junction, choose_junction
+from scenewright.tools.map_import.junction_choice import (
+    Junction,
+    JunctionOverview,
+    choose_junction,
+)
 from scenewright.tools.map_import.junction_groups import (
     JunctionGroup,
     StreetPiece,
@@ -36,7 +40,7 @@ from scenewright.tools.map_import.opendrive_features import (
 )
 from scenewright.tools.map_import.osm_elements import is_pbf
 from scenewright.tools.map_import.osm_features import list_osm_crossings, read_osm_file
-from scenewright.tools.map_import.osm_streets import cut_out, describe_group, list_osm_junctions
+from scenewright.tools.map_import.osm_streets import cut_out, describe_group, survey_osm_junctions
 from scenewright.tools.map_import.survey import (
     Survey,
     SurveyConnection,
@@ -78,7 +82,7 @@ def read_sumo(
     listed_one: Junction | None = None
     if map_format == "osm":
         # Ids and places come from the file itself, so that no option of the conversion moves them.
-        listed = list_osm_junctions(file)
+        listed = survey_osm_junctions(file).junctions
         converted_id = junction if junction and junction not in _list_ids(listed) else None
         if converted_id is None:
             chosen = choose_junction(
@@ -163,8 +167,11 @@ def _cut_out_if_large(file: Path, scratch: Path, chosen: Junction) -> Path:
     return part
 
 
-def list_network_junctions(file: Path, map_format: MapFormat, scratch: Path) -> list[Junction]:
-    """The junctions of a SUMO network or an OpenDRIVE file.
+def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> JunctionOverview:
+    """All junctions of a SUMO network or an OpenDRIVE file, and the roads between them.
+
+    Args:
+        scratch: an empty folder for the converted network.
 
     Raises:
         InputError: not convertible.
@@ -173,7 +180,11 @@ def list_network_junctions(file: Path, map_format: MapFormat, scratch: Path) -> 
     if map_format != "sumo":
         network = scratch / "converted.net.xml"
         _convert(file, network, origin=None, left_hand=False)
-    return [describe_group(each, None) for each in group_network(_read_network(network, file))]
+    net = _read_network(network, file)
+    return JunctionOverview(
+        tuple(describe_group(each, None) for each in group_network(net)),
+        tuple(_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e)),
+    )
 
 
 def group_network(net: Any) -> list[JunctionGroup]:
