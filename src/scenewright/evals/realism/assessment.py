@@ -39,6 +39,7 @@ class Test:
     Attributes:
         type: class of agents; one, other: what is told apart; part: of the first, whose agents.
         situation: `all`, or what the agents do; told: how well.
+        floor: both are traffic that nobody made here, or halves of it.
     """
 
     type: AgentClass
@@ -47,6 +48,7 @@ class Test:
     part: str
     situation: str
     told: Told
+    floor: bool = False
 
 
 @dataclass(frozen=True)
@@ -130,11 +132,12 @@ def _tests(
     cut = {each.name: cut_windows(each, kind) for each in (*sets, *beside)}
     for each in beside:
         tell(f"{kind}s: halves of {each.name}")
-        yield from _told(kind, f"{each.name}, one half", "the other", split_halves(cut[each.name]),
-                         seed=seed)  # fmt: skip
+        halves = split_halves(cut[each.name])
+        yield from _told(kind, f"{each.name}, half", "the other", halves, floor=True, seed=seed)
     for one, other in combinations(real, 2):
         tell(f"{kind}s: {one.name} against {other.name}")
-        yield from _told(kind, one.name, other.name, (cut[one.name], cut[other.name]), seed=seed)
+        pair = (cut[one.name], cut[other.name])
+        yield from _told(kind, one.name, other.name, pair, floor=True, seed=seed)
     for source, other, part in product(sets, beside, PARTS):
         tell(f"{kind}s: {source.name}, {part}, against {other.name}")
         own = _part(cut[source.name], part)
@@ -158,9 +161,10 @@ def _told(
     *,
     seed: int,
     part: str = "all",
+    floor: bool = False,
 ) -> Iterator[Test]:
     for situation, told in tell_apart(*pair, seed=seed).items():
-        yield Test(kind, one, other, part, situation, told)
+        yield Test(kind, one, other, part, situation, told, floor)
 
 
 def _measures(

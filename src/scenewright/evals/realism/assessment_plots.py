@@ -30,8 +30,8 @@ def draw_assessment(report: Assessment) -> bytes:
 def _draw_tests(ax: Any, tests: Sequence[Test]) -> None:
     """A bar for each test; floors, between real tracks, are grey."""
     for k, test in enumerate(reversed(tests)):
-        floor = "half" in test.one
-        ax.barh(k, test.told.auc - 0.5, left=0.5, color="0.6" if floor else "#3b6ea5")
+        color = "0.6" if test.floor else "#3b6ea5"
+        ax.barh(k, test.told.auc - 0.5, left=0.5, color=color)
         ax.plot([test.told.low, test.told.high], [k, k], color="black", lw=1)
     labels = [
         f"{t.one}{'' if t.part == 'all' else ', ' + t.part}\nfrom {t.other} (n = {t.told.n})"
@@ -56,7 +56,7 @@ def _draw_measures(ax: Any, measures: Sequence[Measure]) -> None:
     ax.set_xlim(-0.03, 1.03)
     ax.set_title("shares, and places in p_tod")
     if sources:
-        ax.legend(fontsize=7)
+        ax.legend(fontsize=7, loc="center right")
 
 
 def _draw_likelihoods(ax: Any, report: Assessment) -> None:
