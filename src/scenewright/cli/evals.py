@@ -218,7 +218,7 @@ def realism(
         str | None, typer.Option(metavar="F.npz", help="A corpus, whose test hours are shown, too.")
     ] = None,
     intersection: Annotated[
-        str | None, typer.Option(help="The map in whose frame corpus and tracks are.")
+        str | None, typer.Option(help="The intersection that the corpus is of.")
     ] = None,
     scale: Annotated[
         float | None, typer.Option(help="Metres per pixel of tracks in pixels.")
@@ -240,8 +240,8 @@ def realism(
     from scenewright.intersections import load_map
     from scenewright.tools.gmm_sampler import load_priors
 
-    judged = [read_source(each, place=intersection, scale=scale) for each in sets]
-    beside = [read_source(each, place=intersection, scale=scale) for each in real or ()]
+    judged = [read_source(each, scale=scale) for each in sets]
+    beside = [read_source(each, scale=scale) for each in real or ()]
     simulated = None if corpus is None else read_source(corpus, place=intersection)
     check_names([each.name for each in (*judged, *beside, *([simulated] if simulated else []))])
     with progress(quiet=quiet) as tell:

@@ -69,7 +69,7 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
 
     Args:
         place: the intersection of a corpus or recording, whose frame its positions are in.
-        scale: metres per pixel of tracks in pixels.
+        scale: metres per pixel of tracks in pixels (VTP-TL); others are in metres as they are.
 
     Raises:
         InputError: nothing there, or it cannot be read.
@@ -81,7 +81,8 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
         return Source(name, tuple(read_scenes(path)))
     if path.suffix == ".npz":
         return Source(name, tuple(_of_corpus(path, place)))
-    files = read_track_files([path], scale=scale)
+    pixels = path.suffix == ".txt" or (path.is_dir() and any(path.rglob("DJI_*.txt")))
+    files = read_track_files([path], scale=scale if pixels else None)
     stretches = [each for file in files for each in _cut(_of_file(file), place)]
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
     if not stretches:
