@@ -63,7 +63,7 @@ def _names(graph: SocialGraph) -> dict[str, str]:
     nouns = {
         agent.id: f"group of {agent.members} pedestrians"
         if agent.members
-        else agent.subtype or _NOUNS[agent.type]
+        else (agent.subtype or _NOUNS[agent.type]).replace("_", " ")
         for agent in graph.agents
     }
     found: dict[str, str] = {}

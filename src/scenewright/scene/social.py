@@ -32,7 +32,10 @@ PedestrianMotion = Literal["runs", "darts_out", "stops_midway"]
 """How a pedestrian crosses: it runs, runs onto the road at once, or stands still on the way."""
 
 Density = Literal["low", "medium", "high"]
-Subtype = Literal["car", "truck", "bus", "motorcycle"]
+Subtype = Literal[
+    "car", "van", "taxi", "truck", "bus", "motorcycle",
+    "emergency", "ambulance", "fire_engine", "police_car",
+]  # fmt: skip
 TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
 
 

@@ -232,7 +232,8 @@ def test_a_number_that_names_counts_nobody() -> None:
 
 @pytest.mark.parametrize(
     ("words", "subtype"),
-    [("a blue van", "car"), ("the pickup truck", "car"), ("an articulated lorry", "truck"),
+    [("a blue van", "van"), ("the yellow cab", "taxi"), ("a patrol car", "police_car"),
+     ("the pickup truck", "car"), ("an articulated lorry", "truck"),
      ("a school bus", "bus"), ("a motorcyclist", "motorcycle"), ("the vehicle", None)],
 )  # fmt: skip
 def test_subtypes_by_noun(words: str, subtype: str | None) -> None:

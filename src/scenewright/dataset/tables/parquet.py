@@ -15,6 +15,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from scenewright.scene.track import VEHICLE_SIZES
+
 TABLES = ("scenes", "agents", "tracks", "events", "account")
 _GROUP = {
     "scenes": 2_000, "agents": 10_000, "tracks": 120_000, "events": 10_000, "account": 10_000,
@@ -59,7 +61,7 @@ SCHEMAS: Mapping[str, Fields] = {
         "agent": ("int16", "id within the scene"),
         "name": ("string", "as the plan calls it"),
         "type": ("string", "vehicle or pedestrian"),
-        "subtype": ("string", "car, truck, bus, motorcycle; null for pedestrians"),
+        "subtype": ("string", f"{', '.join(VEHICLE_SIZES)}; null for others"),
         "role": ("string", "foreground or background"),
         "entry": ("string", "side that it comes from"),
         "exit": ("string", "side that it leaves towards"),

@@ -11,6 +11,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.groups import list_groups
@@ -138,7 +139,7 @@ class _EvidenceFinder:
             return self._find_group(entry)
         if entry.value in get_args(AgentClass) and any(a.type != entry.value for a in agents):
             return None
-        named = entry.value in ("car", "truck", "bus", "motorcycle")
+        named = entry.value in VEHICLE_SIZES
         if named and any(a.subtype != entry.value for a in agents):
             return None
         return ", ".join(f"agent {a.id} ({a.subtype or a.type})" for a in agents) or "words alone"

@@ -37,6 +37,7 @@ from scenewright.scene.account import Became, SaidSpan
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
 from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion
+from scenewright.scene.track import EMERGENCY
 
 OPPOSITE = {
     "north": "south", "south": "north", "east": "west", "west": "east",
@@ -406,8 +407,21 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
         return
     if span.tag == "act" and _overtakes_closely(result, span):
         return
+    if _SIREN.search(result.text[max(0, span.start - 12) : span.end + 12]) and any(
+        agent.subtype in EMERGENCY for agent in result.users.values()
+    ):
+        result.enter(span, "manner", span.subjects)
+        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
+
+
+_SIREN = re.compile(
+    r"siren|blue lights?|blues and twos|(?:flashing|emergency) lights?|lights? flashing|"
+    r"\bon (?:a|an emergency) call\b",
+    re.IGNORECASE,
+)
+"""What emergency vehicles show and sound, which leaves no trace in tracks."""
 
 
 _OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|buzz", re.IGNORECASE)
