@@ -119,7 +119,7 @@ class _EvidenceFinder:
             case "density":
                 return self._find_density(entry.value)
             case "background":
-                return self._count_background()
+                return self._count_background(entry.value or "")
             case "constraint" | "behavior" | "measure":
                 return self._find_asked(entry)
             case _:
@@ -266,8 +266,12 @@ class _EvidenceFinder:
             return "ordinary traffic"
         return f"density {value}" if self._scene.meta.density == value else None
 
-    def _count_background(self) -> str:
+    def _count_background(self, value: str) -> str | None:
+        """How many others there are; None where they are not as many as the words say."""
         kinds = [agent.type for agent in self._scene.agents if agent.role == "background"]
+        for number, kind in re.findall(r"(\d+) (vehicle|pedestrian)s", value):
+            if kinds.count(kind) != int(number):
+                return None
         return (
             f"{kinds.count('vehicle')} vehicles and {kinds.count('pedestrian')} pedestrians "
             "in the background"

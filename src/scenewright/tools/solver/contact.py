@@ -33,7 +33,7 @@ _BRAKES = 0.65
 _LATE = (0.4, 0.7)
 """What speed is left at the impact of who brakes late, as a share."""
 
-_SPEED_OFF = 0.9
+_SPEED_OFF = 0.4
 """How far the speed at impact may be from the one asked for [m/s]."""
 
 

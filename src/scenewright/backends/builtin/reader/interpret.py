@@ -33,7 +33,7 @@ from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a_street
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
 from scenewright.backends.builtin.scope import not_english, nothing_planned
-from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
 from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion
@@ -346,7 +346,9 @@ def _deny_class(result: Interpretation, span: ReadSpan) -> None:
         context.vehicles = 0
     elif span.tag == "ped":
         context.pedestrians = 0
-    result.enter(span, "background" if span.tag in ("veh", "ped") else "denied", value="0")
+    kind = {"veh": "vehicles", "ped": "pedestrians"}.get(span.tag)
+    value = format_background({kind: 0}) if kind else "0"
+    result.enter(span, "background" if kind else "denied", value=value)
 
 
 def _apply(result: Interpretation, span: ReadSpan) -> None:
@@ -820,7 +822,12 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
             context.vehicles = number
         if span.tag != "bgveh" and number is not None:
             context.pedestrians = number
-        result.enter(span, "background", value=None if number is None else str(number))
+        kinds = {"bgveh": ("vehicles",), "bgped": ("pedestrians",)}.get(span.tag, _OF_BOTH)
+        value = None if number is None else format_background(dict.fromkeys(kinds, number))
+        result.enter(span, "background", value=value)
+
+
+_OF_BOTH = ("vehicles", "pedestrians")
 
 
 def _set_density(result: Interpretation, span: ReadSpan) -> None:
