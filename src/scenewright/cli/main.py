@@ -57,6 +57,7 @@ from scenewright.cli.planner import planner
 from scenewright.cli.serve import serve
 from scenewright.cli.tables import tables
 from scenewright.cli.understanding import understanding
+from scenewright.cli.views import ViewKind
 from scenewright.time_limit import DEFAULT_LIMIT
 
 app = typer.Typer(
@@ -269,13 +270,21 @@ def show(
         typer.Option(metavar="F", help="Write a page that plays and explains it, to share."),
     ] = None,
     gif: Annotated[str | None, typer.Option(metavar="F", help="Write an animation.")] = None,
+    mp4: Annotated[
+        str | None, typer.Option(metavar="F", help="Write a video (extra `video`, or ffmpeg).")
+    ] = None,
+    whole: Annotated[
+        bool, typer.Option("--whole", help="Animations go on to the end of the scene.")
+    ] = False,
 ) -> None:
     """Open a scene's recording in the rerun viewer, or write its views to files."""
-    if html is not None or gif is not None:
+    asked: dict[ViewKind, str | None] = {"html": html, "gif": gif, "mp4": mp4}
+    wanted = {kind: name for kind, name in asked.items() if name is not None}
+    if wanted:
         from scenewright.cli.show import write_views
 
-        for name in write_views(scene, html=html, gif=gif):
-            put(f"{name}\n")
+        write_views(scene, wanted, whole=whole)
+        put("".join(f"{name}\n" for name in wanted.values()))
         return
     from scenewright.viz.recording import open_recording
 
