@@ -40,6 +40,7 @@ from scenewright.cli.console import (
     say,
 )
 from scenewright.cli.dataset import dataset
+from scenewright.cli.drive import drive
 from scenewright.cli.errors import (
     INTERRUPTED,
     NOT_VERIFIED,
@@ -86,6 +87,7 @@ app.command()(serve)
 app.command()(author)
 app.add_typer(dataset)
 app.command()(export)
+app.command()(drive)
 app.add_typer(planner)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
