@@ -107,7 +107,7 @@ def decide(readings: Readings, site: Site) -> Plan:
     """The plan that both readings agree on, or a confident one; else what might be meant."""
     learned, other = readings.learned, readings.by_grammar
     if (readings.says_a_phrase or _names_pattern(other)) and not _loses_numbers(other, learned):
-        return _with_account(other, learned)
+        return _with_account(_soften(other, learned.plan), learned)
     doubtful = learned.confidence < SURE and learned.reading.kind == "scene"
     text = learned.reading.text
     taken_back = _TAKEN_BACK.search(text) is not None
@@ -118,6 +118,23 @@ def decide(readings: Readings, site: Site) -> Plan:
     if learned.confidence >= enough and not _is_bare(learned.plan):
         return learned.plan
     return _offer(readings, site)
+
+
+def _soften(plan: Plan, learned: Plan) -> Plan:
+    """A collision's phrase beside "nearly hit", of which only the learned reading sees both."""
+    if isinstance(plan, Refusal) or isinstance(learned, Refusal):
+        return plan
+    missed = [{e.from_, e.to} for e in learned.relations if e.type == "near_miss"]
+    known = {each.id for each in load_patterns()}
+
+    def soften(edge: RelationEdge) -> RelationEdge:
+        if edge.type != "collide_at" or not edge.pattern or {edge.from_, edge.to} not in missed:
+            return edge
+        name = edge.pattern.replace("_collision", "_near_miss")
+        pattern = name if name in known and name != edge.pattern else None
+        return edge.model_copy(update={"type": "near_miss", "kind": None, "pattern": pattern})
+
+    return plan.model_copy(update={"relations": tuple(map(soften, plan.relations))})
 
 
 def _is_refused(plan: Plan) -> bool:

@@ -115,8 +115,7 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
             about = [m for m in plan.measures if {m.agent, m.other} & {a.id for a in agents}]
             found = [(entry.agents, "; ".join(map(format_measure, about)) or None)]
         case "background" if (counts := plan.context.background) is not None:
-            told = {k: n for k, n in counts.model_dump().items() if n is not None}
-            found = [((), format_background(told))]
+            found = [((), format_background(counts.model_dump(exclude_none=True)))]
         case "density":
             found = [((), plan.context.density)]
         case _:

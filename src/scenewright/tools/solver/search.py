@@ -287,6 +287,7 @@ class Search:
         stage = ForegroundSolver(context)
         count = 0
         staged = filter(self._run_first, stage.play(self._events, self._opening()))
+        staged = filter(self._in_order, staged)
         for schedule in filter(self._is_as_measured, staged):
             selection = self._finish(schedule, choice)
             if selection is not None:
