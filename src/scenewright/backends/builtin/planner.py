@@ -145,7 +145,8 @@ def _filled(plan: Plan, other: Plan) -> Plan:
     """The plan with what only the other reading of the same events says: cause, kind, severity."""
     if isinstance(plan, Refusal) or isinstance(other, Refusal):
         return plan
-    edges = tuple(_fill_edge(edge, other.relations) for edge in plan.relations)
+    yellow = any(agent.motion == "passes_yellow" for agent in plan.agents)
+    edges = tuple(_fill_edge(edge, other.relations, yellow=yellow) for edge in plan.relations)
     # The grammar takes every speed for that of the impact, and every bound for a number.
     asked = {each.kind for each in plan.measures}
     dropped = [name for name, kinds in _INSTEAD.items() if asked & kinds]
@@ -164,14 +165,14 @@ _INSTEAD: dict[str, set[MeasureKind]] = {
 """Fields of a relation that are not filled in where the other reading has these measures."""
 
 
-def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge]) -> RelationEdge:
+def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge], *, yellow: bool) -> RelationEdge:
     ends = (edge.type, edge.from_, edge.to)
     same = next((each for each in others if (each.type, each.from_, each.to) == ends), None)
     if same is None:
         return edge
     fields = ("kind", "cause", "target_pet", "target_ttc", "impact_speed", "point_from", "point_to")
     open_ = {name: getattr(same, name) for name in fields if getattr(edge, name) is None}
-    if edge.manoeuvre is not None:  # it says who brakes
+    if edge.manoeuvre is not None or yellow:  # it says who brakes; yellow is not red
         open_.pop("cause", None)
     return edge.model_copy(update=open_)
 

@@ -20,7 +20,7 @@ from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.objects import describe_object
 from scenewright.tools.relation_checker.passing_order import find_passing_order
-from scenewright.tools.relation_checker.pedestrian_motions import describe_pedestrian_motion
+from scenewright.tools.relation_checker.pedestrian_motions import describe_motion
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
@@ -249,7 +249,7 @@ class _EvidenceFinder:
         if self._map is None:
             return "the ground was not checked"
         found = [
-            describe_pedestrian_motion(entry.value, self._tracks[number], self._map)
+            describe_motion(entry.value, self._tracks[number], self._seen, self._map)
             for number in entry.agents
         ]
         told = [each for each in found if each is not None]

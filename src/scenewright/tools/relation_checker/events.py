@@ -554,7 +554,7 @@ _ONE_WAY = np.radians(15.0)
 
 def _face_one_way(first: Trajectory, second: Trajectory, time: float) -> bool:
     (one,), (two,) = first.at(np.array([time]))[1], second.at(np.array([time]))[1]
-    return abs(float(np.angle(np.exp(1j * (one - two))))) < _ONE_WAY
+    return bool(abs(np.angle(np.exp(1j * (one - two)))) < _ONE_WAY)
 
 
 def _measure_surrogates(

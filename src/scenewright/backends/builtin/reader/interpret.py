@@ -36,7 +36,7 @@ from scenewright.backends.builtin.scope import not_english, nothing_planned
 from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
-from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion
+from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion, VehicleMotion
 from scenewright.scene.track import EMERGENCY
 
 OPPOSITE = {
@@ -692,11 +692,11 @@ def _with_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int
 
 
 def _move_so(result: Interpretation, span: ReadSpan) -> None:
-    """How pedestrians cross: running, or standing still on the way."""
+    """How pedestrians cross, and how vehicles pass a light."""
     for number in span.subjects:
         agent = result.users.get(number)
-        if agent is not None and agent.type == "pedestrian":
-            agent.motion = cast("PedestrianMotion", span.value)
+        if agent is not None:
+            agent.motion = cast("PedestrianMotion | VehicleMotion", span.value)
             result.enter(span, "motion", (number,), span.value)
 
 
