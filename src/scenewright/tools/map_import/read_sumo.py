@@ -18,7 +18,11 @@ from scenewright.geometry.geographic import LatLon, is_in_degrees, project_to_de
 from scenewright.geometry.polyline import find_point, measure_length
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat
-from scenewright.tools.map_import.junction_choice import Junction, choose_junction
+from scenewright.tools.map_import.junction_choice import (
+    Junction,
+    JunctionOverview,
+    choose_junction,
+)
 from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
     read_opendrive_file,
@@ -87,6 +91,27 @@ def read_sumo(
             "netconvert's guesses"
         )
     return survey
+
+
+def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> JunctionOverview:
+    """All junctions of a SUMO network, OpenStreetMap or OpenDRIVE file, and the roads between them.
+
+    Args:
+        scratch: an empty folder for the converted network.
+
+    Raises:
+        InputError: not convertible.
+    """
+    origin = _find_middle_of_osm(file) if map_format == "osm" else None
+    network = file
+    if map_format != "sumo":
+        network = scratch / "converted.net.xml"
+        _convert(file, network, origin=origin, left_hand=False)
+    net = _read_network(network, file)
+    return JunctionOverview(
+        tuple(_describe_junction(node) for node in net.getNodes() if _is_junction(node)),
+        tuple(_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e)),
+    )
 
 
 def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: bool) -> None:
