@@ -405,6 +405,16 @@ def train(
         typer.Option(help="Folder to write; one's own intersection, else intersections/NAME."),
     ] = None,
     epochs: Annotated[int | None, typer.Option(min=1, help="How often all is seen.")] = None,
+    walkers: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH",
+            help="Tracks of real people on foot, to learn walking from; may be given again.",
+        ),
+    ] = None,
+    go_on: Annotated[
+        bool, typer.Option("--go-on", help="From the weights that serve the intersection on.")
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -414,8 +424,9 @@ def train(
 
     with progress(quiet=quiet) as tell:
         made = train_refiner(
-            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell
-        )
+            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell,
+            walkers=walkers or (), go_on=go_on,
+        )  # fmt: skip
     if as_json:
         put_json({"ok": True, "name": name, **made})
     else:
