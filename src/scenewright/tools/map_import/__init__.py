@@ -99,7 +99,7 @@ def _read_survey(
         from scenewright.tools.map_import.read_lanelet2 import read_lanelet2
 
         return read_lanelet2(
-            path, center=center, junction=junction, left_hand=bool(left_hand), streets=streets
+            path, center=center, junction=junction, left_hand=left_hand, streets=streets
         )
     from scenewright.tools.map_import.read_sumo import read_sumo
 

@@ -31,6 +31,7 @@ from scenewright.geometry.polyline import (
     smooth_gaussian,
 )
 from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.driving_side import find_lanelet2_side, take_option
 from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview, choose_junction
 from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
 from scenewright.tools.map_import.legs import find_legs
@@ -40,6 +41,7 @@ from scenewright.tools.map_import.survey import (
     SurveyConnection,
     SurveyCrossing,
     SurveyLane,
+    SurveyLight,
 )
 
 _TOUCHING = 0.6
@@ -61,6 +63,7 @@ _BEND_REACH = 100
 """Bends farther from the shared ground belong to another junction [half metres]."""
 _GRAFT_TURN = math.radians(40.0)
 _LONGEST_APPROACH = 150.0
+_LIGHTS = ("traffic_light", "traffic_light_regulatory_element")
 _FOR_PEDESTRIANS = ("crosswalk", "walkway")
 _NOT_DRIVEN = ("bikelane", "bicycle_lane", "stairs", "rail", "emergency_lane")
 
@@ -149,7 +152,7 @@ class LaneletFile:
     Attributes:
         lanelets: for vehicles, by id; foot: for pedestrians.
         origin: latitude and longitude of x = y = 0; None where the file has no degrees.
-        crossings: for pedestrians, as drawn.
+        crossings: for pedestrians, as drawn; lights: [2] where lanelets end that obey one.
         notes: what was dropped.
     """
 
@@ -158,6 +161,7 @@ class LaneletFile:
     foot: tuple[FileLanelet, ...]
     origin: LatLon | None
     crossings: tuple[SurveyCrossing, ...] = ()
+    lights: tuple[FloatArray, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -165,7 +169,7 @@ def read_lanelet2(
     file: Path,
     *,
     center: tuple[float, float] | None,
-    left_hand: bool,
+    left_hand: bool | None,
     junction: str | None = None,
     streets: Sequence[str] = (),
 ) -> Survey:
@@ -191,7 +195,8 @@ def load_lanelet2(file: Path, center: LatLon | None = None) -> LaneletFile:
     notes: list[str] = []
     lanelets, foot = build_lanelets(elements, origin, file, notes)
     crossings = tuple(read_lanelet2_crossings(elements, foot, origin))
-    return LaneletFile(file, lanelets, tuple(foot), origin, crossings, tuple(notes))
+    lights = tuple(_list_lights(elements, lanelets))
+    return LaneletFile(file, lanelets, tuple(foot), origin, crossings, lights, tuple(notes))
 
 
 def survey_lanelets(
@@ -200,7 +205,7 @@ def survey_lanelets(
     center: tuple[float, float] | None,
     junction: str | None,
     streets: Sequence[str],
-    left_hand: bool,
+    left_hand: bool | None,
 ) -> Survey:
     """The junction that is chosen, or the one that all lanelets make up.
 
@@ -211,7 +216,7 @@ def survey_lanelets(
     Raises:
         InputError: nothing that joins lanelets, or several junctions and none chosen.
     """
-    notes = [*held.notes, *(["traffic drives on the left, as asked"] if left_hand else [])]
+    notes = [*held.notes]
     if not held.lanelets:
         raise InputError(f"{held.file} has no lanelets for vehicles there")
     if center is None and junction is None and not streets:
@@ -266,7 +271,7 @@ def _find_places(held: LaneletFile) -> list[tuple[Junction, Any]]:
         xy = float(middle[0]), float(middle[1])
         near = _take_near(held.lanelets, xy)
         try:
-            survey = _survey_junction(held, near, ground, [], left_hand=False)
+            survey = _survey_junction(held, near, ground, [], left_hand=None)
             legs = find_legs(survey)
         except InputError:
             continue
@@ -285,6 +290,15 @@ def _find_places(held: LaneletFile) -> list[tuple[Junction, Any]]:
         )
         found.append((junction, ground))
     return found
+
+
+def _list_lights(elements: FileElements, lanelets: _Lanelets) -> Iterator[FloatArray]:
+    """Where the lanelets end that obey the traffic lights of the file [m]."""
+    lit = {name for name, (tags, _) in elements.rules.items() if tags.get("subtype") in _LIGHTS}
+    for tags, members in elements.relations:
+        rules = [ref for role, ref in members if role == "regulatory_element" and ref in lit]
+        if rules and tags["id"] in lanelets:
+            yield lanelets[tags["id"]].middle[-1]
 
 
 @dataclass(frozen=True)
@@ -425,7 +439,7 @@ def _survey_junction(
     lanelets: _Lanelets,
     ground: Any | None,
     notes: list[str],
-    left_hand: bool,
+    left_hand: bool | None,
 ) -> Survey:
     """The junction of some lanelets.
 
@@ -464,10 +478,11 @@ def _survey_junction(
         ),
         crossings=tuple(each.move(-middle) for each in crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
-        left_hand=left_hand,
+        side=take_option(left_hand) or find_lanelet2_side(approaches.values(), exits.values()),
         origin=None if held.origin is None else project_to_degrees(held.origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         file_origin=held.origin,
+        lights=tuple(SurveyLight(each - middle) for each in held.lights),
         notes=notes,
     )
 

@@ -24,6 +24,12 @@ from scenewright.geometry.geographic import (
 from scenewright.geometry.polyline import measure_length
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat
+from scenewright.tools.map_import.driving_side import (
+    find_opendrive_side,
+    find_osm_side,
+    find_sumo_side,
+    take_option,
+)
 from scenewright.tools.map_import.junction_choice import (
     Junction,
     JunctionOverview,
@@ -36,12 +42,18 @@ from scenewright.tools.map_import.junction_groups import (
 )
 from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
+    list_opendrive_lights,
     read_opendrive_file,
 )
 from scenewright.tools.map_import.osm_elements import is_pbf
-from scenewright.tools.map_import.osm_features import list_osm_crossings, read_osm_file
+from scenewright.tools.map_import.osm_features import (
+    list_osm_crossings,
+    list_osm_lights,
+    read_osm_file,
+)
 from scenewright.tools.map_import.osm_streets import cut_out, describe_group, survey_osm_junctions
 from scenewright.tools.map_import.survey import (
+    DrivingSide,
     Survey,
     SurveyConnection,
     SurveyCrossing,
@@ -93,9 +105,17 @@ def read_sumo(
             center, junction, streets = chosen.degrees, None, ()
             source = _cut_out_if_large(file, scratch, chosen)
         origin = _find_middle_of_osm(source)
+    osm = None if origin is None else read_osm_file(source, origin)
+    drive = read_opendrive_file(file) if map_format == "opendrive" else None
+    side = take_option(left_hand)
+    if osm is not None and origin is not None:
+        side = side or find_osm_side(osm, origin)
+    if drive is not None:
+        side = side or find_opendrive_side(drive)
     if map_format != "sumo":
         network = scratch / "converted.net.xml"
-        _convert(source, network, origin=origin, left_hand=bool(left_hand))
+        _convert(source, network, origin=origin, left_hand=side is not None and side.left_hand)
+    side = side or find_sumo_side(_is_left_hand(network))
     net = _read_network(network, file)
     groups = group_network(net)
     chosen = choose_junction(
@@ -109,15 +129,16 @@ def read_sumo(
     group = next(each for each in groups if each.nodes == chosen.nodes)
     if listed_one is not None:
         _check_is_there(net, group, listed_one, origin, file)
-    left_hand = _is_left_hand(network) if left_hand is None else left_hand
-    survey = _survey_junction(net, group, origin, left_hand)
-    if map_format == "opendrive":
-        drive = read_opendrive_file(file)
-        own = list_opendrive_crossings(drive, np.array(survey.offset))
-        survey = replace(survey, crossings=(*survey.crossings, *own))
-    if map_format == "osm" and origin is not None:
-        osm = read_osm_file(source, origin)
-        survey = replace(survey, crossings=tuple(list_osm_crossings(osm, np.array(survey.offset))))
+    survey = _survey_junction(net, group, origin, side)
+    middle = np.array(survey.offset)
+    if drive is not None:
+        own = list_opendrive_crossings(drive, middle)
+        lights = tuple(list_opendrive_lights(drive, middle))
+        survey = replace(survey, crossings=(*survey.crossings, *own), lights=lights, phases=())
+    if osm is not None:
+        lights = tuple(list_osm_lights(osm, middle))
+        own = list_osm_crossings(osm, middle)
+        survey = replace(survey, crossings=tuple(own), lights=lights, phases=())
         survey.notes.append(
             "lane widths, turning lanes and signal times that the file does not tag are "
             "netconvert's guesses"
@@ -283,7 +304,7 @@ def _get_shape(part: Any) -> FloatArray:
 
 
 def _survey_junction(
-    net: Any, group: JunctionGroup, origin: LatLon | None, left_hand: bool
+    net: Any, group: JunctionGroup, origin: LatLon | None, side: DrivingSide
 ) -> Survey:
     nodes = [net.getNode(name) for name in sorted(group.nodes)]
     outlines = [_get_shape(node) for node in nodes if node.getShape()]
@@ -304,15 +325,17 @@ def _survey_junction(
     ]
     used = {way.approach for way in connections}, {way.exit for way in connections}
     names = sorted({edge.getName() for edge in (*roads_in, *roads_out)} - {"", None})
+    crossings = tuple(each for node in nodes for each in _read_crossings(net, node, middle))
+    lights = {each.light for each in connections} | {each.light for each in crossings}
     return Survey(
         title=", ".join(names)[:80] or f"junction {min(group.nodes)}",
         approaches={name: lane for name, lane in approaches.items() if name in used[0]},
         exits={name: lane for name, lane in exits.items() if name in used[1]},
         connections=tuple(connections),
-        crossings=tuple(each for node in nodes for each in _read_crossings(net, node, middle)),
+        crossings=crossings,
         areas=tuple(outline - middle for outline in outlines),
-        phases=_read_phases(net, {way.light for way in connections if way.light is not None}),
-        left_hand=left_hand,
+        phases=_read_phases(net, {light for light in lights if light is not None}),
+        side=side,
         is_signalised=any(str(node.getType()).startswith("traffic_light") for node in nodes),
         origin=None if origin is None else project_to_degrees(origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
@@ -470,7 +493,14 @@ def _read_crossings(net: Any, node: Any, middle: FloatArray) -> Iterator[SurveyC
         if edge.getFunction() == "crossing" and str(edge.getID()).startswith(f":{node.getID()}_c"):
             lane = edge.getLanes()[0]
             line, name = _get_shape(lane) - middle, f"crossing {edge.getID()}"
-            yield SurveyCrossing(line[[0, -1]], float(lane.getWidth()), source=name)
+            light = next((x for x in map(_find_light, _list_links_to(edge)) if x), None)
+            yield SurveyCrossing(line[[0, -1]], float(lane.getWidth()), light, source=name)
+
+
+def _list_links_to(edge: Any) -> Iterator[Any]:
+    """The connections that lead on to an edge."""
+    for links in edge.getIncoming().values():
+        yield from links
 
 
 def _read_phases(net: Any, lights: set[str]) -> tuple[tuple[float, Mapping[str, Colour]], ...]:
