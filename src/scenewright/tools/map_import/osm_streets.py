@@ -28,6 +28,7 @@ from scenewright.tools.map_import.osm_elements import (
     OsmNodes,
     OsmRelation,
     OsmWay,
+    is_pbf,
     iterate_elements,
 )
 
@@ -212,6 +213,19 @@ def describe_group(group: JunctionGroup, origin: LatLon | None) -> Junction:
         nodes=group.nodes,
         origin=origin,
     )
+
+
+_LARGE = 8_000_000
+"""Of a file larger than that only the surroundings of the junction are converted [bytes]."""
+
+
+def cut_out_if_large(file: Path, scratch: Path, middle: LatLon) -> Path:
+    """The file, or the surroundings of a place in one that is large or of protocol buffers."""
+    if not is_pbf(file) and file.stat().st_size <= _LARGE:
+        return file
+    part = scratch / "surroundings.osm"
+    cut_out(file, part, middle=middle)
+    return part
 
 
 def cut_out(file: Path, target: Path, *, middle: LatLon) -> None:

@@ -45,13 +45,16 @@ from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_lights,
     read_opendrive_file,
 )
-from scenewright.tools.map_import.osm_elements import is_pbf
 from scenewright.tools.map_import.osm_features import (
     list_osm_crossings,
     list_osm_lights,
     read_osm_file,
 )
-from scenewright.tools.map_import.osm_streets import cut_out, describe_group, survey_osm_junctions
+from scenewright.tools.map_import.osm_streets import (
+    cut_out_if_large,
+    describe_group,
+    survey_osm_junctions,
+)
 from scenewright.tools.map_import.survey import (
     DrivingSide,
     Survey,
@@ -103,7 +106,8 @@ def read_sumo(
             )  # fmt: skip
             listed_one = chosen
             center, junction, streets = chosen.degrees, None, ()
-            source = _cut_out_if_large(file, scratch, chosen)
+            if chosen.degrees is not None:
+                source = cut_out_if_large(file, scratch, chosen.degrees)
         origin = _find_middle_of_osm(source)
     osm = None if origin is None else read_osm_file(source, origin)
     drive = read_opendrive_file(file) if map_format == "opendrive" else None
@@ -170,22 +174,8 @@ def _check_is_there(
         )
 
 
-_LARGE = 8_000_000
-"""Of a file larger than that only the surroundings of the junction are converted [bytes]."""
-
-
 def _list_ids(junctions: Sequence[Junction]) -> set[str]:
     return {name for each in junctions for name in (each.id, *each.nodes)}
-
-
-def _cut_out_if_large(file: Path, scratch: Path, chosen: Junction) -> Path:
-    """The file, or the surroundings of a junction of one that is large or packed."""
-    plain = not is_pbf(file) and file.suffix != ".gz"
-    if (plain and file.stat().st_size <= _LARGE) or chosen.degrees is None:
-        return file
-    part = scratch / "surroundings.osm"
-    cut_out(file, part, middle=chosen.degrees)
-    return part
 
 
 def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> JunctionOverview:
