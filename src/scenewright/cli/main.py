@@ -40,6 +40,7 @@ from scenewright.cli.console import (
     say,
 )
 from scenewright.cli.dataset import dataset
+from scenewright.cli.drive import drive
 from scenewright.cli.errors import (
     INTERRUPTED,
     NOT_VERIFIED,
@@ -88,6 +89,7 @@ app.command()(serve)
 app.command()(author)
 app.add_typer(dataset)
 app.command()(export)
+app.command()(drive)
 app.add_typer(planner)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
@@ -405,6 +407,16 @@ def train(
         typer.Option(help="Folder to write; one's own intersection, else intersections/NAME."),
     ] = None,
     epochs: Annotated[int | None, typer.Option(min=1, help="How often all is seen.")] = None,
+    walkers: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH",
+            help="Tracks of real people on foot, to learn walking from; may be given again.",
+        ),
+    ] = None,
+    go_on: Annotated[
+        bool, typer.Option("--go-on", help="From the weights that serve the intersection on.")
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -414,8 +426,9 @@ def train(
 
     with progress(quiet=quiet) as tell:
         made = train_refiner(
-            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell
-        )
+            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell,
+            walkers=walkers or (), go_on=go_on,
+        )  # fmt: skip
     if as_json:
         put_json({"ok": True, "name": name, **made})
     else:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -31,12 +31,15 @@ from scenewright.geometry.polyline import (
     smooth_gaussian,
 )
 from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.driving_side import find_lanelet2_side, take_option
+from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.survey import (
     Survey,
     SurveyConnection,
     SurveyCrossing,
     SurveyLane,
+    SurveyLight,
 )
 
 _FARTHEST = 3_000.0
@@ -58,6 +61,7 @@ _SHARPEST = 35.0
 """Radius of a curve that belongs to a turn, not to a leg [m]."""
 _GRAFT_TURN = math.radians(40.0)
 _LONGEST_APPROACH = 150.0
+_LIGHTS = ("traffic_light", "traffic_light_regulatory_element")
 _FOR_PEDESTRIANS = ("crosswalk", "walkway")
 _NOT_DRIVEN = ("bikelane", "bicycle_lane", "stairs", "rail", "emergency_lane")
 
@@ -137,7 +141,7 @@ class _Path:
         return np.asarray(self.line[min(round(s / 0.5), len(self.line) - 2) :])
 
 
-def read_lanelet2(file: Path, *, center: LatLon | None, left_hand: bool) -> Survey:
+def read_lanelet2(file: Path, *, center: LatLon | None, left_hand: bool | None) -> Survey:
     """The one junction of a Lanelet2 file.
 
     Args:
@@ -163,9 +167,20 @@ def read_lanelet2(file: Path, *, center: LatLon | None, left_hand: bool) -> Surv
         }
     if not lanelets:
         raise InputError(f"{file} has no lanelets for vehicles there")
-    if left_hand:
-        notes.append("traffic drives on the left, as asked")
-    return _survey_junction(lanelets, foot, origin, notes, file, left_hand)
+    crossings = read_lanelet2_crossings(elements, foot, origin)
+    survey = _survey_junction(lanelets, foot, crossings, origin, notes, file, left_hand)
+    return replace(survey, lights=tuple(_list_lights(elements, lanelets, survey)))
+
+
+def _list_lights(
+    elements: FileElements, lanelets: _Lanelets, survey: Survey
+) -> Iterator[SurveyLight]:
+    """The traffic lights of the file at the ends of the lanelets that obey them."""
+    lit = {name for name, (tags, _) in elements.rules.items() if tags.get("subtype") in _LIGHTS}
+    for tags, members in elements.relations:
+        rules = [ref for role, ref in members if role == "regulatory_element" and ref in lit]
+        if rules and tags["id"] in lanelets:
+            yield SurveyLight(lanelets[tags["id"]].middle[-1] - np.array(survey.offset))
 
 
 @dataclass(frozen=True)
@@ -173,13 +188,16 @@ class FileElements:
     """What a file holds.
 
     Attributes:
-        nodes: latitude and longitude; ways: ids of nodes.
-        relations: (tags, (role, id of a way) of each member) of the lanelets.
+        nodes: latitude and longitude; ways: ids of nodes; way_tags: of those that have some.
+        relations: (tags, (role, id of a way) of each member) of the lanelets; rules: the same of
+            the regulatory elements, by id.
     """
 
     nodes: dict[str, LatLon] = field(default_factory=dict)
     ways: dict[str, list[str]] = field(default_factory=dict)
+    way_tags: dict[str, dict[str, str]] = field(default_factory=dict)
     relations: list[tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=list)
+    rules: dict[str, tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=dict)
 
 
 def read_elements(file: Path) -> FileElements:
@@ -209,11 +227,15 @@ def _add_element(found: FileElements, element: Any, file: Path) -> None:
         found.nodes[name] = node
     elif element.tag == "way":
         found.ways[name] = [n.attrib["ref"] for n in element.iter("nd")]
+        if tags := {t.attrib["k"]: t.attrib["v"] for t in element.iter("tag")}:
+            found.way_tags[name] = tags
     else:
         tags = {t.attrib["k"]: t.attrib["v"] for t in element.iter("tag")}
         members = [(m.get("role", ""), m.get("ref", "")) for m in element.iter("member")]
         if tags.get("type") == "lanelet":
             found.relations.append((tags | {"id": name}, members))
+        elif tags.get("type") == "regulatory_element":
+            found.rules[name] = tags, members
 
 
 def build_lanelets(
@@ -297,10 +319,11 @@ def _orient_bounds(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
 def _survey_junction(
     lanelets: _Lanelets,
     foot: Sequence[FileLanelet],
+    crossings: Sequence[SurveyCrossing],
     file_origin: LatLon,
     notes: list[str],
     file: Path,
-    left_hand: bool,
+    left_hand: bool | None,
 ) -> Survey:
     follows = _find_successors(lanelets)
     paths = [_Path.join(lanelets, names) for names in _list_paths(lanelets, follows)]
@@ -313,8 +336,7 @@ def _survey_junction(
             "through a junction to outside"
         )
     middle = np.round(np.array(shared.envelope.centroid.coords[0]), 3)
-    crossings = [each for each in foot if each.tags.get("subtype") == "crosswalk"]
-    if walks := len(foot) - len(crossings):
+    if walks := sum(each.tags.get("subtype") != "crosswalk" for each in foot):
         notes.append(
             f"{walks} footways of the file are shown as they are not; sidewalks are derived along "
             "the kerbs"
@@ -332,14 +354,12 @@ def _survey_junction(
             SurveyConnection(a, b, _take_between(line, approaches[a][-1], exits[b][0]) - middle)
             for (a, b), line in found.items()
         ),
-        crossings=tuple(
-            SurveyCrossing((each.middle - middle)[[0, -1]], float(np.clip(each.width, 2.0, 8.0)))
-            for each in crossings
-        ),
+        crossings=tuple(each.move(-middle) for each in crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
-        left_hand=left_hand,
+        side=take_option(left_hand) or find_lanelet2_side(approaches.values(), exits.values()),
         origin=project_to_degrees(file_origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
+        file_origin=file_origin,
         notes=notes,
     )
 

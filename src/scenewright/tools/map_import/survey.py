@@ -7,7 +7,7 @@ what the file says and no more; what is missing is derived later and reported.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scenewright.geometry.geographic import LatLon
 from scenewright.scene.base import Colour, FloatArray
@@ -47,11 +47,70 @@ class SurveyConnection:
 
 @dataclass(frozen=True, eq=False)
 class SurveyCrossing:
-    """A mapped crossing for pedestrians: [2, 2] its middle from kerb to kerb, and its width."""
+    """A mapped crossing for pedestrians.
+
+    Attributes:
+        line: [2, 2] its middle line across the road [m]; width: along the road [m].
+        light: the light of the survey that controls it.
+        source: what the file calls it.
+        is_bounded: whether the line ends at the file's kerbs; else only its place is known.
+        is_marked: whether there are marks on the road; has_island: whether an island parts it.
+        is_signalised: None where the file does not say.
+        limits: [2, 2] where the way over it ends, on the sidewalks; None if there is no way [m].
+    """
 
     line: FloatArray
     width: float
     light: str | None = None
+    source: str = ""
+    is_bounded: bool = True
+    is_marked: bool = True
+    has_island: bool = False
+    is_signalised: bool | None = None
+    limits: FloatArray | None = None
+
+    def move(self, shift: FloatArray) -> SurveyCrossing:
+        """The crossing with the origin elsewhere."""
+        limits = None if self.limits is None else self.limits + shift
+        return replace(self, line=self.line + shift, limits=limits)
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyLight:
+    """A traffic light of the file for traffic into the junction.
+
+    Attributes:
+        place: [2] on the lane that it controls, at the stop line if known [m].
+        group: of lights that change together in the file, such as a controller; empty if unknown.
+    """
+
+    place: FloatArray
+    group: str = ""
+
+
+@dataclass(frozen=True)
+class DrivingSide:
+    """The side, how it is known, and what speaks against it.
+
+    Attributes:
+        is_known: whether the user or the file says so; else it is assumed.
+    """
+
+    left_hand: bool
+    reason: str
+    is_known: bool = True
+    against: str | None = None
+
+    def describe(self) -> str:
+        """One line for people."""
+        side, other = ("left", "right") if self.left_hand else ("right", "left")
+        line = f"traffic drives on the {side}: {self.reason}"
+        if self.against:
+            line += f", but {self.against}"
+        return line if self.is_known else f"{line}; --{other}-hand changes it"
+
+
+ASSUMED_SIDE = DrivingSide(False, "assumed, the file does not say", is_known=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +119,12 @@ class Survey:
 
     Attributes:
         areas: [P, 2] outlines of mapped drivable area inside the junction.
+        lights: places of lights, where the file has no programme for them.
         phases: (duration [s], colour by light) of the programme; empty where there is none.
         is_signalised: None where the file does not say.
         origin: of the coordinates; None where the file has none.
         offset: of the origin in the coordinates of the file [m].
+        file_origin: where the file's coordinates are zero; None where it has no degrees.
         notes: what was assumed or dropped.
     """
 
@@ -73,9 +134,11 @@ class Survey:
     connections: tuple[SurveyConnection, ...]
     crossings: tuple[SurveyCrossing, ...] = ()
     areas: tuple[FloatArray, ...] = ()
+    lights: tuple[SurveyLight, ...] = ()
     phases: tuple[tuple[float, Mapping[str, Colour]], ...] = ()
-    left_hand: bool = False
+    side: DrivingSide = ASSUMED_SIDE
     is_signalised: bool | None = None
     origin: LatLon | None = None
     offset: tuple[float, float] = (0.0, 0.0)
+    file_origin: LatLon | None = None
     notes: list[str] = field(default_factory=list)
