@@ -12,8 +12,15 @@ from scenewright.tools.fitting.recorded_signals import fit_recorded_program
 from scenewright.tools.map_import import import_map
 from scenewright.tools.track_io.signal_files import read_recorded_lights
 
-CYCLE = (("A", 0.0, "green"), ("A", 20.0, "yellow"), ("A", 23.0, "red"),
-         ("B", 0.0, "red"), ("B", 26.0, "green"), ("B", 44.0, "yellow"), ("B", 47.0, "red"))  # fmt: skip
+CYCLE = (
+    ("A", 0.0, "green"),
+    ("A", 20.0, "yellow"),
+    ("A", 23.0, "red"),
+    ("B", 0.0, "red"),
+    ("B", 26.0, "green"),
+    ("B", 44.0, "yellow"),
+    ("B", 47.0, "red"),
+)
 LEGS = {"A": "north", "B": "east", "C": "south", "D": "west"}
 
 
@@ -40,7 +47,7 @@ def test_a_table_of_lights_becomes_the_programme(tmp_path, place):
         place, write_table(tmp_path / "l.csv"), origin=None, groups=LEGS
     )
     assert made.signals.cycle == pytest.approx(50.0)
-    green = {leg: 0.0 for leg in LEGS.values()}
+    green = dict.fromkeys(LEGS.values(), 0.0)
     for phase in made.signals.phases:
         assert (phase.colours["north"], phase.colours["south"]) == (phase.colours["south"],) * 2
         for leg in green:
@@ -65,9 +72,13 @@ def test_what_cannot_be_a_programme_is_refused(tmp_path, place):
 
 @pytest.mark.parametrize(
     ("text", "reason"),
-    [("a,b\n1,2\n", "columns must be"), ("light,t,colour\nA,0,blue\n", "no state"),
-     ("light,t,colour\nA,soon,red\n", "no time"), ("light,t,colour\nA,0,dark\n", "no light")],
-)  # fmt: skip
+    [
+        ("a,b\n1,2\n", "columns must be"),
+        ("light,t,colour\nA,0,blue\n", "no state"),
+        ("light,t,colour\nA,soon,red\n", "no time"),
+        ("light,t,colour\nA,0,dark\n", "no light"),
+    ],
+)
 def test_other_files_are_refused_in_one_line(tmp_path, text, reason):
     (tmp_path / "bad.csv").write_text(text)
     with pytest.raises(InputError, match=reason):
