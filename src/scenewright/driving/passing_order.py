@@ -115,7 +115,7 @@ def _touch(
         scenario.sizes[i] + (LONGER, WIDER),
         scenario.paths[j].xy[other_at],
         scenario.paths[j].heading[other_at],
-        scenario.sizes[j] + (0.0, WIDER if not scenario.is_disc[j] else 0.0),
+        scenario.sizes[j] + ((0.0, 0.0) if scenario.is_disc[j] else (LONGER, WIDER)),
         np.full(len(at), scenario.is_disc[j]),
     )
 

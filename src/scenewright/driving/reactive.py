@@ -13,7 +13,7 @@ from scenewright.driving.scenario import COLOURS, KINDS, BoolArray, IntArray, Sc
 from scenewright.driving.world import OtherStates, compute_recorded_speeds
 from scenewright.scene.base import FloatArray
 
-AHEAD = np.array([0.0, 0.4, 0.8, 1.2, 1.8, 2.5, 3.5, 5.0])
+AHEAD = np.array([0.0, 0.4, 0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 8.0])
 """Times at which everybody's place is looked at in advance [s]."""
 COMFORTABLE = np.array([3.0, 2.0, 2.5, 2.5, 3.0])
 HARDEST = np.array([8.0, 3.0, 3.5, 3.5, 8.0])
@@ -86,6 +86,8 @@ class Reactive:
         drawn = rng.lognormal(np.log(STRENGTH_MEDIAN[scenario.kinds]), STRENGTH_SPREAD)
         self.strength = np.minimum(drawn, HARDEST[scenario.kinds])
         self._swapped = np.zeros((n, n), dtype=bool)
+        self._retimed = np.zeros(n, dtype=bool)
+        self._lengths = np.array([path.length for path in scenario.paths])
         there = scenario.present[:, k]
         clock = np.maximum(float(k), self._first.astype(np.float64))
         speed = np.where(there, compute_recorded_speeds(scenario)[:, k], 0.0)
@@ -99,7 +101,7 @@ class Reactive:
         """Everybody one step on."""
         one, state, dt = self._one, self._state, self._one.step
         active = state.entered & ~state.gone & one.moves
-        free = (self._at_clock(state.clock + 1.0) - state.s) / dt
+        free = self._find_free_speeds(ego, step)
         yields, follows, blocked = self._find_yielding(now, ego, active)
         room, emergency = self._find_room(ego, yields | follows, step)
         room, emergency = np.minimum(room, blocked), np.minimum(emergency, blocked)
@@ -110,15 +112,21 @@ class Reactive:
         most = np.where(yields, self.strength, np.maximum(COMFORTABLE[kinds], 4.0))
         wanted = np.maximum(wanted, state.speed - np.minimum(most, HARDEST[kinds]) * dt)
         speed = np.minimum(wanted, np.maximum(sharp, state.speed - HARDEST[kinds] * dt))
-        self._advance(np.maximum(speed, 0.0), free, active)
+        self._advance(np.maximum(speed, 0.0), free, active, step)
         self._enter(emergency, step)
         return self._place(now, step)
+
+    def _find_free_speeds(self, ego: EgoState, step: int) -> FloatArray:  # noqa: ARG002
+        """[N] of everybody if nobody is in the way [m/s]: as recorded."""
+        state = self._state
+        return np.asarray((self._at_clock(state.clock + 1.0) - state.s) / self._one.step)
 
     def _want(self, free: FloatArray, calm: FloatArray) -> FloatArray:
         """[N] as recorded, or speeding up towards it, where there is room [m/s]."""
         state = self._state
         up = state.speed + SPEEDING_UP[self._one.kinds] * self._one.step
-        recorded = np.where(state.rate >= 0.999, free, np.minimum(free, up))
+        as_recorded = (state.rate >= 0.999) & ~self._retimed
+        recorded = np.where(as_recorded, free, np.minimum(free, up))
         return np.asarray(np.minimum(recorded, calm))
 
     # ---- room --------------------------------------------------------------------------------
@@ -133,6 +141,8 @@ class Reactive:
         foreseen = self._at_clock(clock[:, None] + state.rate[:, None] * u / one.step)
         hardest = HARDEST[one.kinds][:, None]
         braking = state.s[:, None] + _brake(state.speed[:, None], hardest, u + one.step)
+        going_on = state.s[:, None] + state.speed[:, None] * u
+        foreseen = np.where(self._retimed[:, None], going_on, foreseen)
         foreseen[one.ego] = ego.progress + _predict(ego, AHEAD)
         braking[one.ego] = ego.progress + _brake(np.array(ego.speed), EGO_BRAKING, AHEAD + one.step)
         lights = self._find_lights(step)
@@ -162,7 +172,8 @@ class Reactive:
         """[N] how far the delayed may go for red and yellow lights [m]; who is on time obeys."""
         one, state = self._one, self._state
         found = np.full(len(one.names), np.inf)
-        late = (step - state.clock > 1.5) & ~one.violators & state.entered & ~state.gone
+        late = (step - state.clock > 1.5) | self._retimed
+        late &= ~one.violators & state.entered & ~state.gone
         held = np.zeros(len(found), dtype=bool)
         for j in np.flatnonzero(late):
             for light, s in one.paths[j].stops:
@@ -208,14 +219,20 @@ class Reactive:
                 meets, follows[j] = self._meet(j, ego)
             self._state.waited[j] = self._state.waited[j] + self._one.step if meets else 0.0
             yields[j] = meets and self._state.waited[j] >= self.reaction[j]
+            if self._ignores_ego(j):
+                yields[j] = follows[j] = False
         return yields, follows, blocked[:, None]
+
+    def _ignores_ego(self, j: int) -> bool:  # noqa: ARG002
+        """Whether an agent goes on although the ego is in its way."""
+        return False
 
     def _meet(self, j: int, ego: EgoState) -> tuple[bool, bool]:
         """Whether an agent is to give way to the ego, and whether the ego is on its way already."""
         one, state = self._one, self._state
         ke, kj = int(ego.progress / self._spacing[one.ego]), int(state.s[j] / self._spacing[j])
         part = self._order.cells[j][ke : ke + WINDOW, kj : kj + WINDOW]
-        rows, columns = part.any(axis=1), part.any(axis=0)
+        rows, columns = np.asarray(part.any(axis=1)), np.asarray(part.any(axis=0))
         if not rows.any() or columns[0]:
             return False, False
         if rows[0]:
@@ -260,16 +277,20 @@ class Reactive:
 
     # ---- motion ------------------------------------------------------------------------------
 
-    def _advance(self, speed: FloatArray, free: FloatArray, active: BoolArray) -> None:
+    def _advance(self, speed: FloatArray, free: FloatArray, active: BoolArray, step: int) -> None:
         state, dt = self._state, self._one.step
         moving = free > 0.05
         rate = np.where(moving, np.minimum(speed / np.maximum(free, 1e-9), 1.0), 1.0)
         rate = np.where(active, rate, 0.0)
-        state.clock = state.clock + rate
-        reached = self._at_clock(state.clock)
+        state.clock = np.where(self._retimed, float(step), state.clock + rate)
+        going_on = np.minimum(state.s + speed * dt, self._lengths)
+        reached = np.where(self._retimed, going_on, self._at_clock(state.clock))
         state.speed = np.where(active, (reached - state.s) / dt, state.speed)
         state.s, state.rate = np.where(active, reached, state.s), rate
-        state.gone |= active & (state.clock >= self._last - 1e-6)
+        over = np.where(
+            self._retimed, state.s >= self._lengths - 1e-6, state.clock >= self._last - 1e-6
+        )
+        state.gone |= active & over
 
     def _enter(self, emergency: FloatArray, step: int) -> None:
         """Who is due enters, unless somebody stands in the way."""
@@ -296,12 +317,12 @@ class Reactive:
         """Everybody's place: as recorded for who is on time, else on its way."""
         one, state = self._one, self._state
         k = min(step, one.steps - 1)
-        late = (step - state.clock > 1e-6) & one.moves & state.entered
+        late = ((step - state.clock > 1e-6) | self._retimed) & one.moves & state.entered
         xy, heading = one.xy[:, k].copy(), one.heading[:, k].copy()
         for j in np.flatnonzero(late):
             there, facing = one.paths[j].at(state.s[j : j + 1])
             xy[j], heading[j] = there[0], facing[0]
-            if state.rate[j] < 1e-9:
+            if state.rate[j] < 1e-9 and not self._retimed[j]:
                 xy[j], heading[j] = now.xy[j], now.heading[j]
         return self._show(xy, heading)
 

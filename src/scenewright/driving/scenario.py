@@ -92,7 +92,8 @@ class AgentPath:
         known, times = self.progress[moving], steps[moving]
         last = max(float(self.progress[self.last] - self.progress[self.last - 1]), 0.1)
         beyond = times[-1] + (self.arc - known[-1]) / last
-        return np.where(self.arc <= known[-1], np.interp(self.arc, known, times), beyond)
+        within = np.interp(self.arc, known, times)
+        return np.asarray(np.where(self.arc <= known[-1], within, beyond))
 
 
 @dataclass(frozen=True, eq=False)
