@@ -156,6 +156,14 @@ def fit(
     pool_scale: Annotated[
         float | None, typer.Option(metavar="M", help="Metres per pixel of those.")
     ] = None,
+    lights: Annotated[
+        str | None,
+        typer.Option(metavar="CSV", help="Recorded lights: SPaT, or columns light, t, colour."),
+    ] = None,
+    light_legs: Annotated[
+        str | None,
+        typer.Option(metavar="MAP", help="Which of them is whose: 1=east,13=walk_east."),
+    ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -176,6 +184,8 @@ def fit(
             scale=scale,
             pool=pool or (),
             pool_scale=pool_scale,
+            lights=lights,
+            light_legs=light_legs,
         )
     _tell(facts, () if quiet else fit_text(facts), as_json=as_json)
 
