@@ -229,14 +229,17 @@ def fit_own(
     pool_scale: float | None = None,
     lights: str | None = None,
     light_legs: str | None = None,
+    named: str | None = None,
 ) -> dict[str, Any]:
     """Fits an imported intersection's priors on recorded tracks.
 
     Args:
         lights: a file of recorded lights; light_legs: which of them is whose.
+        named: the data set that the tracks are of.
         scale: metres per pixel of tracks in pixels.
         pool: files or folders of vehicles' tracks at a place without a map, for the pool; and
             pool_scale theirs.
+        named: the data set that the tracks are of.
 
     Raises:
         InputError: no such imported intersection, or tracks or options that cannot be used.
@@ -247,7 +250,10 @@ def fit_own(
     bundle, lit = _with_recorded_lights(open_custom_bundle(name), lights, light_legs)
     tell("reading", f"{len(paths)} files or folders")
     files = read_track_files(
-        paths, columns=None if columns is None else parsed_columns(columns), scale=scale
+        paths,
+        columns=None if columns is None else parsed_columns(columns),
+        scale=scale,
+        named=named,
     )
     elsewhere, told = _elsewhere(pool, pool_scale)
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)

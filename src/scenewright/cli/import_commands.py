@@ -146,6 +146,14 @@ def fit(
         typer.Option(metavar="CSV", help="Counts: columns hour, vehicles[, pedestrians]."),
     ] = None,
     licence: Annotated[str | None, typer.Option(help="Licence of the tracks.")] = None,
+    named: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            help="The data set they are of: sind, ind, interaction, dut, argoverse1, argoverse2...",
+        ),
+    ] = None,
     scale: Annotated[
         float | None, typer.Option(metavar="M", help="Metres per pixel of tracks in pixels.")
     ] = None,
@@ -184,6 +192,7 @@ def fit(
             scale=scale,
             pool=pool or (),
             pool_scale=pool_scale,
+            named=named,
             lights=lights,
             light_legs=light_legs,
         )

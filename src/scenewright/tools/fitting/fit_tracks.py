@@ -154,6 +154,8 @@ def fit_tracks(
         )
     matches = tuple(match for match, _ in pairs)
     notes.append(_describe_matches(matches, reasons))
+    if warning := _warn_if_empty(intersection_map, files, shifts, len(matches), reasons):
+        notes.insert(0, warning)
     fit = WaypointFit(intersection_map, route_lines, matches, elsewhere)
     derived = derive_priors(intersection_map, route_lines)
     frequency = _fit_frequency(intersection_map, files, recordings, begin, hourly, notes)
@@ -249,6 +251,39 @@ def _match_files(
             else:
                 reasons[found.reason] += 1
     return recordings, reasons
+
+
+_FEW_TRACKS, _FEW_SHARE = 8, 0.15
+
+
+def _warn_if_empty(
+    intersection_map: IntersectionMap,
+    files: Sequence[FileTracks],
+    shifts: Mapping[str, FloatArray],
+    matched: int,
+    reasons: Counter[str],
+) -> str | None:
+    """That hardly any track was of use, and the likeliest reason; None where many were."""
+    total = sum(len(file.tracks) for file in files)
+    if matched >= _FEW_TRACKS and matched >= _FEW_SHARE * total:
+        return None
+    ends = [track.xy + shifts[file.name] for file in files for _, track in file.tracks]
+    inside = sum(bool((np.abs(xy) < intersection_map.extent).all(axis=1).any()) for xy in ends)
+    middle = np.median(np.concatenate(ends), axis=0)
+    if inside < 0.5 * total:
+        why = (
+            f"{total - inside} of them lie off the map, their middle at "
+            f"({middle[0]:.0f}, {middle[1]:.0f}) m: say where their frame lies with --origin or "
+            "--shift"
+        )
+    elif reasons["open"] >= reasons["off"]:
+        why = f"{reasons['open']} end before their way parts from others: they are too short"
+    else:
+        why = f"{reasons['off']} keep to no way of the map: another junction, or a wrong frame"
+    return (
+        f"this fit is nearly empty: {matched} of {total} tracks lie on a route, so the priors are "
+        f"all but those derived from the map; {why}"
+    )
 
 
 def _describe_matches(matches: Sequence[Match], reasons: Counter[str]) -> str:

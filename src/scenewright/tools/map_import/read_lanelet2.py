@@ -467,7 +467,7 @@ def _survey_junction(
         notes.append(f"{unused} lanelets that lead nowhere were dropped")
     names = sorted({each.tags["name"] for each in lanelets.values() if each.tags.get("name")})
     return Survey(
-        title=(", ".join(names) or f"junction of {file.name}")[:80],
+        title=(", ".join(names) if 0 < len(names) <= 6 else f"junction of {file.name}")[:80],
         approaches={
             name: _build_lane(name, lanelets, line - middle) for name, line in approaches.items()
         },

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+import re
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -318,7 +319,7 @@ def _survey_junction(
     crossings = tuple(each for node in nodes for each in _read_crossings(net, node, middle))
     lights = {each.light for each in connections} | {each.light for each in crossings}
     return Survey(
-        title=", ".join(names)[:80] or f"junction {min(group.nodes)}",
+        title=_choose_title(names, group),
         approaches={name: lane for name, lane in approaches.items() if name in used[0]},
         exits={name: lane for name, lane in exits.items() if name in used[1]},
         connections=tuple(connections),
@@ -340,6 +341,17 @@ def _survey_junction(
             ),
         ],
     )
+
+
+def _choose_title(names: Sequence[str], group: JunctionGroup) -> str:
+    """The streets' names; the junction's id where they are only numbers or too many to read."""
+    spoken = [name for name in names if re.sub(r"(?i)road|street|[\W\d_]", "", name)]
+    if not spoken or len(spoken) > _MOST_NAMES:
+        return f"junction {min(group.nodes, key=lambda name: (len(name), name))}"
+    return ", ".join(spoken)[:80]
+
+
+_MOST_NAMES = 6
 
 
 def _describe_parts(group: JunctionGroup) -> Iterator[str]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 _SYNONYMS = {
     "car": "vehicle automobile passenger passenger_car passenger_vehicle van minivan suv taxi "
-    "pickup cab",
+    "pickup cab agent av others regular_vehicle",
     "truck": "lorry heavy_vehicle truck_bus trailer semi hgv delivery",
     "bus": "coach minibus",
-    "motorcycle": "motorbike motorcyclist moped scooter motor",
+    "motorcycle": "motorbike motorcyclist moped scooter motor tricycle motorcycle_tricycle",
     "bicycle": "bike cyclist bicyclist biker e_scooter escooter electric_scooter kick_scooter",
-    "pedestrian": "ped person people walker human",
+    "pedestrian": "ped person people walker human pedestrian/bicycle",
 }
 SUBTYPE_OF_WORD = {
     word: subtype for subtype, words in _SYNONYMS.items() for word in (subtype, *words.split())

@@ -20,6 +20,13 @@ from scenewright.errors import InputError
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.track_io.cleaning import CleaningReport, RawTrack, clean_track
+from scenewright.tools.track_io.dataset_formats import (
+    PATTERNS,
+    DatasetFormat,
+    find_columns,
+    find_partner,
+    get_format,
+)
 from scenewright.tools.track_io.simulator_files import find_reader, read_simulator_file
 from scenewright.tools.track_io.subtypes import SUBTYPES, find_subtype
 from scenewright.tools.track_io.taf_bw import SETTLING
@@ -72,29 +79,38 @@ def read_track_files(
     *,
     columns: Mapping[str, str] | None = None,
     scale: float | None = None,
+    named: str | None = None,
 ) -> list[FileTracks]:
     """The tracks of files, or of every file of a known kind in folders.
 
     Args:
         columns: for a CSV of any kind: its columns by our names t, id, class, x, y; `class` may be
             missing or be a constant such as `=car`, `t` may be a frame as `frame/25`.
+        named: the data set that the files are of, where their names do not tell (`FORMATS`).
         scale: metres per pixel, where positions are pixels of an image whose y points down.
 
     Raises:
         InputError: nothing there, or a file that cannot be read; the line is named.
     """
-    files = [file for path in paths for file in _files(Path(path))]
+    dataset = None if named is None else get_format(named)
+    files = [file for path in paths for file in _files(Path(path), dataset)]
+    # Pedestrians whose file lies beside that of the vehicles belong to the same recording.
+    beside = {find_partner(file) for file in files}
+    files = [file for file in files if file not in beside]
     if not files:
         raise InputError(f"no tracks in {', '.join(map(str, paths))[:200]}")
-    return [tracks for file in files for tracks in _read(file, columns, scale)]
+    return [tracks for file in files for tracks in _read(file, columns, scale, dataset)]
 
 
-def _files(path: Path) -> list[Path]:
+def _files(path: Path, dataset: DatasetFormat | None) -> list[Path]:
     if not path.exists():
         raise InputError(f"cannot read {path}: there is no such file or folder")
     if path.is_file():
         return [path]
+    if dataset is not None:
+        return sorted({file for glob, _ in dataset.files for file in path.rglob(glob)})
     known = (
+        *PATTERNS,
         "vehicle_tracks_*.csv", "*_tracks.csv", "*.ndjson", "*fcd*.xml", "DJI_*.txt",
         "*.xosc", "*.cr.xml", "sd_*.pkl", "*.tfrecord*", "scenario_*.parquet",
         "*.mcap",
@@ -103,7 +119,10 @@ def _files(path: Path) -> list[Path]:
 
 
 def _read(
-    file: Path, columns: Mapping[str, str] | None, scale: float | None
+    file: Path,
+    columns: Mapping[str, str] | None,
+    scale: float | None,
+    dataset: DatasetFormat | None = None,
 ) -> Iterator[FileTracks]:
     """The tracks of a file; one entry for each scenario of a simulator's file."""
     if file.stat().st_size > MOST_BYTES:
@@ -115,8 +134,9 @@ def _read(
         if columns is None and find_reader(file.name) is not None:
             yield from _read_scenarios(file)
             return
-        if columns is not None:
-            agents = _mapped_csv(file, columns)
+        told = find_columns(file, dataset) if columns is None else columns
+        if told is not None:
+            agents = _mapped_csv(file, told)
         elif file.name.startswith("vehicle_tracks_"):
             agents = _mapped_csv(file, _TAF)
             site, begin, origin = _taf_meta(file)
@@ -135,6 +155,7 @@ def _read(
         raise InputError(f"{file} is no UTF-8 text") from None
     except OSError as fault:
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from None
+    agents = agents if columns is not None else _add_partner(agents, file, dataset)
     if scale is not None:
         _to_metres(agents, scale)
     elif columns is None and file.suffix == ".txt":
@@ -142,6 +163,17 @@ def _read(
             f"positions of {file} are pixels; say metres per pixel with --scale, or --pool-scale"
         )
     yield _cleaned(file, agents, settling, begin, origin)
+
+
+def _add_partner(
+    agents: dict[str, _Agent], file: Path, dataset: DatasetFormat | None
+) -> dict[str, _Agent]:
+    """The agents of a file of vehicles, with those of the pedestrians' file beside it."""
+    partner = find_partner(file)
+    if partner is None:
+        return agents
+    beside = _mapped_csv(partner, find_columns(partner, dataset) or _TAF)
+    return agents | {f"{partner.name}:{name}": agent for name, agent in beside.items()}
 
 
 def _read_scenarios(file: Path) -> Iterator[FileTracks]:
