@@ -41,6 +41,9 @@ _FORMATS = {
     "lanelet2": "Lanelet2",
     "opendrive": "OpenDRIVE",
     "sumo": "SUMO network",
+    "commonroad": "CommonRoad",
+    "argoverse2": "Argoverse 2",
+    "womd": "Waymo Open Motion",
 }
 
 

@@ -96,6 +96,19 @@ def junctions(
         put(rows_text(found))
 
 
+def export_map(
+    name: Annotated[str, typer.Argument(help="An intersection; see `list`.")],
+    out: Annotated[
+        str, typer.Argument(metavar="FILE", help="F.xodr (OpenDRIVE), F.osm (Lanelet2).")
+    ],
+) -> None:
+    """Write an intersection's map as OpenDRIVE or Lanelet2, by the ending of FILE."""
+    from scenewright.cli.map_export import write_map
+
+    write_map(name, out)
+    put(f"{out}\n")
+
+
 def simulate(
     name: Annotated[str, typer.Argument(help="Its name.")],
     minutes: Annotated[int, typer.Option(min=10, max=240, help="How much traffic [min].")] = 20,

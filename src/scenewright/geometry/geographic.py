@@ -29,6 +29,14 @@ def project_mercator(origin: LatLon, place: LatLon) -> FloatArray:
     return np.array([east, scale * (_compute_northing(place[0]) - _compute_northing(origin[0]))])
 
 
+def unproject_mercator(origin: LatLon, place: tuple[float, float]) -> LatLon:
+    """Latitude and longitude of metres east and north; undoes `project_mercator`."""
+    scale = EARTH_RADIUS * math.cos(math.radians(origin[0]))
+    north = place[1] / scale + _compute_northing(origin[0])
+    latitude = math.degrees(2 * math.atan(math.exp(north)) - math.pi / 2)
+    return latitude, origin[1] + math.degrees(place[0] / scale)
+
+
 def _compute_northing(latitude: float) -> float:
     return math.log(math.tan(math.pi / 4 + math.radians(latitude) / 2))
 

@@ -80,6 +80,11 @@ def list_junctions(file: str | Path) -> JunctionOverview:
             )
 
             return list_lanelet_junctions(load_lanelet2(path))
+        if map_format in ("commonroad", "argoverse2", "womd"):
+            from scenewright.tools.map_import.read_lane_maps import load_lane_map
+            from scenewright.tools.map_import.read_lanelet2 import list_lanelet_junctions
+
+            return list_lanelet_junctions(load_lane_map(path, map_format))
         from scenewright.tools.map_import.read_sumo import survey_junctions
 
         return survey_junctions(path, map_format, Path(scratch))
@@ -100,6 +105,14 @@ def _read_survey(
 
         return read_lanelet2(
             path, center=center, junction=junction, left_hand=left_hand, streets=streets
+        )
+    if map_format in ("commonroad", "argoverse2", "womd"):
+        from scenewright.tools.map_import.read_lane_maps import load_lane_map
+        from scenewright.tools.map_import.read_lanelet2 import survey_lanelets
+
+        held = load_lane_map(path, map_format)
+        return survey_lanelets(
+            held, center=center, junction=junction, streets=streets, left_hand=left_hand
         )
     from scenewright.tools.map_import.read_sumo import read_sumo
 

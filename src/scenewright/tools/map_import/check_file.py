@@ -17,7 +17,7 @@ from xml.parsers import expat
 from scenewright.errors import InputError
 from scenewright.tools.map_import.osm_elements import is_pbf
 
-MapFormat = Literal["osm", "lanelet2", "opendrive", "sumo"]
+MapFormat = Literal["osm", "lanelet2", "opendrive", "sumo", "commonroad", "argoverse2", "womd"]
 
 MAX_BYTES = 200_000_000
 MAX_UNPACKED = 600_000_000
@@ -25,8 +25,13 @@ MAX_UNPACKED = 600_000_000
 MAX_ELEMENTS = 8_000_000
 MAX_DEPTH = 64
 _BLOCK = 1 << 20
-_ROOTS: dict[str, MapFormat] = {"osm": "osm", "OpenDRIVE": "opendrive", "net": "sumo"}
-_SUPPORTED = "OpenStreetMap .osm, Lanelet2 .osm, OpenDRIVE .xodr or SUMO .net.xml"
+_ROOTS: dict[str, MapFormat] = {
+    "osm": "osm", "OpenDRIVE": "opendrive", "net": "sumo", "commonRoad": "commonroad",
+}  # fmt: skip
+_SUPPORTED = (
+    "OpenStreetMap .osm, Lanelet2 .osm, OpenDRIVE .xodr, SUMO .net.xml, CommonRoad .xml, "
+    "Argoverse 2 .json or Waymo .tfrecord"
+)
 
 
 def detect_map_format(file: Path) -> MapFormat:
@@ -38,6 +43,10 @@ def detect_map_format(file: Path) -> MapFormat:
     _check_size(file)
     if is_pbf(file):
         return "osm"
+    if ".tfrecord" in file.name:
+        return "womd"
+    if file.suffix == ".json":
+        return "argoverse2"
     scan = _Scan(file)
     try:
         scan.read()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -20,6 +20,7 @@ from scenewright.tools.map_import.opendrive_features import (
 )
 from scenewright.tools.map_import.osm_features import read_osm_file
 from scenewright.tools.map_import.osm_streets import cut_out_if_large
+from scenewright.tools.map_import.read_lane_maps import load_lane_map
 from scenewright.tools.map_import.read_lanelet2 import read_elements
 
 _REACH = 130.0
@@ -130,7 +131,18 @@ def _read_sumo(file: Path, _origin: LatLon) -> _Layers:
     return layers
 
 
-_READERS = {
+def _read_lane_map(file: Path, map_format: str) -> _Layers:
+    held = load_lane_map(file, map_format)
+    return {
+        "roads": [side for each in held.lanelets.values() for side in (each.left, each.right)],
+        "crossings": [each.line for each in held.crossings],
+    }
+
+
+_READERS: Mapping[str, Callable[[Path, LatLon], _Layers]] = {
+    "commonroad": lambda file, _: _read_lane_map(file, "commonroad"),
+    "argoverse2": lambda file, _: _read_lane_map(file, "argoverse2"),
+    "womd": lambda file, _: _read_lane_map(file, "womd"),
     "osm": _read_osm,
     "lanelet2": _read_lanelet2,
     "opendrive": _read_opendrive,

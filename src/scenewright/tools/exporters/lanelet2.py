@@ -1,0 +1,103 @@
+"""The lanelets of an intersection as a Lanelet2 map, for other tools and for importing it again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scenewright.geometry.geographic import LatLon, unproject_mercator
+from scenewright.scene.base import FloatArray, Point
+from scenewright.scene.map import IntersectionMap
+from scenewright.tools.exporters.xml_writing import add, to_bytes
+
+NOWHERE: LatLon = (0.0, 0.0)
+"""Where a map lies whose place is not known."""
+
+
+def write_lanelet2(intersection_map: IntersectionMap, origin: LatLon | None) -> bytes:
+    """The .osm of a map: lanelets of vehicles with their streets and limits, and crosswalks.
+
+    Args:
+        origin: latitude and longitude of the map's middle.
+    """
+    writer = _Writer(origin or NOWHERE)
+    roads = {leg.name: leg.road for leg in intersection_map.legs}
+    for lanelet in intersection_map.lanelets:
+        if lanelet.kind == "parking":
+            continue
+        tags = {
+            "type": "lanelet", "subtype": "road", "location": "urban", "one_way": "yes",
+            "participant:vehicle": "yes", "speed_limit": f"{3.6 * lanelet.speed_limit:.0f} km/h",
+        }  # fmt: skip
+        if lanelet.leg is not None:
+            tags["name"] = roads[lanelet.leg]
+        writer.add_lanelet(lanelet.left, lanelet.right, tags)
+    for crosswalk in intersection_map.crosswalks:
+        aside = _measure_aside(crosswalk.centreline, crosswalk.width)
+        left, right = ([_move(p, by) for p in crosswalk.centreline] for by in (aside, -aside))
+        tags = {"type": "lanelet", "subtype": "crosswalk", "participant:pedestrian": "yes"}
+        writer.add_lanelet(left, right, tags)
+    return to_bytes(writer.finish())
+
+
+def _measure_aside(line: tuple[Point, Point], width: float) -> FloatArray:
+    """[2] from a line to the edge on its left [m]."""
+    ahead = np.subtract(line[1], line[0])
+    return np.array([-ahead[1], ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9) * width / 2
+
+
+def _move(point: Point, by: FloatArray) -> Point:
+    return float(point[0] + by[0]), float(point[1] + by[1])
+
+
+class _Writer:
+    """Nodes, ways and relations with numbers; points at one place are one node."""
+
+    def __init__(self, origin: LatLon) -> None:
+        self.origin = origin
+        self.nodes: dict[Point, int] = {}
+        self.ways: list[tuple[int, list[int]]] = []
+        self.relations: list[tuple[int, int, int, dict[str, str]]] = []
+        self._last = 0
+
+    def _number(self) -> int:
+        self._last += 1
+        return self._last
+
+    def _add_way(self, line: Sequence[Point]) -> int:
+        nodes = [self.nodes.get(p) or self._add_node(p) for p in line]
+        number = self._number()
+        self.ways.append((number, nodes))
+        return number
+
+    def _add_node(self, point: Point) -> int:
+        self.nodes[point] = self._number()
+        return self.nodes[point]
+
+    def add_lanelet(
+        self, left: Sequence[Point], right: Sequence[Point], tags: dict[str, str]
+    ) -> None:
+        """A lanelet between two bounds [m]."""
+        bounds = self._add_way(left), self._add_way(right)
+        self.relations.append((self._number(), *bounds, tags))
+
+    def finish(self) -> ElementTree.Element:
+        """The document."""
+        root = ElementTree.Element("osm", version="0.6", generator="scenewright")
+        for point, number in self.nodes.items():
+            lat, lon = unproject_mercator(self.origin, point)
+            add(root, "node", id=number, lat=f"{lat:.9f}", lon=f"{lon:.9f}")
+        for number, nodes in self.ways:
+            way = add(root, "way", id=number)
+            for node in nodes:
+                add(way, "nd", ref=node)
+            add(way, "tag", k="type", v="line_thin")
+        for number, left, right, tags in self.relations:
+            relation = add(root, "relation", id=number)
+            add(relation, "member", type="way", ref=left, role="left")
+            add(relation, "member", type="way", ref=right, role="right")
+            for key, value in tags.items():
+                add(relation, "tag", k=key, v=value)
+        return root

@@ -1,0 +1,162 @@
+"""Lanes of CommonRoad XML, Argoverse 2 maps and Waymo Open Motion records, as lanelets.
+
+All three draw each lane for itself. CommonRoad and Argoverse 2 give both bounds; Waymo gives the
+middle alone, and its lanes are taken to be 3.5 m wide.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.geometry.polyline import (
+    compute_normals,
+    drop_doubled_points,
+    measure_length,
+    resample_by_spacing,
+)
+from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.read_lanelet2 import FileLanelet, LaneletFile
+from scenewright.tools.map_import.survey import SurveyCrossing
+
+_WAYMO_WIDTH = 3.5
+_WAYMO_STREETS = (1, 2)
+"""Types of Waymo's lanes that cars drive on: freeways and surface streets."""
+_DRIVEN = ("VEHICLE", "BUS")
+
+
+def load_lane_map(file: Path, map_format: str) -> LaneletFile:
+    """The lanes of a file.
+
+    Raises:
+        InputError: unreadable, or without lanes for vehicles.
+    """
+    try:
+        lanes, crossings = _READERS[map_format](file)
+    except (KeyError, TypeError, ValueError, IndexError) as fault:
+        raise InputError(f"{file} cannot be read: {str(fault)[:80]} is missing or wrong") from None
+    if not lanes:
+        raise InputError(f"{file} has no lanes for vehicles")
+    lanelets = {each.id: each for each in lanes}
+    return LaneletFile(file, lanelets, (), None, tuple(crossings), (), _NOTES.get(map_format, ()))
+
+
+_NOTES = {"womd": ("lanes are drawn by their middle alone; they were taken to be 3.5 m wide",)}
+_Found = tuple[list[FileLanelet], list[SurveyCrossing]]
+
+
+def _read_commonroad(file: Path) -> _Found:
+    lanes, crossings = [], []
+    for element in ElementTree.parse(file).getroot().iter("lanelet"):
+        left, right = (_read_bound(element, side) for side in ("leftBound", "rightBound"))
+        if left is None or right is None:
+            continue
+        kinds = {(each.text or "").strip() for each in element.iterfind("laneletType")}
+        if "crosswalk" in kinds:
+            crossings.append(_build_crossing(left, right))
+        elif not kinds & {"sidewalk", "bicycleLane", "border"}:
+            lanes.append(FileLanelet(element.get("id", ""), left, right, {}))
+    return lanes, crossings
+
+
+def _read_bound(element: ElementTree.Element, side: str) -> FloatArray | None:
+    points = [
+        (float(point.findtext("x", "")), float(point.findtext("y", "")))
+        for point in element.iterfind(f"{side}/point")
+    ]
+    return _clean(np.array(points)) if len(points) > 1 else None
+
+
+def _clean(line: FloatArray) -> FloatArray:
+    if not np.isfinite(line).all() or measure_length(line) < 0.01:
+        raise ValueError("a bound with length")
+    return drop_doubled_points(line)
+
+
+def _build_crossing(left: FloatArray, right: FloatArray) -> SurveyCrossing:
+    """A crossing between two edges: its middle line, and the distance of the edges."""
+    ends = (left[[0, -1]] + right[[0, -1]]) / 2
+    width = float(np.hypot(*(left[[0, -1]] - right[[0, -1]]).T).mean())
+    return SurveyCrossing(ends, float(np.clip(width, 2.0, 8.0)))
+
+
+def _read_argoverse2(file: Path) -> _Found:
+    held = json.loads(file.read_text(encoding="utf-8"))
+    lanes = [
+        FileLanelet(
+            str(each["id"]), _list_points(each["left_lane_boundary"]),
+            _list_points(each["right_lane_boundary"]), {},
+        )
+        for each in held["lane_segments"].values()
+        if each.get("lane_type", "VEHICLE") in _DRIVEN
+    ]  # fmt: skip
+    crossings = [
+        _build_crossing(_list_points(each["edge1"]), _list_points(each["edge2"]))
+        for each in held.get("pedestrian_crossings", {}).values()
+    ]
+    return lanes, crossings
+
+
+def _list_points(points: Sequence[Any]) -> FloatArray:
+    return _clean(np.array([(float(each["x"]), float(each["y"])) for each in points]))
+
+
+def _read_womd(file: Path) -> _Found:
+    from google.protobuf.message import DecodeError
+
+    from scenewright.tools.track_io.tfrecord import read_records
+    from scenewright.tools.track_io.womd import scenario_class
+
+    record = next(iter(read_records(file.read_bytes(), name=str(file))), None)
+    try:
+        scenario = scenario_class().FromString(record or b"")
+    except DecodeError:
+        raise InputError(f"{file} is no file of Waymo's Scenario records") from None
+    lanes = [
+        FileLanelet(str(each.id), *_widen(line), {"speed_limit": _read_speed(each.lane)})
+        for each in scenario.map_features
+        if each.HasField("lane") and each.lane.type in _WAYMO_STREETS
+        for line in _list_lines(each.lane.polyline)
+    ]
+    crossings = [
+        _build_polygon_crossing(np.array([(p.x, p.y) for p in each.crosswalk.polygon]))
+        for each in scenario.map_features
+        if each.HasField("crosswalk") and len(each.crosswalk.polygon) >= 4
+    ]
+    return lanes, crossings
+
+
+def _list_lines(points: Any) -> Iterator[FloatArray]:
+    line = np.array([(point.x, point.y) for point in points])
+    if len(line) > 1 and measure_length(line) > 0.5:
+        yield drop_doubled_points(line)
+
+
+def _widen(line: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The bounds of a lane about its middle."""
+    line = resample_by_spacing(line, 1.0)
+    aside = compute_normals(line) * _WAYMO_WIDTH / 2
+    return line + aside, line - aside
+
+
+def _read_speed(lane: Any) -> str:
+    return f"{1.609344 * lane.speed_limit_mph:.0f}" if lane.speed_limit_mph > 0 else ""
+
+
+def _build_polygon_crossing(ring: FloatArray) -> SurveyCrossing:
+    """A crossing from its outline: the longer way through the middle is the way across."""
+    middle = ring.mean(axis=0)
+    across = np.linalg.svd(ring - middle)[2][0]
+    reach = (ring - middle) @ across
+    aside = (ring - middle) @ np.array([-across[1], across[0]])
+    ends = middle + np.outer([reach.min(), reach.max()], across)
+    return SurveyCrossing(ends, float(np.clip(np.ptp(aside), 2.0, 8.0)))
+
+
+_READERS = {"commonroad": _read_commonroad, "argoverse2": _read_argoverse2, "womd": _read_womd}
