@@ -124,6 +124,9 @@ def fit(
     pool_scale: Annotated[
         float | None, typer.Option(metavar="M", help="Metres per pixel of those.")
     ] = None,
+    train: Annotated[
+        bool, typer.Option("--train", help="Adapt the refiner to the tracks, if that is better.")
+    ] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -144,6 +147,7 @@ def fit(
             scale=scale,
             pool=pool or (),
             pool_scale=pool_scale,
+            train=train,
         )
     _tell(facts, () if quiet else fit_text(facts), as_json=as_json)
 
