@@ -55,6 +55,7 @@ from scenewright.cli.import_commands import fit, import_map_file, simulate
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
 from scenewright.cli.planner import planner
+from scenewright.cli.satisfaction import satisfaction
 from scenewright.cli.serve import serve
 from scenewright.cli.tables import tables
 from scenewright.cli.understanding import understanding
@@ -72,6 +73,7 @@ intersections = typer.Typer(
     name="intersections", help="The intersections that scenes can be made at."
 )
 app.command()(batch)
+evals.command("satisfaction")(satisfaction)
 evals.command("tables")(tables)
 app.command()(agent)
 intersections.command("import")(import_map_file)

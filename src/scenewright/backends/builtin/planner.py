@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
+from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.normalise import clean, tokenise
@@ -96,9 +97,9 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         rest, standing = take_out(text)
         earlier = None if previous is None else take_out(previous)[0]
         found = decide(read_twice(rest, earlier, site), site)
-        if not standing or isinstance(found, Refusal):
+        if isinstance(found, Refusal):
             return found
-        return add_objects(found, standing, text)
+        return note_beyond(add_objects(found, standing, text) if standing else found, rest)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 
