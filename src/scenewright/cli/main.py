@@ -51,7 +51,7 @@ from scenewright.cli.errors import (
 )
 from scenewright.cli.evals import evals
 from scenewright.cli.export import export
-from scenewright.cli.import_commands import fit, import_map_file, simulate
+from scenewright.cli.import_commands import fit, import_map_file, junctions, simulate
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
 from scenewright.cli.planner import planner
@@ -77,6 +77,7 @@ evals.command("satisfaction")(satisfaction)
 evals.command("tables")(tables)
 app.command()(agent)
 intersections.command("import")(import_map_file)
+intersections.command("junctions")(junctions)
 intersections.command("simulate")(simulate)
 intersections.command("fit")(fit)
 app.add_typer(intersections)
