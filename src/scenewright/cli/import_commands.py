@@ -156,6 +156,9 @@ def fit(
     pool_scale: Annotated[
         float | None, typer.Option(metavar="M", help="Metres per pixel of those.")
     ] = None,
+    train: Annotated[
+        bool, typer.Option("--train", help="Adapt the refiner to the tracks, if that is better.")
+    ] = False,
     lights: Annotated[
         str | None,
         typer.Option(metavar="CSV", help="Recorded lights: SPaT, or columns light, t, colour."),
@@ -184,6 +187,7 @@ def fit(
             scale=scale,
             pool=pool or (),
             pool_scale=pool_scale,
+            train=train,
             lights=lights,
             light_legs=light_legs,
         )
