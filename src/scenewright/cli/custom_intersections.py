@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.arrays import read_arrays
+from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner
 from scenewright.errors import InputError
 from scenewright.intersections import (
     REFINER_WEIGHTS,
@@ -198,7 +199,7 @@ def _trained(
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
     shipped = bundled_refiner(SHIPPED)
-    recipe = RECIPE.model_copy(update={**_GOES_ON, "seed": seed})
+    recipe = RECIPE.model_copy(update={**GOES_ON, "seed": seed})
     tell("training", f"a refiner on {len(recordings)} recordings")
     with tempfile.TemporaryDirectory() as scratch:
         about = train_bundle(
@@ -210,10 +211,6 @@ def _trained(
         )  # fmt: skip
         files = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
     return files, dict(about["figures"])
-
-
-_GOES_ON = {"epochs": 6, "rate": 3e-4}
-"""How a network that has been trained elsewhere goes on here: briefly, in small steps."""
 
 
 def fit_own(
@@ -230,6 +227,7 @@ def fit_own(
     scale: float | None = None,
     pool: Sequence[str] = (),
     pool_scale: float | None = None,
+    train: bool = False,
     lights: str | None = None,
     light_legs: str | None = None,
     named: str | None = None,
@@ -243,6 +241,7 @@ def fit_own(
         pool: files or folders of vehicles' tracks at a place without a map, for the pool; and
             pool_scale theirs.
         named: the data set that the tracks are of.
+        train: whether the refiner is adapted to the tracks, too; kept only if it is no worse.
 
     Raises:
         InputError: no such imported intersection, or tracks or options that cannot be used.
@@ -274,6 +273,7 @@ def fit_own(
         hourly=None if counts is None else read_hourly_counts(counts),
         elsewhere=elsewhere,
     )
+    adapted, note = adapt_refiner(name, files, tell) if train else ({}, None)
     folder = _rewritten(
         bundle,
         fitted.priors,
@@ -282,7 +282,7 @@ def fit_own(
          "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
          "pool": ", ".join(told) or None,
          "lights": None if lights is None else Path(lights).name},
-        {"seen.npz": seen_bytes(fitted.positions)},
+        {"seen.npz": seen_bytes(fitted.positions), **adapted},
     )  # fmt: skip
     return {
         "name": name,
@@ -292,7 +292,7 @@ def fit_own(
         "matched": fitted.matched,
         "off": fitted.off_route,
         "open": fitted.open_route,
-        "notes": [*lit, *told, *fitted.notes],
+        "notes": [*lit, *told, *fitted.notes, *([] if note is None else [note])],
         "heldout": [
             {
                 "share": row.share,

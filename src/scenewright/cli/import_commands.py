@@ -177,6 +177,9 @@ def fit(
     pool_scale: Annotated[
         float | None, typer.Option(metavar="M", help="Metres per pixel of those.")
     ] = None,
+    train: Annotated[
+        bool, typer.Option("--train", help="Adapt the refiner to the tracks, if that is better.")
+    ] = False,
     lights: Annotated[
         str | None,
         typer.Option(metavar="CSV", help="Recorded lights: SPaT, or columns light, t, colour."),
@@ -206,6 +209,7 @@ def fit(
             pool=pool or (),
             pool_scale=pool_scale,
             named=named,
+            train=train,
             lights=lights,
             light_legs=light_legs,
         )

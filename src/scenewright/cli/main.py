@@ -419,6 +419,9 @@ def train(
     go_on: Annotated[
         bool, typer.Option("--go-on", help="From the weights that serve the intersection on.")
     ] = False,
+    most: Annotated[
+        int | None, typer.Option(min=1, help="Stretches of the corpus that are learned from.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -429,7 +432,7 @@ def train(
     with progress(quiet=quiet) as tell:
         made = train_refiner(
             name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell,
-            walkers=walkers or (), go_on=go_on,
+            walkers=walkers or (), go_on=go_on, most=most,
         )  # fmt: skip
     if as_json:
         put_json({"ok": True, "name": name, **made})
