@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -11,7 +12,7 @@ import numpy as np
 from scenewright.files import write_atomically
 from scenewright.geometry.polyline import interpolate_points
 from scenewright.scene.base import FloatArray
-from scenewright.scene.map import IntersectionMap, VehicleMovement
+from scenewright.scene.map import IntersectionMap, Leg, VehicleMovement
 from scenewright.viz.appearance import FOREGROUND
 from scenewright.viz.basemap import draw_basemap, draw_north, draw_scale
 from scenewright.viz.figure import (
@@ -164,7 +165,8 @@ def _write_leg_names(axes: Axes, intersection: IntersectionMap) -> None:
         [np.array(area.exterior) for area in intersection.walkable + intersection.road]
     )
     for leg in intersection.legs:
-        ahead = np.array([np.cos(leg.bearing), np.sin(leg.bearing)])
+        angle = _find_label_angle(leg, intersection)
+        ahead = np.array([np.cos(angle), np.sin(angle)])
         left = np.array([-ahead[1], ahead[0]])
         aside = left if left[0] + 0.9 * left[1] > 0 else -left
         own = np.abs(kerb @ aside)[(kerb @ ahead > 0.6 * half) & (np.abs(kerb @ aside) < half / 2)]
@@ -178,6 +180,24 @@ def _write_leg_names(axes: Axes, intersection: IntersectionMap) -> None:
                          va=_choose_alignment(aside[1] - ahead[1], "bottom", "top"), color=INK,
                          fontweight="bold", zorder=20)  # fmt: skip
         add_halo(text)
+
+
+def _find_label_angle(leg: Leg, intersection: IntersectionMap) -> float:
+    """Where a leg's name stands [rad]: in its direction, or where it leaves the map if it bends."""
+    ends = [
+        lane.centreline[0 if lane.kind == "approach" else -1]
+        for lane in intersection.lanelets
+        if lane.leg == leg.name and lane.kind in ("approach", "exit")
+    ]
+    if not ends:
+        return leg.bearing
+    x, y = np.mean(ends, axis=0)
+    leaves = float(np.arctan2(y, x))
+    return leaves if abs(math.remainder(leaves - leg.bearing, math.tau)) > _BENT else leg.bearing
+
+
+_BENT = 0.26
+"""Legs that leave the map so far off their direction at the junction are bent [rad]."""
 
 
 def _choose_alignment(outwards: float, positive: Align, negative: Align) -> Align:

@@ -78,6 +78,8 @@ _ROOM = 28.0
 _CROSSING_ROOM = 14.0
 """How much of a leg it shows beyond its crosswalk [m]."""
 _SPEED_LIMITS = (4.0, 19.0)
+_ON_GROUND = 0.9
+"""Share of a walked path that lies on sidewalks and its crosswalk."""
 
 _Movements = Mapping[tuple[int, int], list[int]]
 """Connections by entry and exit leg; those of the gentlest curve first."""
@@ -204,7 +206,8 @@ class _Assembly:
             before, after = self.extended[each.approach], self.extended[each.exit]
             line = _smooth(_join(before, each.line, after, 6.0))
             strips.append((line, max(self.survey.approaches[each.approach].width, 3.0)))
-        return ground.build_road(strips, self.survey.areas)
+        island = {"smallest_island": 12.0} if self.survey.is_roundabout else {}
+        return ground.build_road(strips, self.survey.areas, **island)
 
     @cached_property
     def placements(self) -> dict[int, CrosswalkPlacement]:
@@ -531,13 +534,32 @@ class _Assembly:
                 )
                 continue
             key, (a, b) = f"pedestrian:{self.names[k]}", find_sides(self.names[k])
-            for before, after in product(SIDEWALKS, SIDEWALKS):
-                line = _round_corners(
-                    ground.build_crossing_line(placed, left, right, before=before, after=after)
+            lines = {
+                pair: _round_corners(
+                    ground.build_crossing_line(placed, left, right, before=pair[0], after=pair[1])
                 )
+                for pair in product(SIDEWALKS, SIDEWALKS)
+            }
+            if not all(self._is_walkable(line, placed) for line in lines.values()):
+                self._add_note(
+                    f"the crosswalk on the {self.names[k]} leg ends on no sidewalk, as where it "
+                    "spans one carriageway of several: nobody crosses it"
+                )
+                continue
+            for (before, after), line in lines.items():
                 found[f"{key}:{a}>{b}:{before}>{after}"] = line
                 found[f"{key}:{b}>{a}:{after}>{before}"] = line[::-1]
         return found
+
+    def _is_walkable(self, line: FloatArray, placed: CrosswalkPlacement) -> bool:
+        """Whether a path over a crosswalk leads over it and over sidewalks alone."""
+        walked = geos.union_all([self.sidewalks, placed.area]).buffer(0.3)
+        return bool(geos.contains_xy(walked, *line.T).mean() > _ON_GROUND)
+
+    @cached_property
+    def sidewalks(self) -> Any:
+        """The derived sidewalks, without the note that says so."""
+        return ground.build_sidewalks(self.road, self.extent)
 
     def _build_vehicle_goals(self) -> Iterator[GoalRegion]:
         for name, leg in zip(self.names, self.legs, strict=True):

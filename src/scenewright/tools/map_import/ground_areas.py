@@ -81,18 +81,27 @@ class CrosswalkPlacement:
         return self.distance + self.width / 2 + _STOP_GAP
 
 
-def build_road(lanes: Sequence[tuple[FloatArray, float]], outlines: Sequence[FloatArray]) -> Any:
-    """The paved area of lanes (line, width) and outlines, small gaps and islands closed."""
+def build_road(
+    lanes: Sequence[tuple[FloatArray, float]],
+    outlines: Sequence[FloatArray],
+    *,
+    smallest_island: float = _SMALLEST_ISLAND,
+) -> Any:
+    """The paved area of lanes (line, width) and outlines, small gaps and islands closed.
+
+    Args:
+        smallest_island: that is not paved [m^2].
+    """
     parts = [geos.LineString(line).buffer(width / 2, cap_style="flat") for line, width in lanes]
     parts += [geos.Polygon(outline).buffer(0) for outline in outlines if len(outline) > 2]
     road = geos.union_all([part for part in parts if not part.is_empty])
     road = road.buffer(_CLOSING, quad_segs=8).buffer(-_CLOSING, quad_segs=8).union(road)
-    paved = geos.union_all([_pave_islands(polygon) for polygon in list_polygons(road)])
+    paved = geos.union_all([_pave_islands(each, smallest_island) for each in list_polygons(road)])
     return max(list_polygons(paved), key=lambda p: float(p.area)).simplify(0.02)
 
 
-def _pave_islands(polygon: Any) -> Any:
-    islands = [h for h in polygon.interiors if geos.Polygon(h).area > _SMALLEST_ISLAND]
+def _pave_islands(polygon: Any, smallest: float) -> Any:
+    islands = [h for h in polygon.interiors if geos.Polygon(h).area > smallest]
     return geos.Polygon(polygon.exterior, islands)
 
 

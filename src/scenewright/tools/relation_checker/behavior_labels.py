@@ -60,7 +60,7 @@ def _check_waypoints(
     points = np.array(agent.waypoints, dtype=np.float64)
     steps = np.hypot(*np.diff(points, axis=0).T)
     usual = float(np.median(steps))
-    if not np.all(np.abs(steps - usual) <= UNEVEN * usual + 0.1):
+    if not _is_even(steps) and not _is_even(_measure_along(track.xy, points, steps)):
         yield f"its waypoints are {steps.min():.1f} to {steps.max():.1f} m apart, not evenly spaced"
     off = _find_farthest(track.xy, points)
     if off > usual / 2 + ASIDE:
@@ -69,6 +69,22 @@ def _check_waypoints(
         yield "its last waypoint is not its goal"
     if intersection_map is not None and agent.movement == "crossing":
         yield from _check_crosswalk(agent, track, points, intersection_map)
+
+
+def _is_even(steps: FloatArray) -> bool:
+    usual = float(np.median(steps))
+    return bool(np.all(np.abs(steps - usual) <= UNEVEN * usual + 0.1))
+
+
+def _measure_along(xy: FloatArray, points: FloatArray, steps: FloatArray) -> FloatArray:
+    """[K - 1] how far apart points lie along a track that bends, as in a roundabout [m].
+
+    Beyond the ends of the track the straight distances stay.
+    """
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+    apart = np.hypot(*(points[:, None] - xy[None]).transpose(2, 0, 1))
+    along = s[apart.argmin(axis=1)]
+    return np.asarray(np.maximum(np.diff(along), steps), dtype=np.float64)
 
 
 def _find_farthest(xy: FloatArray, points: FloatArray) -> float:
