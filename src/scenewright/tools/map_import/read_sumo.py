@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.geometry.geographic import LatLon, is_in_degrees, project_to_degrees
+from scenewright.geometry.geographic import LatLon, is_in_degrees, unproject_ellipsoid
 from scenewright.geometry.polyline import find_point, measure_length
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat
@@ -284,7 +284,7 @@ def _survey_junction(net: Any, node: Any, origin: LatLon | None, side: DrivingSi
         phases=_read_phases(net, {light for light in lights if light is not None}),
         side=side,
         is_signalised=str(node.getType()).startswith("traffic_light"),
-        origin=None if origin is None else project_to_degrees(origin, middle),
+        origin=None if origin is None else unproject_ellipsoid(origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         file_origin=origin,
         notes=[
