@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.arrays import read_arrays
+from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner
 from scenewright.errors import InputError
 from scenewright.intersections import (
     REFINER_WEIGHTS,
@@ -57,6 +58,7 @@ def import_file(
     licence: str | None,
     force: bool,
     tell: Tell,
+    streets: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Imports a map and writes its bundle; what was made, for printing.
 
@@ -76,6 +78,7 @@ def import_file(
         extent=extent,
         title=title,
         signals=signals,
+        streets=streets,
     )
     tell("deriving", "priors from the map, nothing was seen there yet")
     place, lines = made.intersection_map, made.route_lines
@@ -193,7 +196,7 @@ def _trained(
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
     shipped = bundled_refiner(SHIPPED)
-    recipe = RECIPE.model_copy(update={**_GOES_ON, "seed": seed})
+    recipe = RECIPE.model_copy(update={**GOES_ON, "seed": seed})
     tell("training", f"a refiner on {len(recordings)} recordings")
     with tempfile.TemporaryDirectory() as scratch:
         about = train_bundle(
@@ -205,10 +208,6 @@ def _trained(
         )  # fmt: skip
         files = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
     return files, dict(about["figures"])
-
-
-_GOES_ON = {"epochs": 6, "rate": 3e-4}
-"""How a network that has been trained elsewhere goes on here: briefly, in small steps."""
 
 
 def fit_own(
@@ -225,6 +224,7 @@ def fit_own(
     scale: float | None = None,
     pool: Sequence[str] = (),
     pool_scale: float | None = None,
+    train: bool = False,
     lights: str | None = None,
     light_legs: str | None = None,
 ) -> dict[str, Any]:
@@ -235,6 +235,7 @@ def fit_own(
         scale: metres per pixel of tracks in pixels.
         pool: files or folders of vehicles' tracks at a place without a map, for the pool; and
             pool_scale theirs.
+        train: whether the refiner is adapted to the tracks, too; kept only if it is no worse.
 
     Raises:
         InputError: no such imported intersection, or tracks or options that cannot be used.
@@ -263,6 +264,7 @@ def fit_own(
         hourly=None if counts is None else read_hourly_counts(counts),
         elsewhere=elsewhere,
     )
+    adapted, note = adapt_refiner(name, files, tell) if train else ({}, None)
     folder = _rewritten(
         bundle,
         fitted.priors,
@@ -271,7 +273,7 @@ def fit_own(
          "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
          "pool": ", ".join(told) or None,
          "lights": None if lights is None else Path(lights).name},
-        {"seen.npz": seen_bytes(fitted.positions)},
+        {"seen.npz": seen_bytes(fitted.positions), **adapted},
     )  # fmt: skip
     return {
         "name": name,
@@ -281,7 +283,7 @@ def fit_own(
         "matched": fitted.matched,
         "off": fitted.off_route,
         "open": fitted.open_route,
-        "notes": [*lit, *told, *fitted.notes],
+        "notes": [*lit, *told, *fitted.notes, *([] if note is None else [note])],
         "heldout": [
             {
                 "share": row.share,
