@@ -23,6 +23,8 @@ ASIDE = 2.0
 """How far a track may lie beside the way through the waypoints [m]."""
 UNEVEN = 0.35
 """By which share two neighbouring waypoints may be nearer or further apart than usual."""
+UNEVEN_ROUND = 0.55
+"""The same where a U-turn bends the way between two of them: they are even along that."""
 GOAL = 2.0
 """How far the last waypoint may lie from the goal [m]."""
 LATE = 1.5
@@ -60,7 +62,9 @@ def _check_waypoints(
     points = np.array(agent.waypoints, dtype=np.float64)
     steps = np.hypot(*np.diff(points, axis=0).T)
     usual = float(np.median(steps))
-    if not _is_even(steps) and not _is_even(_measure_along(track.xy, points, steps)):
+    least = UNEVEN_ROUND if agent.movement == "uturn" else UNEVEN
+    along = _measure_along(track.xy, points, steps)
+    if not _is_even(steps, least) and not _is_even(along, least):
         yield f"its waypoints are {steps.min():.1f} to {steps.max():.1f} m apart, not evenly spaced"
     off = _find_farthest(track.xy, points)
     if off > usual / 2 + ASIDE:
@@ -71,9 +75,10 @@ def _check_waypoints(
         yield from _check_crosswalk(agent, track, points, intersection_map)
 
 
-def _is_even(steps: FloatArray) -> bool:
+def _is_even(steps: FloatArray, least: float) -> bool:
     usual = float(np.median(steps))
-    return bool(np.all(np.abs(steps - usual) <= UNEVEN * usual + 0.1))
+    longest, shortest = (1 + UNEVEN) * usual + 0.1, (1 - least) * usual - 0.1
+    return bool(steps.max() <= longest and steps.min() >= shortest)
 
 
 def _measure_along(xy: FloatArray, points: FloatArray, steps: FloatArray) -> FloatArray:
