@@ -31,6 +31,10 @@ Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane"]
 PedestrianMotion = Literal["runs", "darts_out", "stops_midway"]
 """How a pedestrian crosses: it runs, runs onto the road at once, or stands still on the way."""
 
+AskedReaction = Literal["none", "brakes", "brakes_hard", "swerves"]
+"""How a threatened agent is to react: not at all; it brakes; it does so above 5 m/s^2; it steers
+aside within its lane."""
+
 Density = Literal["low", "medium", "high"]
 Subtype = Literal["car", "truck", "bus", "motorcycle"]
 TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
@@ -56,6 +60,7 @@ class AgentNode(Model):
     crosswalk: Compass | None = Field(default=None, description="leg that a pedestrian crosses")
     runs_red: bool = Field(default=False, description="the text says it ignores a red light")
     motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
+    reaction: AskedReaction | None = Field(default=None, exclude_if=is_left_out)
     members: int | None = Field(
         default=None, ge=2, le=8, exclude_if=is_left_out, description="of a group that walks as one"
     )

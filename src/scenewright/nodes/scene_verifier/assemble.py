@@ -26,7 +26,13 @@ from scenewright.scene.record import (
 )
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
-from scenewright.scene.social import DEFAULT_LEAD, PedestrianMotion, RelationEdge, SocialGraph
+from scenewright.scene.social import (
+    DEFAULT_LEAD,
+    AskedReaction,
+    PedestrianMotion,
+    RelationEdge,
+    SocialGraph,
+)
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 
@@ -52,6 +58,7 @@ def assemble(
     numbers = {name: number for number, name in enumerate(names, start=1)}
     numbers = numbers if pins is None else pins.numbers(names)
     motions = {agent.id: agent.motion for agent in graph.agents}
+    reactions = {agent.id: agent.reaction for agent in graph.agents}
     agents = tuple(
         _agent(
             numbers[name],
@@ -59,6 +66,7 @@ def assemble(
             tracks[name],
             behavior,
             motion=motions.get(selection.agents[name].group or name),
+            reaction=reactions.get(name),
             group=numbers.get(selection.agents[name].group or ""),
         )
         for name in numbers
@@ -117,6 +125,7 @@ def _meta(
         time_of_day=f"{minutes // 60:02d}:{minutes % 60:02d}",
         density=graph.context.density,
         seed=seed,
+        rules=2,
     )
 
 
@@ -133,6 +142,7 @@ def _agent(
     behavior: BehaviorProgram,
     *,
     motion: PedestrianMotion | None,
+    reaction: AskedReaction | None,
     group: int | None,
 ) -> AgentRecord:
     candidate, route = agent.candidate, agent.candidate.route
@@ -162,6 +172,7 @@ def _agent(
         waypoints=_points(candidate.waypoints),
         violates_signal=agent.violates,
         motion=motion,
+        reaction=reaction,
         group=group,
     )
 

@@ -1,0 +1,133 @@
+"""Collisions in which both react, too late or too weakly (SEMANTICS 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from scenewright.scene.constraints import Contact
+from scenewright.scene.reaction_behavior import REACTION_TIME, Reaction
+from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.impact import FirstContact, find_first_contact
+from scenewright.tools.solver.reactions import find_threat, run_on, sees, slow_down
+from scenewright.tools.solver.schedule import get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+
+_SHARES = (1.0, 0.75, 0.55, 0.4)
+"""Of the braking drawn: that it is too weak may be why the two collide."""
+
+_WEAKEST = {"vehicle": 1.3, "cyclist": 1.2, "scooter": 1.2, "pedestrian": 1.0}
+"""Braking below this [m/s^2] is hardly a reaction."""
+
+_SHIFT = 2.5
+"""How much later than without reactions the contact may come [s]."""
+
+_LEFT, _STANDS = 0.5, 0.1
+"""Speed that a vehicle, and a pedestrian, brakes down to if it is not hit before [m/s]."""
+
+_BRAKINGS = (1.0, 7.6)
+"""Braking by which a speed at contact may be reached [m/s^2]."""
+
+Reacted = tuple[ScheduledAgent, ScheduledAgent, FirstContact]
+
+
+def react_in_vain(
+    clause: Contact,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    found: FirstContact,
+    wanted: Callable[[ScheduledAgent, FirstContact], bool],
+) -> Reacted | None:
+    """The two as they react, and their contact then; None if no reactions leave it as asked for.
+
+    Args:
+        found: their contact if they did not react.
+        wanted: whether a contact is the one asked for.
+    """
+    threats = _find_threats(clause, context, pair, found)
+    if not any(threats):
+        return *pair, found
+    for after in _draw_reactions(clause, context, pair, threats):
+        contact = find_first_contact(*after, left_hand=context.left_hand)
+        if contact is None or contact.time - found.time > _SHIFT:
+            continue
+        if wanted(after[0], contact):
+            return *after, contact
+    return None
+
+
+def draw_braking_to(
+    clause: Contact,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    found: FirstContact,
+    speed: float,
+) -> float | None:
+    """Braking [m/s^2] from a reaction on that leaves this speed at the contact; None if none does.
+
+    Args:
+        speed: at the contact [m/s].
+    """
+    begin = _find_threats(clause, context, pair, found)[0]
+    if begin is None:
+        return None
+    a = pair[0]
+    local = np.array([begin + REACTION_TIME.sample(context.rng), found.time]) - a.enters
+    here, there = a.motion.compute_positions(local).tolist()
+    before = float(np.interp(local[0], 0.1 * np.arange(len(a.motion.s)), a.motion.speed))
+    braking = (before**2 - speed**2) / (2.0 * max(there - here, 1e-3))
+    return braking if _BRAKINGS[0] <= braking <= _BRAKINGS[1] else None
+
+
+def _find_threats(
+    clause: Contact,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    found: FirstContact,
+) -> tuple[float | None, float | None]:
+    """From when on either perceives the other [s]; None if it does not, or must not react."""
+    names = get_pair(clause)
+    lead = context.reactions.hidden.get(frozenset(names))
+    threat = find_threat(context.find_path_conflict(clause), *pair, until=found.time, lead=lead)
+
+    def begin(k: int) -> float | None:
+        if threat is None or not context.reactions.may_react(names[k]) or pair[k].slowings:
+            return None
+        return threat[0] if sees(pair[k], pair[1 - k], threat[0]) else None
+
+    return begin(0), begin(1)
+
+
+def _draw_reactions(
+    clause: Contact,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    threats: tuple[float | None, float | None],
+) -> Iterator[tuple[ScheduledAgent, ScheduledAgent]]:
+    """The two with reactions of one reaction time each, the strongest first."""
+    names = get_pair(clause)
+    drawn = [context.reactions.draw(names[k], pair[k], context.rng) for k in (0, 1)]
+    for share in _SHARES:
+        for other_share in _SHARES:
+            shares = (share, other_share)
+            yield (
+                _react(pair[0], drawn[0], threats[0], shares[0]),
+                _react(pair[1], drawn[1], threats[1], shares[1]),
+            )
+
+
+def _react(of: ScheduledAgent, how: Reaction, begin: float | None, share: float) -> ScheduledAgent:
+    """The agent with its reaction, or as it is where it perceives nothing."""
+    if begin is None:
+        return of
+    kind, onset = of.candidate.shape.type, begin + how.after
+    strength = max(share * how.strength, _WEAKEST[kind])
+    if how.kind == "runs":
+        end = of.candidate.path.length
+        runner = run_on(of, onset=onset, acceleration=strength, until=end)
+        if runner is not None:
+            return runner
+    least = _STANDS if kind == "pedestrian" else _LEFT
+    kept = of.candidate.path.length
+    return slow_down(of, onset=onset, braking=strength, speed=least, kept=kept) or of
