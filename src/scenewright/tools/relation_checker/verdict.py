@@ -106,6 +106,7 @@ def check(
     observed = observe(
         users, intersection_map=intersection_map, signals=scene.signals, asked=bound,
         detailed=frozenset(n for pair in bound for n in pair), until=scene.meta.duration,
+        timely=scene.meta.rules is not None,
     )  # fmt: skip
     asked_for = (
         scene.relations
@@ -490,15 +491,23 @@ def _list_red_runs(observed: SceneObservation) -> list[dict[str, Any]]:
     ]
 
 
+def _list_unasked_red_runs(scene: SceneRecord, observed: SceneObservation) -> list[dict[str, Any]]:
+    """Red lights run by who is licensed to, although no word of the request asks for it."""
+    asked = any(each.became == "runs_red" for each in scene.said)
+    asked |= any(relation.cause == "red_light_run" for relation in scene.relations)
+    return [] if asked or scene.meta.rules is None else _list_red_runs(observed)
+
+
 def _collect_figures(
     scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
 ) -> dict[str, Any]:
     pairs = [(r.from_, r.to) for r in scene.relations]
     pet = {f"{a}-{b}": observed.pet((a, b)) for a, b in pairs}
+    unasked = _list_unasked_red_runs(scene, observed)
     return {
         "agents": len(scene.agents),
         "map_checked": intersection_map is not None,
         "pet": {k: round(v, 3) for k, v in pet.items() if v is not None},
         "red_light_runs": _list_red_runs(observed),
         "extremes": find_extremes(observed.tracks),
-    }
+    } | ({"unasked_red_light_runs": unasked} if unasked else {})

@@ -1,4 +1,4 @@
-"""Threatened agents that react: when a conflict is perceptible, and what they do then (SEMANTICS 8).
+"""Threatened agents that react: from when a conflict is perceptible, and how (SEMANTICS 8).
 
 A reaction is an edit of the agent's motion from a moment on: a vehicle or rider brakes, a
 pedestrian slows down or runs. So it is solved for like a standstill: what comes of it decides.
@@ -92,10 +92,10 @@ def find_threat(
         seen &= near.times >= until - sum(lead) / 2
     holds = np.flatnonzero(seen & (near.ttc < PERCEPTIBLE_TTC))
     need = round(_LASTS / STEP)
-    lasting = [k for n, k in enumerate(holds[: len(holds) - need]) if holds[n + need] == k + need]
-    if not lasting:
+    lasting = np.flatnonzero(holds[need:] == holds[: max(len(holds) - need, 0)] + need)
+    if not len(lasting):
         return None
-    return float(near.times[lasting[0]]), float(near.times[holds[-1]]) + STEP
+    return float(near.times[holds[lasting[0]]]), float(near.times[holds[-1]]) + STEP
 
 
 def sees(of: ScheduledAgent, other: ScheduledAgent, time: float) -> bool:
