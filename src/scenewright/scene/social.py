@@ -31,9 +31,8 @@ Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane"]
 PedestrianMotion = Literal["runs", "darts_out", "stops_midway"]
 """How a pedestrian crosses: it runs, runs onto the road at once, or stands still on the way."""
 
-AskedReaction = Literal["none", "brakes", "brakes_hard", "swerves"]
-"""How a threatened agent is to react: not at all; it brakes; it does so above 5 m/s^2; it steers
-aside within its lane."""
+AskedReaction = Literal["none"]
+"""How a threatened agent is to react: not at all. Braking hard is a cause of its relation."""
 
 Density = Literal["low", "medium", "high"]
 Subtype = Literal["car", "truck", "bus", "motorcycle"]

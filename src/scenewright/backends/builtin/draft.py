@@ -9,7 +9,7 @@ from scenewright.scene.base import RIDERS, AgentClass
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
-from scenewright.scene.social import ImpactPoint, Manoeuvre, PedestrianMotion
+from scenewright.scene.social import AskedReaction, ImpactPoint, Manoeuvre, PedestrianMotion
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 
@@ -73,6 +73,7 @@ class AgentDraft:
         generic: introduced by a bare plural.
         words: plain words it was described with, such as colours.
         motion: how a pedestrian crosses, where the text says so; members: of a group on foot.
+        reaction: how it reacts to a threat, where the text says so.
         role: leader or follower, where the text calls it so.
         marked: its crosswalk was called a crosswalk, not just a leg.
     """
@@ -92,6 +93,7 @@ class AgentDraft:
     announced: bool = False
     words: frozenset[str] = frozenset()
     motion: PedestrianMotion | None = None
+    reaction: AskedReaction | None = None
     members: int | None = None
     role: str | None = None
     marked: bool = False

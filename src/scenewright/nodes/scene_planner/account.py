@@ -87,8 +87,9 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
         case "entry" | "exit" | "movement" | "crosswalk":
             told = [each for each in agents if getattr(each, entry.became) is not None]
             found = [((each.id,), getattr(each, entry.became)) for each in told]
-        case "motion":
-            found = [((each.id,), each.motion) for each in agents if each.motion]
+        case "motion" | "reaction":
+            told = [each for each in agents if getattr(each, entry.became)]
+            found = [((each.id,), getattr(each, entry.became)) for each in told]
         case "runs_red":
             found = [((each.id,), None) for each in agents if each.runs_red]
         case "relation":

@@ -17,6 +17,7 @@ from scenewright.scene.social import (
     MOST_BACKGROUND,
     MOST_OBJECTS,
     AgentNode,
+    AskedReaction,
     Cause,
     CollisionKind,
     Density,
@@ -60,6 +61,11 @@ _IN_ORDER = re.compile(
 _ON_FOOT = re.compile(
     r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|"
     r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
+    re.IGNORECASE,
+)
+_UNREACTING = re.compile(
+    r"\breact|\brespond|\bnotic|\bwithout (?:brak|slow)|\bnot (?:brak|slow)|n['’]t (?:brak|slow)|"
+    r"distract|inattent|asleep|attention|\bphone\b|texting",
     re.IGNORECASE,
 )
 _IN_GROUPS = re.compile(
@@ -271,6 +277,7 @@ def order_asked(words: str, who: Schema) -> Schema:
 def motions_asked(words: str) -> Schema:
     """How a pedestrian crosses, and how many do as one, where the words may speak of it."""
     motion = {"motion": one_of(get_args(PedestrianMotion))} if _ON_FOOT.search(words) else {}
+    motion |= {"reaction": one_of(get_args(AskedReaction))} if _UNREACTING.search(words) else {}
     return motion | ({"members": whole(2, 8)} if _IN_GROUPS.search(words) else {})
 
 

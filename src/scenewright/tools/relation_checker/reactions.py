@@ -40,8 +40,6 @@ STANDING = 0.3
 """Who is this slow already has nothing to brake [m/s]."""
 HARSH = 3.4
 """A yield with more braking is one of necessity [m/s^2]."""
-HARD = 5.0
-"""Braking that is hard [m/s^2]."""
 
 
 @dataclass(frozen=True)
@@ -278,14 +276,5 @@ def describe_reaction(asked: str, rows: Sequence[Mapping[str, Any]]) -> str | No
     """What bears out the way of reacting that was asked for, in words; None if nothing does."""
     if not rows:
         return None
-    reacted = [row for row in rows if "reacted_at" in row]
-    if asked == "none":
-        return None if reacted else f"agent {rows[0]['agent']} does not react"
-    for row in reacted:
-        hard = row["how"] == "brakes" and row["strength"] >= HARD
-        if row["how"] == asked or (asked == "brakes_hard" and hard):
-            return (
-                f"agent {row['agent']} {row['how']} at {row['reacted_at']:.1f} s "
-                f"({row['strength']:.1f} m/s^2)"
-            )
-    return None
+    reacted = any("reacted_at" in row for row in rows)
+    return None if reacted or asked != "none" else f"agent {rows[0]['agent']} does not react"

@@ -57,7 +57,7 @@ class SolverContext:
         reactions: ReactionRequests | None = None,
     ) -> None:
         self.figures = figures
-        self.reactions = reactions or ReactionRequests({}, {})
+        self.reactions = reactions or ReactionRequests(frozenset(), {})
         self.red_light_starts = red_light_starts or {}
         self.yielding_model: YieldingModel = {} if yielding_model is None else yielding_model
         self.busy: frozenset[str] = frozenset()

@@ -48,7 +48,7 @@ def react_in_vain(
     threats = _find_threats(clause, context, pair, found)
     if not any(threats):
         return *pair, found
-    for after in _draw_reactions(clause, context, pair, threats):
+    for after in _draw_reactions(context, pair, threats):
         contact = find_first_contact(*after, left_hand=context.left_hand)
         if contact is None or contact.time - found.time > _SHIFT:
             continue
@@ -100,14 +100,12 @@ def _find_threats(
 
 
 def _draw_reactions(
-    clause: Contact,
     context: SolverContext,
     pair: tuple[ScheduledAgent, ScheduledAgent],
     threats: tuple[float | None, float | None],
 ) -> Iterator[tuple[ScheduledAgent, ScheduledAgent]]:
     """The two with reactions of one reaction time each, the strongest first."""
-    names = get_pair(clause)
-    drawn = [context.reactions.draw(names[k], pair[k], context.rng) for k in (0, 1)]
+    drawn = [context.reactions.draw(each, context.rng) for each in pair]
     for share in _SHARES:
         for other_share in _SHARES:
             shares = (share, other_share)

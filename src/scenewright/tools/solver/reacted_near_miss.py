@@ -99,7 +99,7 @@ def schedule_reacted_time_gaps(
         return
     offered = 0
     for _ in range(_TRIES):
-        attempt = _draw(willing, names, pair, context)
+        attempt = _draw(willing, pair, context)
         if names[attempt.by] in schedule.actors:
             continue  # it is bound already by what it does to others
         staged = _stage(clause, schedule, context, pair, meetings, attempt)
@@ -112,12 +112,11 @@ def schedule_reacted_time_gaps(
 
 def _draw(
     willing: list[int],
-    names: tuple[str, str],
     pair: tuple[ScheduledAgent, ScheduledAgent],
     context: SolverContext,
 ) -> _Attempt:
     by = willing[int(context.rng.integers(len(willing)))]
-    how = context.reactions.draw(names[by], pair[by], context.rng)
+    how = context.reactions.draw(pair[by], context.rng)
     keeps = _KEEPS if context.rng.random() < 0.5 else _KEEPS_LITTLE
     return _Attempt(by, how, float(context.rng.uniform(*keeps)))
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from scenewright.scene.reaction_behavior import PERCEPTIBLE_TTC, Reaction, sample_reaction
 from scenewright.scene.selection import Slowing
-from scenewright.scene.social import AskedReaction
 from scenewright.scene.track import STEP
 from scenewright.tools.solver.path_conflict import PathConflict
 from scenewright.tools.solver.path_ttc import compute_path_ttc
@@ -40,37 +39,33 @@ _BEHIND = np.deg2rad(105.0)
 _RUNS, _WALKS_ON = 2.8, 40.0
 """How fast a pedestrian runs out of the way [m/s], and how far it walks before and after [m]."""
 
-_HARD = (5.6, 7.4)
-"""Braking that is meant where it is to be hard [m/s^2]."""
-
 
 @dataclass(frozen=True)
 class ReactionRequests:
     """What is asked for of reactions, and who is hidden until when.
 
     Attributes:
-        asked: how an agent is to react, by agent.
+        excluded: agents that do not react, as the text says.
         hidden: of pairs of which one is hidden: least and most time from the first line of sight
             to the event [s].
     """
 
-    asked: Mapping[str, AskedReaction]
+    excluded: frozenset[str]
     hidden: Mapping[frozenset[str], tuple[float, float]]
 
     def may_react(self, name: str) -> bool:
-        """Whether the text does not say that the agent does not react."""
-        return self.asked.get(name) != "none"
+        """Whether the text leaves the agent to react."""
+        return name not in self.excluded
 
-    def draw(self, name: str, of: ScheduledAgent, rng: np.random.Generator) -> Reaction:
-        """A reaction of the agent, as asked for."""
-        asked = self.asked.get(name)
+    @staticmethod
+    def draw(of: ScheduledAgent, rng: np.random.Generator) -> Reaction:
+        """A reaction of the agent; of those that a motion along its path can show."""
         drawn = sample_reaction(of.candidate.shape.type, rng)
         if of.candidate.shape.type != "pedestrian":
             drawn = replace(drawn, kind="brakes")
         elif drawn.kind == "steps_back":
             drawn = replace(drawn, kind="stops")
-        hard = asked == "brakes_hard" and of.candidate.shape.type == "vehicle"
-        return replace(drawn, strength=float(rng.uniform(*_HARD))) if hard else drawn
+        return drawn
 
 
 def find_threat(

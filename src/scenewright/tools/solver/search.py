@@ -30,6 +30,7 @@ from scenewright.scene.constraints import (
     GivesWay,
     Headway,
     Near,
+    NoReaction,
     PairClause,
     PairFigure,
     PassesBeside,
@@ -187,7 +188,7 @@ class Search:
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed)]
         self._bound = list(dict.fromkeys((*bound, *runners)))
         self._reactions = ReactionRequests(
-            {},
+            frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
             {
                 frozenset((str(each.hides), str(each.hidden_from))): each.lead or DEFAULT_LEAD
                 for each in objects
