@@ -137,12 +137,23 @@ def _measure(agent: Trajectory, other: Trajectory, event: Event, sight: _Sight) 
         hidden = _find_first_lasting(near) is not None
         return {"why_not": "no line of sight" if hidden else "too late"}
     known = {"perceptible_from": round(float(times[begin]), 3)}
+    if event.type == "yielding":
+        return known | _describe_giving_way(event)
     ends = _find_last(near & seen & ahead, begin)
     lasts = float(times[min(ends + 1, len(times) - 1)] - times[begin])
     found = _find_reaction(agent, float(times[begin]), event)
     if found is not None:
         return known | found
     return known | {"why_not": _say_why_not(agent, float(times[begin]), lasts, event)}
+
+
+def _describe_giving_way(event: Event) -> dict[str, Any]:
+    """Who gives way reacts by that, and may have begun before it was urgent."""
+    return {
+        "reacted_at": event.evidence["begins_to_slow"],
+        "how": "gives_way",
+        "strength": event.evidence["braking"],
+    }
 
 
 def _say_why_not(agent: Trajectory, begin: float, lasts: float, event: Event) -> str:

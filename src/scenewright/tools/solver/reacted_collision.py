@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from scenewright.scene.constraints import Contact
-from scenewright.scene.reaction_behavior import REACTION_TIME, Reaction
+from scenewright.scene.reaction_behavior import REACTION_TIME, Reaction, ReactionKind
+from scenewright.scene.track import STEP
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.reactions import find_threat, run_on, sees, slow_down
 from scenewright.tools.solver.schedule import get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
-_SHARES = (1.0, 0.75, 0.55, 0.4)
+_DRAWS = 5
+"""Reaction times that are drawn for a braking down to a speed."""
+
+_SHARES = (1.0, 0.7, 0.45)
 """Of the braking drawn: that it is too weak may be why the two collide."""
 
 _WEAKEST = {"vehicle": 1.3, "cyclist": 1.2, "scooter": 1.2, "pedestrian": 1.0}
@@ -73,11 +79,14 @@ def draw_braking_to(
     if begin is None:
         return None
     a = pair[0]
-    local = np.array([begin + REACTION_TIME.sample(context.rng), found.time]) - a.enters
-    here, there = a.motion.compute_positions(local).tolist()
-    before = float(np.interp(local[0], 0.1 * np.arange(len(a.motion.s)), a.motion.speed))
-    braking = (before**2 - speed**2) / (2.0 * max(there - here, 1e-3))
-    return braking if _BRAKINGS[0] <= braking <= _BRAKINGS[1] else None
+    for _ in range(_DRAWS):
+        local = np.array([begin + REACTION_TIME.sample(context.rng), found.time]) - a.enters
+        here, there = a.motion.compute_positions(local).tolist()
+        before = float(np.interp(local[0], STEP * np.arange(len(a.motion.s)), a.motion.speed))
+        braking = (before**2 - speed**2) / (2.0 * max(there - here, 1e-3))
+        if there > here and _BRAKINGS[0] <= braking <= _BRAKINGS[1]:
+            return braking
+    return None
 
 
 def _find_threats(
@@ -105,20 +114,28 @@ def _draw_reactions(
     threats: tuple[float | None, float | None],
 ) -> Iterator[tuple[ScheduledAgent, ScheduledAgent]]:
     """The two with reactions of one reaction time each, the strongest first."""
-    drawn = [context.reactions.draw(each, context.rng) for each in pair]
-    for share in _SHARES:
-        for other_share in _SHARES:
-            shares = (share, other_share)
-            yield (
-                _react(pair[0], drawn[0], threats[0], shares[0]),
-                _react(pair[1], drawn[1], threats[1], shares[1]),
-            )
+    first, second = (_list_ways(pair[k], threats[k], context) for k in (0, 1))
+    for one, two in sorted(product(range(len(first)), range(len(second))), key=sum):
+        yield first[one], second[two]
 
 
-def _react(of: ScheduledAgent, how: Reaction, begin: float | None, share: float) -> ScheduledAgent:
-    """The agent with its reaction, or as it is where it perceives nothing."""
+def _list_ways(
+    of: ScheduledAgent, begin: float | None, context: SolverContext
+) -> list[ScheduledAgent]:
+    """The agent reacting as drawn, then more weakly, then, on foot, in the other way."""
     if begin is None:
-        return of
+        return [of]
+    drawn = context.reactions.draw(of, context.rng)
+    kinds: list[ReactionKind] = [drawn.kind]
+    if of.candidate.shape.type == "pedestrian":
+        kinds.append("stops" if drawn.kind == "runs" else "runs")
+    return [
+        _react(of, replace(drawn, kind=kind), begin, share) for kind in kinds for share in _SHARES
+    ]
+
+
+def _react(of: ScheduledAgent, how: Reaction, begin: float, share: float) -> ScheduledAgent:
+    """The agent with its reaction, or as it is where that changes nothing."""
     kind, onset = of.candidate.shape.type, begin + how.after
     strength = max(share * how.strength, _WEAKEST[kind])
     if how.kind == "runs":

@@ -40,7 +40,7 @@ _HARSH, _NARROW = 5.3, 0.44
 _LEAST_CLEARANCE = 0.05
 """Between two that pass without touching [m]."""
 
-_IN_TIME = 1.8
+_IN_TIME = 1.7
 """Within what time [s] a reaction must have ended the threat, or the other had to react, too."""
 
 _CLOSEST = 0.3
