@@ -228,6 +228,13 @@ class RunsRed(Model):
     agent: AgentId
 
 
+class RunsYellow(Model):
+    """The vehicle or rider enters the junction while its light is yellow."""
+
+    clause: Literal["runs_yellow"] = "runs_yellow"
+    agent: AgentId
+
+
 class Pauses(Model):
     """The pedestrian stands still for a while on its way over the road."""
 
@@ -261,6 +268,7 @@ UnaryClause = (
     | PassesThrough
     | SpeedBetween
     | RunsRed
+    | RunsYellow
     | AgentFigure
     | Pauses
     | NoReaction

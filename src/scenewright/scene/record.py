@@ -26,6 +26,7 @@ from scenewright.scene.social import (
     ImpactPoint,
     Manoeuvre,
     PedestrianMotion,
+    VehicleMotion,
 )
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
@@ -93,8 +94,8 @@ class AgentRecord(Model):
     segments: tuple[SegmentRecord, ...] = ()
     waypoints: tuple[Point, ...] = ()
     violates_signal: bool = False
-    motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
     reaction: AskedReaction | None = Field(default=None, exclude_if=is_left_out)
+    motion: PedestrianMotion | VehicleMotion | None = Field(default=None, exclude_if=is_left_out)
     group: int | None = Field(default=None, exclude_if=is_left_out)
 
 

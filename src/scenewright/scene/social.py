@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
@@ -33,9 +33,14 @@ PedestrianMotion = Literal["runs", "darts_out", "stops_midway"]
 
 AskedReaction = Literal["none"]
 """How a threatened agent is to react: not at all. Braking hard is a cause of its relation."""
+VehicleMotion = Literal["passes_yellow"]
+"""How a vehicle drives: over its stop line while the light is yellow."""
 
 Density = Literal["low", "medium", "high"]
-Subtype = Literal["car", "truck", "bus", "motorcycle"]
+Subtype = Literal[
+    "car", "van", "taxi", "truck", "bus", "motorcycle",
+    "emergency", "ambulance", "fire_engine", "police_car",
+]  # fmt: skip
 TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
 
 
@@ -58,8 +63,8 @@ class AgentNode(Model):
     movement: Movement | None = None
     crosswalk: Compass | None = Field(default=None, description="leg that a pedestrian crosses")
     runs_red: bool = Field(default=False, description="the text says it ignores a red light")
-    motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
     reaction: AskedReaction | None = Field(default=None, exclude_if=is_left_out)
+    motion: PedestrianMotion | VehicleMotion | None = Field(default=None, exclude_if=is_left_out)
     members: int | None = Field(
         default=None, ge=2, le=8, exclude_if=is_left_out, description="of a group that walks as one"
     )
@@ -68,8 +73,10 @@ class AgentNode(Model):
     def _named_by_class(self) -> Self:
         if not self.id.startswith(self.type):
             raise ValueError(f"{self.id} is of type {self.type}; an id begins with its type")
-        if self.motion is not None and self.type != "pedestrian":
+        if self.motion in get_args(PedestrianMotion) and self.type != "pedestrian":
             raise ValueError(f"{self.id} is no pedestrian; only one of those {self.motion}")
+        if self.motion in get_args(VehicleMotion) and self.type == "pedestrian":
+            raise ValueError(f"{self.id} is no vehicle; only one of those {self.motion}")
         if self.members is not None and self.type != "pedestrian":
             raise ValueError(f"{self.id} is no pedestrian; only those walk in groups")
         return self

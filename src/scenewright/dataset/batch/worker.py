@@ -62,6 +62,7 @@ class Job:
         number: of the row; key: a name for it that is its own: the row's id.
         context: the scene's context as far as the row sets it.
         asked: the event that an order wants; None where nobody said.
+        voice: who worded the text, where that is known.
         asking: how questions are put, which changes no scene.
     """
 
@@ -76,6 +77,7 @@ class Job:
     selection: Literal["draw", "map"]
     context: Mapping[str, Any] = field(default_factory=dict)
     asked: str | None = None
+    voice: str | None = None
     base_url: str | None = None
     lenient: bool = False
     time_limit: float = DEFAULT_LIMIT
@@ -117,6 +119,7 @@ def job_of(named: Named, options: Options, asking: Asking) -> Job:
         refiner=own.refiner or options.refiner,
         selection=own.selection or options.selection,
         context=own.context,
+        voice=row.voice,
         base_url=options.base_url,
         lenient=options.lenient,
         time_limit=options.time_limit,

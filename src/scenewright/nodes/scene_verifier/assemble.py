@@ -32,6 +32,7 @@ from scenewright.scene.social import (
     PedestrianMotion,
     RelationEdge,
     SocialGraph,
+    VehicleMotion,
 )
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
@@ -141,8 +142,8 @@ def _agent(
     track: Track,
     behavior: BehaviorProgram,
     *,
-    motion: PedestrianMotion | None,
     reaction: AskedReaction | None,
+    motion: PedestrianMotion | VehicleMotion | None,
     group: int | None,
 ) -> AgentRecord:
     candidate, route = agent.candidate, agent.candidate.route

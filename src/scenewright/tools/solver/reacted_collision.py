@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 
@@ -35,6 +35,12 @@ _LEFT, _STANDS = 0.5, 0.1
 _BRAKINGS = (1.0, 7.6)
 """Braking by which a speed at contact may be reached [m/s^2]."""
 
+_TOO_LATE = 0.4
+"""A reaction that would begin later than this before the contact [s] is none."""
+
+_SEEN = {"vehicle": 0.7, "cyclist": 0.6, "scooter": 0.6, "pedestrian": 0.3}
+"""By how much a reaction must change the speed at least [m/s]."""
+
 Reacted = tuple[ScheduledAgent, ScheduledAgent, FirstContact]
 
 
@@ -42,23 +48,27 @@ def react_in_vain(
     clause: Contact,
     context: SolverContext,
     pair: tuple[ScheduledAgent, ScheduledAgent],
+    drawn: tuple[Reaction, Reaction],
     found: FirstContact,
-    wanted: Callable[[ScheduledAgent, FirstContact], bool],
+    wanted: Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool],
 ) -> Reacted | None:
     """The two as they react, and their contact then; None if no reactions leave it as asked for.
 
     Args:
+        drawn: how each of the two reacts, if it perceives the other.
         found: their contact if they did not react.
         wanted: whether a contact is the one asked for.
     """
     threats = _find_threats(clause, context, pair, found)
     if not any(threats):
         return *pair, found
-    for after in _draw_reactions(context, pair, threats):
+    ways = [_list_ways(pair[k], threats[k], drawn[k], found.time) for k in (0, 1)]
+    for one, two in sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum):
+        after = (ways[0][one], ways[1][two])
         contact = find_first_contact(*after, left_hand=context.left_hand)
         if contact is None or contact.time - found.time > _SHIFT:
             continue
-        if wanted(after[0], contact):
+        if wanted(*after, contact):
             return *after, contact
     return None
 
@@ -82,10 +92,12 @@ def draw_braking_to(
     for _ in range(_DRAWS):
         local = np.array([begin + REACTION_TIME.sample(context.rng), found.time]) - a.enters
         here, there = a.motion.compute_positions(local).tolist()
-        before = float(np.interp(local[0], STEP * np.arange(len(a.motion.s)), a.motion.speed))
+        before = float(
+            np.interp(float(local[0]), STEP * np.arange(len(a.motion.s)), a.motion.speed)
+        )
         braking = (before**2 - speed**2) / (2.0 * max(there - here, 1e-3))
         if there > here and _BRAKINGS[0] <= braking <= _BRAKINGS[1]:
-            return braking
+            return float(braking)
     return None
 
 
@@ -108,36 +120,38 @@ def _find_threats(
     return begin(0), begin(1)
 
 
-def _draw_reactions(
-    context: SolverContext,
-    pair: tuple[ScheduledAgent, ScheduledAgent],
-    threats: tuple[float | None, float | None],
-) -> Iterator[tuple[ScheduledAgent, ScheduledAgent]]:
-    """The two with reactions of one reaction time each, the strongest first."""
-    first, second = (_list_ways(pair[k], threats[k], context) for k in (0, 1))
-    for one, two in sorted(product(range(len(first)), range(len(second))), key=sum):
-        yield first[one], second[two]
-
-
 def _list_ways(
-    of: ScheduledAgent, begin: float | None, context: SolverContext
+    of: ScheduledAgent, begin: float | None, drawn: Reaction, until: float
 ) -> list[ScheduledAgent]:
-    """The agent reacting as drawn, then more weakly, then, on foot, in the other way."""
-    if begin is None:
+    """The agent reacting as drawn, then more weakly, then, on foot, in the other way.
+
+    Args:
+        begin: when it perceives the other [s], if it does; until: when they touch [s].
+    """
+    if begin is None or begin + drawn.after > until - _TOO_LATE:
         return [of]
-    drawn = context.reactions.draw(of, context.rng)
     kinds: list[ReactionKind] = [drawn.kind]
     if of.candidate.shape.type == "pedestrian":
         kinds.append("stops" if drawn.kind == "runs" else "runs")
-    return [
+    ways = [
         _react(of, replace(drawn, kind=kind), begin, share) for kind in kinds for share in _SHARES
     ]
+    return [each for each in ways if _is_seen(of, each, until)]
+
+
+def _is_seen(before: ScheduledAgent, after: ScheduledAgent, until: float) -> bool:
+    """Whether a reaction changes the speed so that it can be seen by a time [s]."""
+    clock = STEP * np.arange(min(len(before.motion.s), len(after.motion.s)))
+    times = clock[clock <= until - before.enters]
+    n = len(times)
+    most = float(np.abs(after.motion.speed[:n] - before.motion.speed[:n]).max(initial=0.0))
+    return most >= _SEEN[before.candidate.shape.type]
 
 
 def _react(of: ScheduledAgent, how: Reaction, begin: float, share: float) -> ScheduledAgent:
     """The agent with its reaction, or as it is where that changes nothing."""
     kind, onset = of.candidate.shape.type, begin + how.after
-    strength = max(share * how.strength, _WEAKEST[kind])
+    strength = max(share * how.strength, _WEAKEST[kind]) + _find_braking(of, onset)
     if how.kind == "runs":
         end = of.candidate.path.length
         runner = run_on(of, onset=onset, acceleration=strength, until=end)
@@ -146,3 +160,12 @@ def _react(of: ScheduledAgent, how: Reaction, begin: float, share: float) -> Sch
     least = _STANDS if kind == "pedestrian" else _LEFT
     kept = of.candidate.path.length
     return slow_down(of, onset=onset, braking=strength, speed=least, kept=kept) or of
+
+
+def _find_braking(of: ScheduledAgent, time: float) -> float:
+    """How hard it brakes anyway at a time, for a bend or a light [m/s^2]."""
+    if of.candidate.shape.type == "pedestrian":
+        return 0.0
+    change = np.gradient(of.motion.speed, STEP)
+    at = min(max(round((time - of.enters) / STEP), 0), len(change) - 1)
+    return max(float(-change[at]), 0.0)
