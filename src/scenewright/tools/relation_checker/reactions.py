@@ -76,12 +76,15 @@ def find_reactions(
         `reacted_at` [s], `how` and `strength` [m/s^2], or `why_not`.
     """
     tracks = {track.id: track for track in observed.tracks}
+    excluded = {each.id for each in scene.agents if each.reaction == "none"}
     rows = []
     for event in events:
         for agent, other in _list_threatened(event):
             others = [t for t in observed.tracks if t.id not in (agent, other) and _blocks(t)]
             blocked = _Sight(scene, others, left_hand)
             row = _measure(tracks[agent], tracks[other], event, blocked)
+            if agent in excluded and "reacted_at" not in row and "perceptible_from" in row:
+                row["why_not"] = "the text says that it does not"
             rows.append(
                 {"agent": agent, "of": other, "event": event.type, "time": event.time} | row
             )
