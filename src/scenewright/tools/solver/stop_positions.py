@@ -22,9 +22,6 @@ _GAPS = {"vehicle": (0.8, 8.0), "pedestrian": (0.5, 3.9)}
 """Least and greatest distance from the front to the zone that is stood at [m]; who keeps farther
 off stands at the line."""
 
-_PULLS_IN = 4.0
-"""Who turns left on green waits no farther than this from the zone [m], inside the junction."""
-
 _KERB_GAP, _LINE_GAPS = 0.3, (0.8, 1.9)
 """From the kerb, and from the stop line [m], to who waits there."""
 
@@ -106,8 +103,7 @@ def _distances(clause: GivesWay, a: ScheduledAgent, context: SolverContext) -> l
     gaps = [max(sample_quantiles(manners.gap, context.rng), _GAPS[kind][0]) for _ in range(2)]
     # Who turns on green drives on into the intersection before it waits.
     turning = a.candidate.route.movement != "straight" and a.landmarks.group is not None
-    far = _PULLS_IN if a.candidate.route.movement in ("left", "uturn") else _GAPS[kind][1]
-    return [*((min(gap, far) if turning else gap) for gap in gaps), usual]
+    return [*((min(gap, _GAPS[kind][1]) if turning else gap) for gap in gaps), usual]
 
 
 def _off_crosswalks(
