@@ -170,6 +170,7 @@ class ObjectNode(Model):
         hides: the pedestrian that it hides from the vehicle `hidden_from`, up to `lead` before
             what the two do.
         lead: least and most seconds between the first free line of sight and the event.
+        beyond: the object that hides a pedestrian who comes out between it and this one.
     """
 
     id: ObjectId
@@ -180,6 +181,7 @@ class ObjectNode(Model):
     hides: AgentId | None = None
     hidden_from: AgentId | None = None
     lead: tuple[float, float] | None = None
+    beyond: ObjectId | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -255,7 +257,10 @@ class SocialGraph(Model):
         if len(set(names)) != len(names):
             raise ValueError("object ids must be unique")
         bound = {frozenset((edge.from_, edge.to)) for edge in self.relations}
+        hiding = {each.id for each in self.objects if each.hides is not None}
         for each in self.objects:
+            if each.beyond is not None and each.beyond not in hiding - {each.id}:
+                raise ValueError(f"{each.id} is beyond {each.beyond}, which hides nobody")
             pair = frozenset((each.hides, each.hidden_from))
             if each.hides is not None and pair not in bound:
                 raise ValueError(

@@ -430,6 +430,11 @@ def test_how_a_pedestrian_crosses_is_read_from_words_inside_and_outside_of_spans
     assert graph_of(line).agent("pedestrian-1").motion == motion
 
 
+def test_right_on_red_is_a_turn_and_a_red_light() -> None:
+    agent = graph_of("[veh:1 A car] [right:1 turns right on red]").agent("vehicle-1")
+    assert (agent.movement, agent.runs_red) == ("right", True)
+
+
 @pytest.mark.parametrize(
     ("line", "motion"),
     [

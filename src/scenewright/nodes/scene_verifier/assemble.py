@@ -99,6 +99,7 @@ def _list_sights(graph: SocialGraph, numbers: dict[str, int]) -> tuple[SightReco
             subject=numbers[each.hides],
             object=each.id,
             lead=each.lead or DEFAULT_LEAD,
+            between=next((o.id for o in graph.objects if o.beyond == each.id), None),
         )
         for each in graph.objects
         if each.hides is not None and each.hidden_from is not None

@@ -84,6 +84,11 @@ _MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion | VehicleMotion], ...] =
     (_RUNS, "runs"),
     (_YELLOW, "passes_yellow"),
 )
+_RIGHT_ON_RED = re.compile(
+    r"\b(?:right(?:[- ]turn\w*)?|turn(?:s|ing)?) (?P<red>(?:on|against|through) (?:a |the )?red"
+    r"(?: (?:light|signal))?)\b",
+    re.IGNORECASE,
+)
 _MARKED = re.compile(r"crosswalk|zebra", re.IGNORECASE)
 _ROADWAY = re.compile(r"road|street|lane|block", re.IGNORECASE)
 _PASSIVE_REAR = re.compile(
@@ -112,7 +117,20 @@ def sharpen_manoeuvres(reading: Reading) -> Reading:
             spans[n] = replace(span, tag="manner", confidence=_KNOWN)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
+    _read_right_on_red(reading, spans)
     return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
+
+
+def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
+    """ "Turns right on red" is a turn, and a red light that is run."""
+    for match in _RIGHT_ON_RED.finditer(reading.text):
+        owner = _find_owner(spans, match, drives=True)
+        if owner is not None and not any(s.tag == "red" and _overlaps(s, match) for s in spans):
+            start, end = match.span("red")
+            told = ReadSpan(
+                start, end, match["red"], "red", None, False, None, (owner,), (), _KNOWN
+            )
+            spans.append(told)
 
 
 def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:

@@ -15,7 +15,8 @@ _ANSWER = r"(?:react|respond|brak|slow|notic)\w*(?: down)?(?: (?:at all|to it|in
 _UNREACTING = re.compile(
     rf"\bwithout (?:even |ever )?(?:reacting|responding|braking|slowing(?: down)?|noticing)\b|"
     rf"\b(?:does|do|did)(?: not|n['’]t) (?:even )?{_ANSWER}|\bnever {_ANSWER}|"
-    r"\bfail(?:s|ed|ing)? to (?:react|respond|brake|notice)\b(?! in time| to (?:the|its) |[^.]* braking of)|"
+    r"\bfail(?:s|ed|ing)? to (?:react|respond|brake|notice)\b"
+    r"(?! in time| to (?:the|its) |[^.]* braking of)|"
     r"\b(?:is |was )?(?:distracted|inattentive|asleep|absent-minded|daydreaming|texting)\b|"
     r"\b(?:is |was )?not paying attention\b|"
     r"\b(?:is |was )?(?:looking|staring) (?:down )?at (?:a|the|his|her|their|its) phone\b|"
