@@ -62,9 +62,12 @@ def react_in_vain(
     threats = _find_threats(clause, context, pair, found)
     if not any(threats):
         return *pair, found
-    ways = [_list_ways(pair[k], threats[k], drawn[k], found.time) for k in (0, 1)]
+    # Where not both can, one of the two reacts, and the other does not.
+    ways = [[*_list_ways(pair[k], threats[k], drawn[k], found.time), pair[k]] for k in (0, 1)]
     for one, two in sorted(product(range(len(ways[0])), range(len(ways[1]))), key=sum):
         after = (ways[0][one], ways[1][two])
+        if after == pair:
+            continue
         contact = find_first_contact(*after, left_hand=context.left_hand)
         if contact is None or contact.time - found.time > _SHIFT:
             continue
