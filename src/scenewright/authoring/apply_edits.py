@@ -108,7 +108,7 @@ def revised(
         grounding=grounding,
         background=_background(earlier, before, graph, edits),
         hour=_hour(earlier, edits),
-        named=frozenset(_named(edits)),
+        named=frozenset(list_concerned(edits)),
         touched=touched,
         amended=amended,
         other=other,
@@ -160,7 +160,7 @@ def _is_changed(name: str, before: SocialGraph, graph: SocialGraph) -> bool:
     return before.agent(name) != graph.agent(name)
 
 
-def _named(edits: tuple[Edit, ...]) -> set[str]:
+def list_concerned(edits: tuple[Edit, ...]) -> set[str]:
     """Whom the edits speak of."""
     names: set[str] = set()
     for edit in edits:
