@@ -71,6 +71,8 @@ def answer_question(
     for pattern, answer in _TOPICS:
         if re.search(rf"\b(?:{pattern})", plain):
             return answer(scene, about)
+    if set(re.findall(r"[a-z]+", plain)) <= {*_NOUNS, "the", "and", "a"}:
+        return [*_tell_ways(scene, about), *_tell_speeds(scene, about), *_tell_lights(scene, about)]
     return ["That is nothing that the scene can tell.", TELLS]
 
 

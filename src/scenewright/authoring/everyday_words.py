@@ -23,11 +23,13 @@ from scenewright.scene.edits import (
     Relate,
     RemoveAgent,
     SetBackground,
+    SetMeasure,
     SetPace,
     Situation,
     WaitLonger,
 )
 from scenewright.scene.events import Event
+from scenewright.scene.measures import UNITS, Measure, MeasureKind
 from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
 
 _WEATHER = re.compile(
@@ -77,6 +79,7 @@ _OPPOSITE: dict[str, Compass] = {
     "north": "south", "south": "north", "east": "west", "west": "east",
 }  # fmt: skip
 _SLOW, _FAST = 0.8, 1.25
+_EARLIER, KMH = 3.0, 3.6
 _VERY = 0.6
 _CLOSER = 0.6
 
@@ -201,7 +204,8 @@ def _decline(reason: str) -> DeclinedTurn:
 
 def _change_pace(found: re.Match[str], talk: Talk) -> Reading | None:
     groups = found.groupdict()
-    node = talk.find(groups.get("who") or "it")
+    spoken = [each for each in talk.list_named() if each.id in talk.touched]
+    node = spoken[0] if spoken and not groups.get("who") else talk.find(groups.get("who") or "it")
     if node is None:
         return None
     slower = groups["pace"] in ("slower", "slowly", "slow", "less fast", "down")
@@ -312,6 +316,40 @@ def _change_impact(found: re.Match[str], talk: Talk) -> Reading | None:
     return _edit(Relate(edge=edge.model_copy(update={"impact_speed": round(min(speed, 20.0), 1)})))
 
 
+def _shift_event(found: re.Match[str], talk: Talk) -> Reading | None:
+    """What happens, earlier or later in the scene."""
+    edge = talk.situation.graph.relations
+    if len(edge) != 1 or not talk.events or talk.events[0].time is None:
+        return None
+    seconds = float(found["seconds"]) if found["seconds"] else _EARLIER
+    time = talk.events[0].time + (seconds if found["when"] == "later" else -seconds)
+    low, high = UNITS["time"].least, UNITS["time"].most
+    return _set_measure("time", min(max(time, low), high), edge[0].from_, edge[0].to)
+
+
+def _ride_at(found: re.Match[str], talk: Talk) -> Reading | None:
+    """A speed of a rider; the planner's grammar reads this of everybody else."""
+    node = talk.find(found["who"])
+    if node is None or node.type not in ("cyclist", "scooter"):
+        return None
+    value = float(found["value"]) / (KMH if found["unit"].startswith("k") else 1.0)
+    unit = UNITS["speed"]
+    if not unit.least <= value <= unit.most:
+        return None
+    return _set_measure("speed", value, node.id)
+
+
+def _set_measure(kind: MeasureKind, value: float, agent: str, other: str | None = None) -> Edits:
+    tolerance = UNITS[kind].tolerance
+    bounds = {"low": round(max(value - tolerance, 0.0), 2), "high": round(value + tolerance, 2)}
+    measure = Measure.model_validate({"kind": kind, "agent": agent, "other": other, **bounds})
+    return _edit(SetMeasure(measure=measure))
+
+
+def _ask_who(_found: re.Match[str], _talk: Talk) -> Reading | None:
+    return _decline('Say who does that, such as "the car from the west follows the bus".')
+
+
 def _find_edge(talk: Talk, kinds: tuple[str, ...]) -> RelationEdge | None:
     found = [each for each in talk.situation.graph.relations if each.type in kinds]
     return found[0] if len(found) == 1 else None
@@ -371,6 +409,12 @@ _RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
          r"com(?:e|es|ing)|run(?:s|ning)?|driv(?:e|es|ing)) (?:in |from )?the (?:other|opposite) "
          r"(?:way|direction|side)(?: round| around)?$", _reverse),
         (rf"^(?:reverse|turn around|flip) {_WHO}$", _reverse),
+        (r"^(?:from the |from |to the |follows |behind |in front of )\b", _ask_who),
+        (rf"^(?:{_MAKE} (?:it|this|that|them|the \w+) (?:to )?happen )?(?:a (?:bit|little) |much )?"
+         r"(?:(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|secs?|seconds?) )?(?P<when>earlier|later)$",
+         _shift_event),
+        (rf"^(?:{_MAKE} )?{_WHO}(?: should)? {_GOES} (?:at )?(?P<value>\d{{1,2}}(?:\.\d)?) ?"
+         r"(?P<unit>km/?h|kmh|kph|m/s)$", _ride_at),
         (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall)? ?(?:go(?:es)? |be |is |ride(?:s)? |turn(?:s)"
          rf"? )?"
          rf"(?P<turn>straight(?: on| ahead)?|left|right)?,? ?(?:com(?:e|es|ing) )?"
@@ -432,7 +476,17 @@ def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
             f"I cannot tell what shall become of the {passed}. Say it by its id, such as "
             f'"{_CLASSES[passed][0]}-1 goes slower", or "add a {passed} from the south".'
         )
-    return reading
+    return Edits(edits=tuple(_keep_entry(each, talk) for each in reading.edits))
+
+
+def _keep_entry(edit: Edit, talk: Talk) -> Edit:
+    """A turn that leaves open where an agent comes from: it still comes from where it did."""
+    if not isinstance(edit, ChangeAgent) or edit.node.entry is not None:
+        return edit
+    view = next((each for each in talk.situation.present if each.id == edit.node.id), None)
+    if view is None or edit.node.movement in (None, view.movement):
+        return edit
+    return ChangeAgent(node=edit.node.model_copy(update={"entry": view.entry}))
 
 
 _SPEAKS_OF_THIS = re.compile(

@@ -452,12 +452,27 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             text = _joined(version["text"], state["words"])
             made = _apart(setting, _changed, text, reading.edits, version, setting, context)
         else:
-            text = _OPENING.sub("", state["words"])
+            text = _keep_hour(_OPENING.sub("", state["words"]), version)
             made = _apart(setting, begin, text, setting, tell=context.tell)
     except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
         return _refusal(state, error)
     edits = reading.edits if isinstance(reading, Edits) else ()
     return _entered(state, text, edits, made, context)
+
+
+_ADDED = re.compile(r"^\s*(?:(?:and|now|then|ok|please) )*(?:add|put in)\s+", re.IGNORECASE)
+_HOUR = re.compile(r"\b(?:at \d|\d ?[ap]m|morning|noon|afternoon|evening|night|rush|o'clock)")
+
+
+def _keep_hour(words: str, version: Version | None) -> str:
+    """Words that add something to a scene in which nothing happened: at its hour, if none is said.
+
+    Such words are a scene of their own, as there is nobody that an edit could be about.
+    """
+    told = None if version is None else (version["graph"].get("context") or {}).get("time_of_day")
+    if told is None or not _ADDED.match(words) or _HOUR.search(words.lower()):
+        return words
+    return f"{_ADDED.sub('', words).rstrip('.! ')}, at {str(told)[:5]}"
 
 
 def _apart(setting: Setting, make: Callable[..., Made], *args: Any, **named: Any) -> Made:
