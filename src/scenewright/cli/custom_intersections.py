@@ -30,10 +30,12 @@ from scenewright.tools.fitting.derive_priors import derive_priors
 from scenewright.tools.fitting.fit_tracks import LaneOffsets
 from scenewright.tools.gmm_sampler.priors import Priors
 from scenewright.tools.map_import import ImportedMap, import_map
+from scenewright.tools.map_import.quality_report import build_report, format_report
 from scenewright.tools.track_io import Recording
 
 Tell = Callable[[str, str], None]
 REFINER_CARD = "refiner.md"
+REPORT, REPORT_PICTURE = "report.json", "report.png"
 _FORMATS = {
     "osm": "OpenStreetMap",
     "lanelet2": "Lanelet2",
@@ -77,6 +79,7 @@ def import_file(
     )
     tell("deriving", "priors from the map, nothing was seen there yet")
     place, lines = made.intersection_map, made.route_lines
+    report = build_report(made.items, made.crosswalks, made.notes)
     folder = write_custom_bundle(
         name,
         place,
@@ -87,6 +90,7 @@ def import_file(
         notes=made.notes,
         licence=licence,
         force=force,
+        extra=_report_files(file, made, report),
     )
     return {
         "name": name,
@@ -98,7 +102,30 @@ def import_file(
         "crosswalks": len(place.crosswalks),
         "signals": place.signals is not None,
         "notes": list(made.notes),
+        "report": format_report(report),
     }
+
+
+def _report_files(file: str, made: ImportedMap, report: Mapping[str, Any]) -> dict[str, bytes]:
+    """The report as files of the bundle: its facts, and the map over the file's own geometry."""
+    import json
+    import tempfile
+
+    from scenewright.tools.map_import.raw_geometry import read_raw_geometry
+    from scenewright.viz.import_picture import draw_import
+
+    layers = vars(read_raw_geometry(Path(file), made.map_format, made.file_origin, made.offset))
+    with tempfile.TemporaryDirectory() as scratch:
+        picture = Path(scratch) / REPORT_PICTURE
+        draw_import(
+            picture,
+            intersection=made.intersection_map,
+            layers=layers,
+            lines=[f"{item.item}: {item.detail}" for item in made.items],
+        )
+        drawn = picture.read_bytes()
+    facts = json.dumps(report, indent=1, ensure_ascii=False) + "\n"
+    return {REPORT: facts.encode(), REPORT_PICTURE: drawn}
 
 
 def simulate_own(name: str, *, minutes: int, seed: int, train: bool, tell: Tell) -> dict[str, Any]:
@@ -314,7 +341,7 @@ def _rewritten(
     header = bundle.header
     kept = {
         file: (bundle.folder / file).read_bytes()
-        for file in (REFINER_WEIGHTS, REFINER_CARD)
+        for file in (REFINER_WEIGHTS, REFINER_CARD, REPORT, REPORT_PICTURE)
         if (bundle.folder / file).is_file()
     }
     old = {k: v for k, v in header.get("provenance", {}).items() if k.startswith("map")}
@@ -475,4 +502,5 @@ def import_text(facts: dict[str, Any]) -> list[str]:
         f"legs: {legs}",
         f"{facts['movements']} movements, {facts['crosswalks']} crosswalks, {lights}",
         *(f"note: {line}" for line in facts["notes"]),
+        f"{facts['report']}; see {REPORT_PICTURE} and {REPORT} in its folder",
     ]

@@ -55,6 +55,7 @@ from scenewright.cli.import_commands import fit, import_map_file, simulate
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
 from scenewright.cli.planner import planner
+from scenewright.cli.satisfaction import satisfaction
 from scenewright.cli.serve import serve
 from scenewright.cli.tables import tables
 from scenewright.cli.understanding import understanding
@@ -72,6 +73,7 @@ intersections = typer.Typer(
     name="intersections", help="The intersections that scenes can be made at."
 )
 app.command()(batch)
+evals.command("satisfaction")(satisfaction)
 evals.command("tables")(tables)
 app.command()(agent)
 intersections.command("import")(import_map_file)
@@ -405,6 +407,16 @@ def train(
         typer.Option(help="Folder to write; one's own intersection, else intersections/NAME."),
     ] = None,
     epochs: Annotated[int | None, typer.Option(min=1, help="How often all is seen.")] = None,
+    walkers: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH",
+            help="Tracks of real people on foot, to learn walking from; may be given again.",
+        ),
+    ] = None,
+    go_on: Annotated[
+        bool, typer.Option("--go-on", help="From the weights that serve the intersection on.")
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -414,8 +426,9 @@ def train(
 
     with progress(quiet=quiet) as tell:
         made = train_refiner(
-            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell
-        )
+            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell,
+            walkers=walkers or (), go_on=go_on,
+        )  # fmt: skip
     if as_json:
         put_json({"ok": True, "name": name, **made})
     else:

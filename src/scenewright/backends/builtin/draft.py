@@ -9,7 +9,7 @@ from scenewright.scene.base import RIDERS, AgentClass
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
-from scenewright.scene.social import ImpactPoint, Manoeuvre, PedestrianMotion
+from scenewright.scene.social import ImpactPoint, Manoeuvre, PedestrianMotion, VehicleMotion
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 
@@ -91,7 +91,7 @@ class AgentDraft:
     generic: bool = False
     announced: bool = False
     words: frozenset[str] = frozenset()
-    motion: PedestrianMotion | None = None
+    motion: PedestrianMotion | VehicleMotion | None = None
     members: int | None = None
     role: str | None = None
     marked: bool = False

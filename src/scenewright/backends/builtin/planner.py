@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
+from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.normalise import clean, tokenise
@@ -96,9 +97,9 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         rest, standing = take_out(text)
         earlier = None if previous is None else take_out(previous)[0]
         found = decide(read_twice(rest, earlier, site), site)
-        if not standing or isinstance(found, Refusal):
+        if isinstance(found, Refusal):
             return found
-        return add_objects(found, standing, text)
+        return note_beyond(add_objects(found, standing, text) if standing else found, rest)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 
@@ -107,7 +108,7 @@ def decide(readings: Readings, site: Site) -> Plan:
     """The plan that both readings agree on, or a confident one; else what might be meant."""
     learned, other = readings.learned, readings.by_grammar
     if (readings.says_a_phrase or _names_pattern(other)) and not _loses_numbers(other, learned):
-        return _with_account(other, learned)
+        return _with_account(_soften(other, learned.plan), learned)
     doubtful = learned.confidence < SURE and learned.reading.kind == "scene"
     text = learned.reading.text
     taken_back = _TAKEN_BACK.search(text) is not None
@@ -120,6 +121,23 @@ def decide(readings: Readings, site: Site) -> Plan:
     return _offer(readings, site)
 
 
+def _soften(plan: Plan, learned: Plan) -> Plan:
+    """A collision's phrase beside "nearly hit", of which only the learned reading sees both."""
+    if isinstance(plan, Refusal) or isinstance(learned, Refusal):
+        return plan
+    missed = [{e.from_, e.to} for e in learned.relations if e.type == "near_miss"]
+    known = {each.id for each in load_patterns()}
+
+    def soften(edge: RelationEdge) -> RelationEdge:
+        if edge.type != "collide_at" or not edge.pattern or {edge.from_, edge.to} not in missed:
+            return edge
+        name = edge.pattern.replace("_collision", "_near_miss")
+        pattern = name if name in known and name != edge.pattern else None
+        return edge.model_copy(update={"type": "near_miss", "kind": None, "pattern": pattern})
+
+    return plan.model_copy(update={"relations": tuple(map(soften, plan.relations))})
+
+
 def _is_refused(plan: Plan) -> bool:
     return isinstance(plan, Refusal)
 
@@ -128,7 +146,8 @@ def _filled(plan: Plan, other: Plan) -> Plan:
     """The plan with what only the other reading of the same events says: cause, kind, severity."""
     if isinstance(plan, Refusal) or isinstance(other, Refusal):
         return plan
-    edges = tuple(_fill_edge(edge, other.relations) for edge in plan.relations)
+    yellow = any(agent.motion == "passes_yellow" for agent in plan.agents)
+    edges = tuple(_fill_edge(edge, other.relations, yellow=yellow) for edge in plan.relations)
     # The grammar takes every speed for that of the impact, and every bound for a number.
     asked = {each.kind for each in plan.measures}
     dropped = [name for name, kinds in _INSTEAD.items() if asked & kinds]
@@ -147,14 +166,14 @@ _INSTEAD: dict[str, set[MeasureKind]] = {
 """Fields of a relation that are not filled in where the other reading has these measures."""
 
 
-def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge]) -> RelationEdge:
+def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge], *, yellow: bool) -> RelationEdge:
     ends = (edge.type, edge.from_, edge.to)
     same = next((each for each in others if (each.type, each.from_, each.to) == ends), None)
     if same is None:
         return edge
     fields = ("kind", "cause", "target_pet", "target_ttc", "impact_speed", "point_from", "point_to")
     open_ = {name: getattr(same, name) for name in fields if getattr(edge, name) is None}
-    if edge.manoeuvre is not None:  # it says who brakes
+    if edge.manoeuvre is not None or yellow:  # it says who brakes; yellow is not red
         open_.pop("cause", None)
     return edge.model_copy(update=open_)
 

@@ -63,7 +63,7 @@ def import_map(
     if map_format == "lanelet2":
         from scenewright.tools.map_import.read_lanelet2 import read_lanelet2
 
-        survey = read_lanelet2(path, center=center, left_hand=bool(left_hand))
+        survey = read_lanelet2(path, center=center, left_hand=left_hand)
     else:
         from scenewright.tools.map_import.read_sumo import read_sumo
 

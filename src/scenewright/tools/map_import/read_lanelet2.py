@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -31,6 +31,7 @@ from scenewright.geometry.polyline import (
     smooth_gaussian,
 )
 from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.driving_side import find_lanelet2_side, take_option
 from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.survey import (
@@ -38,6 +39,7 @@ from scenewright.tools.map_import.survey import (
     SurveyConnection,
     SurveyCrossing,
     SurveyLane,
+    SurveyLight,
 )
 
 _FARTHEST = 3_000.0
@@ -59,6 +61,7 @@ _SHARPEST = 35.0
 """Radius of a curve that belongs to a turn, not to a leg [m]."""
 _GRAFT_TURN = math.radians(40.0)
 _LONGEST_APPROACH = 150.0
+_LIGHTS = ("traffic_light", "traffic_light_regulatory_element")
 _FOR_PEDESTRIANS = ("crosswalk", "walkway")
 _NOT_DRIVEN = ("bikelane", "bicycle_lane", "stairs", "rail", "emergency_lane")
 
@@ -138,7 +141,7 @@ class _Path:
         return np.asarray(self.line[min(round(s / 0.5), len(self.line) - 2) :])
 
 
-def read_lanelet2(file: Path, *, center: LatLon | None, left_hand: bool) -> Survey:
+def read_lanelet2(file: Path, *, center: LatLon | None, left_hand: bool | None) -> Survey:
     """The one junction of a Lanelet2 file.
 
     Args:
@@ -164,10 +167,20 @@ def read_lanelet2(file: Path, *, center: LatLon | None, left_hand: bool) -> Surv
         }
     if not lanelets:
         raise InputError(f"{file} has no lanelets for vehicles there")
-    if left_hand:
-        notes.append("traffic drives on the left, as asked")
     crossings = read_lanelet2_crossings(elements, foot, origin)
-    return _survey_junction(lanelets, foot, crossings, origin, notes, file, left_hand)
+    survey = _survey_junction(lanelets, foot, crossings, origin, notes, file, left_hand)
+    return replace(survey, lights=tuple(_list_lights(elements, lanelets, survey)))
+
+
+def _list_lights(
+    elements: FileElements, lanelets: _Lanelets, survey: Survey
+) -> Iterator[SurveyLight]:
+    """The traffic lights of the file at the ends of the lanelets that obey them."""
+    lit = {name for name, (tags, _) in elements.rules.items() if tags.get("subtype") in _LIGHTS}
+    for tags, members in elements.relations:
+        rules = [ref for role, ref in members if role == "regulatory_element" and ref in lit]
+        if rules and tags["id"] in lanelets:
+            yield SurveyLight(lanelets[tags["id"]].middle[-1] - np.array(survey.offset))
 
 
 @dataclass(frozen=True)
@@ -310,7 +323,7 @@ def _survey_junction(
     file_origin: LatLon,
     notes: list[str],
     file: Path,
-    left_hand: bool,
+    left_hand: bool | None,
 ) -> Survey:
     follows = _find_successors(lanelets)
     paths = [_Path.join(lanelets, names) for names in _list_paths(lanelets, follows)]
@@ -343,7 +356,7 @@ def _survey_junction(
         ),
         crossings=tuple(each.move(-middle) for each in crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
-        left_hand=left_hand,
+        side=take_option(left_hand) or find_lanelet2_side(approaches.values(), exits.values()),
         origin=project_to_degrees(file_origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         file_origin=file_origin,

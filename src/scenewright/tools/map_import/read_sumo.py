@@ -18,6 +18,12 @@ from scenewright.geometry.geographic import LatLon, is_in_degrees, project_to_de
 from scenewright.geometry.polyline import find_point, measure_length
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat
+from scenewright.tools.map_import.driving_side import (
+    find_opendrive_side,
+    find_osm_side,
+    find_sumo_side,
+    take_option,
+)
 from scenewright.tools.map_import.junction_choice import (
     Junction,
     JunctionOverview,
@@ -25,10 +31,16 @@ from scenewright.tools.map_import.junction_choice import (
 )
 from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
+    list_opendrive_lights,
     read_opendrive_file,
 )
-from scenewright.tools.map_import.osm_features import list_osm_crossings, read_osm_file
+from scenewright.tools.map_import.osm_features import (
+    list_osm_crossings,
+    list_osm_lights,
+    read_osm_file,
+)
 from scenewright.tools.map_import.survey import (
+    DrivingSide,
     Survey,
     SurveyConnection,
     SurveyCrossing,
@@ -64,10 +76,18 @@ def read_sumo(
         InputError: not convertible, no junction in it, or several and none chosen.
     """
     origin = _find_middle_of_osm(file) if map_format == "osm" else None
+    osm = None if origin is None else read_osm_file(file, origin)
+    drive = read_opendrive_file(file) if map_format == "opendrive" else None
+    side = take_option(left_hand)
+    if osm is not None and origin is not None:
+        side = side or find_osm_side(osm, origin)
+    if drive is not None:
+        side = side or find_opendrive_side(drive)
     network = file
     if map_format != "sumo":
         network = scratch / "converted.net.xml"
-        _convert(file, network, origin=origin, left_hand=bool(left_hand))
+        _convert(file, network, origin=origin, left_hand=side is not None and side.left_hand)
+    side = side or find_sumo_side(_is_left_hand(network))
     net = _read_network(network, file)
     nodes = {node.getID(): node for node in net.getNodes() if _is_junction(node)}
     chosen = choose_junction(
@@ -77,15 +97,16 @@ def read_sumo(
         junction=junction,
         origin=origin,
     )
-    left_hand = _is_left_hand(network) if left_hand is None else left_hand
-    survey = _survey_junction(net, nodes[chosen.id], origin, left_hand)
-    if map_format == "opendrive":
-        drive = read_opendrive_file(file)
-        own = list_opendrive_crossings(drive, np.array(survey.offset))
-        survey = replace(survey, crossings=(*survey.crossings, *own))
-    if map_format == "osm" and origin is not None:
-        osm = read_osm_file(file, origin)
-        survey = replace(survey, crossings=tuple(list_osm_crossings(osm, np.array(survey.offset))))
+    survey = _survey_junction(net, nodes[chosen.id], origin, side)
+    middle = np.array(survey.offset)
+    if drive is not None:
+        own = list_opendrive_crossings(drive, middle)
+        lights = tuple(list_opendrive_lights(drive, middle))
+        survey = replace(survey, crossings=(*survey.crossings, *own), lights=lights, phases=())
+    if osm is not None:
+        lights = tuple(list_osm_lights(osm, middle))
+        own = list_osm_crossings(osm, middle)
+        survey = replace(survey, crossings=tuple(own), lights=lights, phases=())
         survey.notes.append(
             "lane widths, turning lanes and signal times that the file does not tag are "
             "netconvert's guesses"
@@ -229,7 +250,7 @@ def _describe_junction(node: Any) -> Junction:
     )
 
 
-def _survey_junction(net: Any, node: Any, origin: LatLon | None, left_hand: bool) -> Survey:
+def _survey_junction(net: Any, node: Any, origin: LatLon | None, side: DrivingSide) -> Survey:
     outline = _get_shape(node) if node.getShape() else np.zeros((0, 2))
     middle = (
         outline.mean(axis=0) if len(outline) > 2 else np.array(node.getCoord()[:2], dtype=float)
@@ -251,15 +272,17 @@ def _survey_junction(net: Any, node: Any, origin: LatLon | None, left_hand: bool
         if link.getToLane().getID() in exits
     ]
     used = {way.approach for way in connections}, {way.exit for way in connections}
+    crossings = tuple(_read_crossings(net, node, middle))
+    lights = {each.light for each in connections} | {each.light for each in crossings}
     return Survey(
         title=_describe_junction(node).name or f"junction {node.getID()}",
         approaches={name: lane for name, lane in approaches.items() if name in used[0]},
         exits={name: lane for name, lane in exits.items() if name in used[1]},
         connections=tuple(connections),
-        crossings=tuple(_read_crossings(net, node, middle)),
+        crossings=crossings,
         areas=(outline - middle,) if len(outline) > 2 else (),
-        phases=_read_phases(net, {way.light for way in connections if way.light is not None}),
-        left_hand=left_hand,
+        phases=_read_phases(net, {light for light in lights if light is not None}),
+        side=side,
         is_signalised=str(node.getType()).startswith("traffic_light"),
         origin=None if origin is None else project_to_degrees(origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
@@ -345,7 +368,14 @@ def _read_crossings(net: Any, node: Any, middle: FloatArray) -> Iterator[SurveyC
         if edge.getFunction() == "crossing" and str(edge.getID()).startswith(f":{node.getID()}_c"):
             lane = edge.getLanes()[0]
             line, name = _get_shape(lane) - middle, f"crossing {edge.getID()}"
-            yield SurveyCrossing(line[[0, -1]], float(lane.getWidth()), source=name)
+            light = next((x for x in map(_find_light, _list_links_to(edge)) if x), None)
+            yield SurveyCrossing(line[[0, -1]], float(lane.getWidth()), light, source=name)
+
+
+def _list_links_to(edge: Any) -> Iterator[Any]:
+    """The connections that lead on to an edge."""
+    for links in edge.getIncoming().values():
+        yield from links
 
 
 def _read_phases(net: Any, lights: set[str]) -> tuple[tuple[float, Mapping[str, Colour]], ...]:

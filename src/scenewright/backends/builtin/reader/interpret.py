@@ -33,10 +33,11 @@ from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a_street
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
 from scenewright.backends.builtin.scope import not_english, nothing_planned
-from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
-from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion
+from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion, VehicleMotion
+from scenewright.scene.track import EMERGENCY
 
 OPPOSITE = {
     "north": "south", "south": "north", "east": "west", "west": "east",
@@ -345,7 +346,9 @@ def _deny_class(result: Interpretation, span: ReadSpan) -> None:
         context.vehicles = 0
     elif span.tag == "ped":
         context.pedestrians = 0
-    result.enter(span, "background" if span.tag in ("veh", "ped") else "denied", value="0")
+    kind = {"veh": "vehicles", "ped": "pedestrians"}.get(span.tag)
+    value = format_background({kind: 0}) if kind else "0"
+    result.enter(span, "background" if kind else "denied", value=value)
 
 
 def _apply(result: Interpretation, span: ReadSpan) -> None:
@@ -406,8 +409,21 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
         return
     if span.tag == "act" and _overtakes_closely(result, span):
         return
+    if _SIREN.search(result.text[max(0, span.start - 12) : span.end + 12]) and any(
+        agent.subtype in EMERGENCY for agent in result.users.values()
+    ):
+        result.enter(span, "manner", span.subjects)
+        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
+
+
+_SIREN = re.compile(
+    r"siren|blue lights?|blues and twos|(?:flashing|emergency) lights?|lights? flashing|"
+    r"\bon (?:a|an emergency) call\b",
+    re.IGNORECASE,
+)
+"""What emergency vehicles show and sound, which leaves no trace in tracks."""
 
 
 _OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|buzz", re.IGNORECASE)
@@ -676,11 +692,11 @@ def _with_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int
 
 
 def _move_so(result: Interpretation, span: ReadSpan) -> None:
-    """How pedestrians cross: running, or standing still on the way."""
+    """How pedestrians cross, and how vehicles pass a light."""
     for number in span.subjects:
         agent = result.users.get(number)
-        if agent is not None and agent.type == "pedestrian":
-            agent.motion = cast("PedestrianMotion", span.value)
+        if agent is not None:
+            agent.motion = cast("PedestrianMotion | VehicleMotion", span.value)
             result.enter(span, "motion", (number,), span.value)
 
 
@@ -806,7 +822,12 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
             context.vehicles = number
         if span.tag != "bgveh" and number is not None:
             context.pedestrians = number
-        result.enter(span, "background", value=None if number is None else str(number))
+        kinds = {"bgveh": ("vehicles",), "bgped": ("pedestrians",)}.get(span.tag, _OF_BOTH)
+        value = None if number is None else format_background(dict.fromkeys(kinds, number))
+        result.enter(span, "background", value=value)
+
+
+_OF_BOTH = ("vehicles", "pedestrians")
 
 
 def _set_density(result: Interpretation, span: ReadSpan) -> None:
