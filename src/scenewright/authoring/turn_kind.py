@@ -58,7 +58,7 @@ _QUESTION = re.compile(
     rf"^(?:{_ASKING}|have you|what if it (?:was|were|is|had been) (?:rain|snow|wet)|"
     r"(?:by|at|in|on|from|to|for|with|under) (?:how|what|which|whose|whom)\b|"
     r"(?:can|could|would|will|should|did) (?:the(?: [a-z-]+){1,3}|it|he|she|they) have\b|"
-    r"(?:can|could|may) i\b|(?:the|what about the|how about the) [a-z-]+ ?\?$|any(?:body|one)? \w+.*\?$|"
+    r"(?:can|could|may) i\b|any(?:body|one)? \w+.*\?$|"
     r"tell me (?:how|who|what|when|where|which|why|if|whether|about))\b"
 )
 _WHY_REFUSED = (
@@ -150,7 +150,7 @@ def classify_turn(words: str) -> TurnKind:
                 return _describe(kind, words, found)
     if _ASKS_TO_ACT.match(plain):
         return TurnKind(kind="words", words=_drop_frame(words))
-    if _QUESTION.match(plain):
+    if _QUESTION.match(plain) or re.match(r"the [a-z-]+ ?\?$", plain):
         return TurnKind(kind="question", words=words)
     return TurnKind(kind="words", words=_drop_frame(words))
 
