@@ -271,11 +271,9 @@ def fit_own(
         {"priors": "fitted on recorded tracks; what they do not tell is derived from the map",
          "track_files": sorted(file.name for file in files)[:50],
          "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
-         "pool": ", ".join(told) or None},
-        {"seen.npz": seen_bytes(fitted.positions), **adapted},
          "pool": ", ".join(told) or None,
          "lights": None if lights is None else Path(lights).name},
-        {"seen.npz": seen_bytes(fitted.positions)},
+        {"seen.npz": seen_bytes(fitted.positions), **adapted},
     )  # fmt: skip
     return {
         "name": name,
@@ -285,8 +283,7 @@ def fit_own(
         "matched": fitted.matched,
         "off": fitted.off_route,
         "open": fitted.open_route,
-        "notes": [*told, *fitted.notes, *([] if note is None else [note])],
-        "notes": [*lit, *told, *fitted.notes],
+        "notes": [*lit, *told, *fitted.notes, *([] if note is None else [note])],
         "heldout": [
             {
                 "share": row.share,

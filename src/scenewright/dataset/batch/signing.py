@@ -37,10 +37,10 @@ def create_key(file: Path) -> Path:
     """
     ed25519 = _load_library()
     private = ed25519.Ed25519PrivateKey.generate()
-    pair, number = private.private_bytes_raw(), secrets.token_bytes(8)
+    seed, number = private.private_bytes_raw(), secrets.token_bytes(8)
     public = private.public_key().public_bytes_raw()
-    checksum = hashlib.blake2b(_LEGACY + number + pair + public, digest_size=32).digest()
-    body = _LEGACY + _NO_PASSWORD + _CHECKSUM + bytes(48) + number + pair + public + checksum
+    # As minisign has it for keys without a password: no salt, no limits, no checksum.
+    body = _LEGACY + _NO_PASSWORD + _CHECKSUM + bytes(48) + number + seed + public + bytes(32)
     try:
         handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except OSError as error:
@@ -119,10 +119,10 @@ def _read_secret(file: Path) -> tuple[bytes, Ed25519PrivateKey]:
         raise InputError(
             f"{file} has a password; sign with minisign itself: minisign -S -m DIR/{MANIFEST}"
         )
-    number, pair, checksum = body[54:62], body[62:126], body[126:]
-    if hashlib.blake2b(_LEGACY + number + pair, digest_size=32).digest() != checksum:
-        raise InputError(f"{file} is a damaged key: its checksum differs")
-    private: Ed25519PrivateKey = _load_library().Ed25519PrivateKey.from_private_bytes(pair[:32])
+    number, seed, public = body[54:62], body[62:94], body[94:126]
+    private: Ed25519PrivateKey = _load_library().Ed25519PrivateKey.from_private_bytes(seed)
+    if private.public_key().public_bytes_raw() != public:
+        raise InputError(f"{file} is a damaged key: its halves do not belong together")
     return number, private
 
 
