@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -114,7 +115,10 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
     server = mcp.StdioServerParameters(
         command=sys.executable,
         args=["-m", "scenewright", "mcp", "--seed", "1", "--out", str(tmp_path / "kept")],
-        env={"SCENEWRIGHT_DATA": str(tmp_path / "data")},
+        env={
+            "SCENEWRIGHT_DATA": str(tmp_path / "data"),
+            "PYTHONPATH": os.environ.get("PYTHONPATH", ""),
+        },
     )
 
     async def session() -> None:
@@ -144,9 +148,9 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
             later = [{"edit": "come_later", "agent": "nobody-1", "seconds": 1}]
             assert not (await call("edit_by_hand", edits=later))["ok"]
             assert len((await call("list_versions"))["versions"]) == 2
-            assert (await call("open_thread", name="other"))["current"] is None
+            assert (await call("open_thread", thread="other"))["current"] is None
             assert set((await call("list_threads"))["threads"]) == {"mcp"}
-            assert (await call("open_thread", name="mcp"))["current"] == 1
+            assert (await call("open_thread", thread="mcp"))["current"] == 1
             assert Path((await call("save_scene"))["folder"]).is_dir()
             assert "start_scene first" in (await call("solve"))["detail"]
             assert (await call("start_scene", instruction=YIELD, seed=1))["ok"]

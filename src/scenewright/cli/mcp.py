@@ -145,7 +145,7 @@ class _Desk:
         return self._reply(self._session.branch(name))
 
     def list_versions(self) -> dict[str, Any]:
-        """All versions with their words; the resources scene://version/N/picture.png, page.html, ..."""
+        """All versions with their words; scene://version/N/picture.png shows one."""
         state = self._session.state
         rows = [
             {"version": each["number"], "from": each["parent"], "words": each["words"]}
@@ -158,15 +158,18 @@ class _Desk:
         names = list(self._threads.names())
         return {"ok": True, "threads": names, "open": self._session.thread}
 
-    def open_thread(self, name: str) -> dict[str, Any]:
+    def open_thread(self, thread: str) -> dict[str, Any]:
         """Goes over to a conversation; one that is not there begins empty."""
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", name):
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
             return _no("unusable_input", "a thread's name has up to 64 letters, digits, ., - and _")
+        before = self._threads
         try:
-            self._open(name)
+            if thread != self._session.thread:
+                self._open(thread)
+                before.close()
         except InputError as error:
             return _no("unusable_input", str(error))
-        return {"ok": True, "thread": name, "current": self._session.state.get("current")}
+        return {"ok": True, "thread": thread, "current": self._session.state.get("current")}
 
     def read_picture(self, version: str) -> bytes:
         """The picture of a version, a number or `current`."""
