@@ -10,7 +10,7 @@ At once, at least cost: see `assignment`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -44,13 +44,27 @@ class Option:
         return self.make()
 
 
+@dataclass(eq=False)
+class Seated:
+    """Who has a place already, in scene time.
+
+    Attributes:
+        standing: everybody; present: the same as reservations; None where all are seated at once.
+        chosen: option and entry time [steps] of those in the background, by name.
+    """
+
+    standing: list[ScheduledAgent] = field(default_factory=list)
+    present: ReservationTable | None = None
+    chosen: dict[str, tuple[Option, int]] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, eq=False)
 class BackgroundAgent:
     """An agent to be placed.
 
     Attributes:
         make: builds its options, lazily, the likeliest of a candidate first, given those in whose
-            way or behind whom it may come to stand (in scene time).
+            way or behind whom it may come to stand, or whom it walks with.
         foreground: keeps the stricter distance to all, and must take part.
         reserve: drawn beyond the number wanted; takes part only if another agent cannot.
     """
@@ -58,13 +72,13 @@ class BackgroundAgent:
     name: str
     type: AgentClass
     foreground: bool
-    make: Callable[[Sequence[ScheduledAgent]], Iterable[Option]]
+    make: Callable[[Seated], Iterable[Option]]
     reserve: bool = False
 
     @cached_property
     def options(self) -> tuple[Option, ...]:
         """The ways in which it may take part, if nobody stands anywhere."""
-        return tuple(self.make(()))
+        return tuple(self.make(Seated()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,29 +96,29 @@ def assign_in_turn(
 ) -> Assignment | str:
     """Guests seated in the order given until every class has as many as wanted."""
     left = dict(wanted)
-    chosen: dict[str, tuple[Option, int]] = {}
-    present, standing = ReservationTable(table.fixed), list(table.fixed)
+    present = ReservationTable(table.fixed)
+    seated = Seated(list(table.fixed), present)
     for agent in sorted(agents, key=lambda each: not each.foreground):
         if not agent.foreground and left[agent.type] <= 0:
             continue
-        found = _first_room(agent, present, standing)
+        found = _first_room(agent, present, seated)
         if found is not None:
-            option, start = chosen[agent.name] = found
-            standing.append(option.actor.shifted(STEP * start))
-            present.add(standing[-1], foreground=agent.foreground)
+            option, start = seated.chosen[agent.name] = found
+            seated.standing.append(option.actor.shifted(STEP * start))
+            present.add(seated.standing[-1], foreground=agent.foreground)
             left[agent.type] -= not agent.foreground
         elif agent.foreground:
             return f"{agent.name} finds no moment at which it would not interact"
     if any(left.values()):
         return f"no room for {sum(left.values())} of {sum(wanted.values())} further agents"
-    return Assignment(chosen, optimal=False, rounds=1, pairs=len(chosen))
+    return Assignment(seated.chosen, optimal=False, rounds=1, pairs=len(seated.chosen))
 
 
 def _first_room(
-    agent: BackgroundAgent, present: ReservationTable, standing: Sequence[ScheduledAgent]
+    agent: BackgroundAgent, present: ReservationTable, seated: Seated
 ) -> tuple[Option, int] | None:
     """The guest's first way with room, and its entry time nearest to the one wished for."""
-    for option in agent.make(standing):
+    for option in agent.make(seated):
         free = present.find_free_times(option.actor, option.starts, foreground=agent.foreground)
         if len(free):
             return option, int(free[np.argmin(np.abs(free - option.drawn_time))])

@@ -30,6 +30,9 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 LINE_GAP, QUEUE_GAP = (0.3, 1.5), (1.4, 2.6)
 """Waiting vehicles: to the line and to the next ahead [m]."""
 
+KERB_GAP, KERB_ROW = 0.3, (0.7, 1.0)
+"""Waiting pedestrians: from the kerb, and from one row of them to the next [m]."""
+
 START_LAG, FOLLOW_LAG, STOP_LAG = (0.8, 1.5), (1.05, 1.7), (1.2, 4.0)
 """From green to the first one's start, from the next ahead's start to one's own, and from its
 standing to one's own [s]: whoever follows sooner than that comes too near on the way."""
@@ -63,7 +66,7 @@ class RedLightWait:
     """An agent that comes upon red, first in its lane, and waits.
 
     Attributes:
-        gap: from its front to the line [m].
+        gap: from its front, or on foot its middle, to the line [m].
         lag: from green to its start [s].
         stays: a wreck ahead keeps it there for good.
     """
@@ -78,8 +81,7 @@ class RedLightWait:
     @property
     def s(self) -> float:
         """Arc length at which it stands [m]."""
-        walks = self.free.candidate.route.type == "pedestrian"
-        return (self.free.landmarks.line or 0.0) - (0.3 if walks else self.gap)
+        return (self.free.landmarks.line or 0.0) - self.gap
 
     @cached_property
     def reaches(self) -> float:
