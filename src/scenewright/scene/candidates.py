@@ -163,6 +163,8 @@ class CandidateSet:
         cast: routes and patterns of the foreground.
         hour: time of day [h] that the numbers were drawn for.
         background: how many background agents of each class the scene shall have.
+        least: how many of each suffice where the rest finds no room: fewer only where the time of
+            day, and no words, set the number.
         yielding_model: how agents yield at this intersection.
         groups: who walks with a pedestrian of the social graph, by its name.
     """
@@ -173,3 +175,4 @@ class CandidateSet:
     background: Mapping[AgentClass, int]
     yielding_model: YieldingModel = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    least: Mapping[AgentClass, int] = field(default_factory=dict)

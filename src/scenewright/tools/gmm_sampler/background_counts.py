@@ -18,6 +18,8 @@ _VEHICLE_SHARE = (0.55, 0.8)
 _BUSIEST = 2 / 3
 """Above this share of an hour's numbers of agents lie those of high density."""
 _REDRAWS = 400
+_MAY_LACK = 0.1
+"""Share of the numbers drawn for an hour that may find no room."""
 
 Counts = dict[AgentClass, int]
 
@@ -52,6 +54,17 @@ def draw_background_counts(
             )
         free = _thin(free, max_agents - settled)
     return {kind: asked[kind] if kind in asked else free[kind] for kind in drawn}
+
+
+def find_least_counts(graph: SocialGraph, counts: Counts) -> Counts:
+    """How many of those drawn suffice where the rest finds no room: all that words ask for."""
+    asked = _get_asked(graph)
+    if graph.context.density is not None:
+        return counts
+    return {
+        kind: count if kind in asked else count - round(_MAY_LACK * count)
+        for kind, count in counts.items()
+    }
 
 
 def _get_asked(graph: SocialGraph) -> Counts:

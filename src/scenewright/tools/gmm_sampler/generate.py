@@ -20,7 +20,10 @@ from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, rider_shape, vehicle_shape
 from scenewright.tools.gmm_sampler.asked_profiles import apply_measures, count_slow_routes
-from scenewright.tools.gmm_sampler.background_counts import draw_background_counts
+from scenewright.tools.gmm_sampler.background_counts import (
+    draw_background_counts,
+    find_least_counts,
+)
 from scenewright.tools.gmm_sampler.beside_riders import keep_pace, make_room
 from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
@@ -169,6 +172,7 @@ def amplify(
     return CandidateSet(
         agents=agents, cast=assignment, hour=hour, background=counts,
         yielding_model=priors.yielding_model, groups=groups,
+        least=find_least_counts(graph, counts),
     )  # fmt: skip
 
 

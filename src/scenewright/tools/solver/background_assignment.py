@@ -92,9 +92,16 @@ class Assignment:
 
 
 def assign_in_turn(
-    agents: Sequence[BackgroundAgent], table: ConflictTable, wanted: Mapping[AgentClass, int]
+    agents: Sequence[BackgroundAgent],
+    table: ConflictTable,
+    wanted: Mapping[AgentClass, int],
+    least: Mapping[AgentClass, int] | None = None,
 ) -> Assignment | str:
-    """Guests seated in the order given until every class has as many as wanted."""
+    """Guests seated in the order given until every class has as many as wanted.
+
+    Args:
+        least: how many of each class suffice where no more find room; None for as many as wanted.
+    """
     left = dict(wanted)
     present = ReservationTable(table.fixed)
     seated = Seated(list(table.fixed), present)
@@ -109,7 +116,8 @@ def assign_in_turn(
             left[agent.type] -= not agent.foreground
         elif agent.foreground:
             return f"{agent.name} finds no moment at which it would not interact"
-    if any(left.values()):
+    enough = wanted if least is None else least
+    if any(wanted[kind] - left[kind] < enough.get(kind, wanted[kind]) for kind in wanted):
         return f"no room for {sum(left.values())} of {sum(wanted.values())} further agents"
     return Assignment(seated.chosen, optimal=False, rounds=1, pairs=len(seated.chosen))
 

@@ -94,7 +94,7 @@ def _drive(
     """[T] arc length every 0.1 s from the entry on; None if it cannot be driven."""
     candidate, law = actor.candidate, actor.candidate.time_law
     corridor = get_corridor(candidate)
-    rows, low, high, who, kind = present.list_bars(corridor, in_lane=max(style.headway, IN_LANE))
+    rows, low, high, who, kind = present.list_bars(corridor, in_lane=IN_LANE)
     low, high = low - enters, high - enters
     turns = candidate.route.movement != "straight"
     free = np.sqrt(compute_squared_speed_limit(candidate))
@@ -106,7 +106,7 @@ def _drive(
     for _ in range(_ROUNDS):
         moved, hardest = _follow(
             corridor.s, walls, stop, release, candidate.path.s, free, law.acceleration,
-            law.braking, max(style.headway - IN_LANE, 0.1), style.gap, steps,
+            law.braking, max(style.headway - IN_LANE, 0.25), style.gap, steps,
         )  # fmt: skip
         if hardest > _HARDEST:
             return None

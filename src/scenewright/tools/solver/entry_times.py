@@ -30,7 +30,7 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 LINE_GAP, QUEUE_GAP = (0.3, 1.5), (1.4, 2.6)
 """Waiting vehicles: to the line and to the next ahead [m]."""
 
-KERB_GAP, KERB_ROW = 0.3, (0.7, 1.0)
+KERB_GAP, KERB_ROW = 0.45, (0.7, 1.0)
 """Waiting pedestrians: from the kerb, and from one row of them to the next [m]."""
 
 START_LAG, FOLLOW_LAG, STOP_LAG = (0.8, 1.5), (1.05, 1.7), (1.2, 4.0)

@@ -173,7 +173,7 @@ class ReservationTable:
         come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
         nodes, keeping, _ = self._gathered()
         met = self._meetings(corridor)
-        return _barred(met, come, leave, corridor.walks, foreground, nodes, keeping, corridor.pose)
+        return _barred(met, come, leave, corridor.walks, foreground, nodes, keeping)
 
     def list_bars(
         self, corridor: Corridor, *, in_lane: float
@@ -410,7 +410,6 @@ def _barred(
     foreground: bool,
     nodes: FloatArray,
     keeping: FloatArray,
-    pose: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Ends of the intervals of entry times [s]; what is never reached bars nothing."""
     near, touching = met
@@ -422,8 +421,6 @@ def _barred(
             begin, end = nodes[4, first] - leave[row], nodes[5, last] - come[row]
             if touch:
                 before, after = _time_gaps(keeping[who], walks, foreground)
-                if not walks and _is_in_lane(pose, row, nodes, first, keeping[who], foreground):
-                    before, after = IN_LANE, IN_LANE
                 begin, end = begin - before, end + after
             if np.isfinite(begin) and np.isfinite(end):
                 low[count], high[count] = begin, end

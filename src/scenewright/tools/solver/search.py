@@ -134,6 +134,9 @@ _LATER, _LEAST_SEEN = (0.0, 1.2, 2.6, 4.5, 7.0), 4.0
 """By how much later than drawn a vehicle comes among others [s], and how long it is seen at least.
 Vehicles are seated in the order in which they come, so that who finds no room delays the next."""
 
+_OFF_KERB = 0.4
+"""Who waits with another keeps at least so far from the kerb [m]."""
+
 _PATIENCE = 3
 """Candidates on which one who comes on red looks for room to wait."""
 
@@ -540,7 +543,7 @@ class Search:
         actors = timed.schedule.actors
         table = ConflictTable(actor.until(timed.duration) for actor in actors.values())
         agents = self._guests(timed, placed=actors)
-        return assign_in_turn(agents, table, self._pool.background)
+        return assign_in_turn(agents, table, self._pool.background, self._pool.least)
 
     def _guests(self, timed: TimedSchedule, *, placed: Container[str]) -> list[BackgroundAgent]:
         """All but those who have their place already."""
@@ -568,7 +571,7 @@ class Search:
 
         Who comes on red looks for room to wait on a few candidates before it comes at other times.
         """
-        yield from self._beside(draws, seated)
+        yield from self._beside(draws, moment, seated)
         later: list[Option] = []
         tried = 0
         for m in range(len(draws.nll)):
@@ -635,14 +638,20 @@ class Search:
         else:
             yield from (*far, *stuck)
 
-    def _beside(self, draws: AgentCandidates, seated: Seated) -> Iterator[Option]:
-        """Walking with another, if that one has its place."""
+    def _beside(
+        self, draws: AgentCandidates, moment: SceneTiming, seated: Seated
+    ) -> Iterator[Option]:
+        """Walking with another, if that one has its place and both keep off the crosswalk at red."""
         if draws.beside not in seated.chosen:
             return
         option, start = seated.chosen[draws.beside]
         built = self._candidate(draws.name, option.index)
-        if built is not None:
-            actor = option.actor.led(*built)
+        if built is None:
+            return
+        actor, line = option.actor.led(*built), built[1].line or np.inf
+        kerb = option.actor.landmarks.line or np.inf
+        beyond = any(stop.s < kerb and stop.s > line - _OFF_KERB for stop in actor.stops)
+        if not beyond and passes_on_green(actor, moment, start * STEP):
             steps = np.array([start], dtype=np.int64)
             cost = self._cost(draws.name, option.index)
             yield Option(partial(_get, actor), option.index, steps, cost)
