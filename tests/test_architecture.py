@@ -59,6 +59,8 @@ def test_public_surface() -> None:
         "Scene",
         "SocialGraph",
         "__version__",
+        "drive",
+        "drive_many",
         "export",
         "load_backend",
         "load_intersection",

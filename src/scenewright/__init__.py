@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scenewright.backends import load_backend
     from scenewright.cli.plan import plan
+    from scenewright.driving.api import drive, drive_many
     from scenewright.graph.export import export
     from scenewright.graph.run import Scene, synthesize, verify
     from scenewright.intersections import load_map as load_intersection
@@ -29,6 +30,8 @@ __all__ = [
     "Scene",
     "SocialGraph",
     "__version__",
+    "drive",
+    "drive_many",
     "export",
     "load_backend",
     "load_intersection",
@@ -38,6 +41,8 @@ __all__ = [
 ]
 
 _HOMES = {
+    "drive": ("scenewright.driving.api", "drive"),
+    "drive_many": ("scenewright.driving.api", "drive_many"),
     "export": ("scenewright.graph.export", "export"),
     "IntersectionMap": ("scenewright.scene.map", "IntersectionMap"),
     "Scene": ("scenewright.graph.run", "Scene"),

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,10 +16,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
+from inline_jobs import run_jobs_inline
 from scenewright import verify
 from scenewright.backends import load_backend
 from scenewright.cli.main import main
+from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import Conversations
+from scenewright.cli.page.model_choice import ModelChoice
+from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.server import Page, build_app
 from scenewright.scene.record import SceneRecord
 
@@ -31,7 +36,12 @@ YIELD = "A car yields to a pedestrian at 5 am"
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     file = str(tmp_path_factory.mktemp("page") / "threads.sqlite")
     conversations = Conversations(file, backend=load_backend("builtin"), seed=1)
-    page = Page(conversations, backend="builtin", intersection="amsterdam_120")
+    folder = tmp_path_factory.mktemp("data")
+    batches = Batches(folder / "batches")
+    page = Page(
+        conversations, choice=ModelChoice(conversations, "builtin"), intersection="amsterdam_120",
+        batches=batches, own_maps=OwnMaps(folder / "maps"),
+    )  # fmt: skip
     app = build_app(page, token=TOKEN, hosts=frozenset({HOST}))
     with TestClient(app, base_url=f"http://{HOST}", headers={"x-token": TOKEN}) as opened:
         yield opened
@@ -84,6 +94,80 @@ def test_a_conversation_goes_on_after_the_server_was_stopped(
     assert thread in names
 
 
+def test_a_change_by_hand_is_solved_and_verified_like_words(client: TestClient) -> None:
+    name = client.post("/api/threads", json={}).json()["thread"]
+    take_turn(client, name, "say", YIELD)
+    handles = client.get(f"/api/threads/{name}/handles").json()["handles"]
+    vehicle = next(each for each in handles if each["agent"] == "vehicle-1")
+    assert sum(way["now"] for way in vehicle["ways"]) == 1
+    assert vehicle["stop"] is None or len(vehicle["stop"]["line"]) > 2
+    change = [{"edit": "come_later", "agent": "pedestrian-1", "seconds": 0.5}]
+    last = take_turn(client, name, "edit", json.dumps(change))[-1]["reply"]
+    assert last["kind"] in ("made", "refused")
+    if last["kind"] == "made":
+        overlaid = client.get(f"/api/threads/{name}/page.html?version=1&over=2").text
+        assert '"over":[{' in overlaid
+    nonsense = take_turn(client, name, "edit", "[{")[-1]["reply"]
+    assert nonsense["kind"] == "refused"
+
+
+def make_in_this_process(folder: Path) -> subprocess.Popen[bytes]:
+    """What the process of a batch does, without starting one."""
+    rows, out = str(folder / "rows.jsonl"), str(folder / "out")
+    assert main(["batch", rows, "--out", out, "--workers", "1", "--quiet"]) == 0
+    return subprocess.Popen([sys.executable, "-c", ""])
+
+
+def test_dropped_rows_are_made_and_opened_one_by_one(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_jobs_inline(monkeypatch)
+    monkeypatch.setattr("scenewright.cli.page.batches._launch", make_in_this_process)
+    rows = [{"id": "a", "text": YIELD, "seed": 1}, {"id": "b", "text": "a pig flies", "seed": 1}]
+    body = "\n".join(map(json.dumps, rows))
+    name = client.post("/api/batches/new", content=body).json()["batch"]
+    for _ in range(600):
+        state = client.get(f"/api/batches/{name}").json()
+        if not state["running"]:
+            break
+        time.sleep(0.1)
+    assert state["error"] == ""
+    assert (state["rows"], state["done"]) == (2, 2)
+    made, refused = sorted(state["scenes"], key=lambda row: row["number"])
+    assert (made["id"], made["status"], made["events"][0]["type"]) == ("a", "made", "yielding")
+    assert (refused["status"], refused["reason"] != "") == ("refused", True)
+    assert "scene-data" in client.get(f"/api/batches/{name}/{made['place']}/page.html").text
+    assert client.get(f"/api/batches/{name}/{refused['place']}/page.html").status_code == 400
+    assert name in client.get("/api/batches").json()["batches"]
+
+
+def test_rows_that_are_none_are_refused_with_their_line(client: TestClient) -> None:
+    before = client.get("/api/batches").json()
+    answer = client.post("/api/batches/new", content='{"id": "a"}')
+    assert answer.status_code == 400
+    assert "the rows, line 1" in answer.json()["reason"]
+    assert client.get("/api/batches").json() == before
+
+
+def test_a_dropped_map_that_is_none_is_one_line_and_left_nowhere(client: TestClient) -> None:
+    for name, body in (("x.osm", b"<osm"), ("x.exe", b""), ("../../x.osm", b"<a/>")):
+        answer = client.post("/api/maps", params={"name": name}, content=body)
+        assert answer.status_code == 400
+        assert "\n" not in answer.json()["reason"]
+    gone = client.post("/api/maps/0123456789abcdef.osm/import", json={"name": "x"})
+    assert gone.status_code == 400
+
+
+def test_keys_are_never_shown(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-a-secret")
+    answer = client.get("/api/settings")
+    assert answer.json()["keys"]["OPENAI_API_KEY"] is True
+    assert "sk-a-secret" not in answer.text
+    for name in ("nonsense", "recorded:/etc/passwd", "vllm:x"):
+        assert client.post("/api/settings/backend", json={"backend": name}).status_code == 400
+    assert client.get("/api/settings").json()["backend"] == "builtin"
+
+
 @pytest.mark.parametrize(
     ("headers", "status"),
     [
@@ -124,7 +208,11 @@ BODIES = st.one_of(
 PLACES = st.sampled_from(
     ["/api/threads", "/api/threads/page-1/turn", "/api/threads/nothing/turn", "/api/threads/%2e%2e",
      "/api/threads/page-1/compare?first=x&second=9", "/api/threads/page-1/page.html?version=99",
-     "/api/threads/page-1/../../etc/passwd", "/api/intersections/..%2f..%2fx.png", "/nothing"]
+     "/api/threads/page-1/../../etc/passwd", "/api/threads/page-1/handles?version=x",
+     "/api/batches/new?intersection=x", "/api/batches/x", "/api/batches/batch-1?after=-1",
+     "/api/batches/batch-1/99999/page.html", "/api/batches/x/go", "/api/maps?name=x.osm",
+     "/api/maps/x/import", "/api/settings", "/api/settings/backend",
+     "/api/intersections/..%2f..%2fx.png", "/nothing"]
 )  # fmt: skip
 
 

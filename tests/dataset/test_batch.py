@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,11 @@ from scenewright.dataset.batch.manifest import write_manifest
 from scenewright.dataset.batch.pool import Died, Overdue, spread
 from scenewright.dataset.batch.run import Request, run_batch, shard_of
 from scenewright.dataset.batch.worker import FILES, Options, Outcome, work
+from scenewright.dataset.tables.divide import divide_tables
 from scenewright.dataset.tables.parquet import SceneFiles, parquet, rows_of
+from scenewright.dataset.tables.splits import SPLITS, choose_split
 from scenewright.errors import InputError
+from scenewright.intersections import load_map
 
 OPTIONS = Options("amsterdam_120")
 TEXTS = {
@@ -115,6 +119,70 @@ def test_the_tables_load_and_hold_every_row(whole: Path) -> None:
     assert math.isclose(track["time"].iloc[0], agent["spawn_time"])
 
 
+def test_tracks_have_velocities_and_the_map_and_the_lights_are_tables(whole: Path) -> None:
+    import pandas as pd
+
+    frames = {
+        name: pd.read_parquet(whole / "tables" / f"{name}.parquet")
+        for name in ("tracks", "lights", "map", "events")
+    }
+    track = frames["tracks"].query("row == 'follow' and agent == 1")
+    moved = (track["x"].iloc[11] - track["x"].iloc[9]) / 0.2
+    assert math.isclose(track["vx"].iloc[10], moved, abs_tol=2e-3)
+    slowed = (track["vx"].iloc[11] - track["vx"].iloc[9]) / 0.2
+    assert math.isclose(track["ax"].iloc[10], slowed, abs_tol=2e-2)
+    scene = json.loads((whole / "calm" / "scene.json").read_bytes())
+    assert (frames["lights"]["row"] == "calm").sum() == len(scene["signals"])
+    place = load_map("amsterdam_120")
+    assert (frames["map"]["kind"] == "crosswalk").sum() == len(place.crosswalks)
+    assert not frames["map"]["feature"].duplicated().any()
+    queues = frames["events"][frames["events"]["queue"]]
+    assert (queues["type"] == "follow").all()
+    assert not queues["asked"].any()
+
+
+def test_a_dataset_is_divided_without_telling_answers_and_nothing_is_lost(
+    whole: Path, tmp_path: Path
+) -> None:
+    counts = divide_tables(whole, tmp_path / "parts")
+    assert sum(counts.values()) == 3
+    for name in ("scenes", "tracks"):
+        parts = [
+            parquet().read_table(tmp_path / "parts" / split / f"{name}.parquet").to_pylist()
+            for split in SPLITS
+        ]
+        everything = parquet().read_table(whole / "tables" / f"{name}.parquet").to_pylist()
+        assert sorted(map(str, chain(*parts))) == sorted(map(str, everything))
+    card = (tmp_path / "parts" / "README.md").read_text()
+    assert all((f"path: {split}/scenes" in card) == bool(counts[split]) for split in counts)
+    with pytest.raises(InputError, match="is there already"):
+        divide_tables(whole, tmp_path / "parts")
+
+
+def test_a_split_follows_from_place_and_wording_alone() -> None:
+    def split(text: str, voice: str | None = None) -> str:
+        return choose_split("amsterdam_120", text, voice)
+
+    assert split("A car hits a bus at 8:00") == split("a car  hits a bus at 9:30")
+    assert split("A car hits a bus", "telegraph") == split("Anything else", "telegraph")
+    found = [split(f"text {chr(97 + k % 26)}{chr(97 + k // 26)}") for k in range(600)]
+    assert 0.75 < found.count("train") / 600 < 0.85
+    assert {*found} == {*SPLITS}
+
+
+def test_croissant_names_every_column_and_the_hash_of_its_file(whole: Path) -> None:
+    about = json.loads((whole / "croissant.json").read_bytes())
+    manifest = json.loads((whole / "manifest.json").read_bytes())
+    for each in about["distribution"]:
+        assert manifest["files"][each["contentUrl"]] == each["sha256"]
+    columns = {
+        each["name"]: [field["name"] for field in each["field"]] for each in about["recordSet"]
+    }
+    for name, found in columns.items():
+        table = parquet().ParquetFile(whole / "tables" / f"{name}.parquet")
+        assert found == table.schema_arrow.names
+
+
 def test_the_account_of_words_is_a_table_with_the_checkers_evidence(whole: Path) -> None:
     rows = parquet().read_table(whole / "tables" / "account.parquet").to_pylist()
     proof = json.loads((whole / "follow" / "proof.json").read_bytes())
@@ -137,7 +205,13 @@ def test_a_scene_of_an_earlier_version_has_no_rows_of_account(whole: Path) -> No
         json.loads((whole / "follow" / name).read_bytes()) for name in ("scene.json", "proof.json")
     )
     del scene["said"], proof["said"]
-    rows = rows_of(SceneFiles({"row": "follow"}, scene, proof, {}))
+    about = {
+        "row": "follow",
+        "text": TEXTS["follow"],
+        "intersection": "amsterdam_120",
+        "voice": None,
+    }
+    rows = rows_of(SceneFiles(about, scene, proof, {}))
     assert rows["account"] == []
     assert rows["events"]
 
@@ -275,6 +349,7 @@ KINDS = (
     "calm/scene.json", "calm/proof.json", "calm/provenance.json", "manifest.json", "README.md",
     "figures/overview.png", "tables/scenes.parquet", "tables/agents.parquet",
     "tables/tracks.parquet", "tables/events.parquet", "tables/account.parquet",
+    "tables/lights.parquet", "tables/map.parquet", "croissant.json",
 )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ _FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 _TRACKS = re.compile(r"^```csv\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _MODULE = re.compile(
-    r"`((?:authoring|backends|cli|dataset|evals|geometry|graph|intersections|memory|nodes|scene|tools"
+    r"`((?:authoring|backends|cli|dataset|driving|evals|geometry|graph|intersections|memory|nodes|scene|tools"
     r"|viz)/[\w/.-]+)`"
 )
 _VARIABLES_FOR_MODELS = ("API_KEY", "BASE_URL", "TOKEN")

@@ -14,6 +14,9 @@ from scenewright.evals.trajnet.recording import read_recording
 from scenewright.evals.trajnet.score import mean_with_interval
 from scenewright.evals.trajnet.training import check_split
 from scenewright.evals.trajnet.windows import BENDING, Weights, training_windows
+from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
+
+SHIPPED_WEIGHTS = str(find_bundle_folder("amsterdam_120") / REFINER_WEIGHTS)
 
 
 @pytest.fixture
@@ -89,6 +92,7 @@ def test_what_is_trained_can_be_scored_and_writes_the_benchmarks_format(
         (["none.ndjson"], "No such file"),
         (["walks.ndjson", "--weights", "none"], "No such file"),
         (["walks.ndjson", "--weights", "walks.ndjson"], "not a safetensors file"),
+        (["walks.ndjson", "--weights", SHIPPED_WEIGHTS], "refine the scenes of an intersection"),
         (["walks.ndjson", "walks.ndjson"], "two files"),
         (["bad.ndjson"], "bad.ndjson, line 1"),
         (["walks.ndjson", "--out", "bad.ndjson"], "cannot write"),

@@ -113,7 +113,7 @@ def test_types_are_worked_out_where_they_are_missing(tmp_path: Path) -> None:
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
     scores = score_scenes(recording, predict_scenes(recording, constant_velocity))
     assert [row.name for row in table(scores)] == ["all", "2 linear"]
-    assert scores[0].col1 is None  # nobody else is there
+    assert scores[0].col1 is False  # nobody else is there, which the official evaluator counts
 
 
 @pytest.mark.parametrize(
@@ -144,3 +144,24 @@ def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.ndjson").write_bytes(b"\x80\x04\x95\xff")
     with pytest.raises(InputError, match="not a text file"):
         read_recording(tmp_path / "a.ndjson")
+
+
+def test_who_left_before_the_ninth_step_is_written_and_goes_on_evenly(tmp_path: Path) -> None:
+    """The official evaluator refuses Col-I of a file without everybody seen in the first nine."""
+    early, once = range(100, 161, 10), range(100, 101)
+    rows = [scene(), *walk(3, 0, 0, 0.5), *walk(9, 0, 2, 0.25, early), *walk(4, 8, 8, 1.0, once)]
+    recording = read_recording(written(tmp_path / "a.ndjson", rows))
+    (predicted,) = predict_scenes(recording, constant_velocity)
+    places = {int(p): xy for p, xy in zip(recording.ids[predicted.who], predicted.xy, strict=True)}
+    assert list(places) == [3, 4, 9]
+    assert places[9] == pytest.approx(
+        np.stack([0.25 * np.arange(9, 21), np.full(12, 2.0)], -1), abs=0.01
+    )
+    assert places[4] == pytest.approx(np.full((12, 2), 8.0))
+
+
+def test_who_comes_after_the_ninth_step_is_nobody_to_collide_with(tmp_path: Path) -> None:
+    rows = [scene(), *walk(3, 0, 0, 0.5), *walk(9, 0, 0.1, 0.5, range(200, 301, 10))]
+    recording = read_recording(written(tmp_path / "a.ndjson", rows))
+    (score,) = score_scenes(recording, predict_scenes(recording, constant_velocity))
+    assert (score.col1, score.col2) == (False, False)

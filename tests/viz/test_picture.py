@@ -21,6 +21,8 @@ from scenewright.viz.appearance import (
     make_printable,
     parse_colour,
 )
+from scenewright.viz.frame_times import choose_frame_times
+from scenewright.viz.video import film_scene
 
 HOSTILE = (
     "A car\nyields \x1b[31m$\\frac{1}{0}$ _{x} 行人 \u202eleft\ud800 & <b>" + " very long" * 4000
@@ -113,22 +115,59 @@ def test_nothing_is_left_half_written(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_animation_moves_and_lasts_as_long_as_the_scene(
+def test_a_whole_animation_moves_and_is_slow_round_its_event(
     tmp_path: Path, scene: SceneRecord, proof: Proof, intersection: IntersectionMap
 ) -> None:
     path = tmp_path / "a.gif"
-    animate_scene(path, scene=scene, proof=proof, intersection=intersection, fps=1)
+    animate_scene(path, scene=scene, proof=proof, intersection=intersection, fps=1, whole=True)
     with Image.open(path) as image:
         lasts, shown = 0, []
         for number in range(getattr(image, "n_frames", 1)):
             image.seek(number)
             lasts += image.info["duration"]
             shown.append(np.asarray(image.convert("RGB")).astype(int))
-    assert lasts == pytest.approx(31_000, abs=500)
+    assert lasts == pytest.approx(31_000 + 2 * 2_000, abs=1_000)
     assert all((a != b).any() for a, b in pairwise(shown))
     assert path.stat().st_size < 1_000_000
     orange = [share_of(picture, choose_colours(scene)[1]) for picture in shown]
     assert max(orange) > 1e-3 > min(orange)
+
+
+def test_an_animation_ends_two_seconds_after_its_event(scene: SceneRecord) -> None:
+    times = choose_frame_times(scene, fps=10)
+    assert times[-1] == pytest.approx(8.2 + 2.0, abs=0.11)
+    steps = np.diff(times)
+    assert steps[30] == pytest.approx(0.1)
+    slow = (times[:-1] > 7.1) & (times[1:] < 8.9)
+    assert steps[slow] == pytest.approx(0.1 / 3, abs=1e-3)
+
+
+def test_a_scene_without_events_is_animated_whole(scene: SceneRecord) -> None:
+    quiet = scene.model_copy(update={"events": ()})
+    times = choose_frame_times(quiet, fps=10)
+    assert times == pytest.approx(np.arange(301) / 10)
+
+
+def test_frames_are_handed_to_the_encoder_whole_and_its_words_come_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: SceneRecord,
+    intersection: IntersectionMap,
+) -> None:  # fmt: skip
+    encoder = tmp_path / "encoder"
+    encoder.write_text(
+        "#!/usr/bin/env python3\nimport sys\n"
+        "frames = sys.stdin.buffer.read()\nwide, high = map(int, sys.argv[8].split('x'))\n"
+        "assert frames and len(frames) % (wide * high * 3) == 0, 'part of a frame'\n"
+        "open(sys.argv[-1], 'wb').write(frames[:9])\n"
+    )
+    encoder.chmod(0o755)
+    monkeypatch.setattr("scenewright.viz.video.find_ffmpeg", lambda: str(encoder))
+    monkeypatch.setattr("scenewright.viz.video.FPS", 1)
+    film_scene(tmp_path / "a.mp4", scene=scene, proof=None, intersection=intersection)
+    assert len((tmp_path / "a.mp4").read_bytes()) == 9
+    encoder.write_text("#!/bin/sh\necho no such codec >&2; exit 1\n")
+    with pytest.raises(InputError, match="no such codec"):
+        film_scene(tmp_path / "b.mp4", scene=scene, proof=None, intersection=intersection)
+    assert not (tmp_path / "b.mp4").exists()
 
 
 @pytest.mark.parametrize("fps", [0, 51])

@@ -13,7 +13,7 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from contextvars import Context
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, cast
 
 from langchain_core.runnables import RunnableConfig
@@ -22,6 +22,7 @@ from langgraph.runtime import Runtime
 from pydantic import TypeAdapter
 
 from scenewright.authoring.answer_question import answer_question
+from scenewright.authoring.direct_edits import list_handles, read_direct_edits
 from scenewright.authoring.read_turn import (
     SENTENCE,
     ask_what_is_meant,
@@ -168,6 +169,32 @@ class Session:
         """A scene of its own, whatever was there before."""
         return self._turn({"act": "make", "words": instruction})
 
+    def edit(self, asked: Any) -> dict[str, Any]:
+        """Changes made by hand, a list of objects (`authoring/direct_edits.py`).
+
+        Raises:
+            InputError: they are no such list, or there is no scene yet.
+        """
+        version = _found(self.state, None)
+        if version is None:
+            raise InputError("there is no scene yet; say what shall happen")
+        graph = SocialGraph.model_validate(version["graph"])
+        edits, words = read_direct_edits(asked, graph)
+        return self._turn({"act": "edit", "words": words, "argument": _dump_edits(edits)})
+
+    def handles(self, which: str | int | None = None) -> list[dict[str, Any]]:
+        """What can be changed by hand in a version (`list_handles`); empty before there is one."""
+        version = _found(self.state, which)
+        if version is None:
+            return []
+        earlier = deserialize_version(self._threads.kept(version["earlier"]))
+        graph = SocialGraph.model_validate(version["graph"])
+        return list_handles(graph, earlier, load_map(self._heading["intersection"]))
+
+    def speak_with(self, backend: Backend) -> None:
+        """From now on this backend plans and reasons."""
+        self._context = replace(self._context, backend=backend)
+
     def undo(self) -> dict[str, Any]:
         """Back to the version that the current one was made from."""
         return self._turn({"act": "undo", "words": "/undo"})
@@ -218,6 +245,10 @@ class Session:
             proof,
             self._threads.kept(version["provenance"]),
         )
+
+
+def _dump_edits(edits: tuple[Edit, ...]) -> str:
+    return _EDITS.dump_json(edits, by_alias=True).decode()
 
 
 def _checked(setting: Heading) -> Heading:
@@ -278,6 +309,12 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     """What the words amount to, where the scene is as it is."""
     if state["act"] == "make":
         return {"reading": NewScene().model_dump(mode="json"), "pending": None}
+    if state["act"] == "edit":
+        edits = _EDITS.validate_json(state.get("argument", ""))
+        return {
+            "reading": Edits(edits=edits).model_dump(mode="json", by_alias=True),
+            "pending": None,
+        }
     if state["act"] != "say":
         return {"reading": None}
     words, chosen = _answered(state)

@@ -24,8 +24,9 @@ from scenewright.cli.batch import (
     options_of,
     seconds_of,
 )
-from scenewright.cli.console import one_line, put, put_json, say
+from scenewright.cli.console import one_line, progress, put, put_json, say
 from scenewright.cli.dataset import dataset
+from scenewright.cli.tables import write_tables
 from scenewright.errors import BackendFault, Unsatisfiable
 from scenewright.time_limit import DEFAULT_LIMIT
 
@@ -124,6 +125,9 @@ def paper(
     ] = 1.0,
     workers: Workers = None,
     engine: EngineName = "process",
+    tables: Annotated[
+        bool, typer.Option("--tables", help="Then measure Tables 1 to 5, as `evals tables` does.")
+    ] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -131,7 +135,7 @@ def paper(
 
     100 normal scenes, and for each backend 40 collisions and 50 yields: two agents in the
     foreground, medium density (5 to 10 more), from varied instructions. Killed, the same command
-    goes on.
+    goes on. With --tables the paper's tables are measured on it in the same run.
     """
     from scenewright.dataset.orders.run import Order, paper_wish
 
@@ -155,6 +159,12 @@ def paper(
         asking=asking_of(record=record, timeout=timeout, at_once=at_once),
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
+    if tables:
+        with progress(quiet=quiet) as tell:
+            page, _, target = write_tables(wanted.out, tell=lambda line: tell("measuring", line))
+        if not as_json:
+            put(page)
+        say(f"written: {target}/tables.md, tables.json")
 
 
 def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None:

@@ -188,12 +188,16 @@ def options_of(
     """What all rows share, as the command line says it."""
     from scenewright.dataset.batch.answering import BUILTIN
     from scenewright.dataset.batch.worker import Options
-    from scenewright.graph.run import max_agents_or_default, refiner_or_default
+    from scenewright.graph.run import find_refiner_gap, max_agents_or_default, refiner_or_default
 
+    refiner = refiner_or_default(refiner)
+    gap = find_refiner_gap(intersection, refiner)
+    if gap is not None:
+        say(f"warning: {gap}")
     return Options(
         intersection=intersection,
         backend=tuple(backend or BUILTIN),
-        refiner=refiner_or_default(refiner),
+        refiner=refiner,
         selection=selection,
         seed=seed,
         base_url=base_url,

@@ -37,7 +37,9 @@ Say what shall happen, then what shall be different: "make the pedestrian come f
 /show [N]           a version in words: the current one, or number N, or branch N
 /compare A B        two versions or branches, agent by agent
 /save [DIR]         write the scene to a folder
-/html [F], /gif [F] write a page that plays the scene, or an animation
+/html [F]           write a page that plays the scene
+/gif [F], /mp4 [F]  write an animation
+/play, /open        play it in the browser; open its recording in the viewer
 /why                why the last words were refused
 /help, /quit"""
 
@@ -167,6 +169,9 @@ class _Talk:
             "save": self._save,
             "html": partial(self._save_view, "html"),
             "gif": partial(self._save_view, "gif"),
+            "mp4": partial(self._save_view, "mp4"),
+            "play": lambda _: self._play(),
+            "open": lambda _: self._open(),
             "why": lambda _: self._why(),
             "help": lambda _: {"kind": "help", "text": HELP},
         }
@@ -313,6 +318,36 @@ class _Talk:
         except InputError as error:
             return [f"not remembered: {error}"]
         return []
+
+    def _play(self) -> dict[str, Any]:
+        """Opens the current version in the browser; says where its page lies."""
+        import webbrowser
+
+        from scenewright.cli.views import write_view
+
+        shown = self._needed(None)
+        path = self._view_file(shown, "html")
+        write_view("html", path, shown.record, shown.proof)
+        opened = webbrowser.open(path.as_uri())
+        warnings = [] if opened else ["there is no browser to open it in"]
+        return {"kind": "saved", "folder": str(path.parent), "files": [path.name],
+                "warnings": warnings}  # fmt: skip
+
+    def _open(self) -> dict[str, Any]:
+        """Opens the recording of the current version, until its viewer is closed."""
+        from scenewright.cli.save import record_version
+        from scenewright.viz.recording import open_recording
+
+        shown = self._needed(None)
+        path = self._view_file(shown, "rrd")
+        record_version(shown, path)
+        open_recording(path)
+        return {"kind": "nothing", "reason": f"closed; the recording lies at {path}"}
+
+    def _view_file(self, shown: Shown, ending: str) -> Path:
+        folder = find_data_folder() / "views"
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        return folder / f"{self._session.thread}-{shown.version['number']}.{ending}"
 
     def _why(self) -> dict[str, Any]:
         from scenewright.authoring.explain import why

@@ -74,6 +74,23 @@ def check(
         raise typer.Exit(NOT_VERIFIED)
 
 
+@dataset.command("split")
+def split(folder: Folder, out: OutFolder, as_json: Json = False) -> None:
+    """Write a dataset's tables divided into train, validation and test.
+
+    Rows of one intersection that one voice worded, or whose texts differ by numbers alone, share a
+    part, so that no part tells the answers of another. `datasets.load_dataset(OUT)` finds them.
+    """
+    from scenewright.dataset.tables.divide import divide_tables
+
+    counts = divide_tables(Path(folder), folder_of_option(out))
+    if as_json:
+        put_json({"folder": folder, "out": out, "scenes": counts})
+    else:
+        told = ", ".join(f"{count} in {name}" for name, count in counts.items())
+        put(f"{out}: {told}\n")
+
+
 @dataset.command("export")
 def export_dataset(
     folder: Folder,

@@ -23,6 +23,7 @@ from scenewright.cli.interrupts import stop_if_asked
 from scenewright.errors import InputError
 
 if TYPE_CHECKING:
+    from scenewright.evals.realism.assessment import Assessment
     from scenewright.evals.trajnet.evaluate import Evaluated
     from scenewright.evals.trajnet.recording import Recording
     from scenewright.evals.trajnet.score import Row
@@ -196,3 +197,92 @@ def _say_epoch(epoch: Epoch) -> None:
     stop_if_asked()
     held = "" if epoch.ade is None else f", held out {epoch.ade:.3f} m"
     say(f"epoch {epoch.number}: loss {epoch.loss:.3f}{held}, {epoch.seconds:.0f} s")
+
+
+@evals.command("realism")
+def realism(
+    sets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SET...",
+            help="Folders of scenes, also of a batch, or files of tracks; NAME=PATH names one.",
+        ),
+    ],
+    real: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=PATH", help="Tracks of real traffic to compare with; may be given again."
+        ),
+    ] = None,
+    corpus: Annotated[
+        str | None, typer.Option(metavar="F.npz", help="A corpus, whose test hours are shown, too.")
+    ] = None,
+    intersection: Annotated[
+        str | None, typer.Option(help="The intersection that the corpus is of.")
+    ] = None,
+    scale: Annotated[
+        float | None, typer.Option(help="Metres per pixel of tracks in pixels.")
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option(help="Folder for realism.md, realism.json and realism.png.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of splits and resamplings.")] = 0,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Judge how real the motion of scenes is, against recordings of real traffic.
+
+    A classifier's two-sample test with its floors, speeds kept, headways, companions, reactions,
+    numbers of people, and a likelihood beside that of log replay.
+    """
+    from scenewright.evals.realism.assessment import assess
+    from scenewright.evals.realism.sources import read_source
+    from scenewright.intersections import load_map
+    from scenewright.tools.gmm_sampler import load_priors
+
+    judged = [read_source(each, scale=scale) for each in sets]
+    beside = [read_source(each, scale=scale) for each in real or ()]
+    simulated = None if corpus is None else read_source(corpus, place=intersection)
+    check_names([each.name for each in (*judged, *beside, *([simulated] if simulated else []))])
+    with progress(quiet=quiet) as tell:
+        report = assess(
+            judged,
+            beside,
+            corpus=simulated,
+            mass_of=lambda place, hour: load_priors(place).counts[hour].mass,
+            ground_of=load_map,
+            seed=seed,
+            tell=lambda line: tell("judging", line),
+        )
+    if out is not None:
+        write_assessment(Path(out), report)
+    if as_json:
+        put_json({"ok": True, "out": out, **report.to_json()})
+    else:
+        put(report.markdown())
+
+
+def check_names(names: list[str]) -> None:
+    """InputError where two data sets have one name."""
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"two data sets are called {twice[0]!r}; name one with NAME=PATH")
+
+
+def write_assessment(folder: Path, report: Assessment) -> None:
+    """The report as tables, JSON and a page of plots.
+
+    Raises:
+        InputError: the folder cannot be made.
+    """
+    import json
+
+    from scenewright.evals.realism.assessment_plots import draw_assessment
+    from scenewright.files import write_atomically
+    from scenewright.graph.run import make_folder
+
+    target = make_folder(folder)
+    text = json.dumps(report.to_json(), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+    write_atomically(target / "realism.md", report.markdown().encode("utf-8"))
+    write_atomically(target / "realism.json", text.encode("utf-8"))
+    write_atomically(target / "realism.png", draw_assessment(report))

@@ -41,6 +41,7 @@ from scenewright.cli.console import (
     say,
 )
 from scenewright.cli.dataset import dataset
+from scenewright.cli.drive import drive
 from scenewright.cli.errors import (
     INTERRUPTED,
     NOT_VERIFIED,
@@ -58,6 +59,7 @@ from scenewright.cli.planner import planner
 from scenewright.cli.serve import serve
 from scenewright.cli.tables import tables
 from scenewright.cli.understanding import understanding
+from scenewright.cli.views import ViewKind
 from scenewright.time_limit import DEFAULT_LIMIT
 
 app = typer.Typer(
@@ -86,6 +88,7 @@ app.command()(serve)
 app.command()(author)
 app.add_typer(dataset)
 app.command()(export)
+app.command()(drive)
 app.add_typer(planner)
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
@@ -272,13 +275,21 @@ def show(
         typer.Option(metavar="F", help="Write a page that plays and explains it, to share."),
     ] = None,
     gif: Annotated[str | None, typer.Option(metavar="F", help="Write an animation.")] = None,
+    mp4: Annotated[
+        str | None, typer.Option(metavar="F", help="Write a video (extra `video`, or ffmpeg).")
+    ] = None,
+    whole: Annotated[
+        bool, typer.Option("--whole", help="Animations go on to the end of the scene.")
+    ] = False,
 ) -> None:
     """Open a scene's recording in the rerun viewer, or write its views to files."""
-    if html is not None or gif is not None:
+    asked: dict[ViewKind, str | None] = {"html": html, "gif": gif, "mp4": mp4}
+    wanted = {kind: name for kind, name in asked.items() if name is not None}
+    if wanted:
         from scenewright.cli.show import write_views
 
-        for name in write_views(scene, html=html, gif=gif):
-            put(f"{name}\n")
+        write_views(scene, wanted, whole=whole)
+        put("".join(f"{name}\n" for name in wanted.values()))
         return
     from scenewright.viz.recording import open_recording
 
@@ -397,6 +408,16 @@ def train(
         typer.Option(help="Folder to write; one's own intersection, else intersections/NAME."),
     ] = None,
     epochs: Annotated[int | None, typer.Option(min=1, help="How often all is seen.")] = None,
+    walkers: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH",
+            help="Tracks of real people on foot, to learn walking from; may be given again.",
+        ),
+    ] = None,
+    go_on: Annotated[
+        bool, typer.Option("--go-on", help="From the weights that serve the intersection on.")
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -406,8 +427,9 @@ def train(
 
     with progress(quiet=quiet) as tell:
         made = train_refiner(
-            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell
-        )
+            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell,
+            walkers=walkers or (), go_on=go_on,
+        )  # fmt: skip
     if as_json:
         put_json({"ok": True, "name": name, **made})
     else:

@@ -113,7 +113,7 @@ def make_scene(request: Request, *, tell: Tell) -> Made:
         target = target_folder(str(name), force=request.force)
     with whole_folder(target) as part:
         scene.save(part, profile=request.profile)
-        warnings = _add_views(scene, part, request, tell)
+        warnings = (*_unrefined(scene), *_add_views(scene, part, request, tell))
         files = tuple(sorted(entry.name for entry in part.iterdir()))
         stop_if_asked()
     return Made(scene, _shown(target), files, warnings)
@@ -146,6 +146,12 @@ def _synthesize(request: Request, tell: Tell) -> Scene:
         time_limit=request.time_limit,
         tell=tell,
     )
+
+
+def _unrefined(scene: Scene) -> list[str]:
+    """Why nothing was refined though it was asked for."""
+    asked, ran = scene.provenance["refiner"], scene.provenance["refinement"]
+    return [ran["note"]] if asked == "trajnet" and ran["refiner"] == "none" else []
 
 
 def _add_views(scene: Scene, folder: Path, request: Request, tell: Tell) -> tuple[str, ...]:

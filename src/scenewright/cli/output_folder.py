@@ -13,6 +13,7 @@ from scenewright.errors import InputError
 
 SCENE_FILES = (
     "provenance.json",
+    "drive.json",
     "proof.json",
     "scene.png",
     "scene.gif",

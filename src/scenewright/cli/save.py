@@ -38,7 +38,10 @@ def save_version(shown: Shown, path: str) -> tuple[Path, list[str], list[str]]:
 
 def _views(shown: Shown, folder: Path) -> list[str]:
     """Adds the picture and the recording; what could not be added is a warning."""
-    views: dict[str, Callable[[Shown, Path], None]] = {"scene.png": _draw, "scene.rrd": _record}
+    views: dict[str, Callable[[Shown, Path], None]] = {
+        "scene.png": _draw,
+        "scene.rrd": record_version,
+    }
     warnings = []
     for name, write in views.items():
         try:
@@ -68,7 +71,7 @@ def _draw(shown: Shown, path: Path) -> None:
     write_view("png", path, shown.record, shown.proof)
 
 
-def _record(shown: Shown, path: Path) -> None:
+def record_version(shown: Shown, path: Path) -> None:
     """The tracks and what was said; candidates and paths are not kept with a version."""
     from scenewright.intersections import load_map
     from scenewright.viz.recording import record_scene

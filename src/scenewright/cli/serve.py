@@ -36,14 +36,17 @@ def serve(
     try:
         import uvicorn
 
+        from scenewright.cli.page.batches import Batches
         from scenewright.cli.page.conversations import Conversations
+        from scenewright.cli.page.model_choice import ModelChoice
+        from scenewright.cli.page.own_maps import OwnMaps
         from scenewright.cli.page.server import Page, build_app
     except ImportError as error:
         raise InputError(
             "this needs starlette and uvicorn; pip install 'scenewright[page]'"
         ) from error
     from scenewright.cli.user_folders import threads_file
-    from scenewright.intersections import load_map
+    from scenewright.intersections import find_data_folder, load_map
 
     load_map(intersection)
     speaker = backend_of(backend, base_url=base_url, record=record, timeout=timeout)
@@ -53,7 +56,11 @@ def serve(
     name = ", ".join(backend) if backend else "builtin"
     token = secrets.token_urlsafe(24)
     hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})
-    page = Page(conversations, backend=name, intersection=intersection)
+    batches = Batches(find_data_folder() / "page-batches")
+    page = Page(
+        conversations, choice=ModelChoice(conversations, name), intersection=intersection,
+        batches=batches, own_maps=OwnMaps(find_data_folder() / "page-maps"),
+    )  # fmt: skip
     config = uvicorn.Config(
         build_app(page, token=token, hosts=hosts), log_level="warning", lifespan="off",
         access_log=False,
@@ -70,6 +77,7 @@ def serve(
         uvicorn.Server(config).run(sockets=[listener])
     finally:
         conversations.close()
+        batches.close()
         warming.join()  # a thread that is cut off while it loads a library can hang the exit
 
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scenewright.cli.views import ViewKind
 
 
-def write_views(scene: str, *, html: str | None, gif: str | None) -> list[str]:
-    """Writes the views that were asked for and returns the names of their files.
+def write_views(scene: str, files: Mapping[ViewKind, str], *, whole: bool = False) -> None:
+    """Writes the views that were asked for, kind -> file.
 
     The proof is computed anew, so that a page never shows the proof of another scene.
 
@@ -18,8 +23,5 @@ def write_views(scene: str, *, html: str | None, gif: str | None) -> list[str]:
 
     record = load_scene(scene)
     proof = verify(record)
-    if html is not None:
-        write_view("html", Path(html), record, proof)
-    if gif is not None:
-        write_view("gif", Path(gif), record, proof)
-    return [each for each in (html, gif) if each is not None]
+    for kind, name in files.items():
+        write_view(kind, Path(name), record, proof, whole=whole)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -39,14 +39,10 @@ def tables(
 
     Writes tables.md and tables.json. How scenes move and differ needs recorded hours.
     """
-    from scenewright.evals.tables.produce import make_tables
-    from scenewright.evals.tables.report import markdown, to_json
-    from scenewright.files import write_atomically
-    from scenewright.graph.run import make_folder
-
     with progress(quiet=quiet) as tell:
-        found = make_tables(
+        page, values, target = write_tables(
             Path(folder),
+            out=out,
             corpus=None if corpus is None else Path(corpus),
             real=None if taf_bw is None else Path(taf_bw),
             understand=understanding,
@@ -54,13 +50,30 @@ def tables(
             seed=seed,
             tell=lambda line: tell("measuring", line),
         )
-    target = make_folder(out or Path(folder) / FOLDER)
-    page, values = markdown(found), to_json(found)
-    data = json.dumps(values, ensure_ascii=False, indent=1, allow_nan=False)
-    write_atomically(target / "tables.json", (data + "\n").encode("utf-8"))
-    write_atomically(target / "tables.md", page.encode("utf-8"))
     if as_json:
         put_json({"ok": True, "out": str(target), **values})
     else:
         put(page)
         say(f"written: {target}/tables.md, tables.json")
+
+
+def write_tables(
+    folder: Path, *, out: str | None = None, **options: Any
+) -> tuple[str, dict[str, Any], Path]:
+    """Measures a dataset and writes tables.md and tables.json; both, and their folder.
+
+    Args:
+        out: folder to write; FOLDER/evaluation if None. options: as of `make_tables`.
+    """
+    from scenewright.evals.tables.produce import make_tables
+    from scenewright.evals.tables.report import markdown, to_json
+    from scenewright.files import write_atomically
+    from scenewright.graph.run import make_folder
+
+    found = make_tables(folder, **options)
+    target = make_folder(out or folder / FOLDER)
+    page, values = markdown(found), to_json(found)
+    data = json.dumps(values, ensure_ascii=False, indent=1, allow_nan=False)
+    write_atomically(target / "tables.json", (data + "\n").encode("utf-8"))
+    write_atomically(target / "tables.md", page.encode("utf-8"))
+    return page, values, target

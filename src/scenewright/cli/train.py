@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from scenewright.tools.track_io import Recording
+    from scenewright.tools.track_io.recording import Split
     from scenewright.tools.trajnet_refiner.train import Epoch
 
 
@@ -18,8 +20,14 @@ def train_refiner(
     epochs: int | None,
     seed: int,
     tell: Callable[[str, str], None],
+    walkers: Sequence[str] = (),
+    go_on: bool = False,
 ) -> dict[str, Any]:
     """Trains and writes weights and model card; says where they are and what they are worth.
+
+    Args:
+        walkers: files or folders of tracks of real people on foot; every fourth is held out.
+        go_on: from the weights that serve the intersection on, in smaller steps.
 
     Raises:
         InputError: no such intersection, no such corpus, or a place that cannot be written.
@@ -27,12 +35,14 @@ def train_refiner(
     from scenewright.intersections import find_bundle_folder
     from scenewright.tools.track_io import load_recordings
     from scenewright.tools.trajnet_refiner.bundle_training import out_folder, train_bundle
+    from scenewright.tools.trajnet_refiner.bundled import find_refiner
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
     find_bundle_folder(name)
     recordings = load_recordings(corpus)
     changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
-    recipe = RECIPE.model_copy(update=changed)
+    recipe = RECIPE.model_copy(update={**({"rate": _SMALLER} if go_on else {}), **changed})
+    serving = find_refiner(name) if go_on else None
     folder = out_folder(name, out)
 
     def told(epoch: Epoch) -> None:
@@ -41,5 +51,36 @@ def train_refiner(
     about = train_bundle(
         name, recordings, out=folder, recipe=recipe, after_epoch=told,
         tell=lambda done, of: tell("training", f"{100 * done // of} %") if done % 20 == 0 else None,
+        start=None if serving is None else serving.net, walkers=_read_walkers(walkers),
     )  # fmt: skip
     return {"folder": str(folder), "figures": about["figures"]}
+
+
+_SMALLER = 1e-3
+"""Learning rate of a network that goes on from weights it has."""
+
+
+def _read_walkers(paths: Sequence[str]) -> list[Recording]:
+    """The pedestrians of files of tracks, every fourth file to test.
+
+    Raises:
+        InputError: a file cannot be read, or none holds a pedestrian.
+    """
+    from scenewright.errors import InputError
+    from scenewright.scene.track import PEDESTRIAN
+    from scenewright.tools.track_io import RecordedAgent, Recording
+    from scenewright.tools.track_io.track_files import read_track_files
+
+    found: list[Recording] = []
+    for file in read_track_files(paths) if paths else ():
+        tracks = sorted(
+            (t for kind, t in file.tracks if kind == "pedestrian"), key=lambda t: t.start
+        )
+        if tracks:
+            agents = tuple(RecordedAgent(track, PEDESTRIAN, complete=False) for track in tracks)
+            end = max(track.end for track in tracks)
+            split: Split = "test" if len(found) % 4 == 3 else "fit"
+            found.append(Recording(file.name, tracks[0].start, end, agents, split))
+    if paths and not found:
+        raise InputError(f"{', '.join(paths)[:200]}: no pedestrian")
+    return found

@@ -9,11 +9,16 @@ if TYPE_CHECKING:
     from scenewright.scene.events import Proof
     from scenewright.scene.record import SceneRecord
 
-ViewKind = Literal["png", "gif", "html"]
+ViewKind = Literal["png", "gif", "mp4", "html"]
 
 
-def write_view(kind: ViewKind, path: Path, scene: SceneRecord, proof: Proof | None) -> None:
+def write_view(
+    kind: ViewKind, path: Path, scene: SceneRecord, proof: Proof | None, *, whole: bool = False
+) -> None:
     """Write one view; only the libraries that it needs are loaded.
+
+    Args:
+        whole: an animation shows the scene to its end, not to soon after the last event.
 
     Raises:
         InputError: the file cannot be written; nothing is left behind.
@@ -28,7 +33,11 @@ def write_view(kind: ViewKind, path: Path, scene: SceneRecord, proof: Proof | No
     elif kind == "gif":
         from scenewright.viz.animation import animate_scene
 
-        animate_scene(path, scene=scene, proof=proof, intersection=intersection_map)
+        animate_scene(path, scene=scene, proof=proof, intersection=intersection_map, whole=whole)
+    elif kind == "mp4":
+        from scenewright.viz.video import film_scene
+
+        film_scene(path, scene=scene, proof=proof, intersection=intersection_map, whole=whole)
     else:
         from scenewright.viz.html_player import write_player
 

@@ -88,3 +88,13 @@ def smooth(xy: FloatArray, smoothing: float) -> FloatArray:
     padded = np.pad(xy, ((width, width), (0, 0)), mode="reflect", reflect_type="odd")
     even = filters.gaussian_filter1d(padded, smoothing / STEP, axis=0)
     return np.asarray(even[width : width + len(xy)])
+
+
+def differentiate(values: FloatArray, step: float) -> FloatArray:
+    """The rate of change [T, 2] of samples [T, 2] `step` seconds apart, by central differences.
+
+    A single sample has the rate 0.
+    """
+    if len(values) < 2:
+        return np.zeros_like(values)
+    return np.asarray(np.gradient(values, step, axis=0))

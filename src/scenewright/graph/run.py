@@ -32,6 +32,7 @@ from scenewright.graph.written_proof import compare_proofs, read_proof
 from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
+from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
 from scenewright.nodes.wording import LONGEST_REQUEST, Recall, nothing_recalled
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
@@ -136,9 +137,9 @@ def synthesize(
             such as {"planner": "openai:MODEL"} (docs/backends.md).
         base_url: of the OpenAI-compatible endpoint of a model that is named.
         seed: the same seed gives the same bytes (builtin backend).
-        refiner: `trajnet` refines the tracks with the network that the bundle ships, if it ships
-            one; `none` leaves them as edited. None is what the environment variable
-            SCENEWRIGHT_REFINER says, else `trajnet`.
+        refiner: `trajnet` refines the tracks with the network that the bundle ships, or if it
+            ships none with that of the shipped intersection; `none` leaves them as edited. None
+            is what the environment variable SCENEWRIGHT_REFINER says, else `trajnet`.
         selection: `draw` among the survivors, or `map`, the most probable one (Eq. 4).
         previous: an earlier turn that the instruction may refer to.
         planned: a social graph that is settled; the instruction is then but the scene's text.
@@ -425,12 +426,18 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
 
 
 def _learned(name: str) -> Learned | None:
-    """The network of a bundle; torch is loaded only where there is one."""
-    if not ships_refiner(name):
+    """The network that serves an intersection; torch is loaded only where there is one."""
+    if find_refiner_gap(name, "trajnet") is not None:
         return None
-    from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+    from scenewright.tools.trajnet_refiner.bundled import find_refiner
 
-    return bundled_refiner(name)
+    return find_refiner(name)
+
+
+def find_refiner_gap(intersection: str, refiner: str) -> str | None:
+    """Why nothing would be refined though it is asked for; None where a network serves."""
+    served = ships_refiner(intersection) or ships_refiner(DEFAULT_INTERSECTION)
+    return NO_WEIGHTS if refiner == "trajnet" and not served else None
 
 
 def refiner_or_default(name: str | None) -> str:

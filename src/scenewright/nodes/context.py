@@ -47,7 +47,7 @@ class RunContext:
     Attributes:
         seed, entropy: roots of all randomness of this scene; the latter comes from its text, so
             that different requests with one seed share nothing.
-        learned: the network that refines; None where none shall, or the bundle ships none.
+        learned: the network that refines; None where none shall, or no weights serve.
         draws: M, candidates per agent (paper 3.2).
         tell: called with a short line whenever a stage has something to say.
         account: called with what every answer of a model has cost.

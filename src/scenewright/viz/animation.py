@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
+from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Proof
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import SceneRecord
@@ -35,6 +36,7 @@ from scenewright.viz.figure import (
     make_drawable,
     use_plain_style,
 )
+from scenewright.viz.frame_times import choose_frame_times
 from scenewright.viz.label_placement import LabelLayout
 from scenewright.viz.road_markings import find_light_positions
 from scenewright.viz.still import EVENT_WORDS, compute_windscreen, draw_objects
@@ -52,10 +54,18 @@ TRAIL = 3.0
 FLASH = 2.5
 """How long [s] a trail reaches back, and how long an event stays marked."""
 
+LEAST_WIDTH = 0.02
+"""Width of a pedestrian, as a share of the picture; in true size nobody would see one."""
+
 UNUSED = 255
 """The palette entry of pixels that stay as they were."""
 
+GAP = 0.4
+"""Between an agent and its name, and between a name and the edge [m]."""
+
 Pixels = NDArray[np.uint8]
+Box = tuple[float, float, float, float]
+"""West, south, east, north [m]."""
 
 
 def animate_scene(
@@ -65,17 +75,21 @@ def animate_scene(
     proof: Proof | None,
     intersection: IntersectionMap,
     fps: int = 10,
+    whole: bool = False,
 ) -> None:
-    """Write a scene as a GIF in real time, looping.
+    """Write a scene as a looping GIF: slow round each event, ending soon after the last.
+
+    Args:
+        whole: show the scene to its end.
 
     Raises:
         InputError: the file cannot be written, or `fps` is not from 1 to 50.
     """
     if not 1 <= fps <= 50:
         raise InputError(f"frames per second must be from 1 to 50, got {fps}")
-    times = np.arange(0.0, scene.meta.duration + 1e-9, 1.0 / fps)
+    times = choose_frame_times(scene, fps=fps, whole=whole)
     with use_plain_style():
-        animated = _AnimatedScene(scene, proof, intersection)
+        animated = AnimatedScene(scene, proof, intersection)
         few = [animated.render_frame(float(t)) for t in times[:: max(1, len(times) // 8)][:9]]
         data = _encode_gif(
             (animated.render_frame(float(t)) for t in times), palette=_choose_palette(few), fps=fps
@@ -83,19 +97,27 @@ def animate_scene(
     write_atomically(path, data)
 
 
-class _AnimatedScene:
+class AnimatedScene:
     """The still map in memory and the few artists that move over it."""
 
     def __init__(
-        self, scene: SceneRecord, proof: Proof | None, intersection: IntersectionMap
+        self,
+        scene: SceneRecord,
+        proof: Proof | None,
+        intersection: IntersectionMap,
+        *,
+        dpi: int = 100,
     ) -> None:
         self.scene = scene
         self.moving = list_motions(scene)
-        self.figure = create_figure(SIDE + 0.2, SIDE + HEAD + 0.1, dpi=100)
+        self.figure = create_figure(SIDE + 0.2, SIDE + HEAD + 0.1, dpi=dpi)
         tall, wide = SIDE + HEAD + 0.1, SIDE + 0.2
         rect = (0.1 / wide, 0.1 / tall, SIDE / wide, SIDE / tall)
         self.axes = add_map_axes(self.figure, rect)
-        draw_basemap(self.axes, intersection, choose_view(scene, self.moving, intersection))
+        view = choose_view(scene, self.moving, intersection)
+        self.view = view
+        self.least = LEAST_WIDTH * (view[1] - view[0])
+        draw_basemap(self.axes, intersection, view)
         draw_objects(self.axes, scene)
         draw_scale(self.axes)
         draw_north(self.axes)
@@ -122,7 +144,7 @@ class _AnimatedScene:
     def _update_artists(self, time: float) -> Iterator[Artist]:
         here = [(m, i) for m in self.moving if (i := m.find_sample(time)) is not None]
         self._update_trails(here)
-        self.bodies.set_verts([m.compute_outline(i) for m, i in here])
+        self.bodies.set_verts([m.compute_outline(i, self.least) for m, i in here])
         self.bodies.set_facecolor([m.colour for m, _ in here])
         self.panes.set_verts(
             [compute_windscreen(m, i) for m, i in here if m.agent.type != "pedestrian"]
@@ -180,18 +202,43 @@ class _AnimatedScene:
             bbox={"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": "#C9CCD1"},
         )  # fmt: skip
 
-    def _add_name(self, motion: Motion) -> tuple[int, Text]:
+    def _add_name(self, motion: Motion) -> tuple[int, Text, FloatArray]:
+        """An agent's id, its name, and the room that the name takes [m]."""
         text = self.axes.text(0, 0, make_drawable(motion.agent.name, limit=40), fontsize=8,
                               va="bottom", ha="left", fontweight="bold", color=motion.colour,
                               zorder=24, clip_on=True)  # fmt: skip
-        return motion.agent.id, add_halo(text)
+        extent = text.get_window_extent().transformed(self.axes.transData.inverted())
+        return motion.agent.id, add_halo(text), np.array([extent.width, extent.height])
 
     def _place_names(self, here: list[tuple[Motion, int]]) -> Iterator[Artist]:
+        """Names inside the picture, each on the first side of its agent that is free of others."""
         at = {motion.agent.id: motion.compute_outline(index) for motion, index in here}
-        for number, text in self.names:
-            if number in at:
-                text.set_position((at[number][:, 0].max() + 0.4, at[number][:, 1].max() + 0.2))
+        boxes: list[Box] = []
+        for number, text, size in self.names:
+            if number in at and self._is_in_view(at[number]):
+                box = self._choose_box(at[number], size, boxes)
+                boxes.append(box)
+                text.set_position((box[0], box[1]))
                 yield text
+
+    def _is_in_view(self, outline: FloatArray) -> bool:
+        west, east, south, north = self.view
+        x, y = outline.mean(axis=0)
+        return bool(west <= x <= east and south <= y <= north)
+
+    def _choose_box(self, outline: FloatArray, size: FloatArray, taken: list[Box]) -> Box:
+        west, east, south, north = self.view
+        (low_x, low_y), (high_x, high_y) = outline.min(axis=0), outline.max(axis=0)
+        left, below = low_x - size[0] - GAP, low_y - size[1] - GAP
+        corners = [(x, y) for y in (high_y + GAP, below) for x in (high_x + GAP, left)]
+        boxes = [
+            (float(np.clip(x, west + GAP, east - size[0] - GAP)),
+             float(np.clip(y, south + GAP, north - size[1] - GAP)))
+            for x, y in corners
+        ]  # fmt: skip
+        whole = [(x, y, x + float(size[0]), y + float(size[1])) for x, y in boxes]
+        free = (box for box in whole if not any(_overlap(box, other) for other in taken))
+        return next(free, whole[0])
 
     def _add_event_marks(self) -> list[tuple[float, list[Artist]]]:
         """The begin [s] of every event, and the artists that mark it."""
@@ -214,6 +261,10 @@ class _AnimatedScene:
             )  # fmt: skip
             found.append((event.time, [ring, words]))
         return found
+
+
+def _overlap(one: Box, other: Box) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 def _draw_header(figure: Figure, scene: SceneRecord, proof: Proof | None) -> None:

@@ -82,9 +82,11 @@ class Motion:
             return None
         return int(np.clip(np.searchsorted(self.times, time + 1e-6) - 1, 0, len(self.times) - 1))
 
-    def compute_outline(self, index: int) -> FloatArray:
-        """[N, 2] corners of the footprint at a sample [m]."""
+    def compute_outline(self, index: int, least: float = 0.0) -> FloatArray:
+        """[N, 2] corners of the footprint at a sample [m]; a pedestrian's at least so wide [m]."""
         size = np.array([self.agent.length, self.agent.width]) / 2
+        if self.agent.type == "pedestrian":
+            size = np.maximum(size, least / 2)
         unit = _shape_agent(self.agent)
         angle = self.heading[index]
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])

@@ -53,10 +53,21 @@ def write_player(
     write_atomically(path, page.encode())
 
 
-def build_player(*, scene: SceneRecord, proof: Proof | None, intersection: IntersectionMap) -> str:
-    """The page as text; its policy forbids every request and every script but its own."""
+def build_player(
+    *,
+    scene: SceneRecord,
+    proof: Proof | None,
+    intersection: IntersectionMap,
+    over: SceneRecord | None = None,
+) -> str:
+    """The page as text; its policy forbids every request and every script but its own.
+
+    Args:
+        over: another version of the scene, whose agents are drawn as outlines where they differ.
+    """
     script, style = _read_part("player.js"), _read_part("player.css")
     data = build_player_data(scene=scene, proof=proof, intersection=intersection)
+    data["over"] = [] if over is None else _describe_others(scene, over)
     values = {
         _TITLE: escape(make_printable(scene.meta.user_prompt, limit=120) or "Untitled scene"),
         _POLICY: f"default-src 'none'; style-src '{_hash_source(style)}'; "
@@ -148,6 +159,16 @@ def _describe_agent(motion: Motion) -> dict[str, Any]:
         "heading": _round(motion.heading, 3),
         "speed": _round(motion.speed),
     }  # fmt: skip
+
+
+def _describe_others(scene: SceneRecord, over: SceneRecord) -> list[dict[str, Any]]:
+    """The agents of another version whose tracks are not in this one."""
+    here = {(agent.name, agent.spawn_time, agent.trajectory) for agent in scene.agents}
+    return [
+        _describe_agent(each)
+        for each in list_motions(over)
+        if (each.agent.name, each.agent.spawn_time, each.agent.trajectory) not in here
+    ]
 
 
 def _list_events(

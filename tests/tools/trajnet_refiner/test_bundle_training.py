@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,3 +99,16 @@ def test_every_goal_is_a_place_on_the_way_at_the_time_it_is_due():
     due = scenes.due[within].long() - 1
     assert (due >= step).all()
     assert torch.allclose(scenes.goal[within], future[b, n, due], atol=1e-4)
+
+
+def test_walking_is_learned_from_real_walkers_and_the_card_says_whose(tmp_path):
+    """Simulated pedestrians count a tenth then; the figures of those held out stand in the card."""
+    walkers = tuple(replace(hour(split, 5), name=f"street/{split}") for split in ("fit", "test"))
+    about = train_bundle(NAME, HOURS, out=tmp_path, config=CONFIG, recipe=ONCE, walkers=walkers)
+    plain = train_bundle(NAME, HOURS, out=tmp_path / "plain", config=CONFIG, recipe=ONCE)
+    assert about["windows"] > plain["windows"]
+    assert about["walkers_figures"]["pedestrian_n"] > 0
+    text = (tmp_path / CARD).read_text("utf-8")
+    assert "learned from real walkers: street/fit" in text
+    assert "street/test" in text
+    assert "no recorded" in (tmp_path / "plain" / CARD).read_text("utf-8")

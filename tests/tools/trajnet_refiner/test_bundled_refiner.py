@@ -9,8 +9,10 @@ import pytest
 import torch
 
 from scenewright.errors import InputError
+from scenewright.graph.run import find_refiner_gap
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
-from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
+from scenewright.tools.trajnet_refiner.bundled import bundled_refiner, find_refiner
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 from scenewright.tools.trajnet_refiner.store import save_refiner
 
@@ -95,3 +97,23 @@ def test_a_card_says_where_nobody_could_be_tried() -> None:
     about = {"intersection": "amsterdam_120", "hours": hours, "command": "x", "started": False}
     about |= {"windows": 0, "recipe": {"epochs": 1, "seed": 0}, "losses": [], "figures": found}
     assert "| vehicle | 0 | – | – | – | – |" in card(net, about)
+
+
+def test_an_intersection_without_weights_is_served_by_the_shipped_ones(folder):
+    served = find_refiner(NAME)
+    assert served is not None
+    assert (served.place, served.digest) == (
+        "amsterdam_120",
+        bundled_refiner("amsterdam_120").digest,
+    )
+
+
+def test_an_intersections_own_weights_come_first(folder):
+    own = put(folder, 1)
+    assert own.startswith(find_refiner(NAME).digest)
+
+
+def test_where_no_weights_serve_a_line_says_so(folder, monkeypatch):
+    monkeypatch.setattr("scenewright.graph.run.ships_refiner", lambda _: False)
+    assert find_refiner_gap(NAME, "trajnet") == NO_WEIGHTS
+    assert find_refiner_gap(NAME, "none") is None

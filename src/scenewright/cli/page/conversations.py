@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import threading
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from scenewright.authoring.session import MAIN, Session, Shown, branches_of
 from scenewright.authoring.thread_state import Heading
 from scenewright.backends import Backend
 from scenewright.cli.chat import facts
+from scenewright.cli.page.answers import BusyError
 from scenewright.cli.turn_report import told
 from scenewright.errors import InputError
 from scenewright.graph.run import refiner_or_default
@@ -26,10 +28,6 @@ LONGEST_WORDS = 20_000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
-class BusyError(Exception):
-    """A turn of this conversation is still being worked on."""
-
-
 @dataclass(eq=False)
 class Conversation:
     """One thread with its own connection to the file of threads."""
@@ -40,7 +38,7 @@ class Conversation:
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def act(self, action: str, argument: str, tell: Tell) -> dict[str, Any]:
-        """One turn: `say`, `undo`, `redo` or `branch`; the reply with its lines for people.
+        """One turn: `say`, `edit`, `undo`, `redo` or `branch`; the reply with lines for people.
 
         Raises:
             BusyError: another turn is being worked on.
@@ -62,6 +60,8 @@ class Conversation:
             return self.session.say(argument)
         if action == "branch":
             return self.session.branch(argument)
+        if action == "edit":
+            return self.session.edit(_read_json(argument))
         acts = {"undo": self.session.undo, "redo": self.session.redo}
         if action not in acts:
             raise InputError(f"there is no action {action[:40]!r}")
@@ -111,11 +111,14 @@ class Conversation:
             raise InputError("there is no scene yet; say what shall happen")
         return shown
 
-    def build_page(self, which: str | None) -> str:
-        """The self-contained page of a version."""
+    def build_page(self, which: str | None, over: str | None = None) -> str:
+        """The self-contained page of a version, with another one laid over it if one is named."""
         shown = self.find(which)
-        intersection_map = load_map(shown.record.meta.intersection)
-        return build_player(scene=shown.record, proof=shown.proof, intersection=intersection_map)
+        return build_player(
+            scene=shown.record, proof=shown.proof,
+            intersection=load_map(shown.record.meta.intersection),
+            over=self.find(over).record if over else None,
+        )  # fmt: skip
 
     def compare(self, first: str, second: str) -> list[str]:
         """What differs between two versions, in lines."""
@@ -123,6 +126,13 @@ class Conversation:
         found = compared(one.record, one.proof, other.record, other.proof)
         numbers = {"first": one.version["number"], "second": other.version["number"]}
         return [line for _, line in told({"kind": "compared", **numbers, **found}, None)]
+
+
+def _read_json(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError("a change made by hand is a list in JSON") from error
 
 
 class Conversations:
@@ -158,6 +168,13 @@ class Conversations:
             if not _NAME.fullmatch(name) or name not in self.list_names():
                 raise InputError(f"there is no conversation {name[:64]!r}")
             return self._start(name, "amsterdam_120", self._seed)
+
+    def speak_with(self, backend: Backend) -> None:
+        """From now on this backend plans and reasons, in the open conversations as well."""
+        with self._lock:
+            self._backend = backend
+            for each in self._open.values():
+                each.session.speak_with(backend)
 
     def close(self) -> None:
         """Let go of the file."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
-import sys
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from functools import lru_cache
 from importlib.resources import files
 from typing import Any
@@ -20,19 +19,30 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from scenewright.cli.page.conversations import BusyError, Conversation, Conversations
+from scenewright.cli.page.answers import (
+    BusyError,
+    answer_safely,
+    describe_fault,
+    read_object,
+    read_text,
+    refuse,
+)
+from scenewright.cli.page.batches import Batches
+from scenewright.cli.page.conversations import Conversation, Conversations
+from scenewright.cli.page.model_choice import ModelChoice
+from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
 from scenewright.intersections import list_intersections, load_map
 
-MOST_BODY = 100_000
-"""Bytes of a request; words are far shorter."""
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "img-src 'self' data:; frame-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'"
 )
-_ASSETS = {"app.js": "text/javascript", "app.css": "text/css"}
-_Answer = Callable[[Request], Awaitable[Response]]
+_ASSETS = {
+    name: "text/css" if name.endswith(".css") else "text/javascript"
+    for name in ("app.css", "app.js", "batch.js", "places.js", "hand.js", "run_graph.js")
+}
 
 
 class Guard(BaseHTTPMiddleware):
@@ -49,11 +59,11 @@ class Guard(BaseHTTPMiddleware):
         """The answer, or a refusal of the request."""
         origin = request.headers.get("origin")
         if request.headers.get("host") not in self._hosts:
-            return _refuse(403, "this page answers to its own address alone")
+            return refuse(403, "this page answers to its own address alone")
         if origin is not None and origin.removeprefix("http://") not in self._hosts:
-            return _refuse(403, "requests of other sites are refused")
+            return refuse(403, "requests of other sites are refused")
         if request.url.path.lstrip("/") not in _ASSETS and not self._knows_token(request):
-            return _refuse(401, "open the address that `scenewright serve` printed, token included")
+            return refuse(401, "open the address that `scenewright serve` printed, token included")
         response: Response = await call_next(request)
         response.headers.setdefault("Content-Security-Policy", _POLICY)
         response.headers["X-Content-Type-Options"] = "nosniff"
@@ -69,9 +79,18 @@ class Guard(BaseHTTPMiddleware):
 class Page:
     """The routes, over the conversations they work on."""
 
-    def __init__(self, conversations: Conversations, *, backend: str, intersection: str) -> None:
+    def __init__(
+        self,
+        conversations: Conversations,
+        *,
+        choice: ModelChoice,
+        intersection: str,
+        batches: Batches,
+        own_maps: OwnMaps,
+    ) -> None:
         self._conversations = conversations
-        self._backend, self._intersection = backend, intersection
+        self._choice, self._intersection = choice, intersection
+        self._batches, self._own_maps = batches, own_maps
         self._running: set[asyncio.Task[None]] = set()
 
     def list_routes(self) -> list[Route]:
@@ -79,16 +98,19 @@ class Page:
         post = ["POST"]
         return [
             Route("/", self.send_index),
-            Route("/app.js", _send_asset),
-            Route("/app.css", _send_asset),
-            Route("/api/start", _safely(self.describe_start)),
-            Route("/api/threads", _safely(self.create_thread), methods=post),
-            Route("/api/threads/{thread}", _safely(self.describe_thread)),
-            Route("/api/threads/{thread}/turn", _safely(self.take_turn), methods=post),
-            Route("/api/threads/{thread}/compare", _safely(self.compare_versions)),
-            Route("/api/threads/{thread}/made", _safely(self.describe_making)),
-            Route("/api/threads/{thread}/{name}", _safely(self.send_file)),
-            Route("/api/intersections/{name}.png", _safely(self.draw_map)),
+            *(Route(f"/{name}", _send_asset) for name in _ASSETS),
+            Route("/api/start", answer_safely(self.describe_start)),
+            Route("/api/threads", answer_safely(self.create_thread), methods=post),
+            Route("/api/threads/{thread}", answer_safely(self.describe_thread)),
+            Route("/api/threads/{thread}/turn", answer_safely(self.take_turn), methods=post),
+            Route("/api/threads/{thread}/compare", answer_safely(self.compare_versions)),
+            Route("/api/threads/{thread}/made", answer_safely(self.describe_making)),
+            Route("/api/threads/{thread}/handles", answer_safely(self.list_handles)),
+            Route("/api/threads/{thread}/{name}", answer_safely(self.send_file)),
+            Route("/api/intersections/{name}.png", answer_safely(self.draw_map)),
+            *self._choice.list_routes(),
+            *self._batches.list_routes(),
+            *self._own_maps.list_routes(),
         ]
 
     async def send_index(self, _request: Request) -> Response:
@@ -101,14 +123,14 @@ class Page:
             {
                 "intersections": await run_in_threadpool(_list_places),
                 "threads": await run_in_threadpool(self._conversations.list_names),
-                "backend": self._backend,
+                "backend": self._choice.name,
                 "intersection": self._intersection,
             }
         )
 
     async def create_thread(self, request: Request) -> Response:
         """A new conversation: {"intersection", "seed"}."""
-        asked = await _read_body(request)
+        asked = await read_object(request)
         name, seed = asked.get("intersection", self._intersection), asked.get("seed")
         if not isinstance(name, str) or not (seed is None or type(seed) is int):
             raise InputError("a conversation needs the name of an intersection and a whole seed")
@@ -125,12 +147,8 @@ class Page:
 
         The turn goes on to its end when the browser leaves; its version is there afterwards.
         """
-        found, asked = await self._find(request), await _read_body(request)
-        action, argument = asked.get("action"), asked.get("argument", "")
-        if not isinstance(action, str) or not isinstance(argument, str):
-            raise InputError("a turn needs an action and its argument, both as text")
-        if any("\ud800" <= char <= "\udfff" for char in argument):
-            raise InputError("these words are not valid UTF-8 text")
+        found, asked = await self._find(request), await read_object(request)
+        action, argument = read_text(asked, "action"), read_text(asked, "argument", "")
         if found.lock.locked():
             raise BusyError("a turn of this conversation is still being worked on")
         lines: asyncio.Queue[dict[str, Any] | None] = asyncio.Queue()
@@ -145,6 +163,13 @@ class Page:
         pair = query.get("first", ""), query.get("second", "")
         return JSONResponse({"lines": await run_in_threadpool(found.compare, *pair)})
 
+    async def list_handles(self, request: Request) -> Response:
+        """What can be changed by hand in a version."""
+        found = await self._find(request)
+        which = request.query_params.get("version")
+        handles = await run_in_threadpool(found.session.handles, which)
+        return JSONResponse({"handles": handles})
+
     async def describe_making(self, request: Request) -> Response:
         """How a version came about: its provenance."""
         found = await self._find(request)
@@ -152,11 +177,15 @@ class Page:
         return JSONResponse(shown.provenance)
 
     async def send_file(self, request: Request) -> Response:
-        """`page.html`, `scene.json` or `proof.json` of a version; `download=1` saves it."""
+        """`page.html`, `scene.json` or `proof.json` of a version; `download=1` saves it.
+
+        The page may have another version, `over`, laid over it.
+        """
         found, name = await self._find(request), request.path_params["name"]
         which = request.query_params.get("version")
         if name == "page.html":
-            page = await run_in_threadpool(found.build_page, which)
+            over = request.query_params.get("over")
+            page = await run_in_threadpool(found.build_page, which, over)
             response: Response = HTMLResponse(page)
             # the page carries its own policy; only this server may frame it
             response.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
@@ -198,7 +227,7 @@ async def _work(
     except (InputError, Unsatisfiable, BackendFault, BusyError) as error:
         reply = {"kind": "refused", "lines": [f"refused: {error}"], "why": [], "choices": []}
     except Exception as error:
-        reply = {"kind": "refused", "lines": [_describe_fault(error)], "why": [], "choices": []}
+        reply = {"kind": "refused", "lines": [describe_fault(error)], "why": [], "choices": []}
     lines.put_nowait({"reply": reply})
     lines.put_nowait(None)
 
@@ -208,57 +237,8 @@ async def _send_lines(lines: asyncio.Queue[dict[str, Any] | None]) -> AsyncItera
         yield json.dumps(line).encode() + b"\n"
 
 
-def _safely(answer: _Answer) -> _Answer:
-    """The route, with what goes wrong as one line of JSON."""
-
-    async def run(request: Request) -> Response:
-        try:
-            return await answer(request)
-        except BusyError as error:
-            return _refuse(409, str(error))
-        except (InputError, Unsatisfiable, BackendFault) as error:
-            return _refuse(400, str(error))
-        except HTTPException:
-            return _refuse(404, "there is nothing at this address")
-        except Exception as error:
-            return _refuse(500, _describe_fault(error))
-
-    return run
-
-
 def _list_places() -> list[dict[str, str]]:
     return [{"name": each, "title": load_map(each).title} for each in list_intersections()]
-
-
-def _describe_fault(error: Exception) -> str:
-    """One line for the page; the same goes to stderr."""
-    line = f"a fault in scenewright itself: {type(error).__name__}: {error}"[:300]
-    print(f"scenewright: {line}", file=sys.stderr)
-    return line
-
-
-def _refuse(status: int, reason: str) -> JSONResponse:
-    return JSONResponse({"reason": reason}, status_code=status)
-
-
-async def _read_body(request: Request) -> dict[str, Any]:
-    """The JSON object of a request.
-
-    Raises:
-        InputError: it is too long, or no object.
-    """
-    body = b""
-    async for part in request.stream():
-        body += part
-        if len(body) > MOST_BODY:
-            raise InputError(f"a request has at most {MOST_BODY} bytes")
-    try:
-        value = json.loads(body)
-    except (ValueError, RecursionError) as error:
-        raise InputError("the request is no JSON") from error
-    if not isinstance(value, dict):
-        raise InputError("the request is no JSON object")
-    return value
 
 
 async def _send_asset(request: Request) -> Response:

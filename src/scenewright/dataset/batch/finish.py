@@ -18,13 +18,15 @@ from scenewright.dataset.batch.answering import label
 from scenewright.dataset.batch.journal import Entry, Journal
 from scenewright.dataset.batch.manifest import hashed, write_manifest
 from scenewright.dataset.batch.overview import draw_overview
+from scenewright.dataset.batch.statistics import Statistics, draw_statistics
 from scenewright.dataset.batch.worker import Job
-from scenewright.dataset.tables.card import Contents, card
+from scenewright.dataset.tables.card import ABSTRACT, Contents, card
+from scenewright.dataset.tables.croissant import describe_in_croissant
 from scenewright.dataset.tables.parquet import TABLES, SceneFiles, TableWriter
 from scenewright.files import write_atomically
 
-FIGURE = "figures/overview.png"
-CARD = "README.md"
+PICTURES = ("figures/overview.png", "figures/statistics.png")
+CARD, CROISSANT = "README.md", "croissant.json"
 
 
 @dataclass
@@ -40,6 +42,7 @@ class _Tally:
     places: dict[str, array[float]] = field(default_factory=dict)
     verified: int = 0
     intersections: Counter[str] = field(default_factory=Counter)
+    statistics: Statistics = field(default_factory=Statistics)
 
     def note(self, entry: Entry, files: SceneFiles) -> None:
         """Counts one row."""
@@ -48,6 +51,7 @@ class _Tally:
             self.codes[f"{entry.status}: {entry.code}"] += 1
         if files.scene is None:
             return
+        self.statistics.note(files)
         self.verified += bool((files.proof or {})["verified"])
         self.patterns.update((files.provenance or {}).get("patterns", ()))
         self.agents[len(files.scene["agents"])] += 1
@@ -87,14 +91,17 @@ def finish(
             files = _files(out, job, entry)
             tally.tables.update(tables.add(files))
             tally.note(entry, files)
-    draw_overview(part / FIGURE, places=tally.places, agents=tally.agents, name=_most(tally))
-    names = [*(f"tables/{name}.parquet" for name in TABLES), FIGURE]
+    overview, statistics = (part / name for name in PICTURES)
+    draw_overview(overview, places=tally.places, agents=tally.agents, name=_most(tally))
+    draw_statistics(statistics, tally.statistics)
+    (part / CROISSANT).write_bytes(_describe_tables(part, title, about))
+    names = [*(f"tables/{name}.parquet" for name in TABLES), *PICTURES, CROISSANT]
     for name in names:
         (out / name).parent.mkdir(exist_ok=True)
         os.replace(part / name, out / name)
     shutil.rmtree(part, ignore_errors=True)
     left = given - tally.counts.total()
-    text = card(_contents(tally, title=title, given=given, about=about, figure=FIGURE))
+    text = card(_contents(tally, title=title, given=given, about=about))
     write_atomically(out / CARD, text.encode("utf-8"))
     manifest = {
         "schema_version": 1,
@@ -120,6 +127,17 @@ class _Done:
                 yield job, entry
 
 
+def _describe_tables(folder: Path, title: str, about: Mapping[str, Any]) -> bytes:
+    hashes = dict(hashed(folder, [f"tables/{name}.parquet" for name in TABLES]))
+    return describe_in_croissant(
+        name=title,
+        description=ABSTRACT,
+        licence="https://www.apache.org/licenses/LICENSE-2.0",
+        version=str(about.get("scenewright")),
+        hashes={name: hashes[f"tables/{name}.parquet"] for name in TABLES},
+    )
+
+
 def _chain(ours: Iterable[tuple[str, str]], done: _Done) -> Iterator[tuple[str, str]]:
     yield from ours
     for _, entry in done:
@@ -137,6 +155,7 @@ def _files(out: Path, job: Job, entry: Entry) -> SceneFiles:
         "reason": entry.reason,
         "text": job.text,
         "asked": job.asked,
+        "voice": job.voice,
         "seed": job.seed,
         "intersection": job.intersection,
         "backend": label(job.backend),
@@ -163,9 +182,7 @@ def _most(tally: _Tally) -> str | None:
     return max(sorted(tally.intersections), key=tally.intersections.__getitem__, default=None)
 
 
-def _contents(
-    tally: _Tally, *, title: str, given: int, about: Mapping[str, Any], figure: str
-) -> Contents:
+def _contents(tally: _Tally, *, title: str, given: int, about: Mapping[str, Any]) -> Contents:
     sizes = np.array([n for n, times in sorted(tally.agents.items()) for _ in range(times)])
     figures = {
         "rows given": given,
@@ -182,6 +199,7 @@ def _contents(
         events=tally.events,
         patterns=tally.patterns,
         unmade=tally.codes,
+        statistics=tally.statistics.rows(),
         about=about,
-        figure=figure,
+        pictures=PICTURES,
     )

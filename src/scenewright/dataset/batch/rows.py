@@ -28,7 +28,18 @@ _RESERVED = frozenset(
 )
 """Names that some system keeps for devices, whatever follows the first dot."""
 _OURS = frozenset(
-    ["tables", "figures", "journal", "manifest", "readme", "rows", "order", "report", "evaluation"]
+    [
+        "tables",
+        "figures",
+        "journal",
+        "manifest",
+        "readme",
+        "rows",
+        "order",
+        "report",
+        "evaluation",
+        "croissant",
+    ]
 )
 """First parts of the names that stand beside the scenes' folders."""
 
@@ -57,10 +68,11 @@ class Overrides(Model):
 
 
 class Row(Model):
-    """One line of the input."""
+    """One line of the input; `voice` names the manner or author of the text, if its author does."""
 
     id: str = Field(min_length=1, max_length=2000)
     text: str
+    voice: str | None = Field(default=None, min_length=1, max_length=80)
     seed: int | None = Field(default=None, ge=0, le=2**63 - 1, strict=True)
     overrides: Overrides = Overrides()
 
@@ -193,8 +205,8 @@ def _row(data: bytes, where: str) -> Row:
         row = Row.model_validate(value)
     except ValidationError as error:
         raise InputError(f"{where}: {_fault(error)}") from None
-    if any("\ud800" <= char <= "\udfff" for char in row.id + row.text):
-        raise InputError(f"{where}: half a surrogate pair in 'id' or 'text'")
+    if any("\ud800" <= char <= "\udfff" for char in row.id + row.text + (row.voice or "")):
+        raise InputError(f"{where}: half a surrogate pair in 'id', 'text' or 'voice'")
     return row
 
 

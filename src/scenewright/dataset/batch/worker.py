@@ -66,6 +66,7 @@ class Job:
         number: of the row; key: a name for it that is its own: the row's id.
         context: the scene's context as far as the row sets it.
         asked: the event that an order wants; None where nobody said.
+        voice: who worded the text, where that is known.
         asking: how questions are put, which changes no scene.
     """
 
@@ -80,6 +81,7 @@ class Job:
     selection: Literal["draw", "map"]
     context: Mapping[str, Any] = field(default_factory=dict)
     asked: str | None = None
+    voice: str | None = None
     base_url: str | None = None
     lenient: bool = False
     max_agents: int | None = None
@@ -122,6 +124,7 @@ def job_of(named: Named, options: Options, asking: Asking) -> Job:
         refiner=own.refiner or options.refiner,
         selection=own.selection or options.selection,
         context=own.context,
+        voice=row.voice,
         base_url=options.base_url,
         lenient=options.lenient,
         max_agents=options.max_agents,

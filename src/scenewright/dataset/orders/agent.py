@@ -310,6 +310,7 @@ def jobs_of(
             selection=options.selection,
             context={} if entry.background is None else {"background": entry.background},
             asked=entry.event,
+            voice=entry.voice,
             base_url=url_for(entry.backend, options.base_url),
             asking=asking[tuple(entry.backend)],
         )

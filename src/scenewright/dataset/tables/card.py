@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
 
 LICENCE = "apache-2.0"
+ABSTRACT = (
+    "Traffic scenes at an intersection, each made from an instruction in plain language by "
+    "scenewright and checked on its final tracks. Tracks are simulated; nobody was recorded."
+)
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 
@@ -21,7 +25,8 @@ class Contents:
         figures: counts and such, by name.
         tables, events, patterns: how many rows, events and scenes, by name.
         unmade: how many rows have no scene, by reason; about: how the dataset was made.
-        figure: path of the picture, below the card.
+        statistics: (figure, number of values, percentiles) of what the scenes show.
+        pictures: paths of the two pictures, below the card.
     """
 
     title: str
@@ -30,20 +35,23 @@ class Contents:
     events: Mapping[str, int]
     patterns: Mapping[str, int]
     unmade: Mapping[str, int]
+    statistics: Sequence[tuple[str, str, str]]
     about: Mapping[str, Any]
-    figure: str
+    pictures: tuple[str, str]
 
 
 def card(contents: Contents) -> str:
     """The card as Markdown, with the front matter by which `datasets` finds the tables."""
+    where, how = contents.pictures
     parts = [
         _front_matter(contents),
         f"# {_plain(contents.title)}",
-        "Traffic scenes at an intersection, each made from an instruction in plain language by "
-        "scenewright and checked on its final tracks. Tracks are simulated; nobody was recorded.",
-        f"![Where and when events happen, and how many agents there are]({contents.figure})",
+        ABSTRACT,
+        f"![Where and when events happen, and how many agents there are]({where})",
         _counts("In figures", contents.figures, "figure", "value"),
         _counts("Events in scenes", contents.events, "event", "how many"),
+        _statistics(contents.statistics),
+        f"![How close events are, how fast agents move, how many are seen]({how})",
         _counts("Leaves of the taxonomy", contents.patterns, "pattern", "scenes"),
         _counts("Rows without a scene", contents.unmade, "reason", "rows"),
         _LAYOUT,
@@ -58,7 +66,8 @@ _LAYOUT = """## What lies where
 
 - `<row>/scene.json`, `proof.json`, `provenance.json`: one folder per row, named by the row's id
   where that is a plain file name (column `folder` of the table `scenes` has the name);
-- `tables/*.parquet`: all of it as five tables, joined by the column `row`;
+- `tables/*.parquet`: all of it as tables, joined by the column `row`;
+- `croissant.json`: the tables for loaders that read MLCommons' Croissant;
 - `manifest.json`: the SHA-256 of every file. `scenewright dataset check FOLDER` recomputes them,
   and runs the checker over every scene again.
 
@@ -67,8 +76,13 @@ Units: metres, seconds, radians; x points east, y north; time 0 is the start of 
 ```python
 from datasets import load_dataset       # or: pandas.read_parquet("tables/tracks.parquet")
 
-tracks = load_dataset("path/of/this/folder", "tracks", split="train")
-```"""
+scenes = load_dataset("path/of/this/folder", split="train")  # all rows; column `split` divides them
+tracks = load_dataset("path/of/this/folder", "tracks", split="train", streaming=True)
+```
+
+The column `split` of the table `scenes` says train, validation or test (80, 10 and 10 % of the
+groups, by a hash): rows of one intersection whose text one voice worded, or whose texts differ by
+numbers alone, share a part. `scenewright dataset split FOLDER --out DIR` writes divided tables."""
 
 _LICENCE = """## Licence
 
@@ -90,6 +104,7 @@ def _front_matter(contents: Contents) -> str:
     ]
     for name in TABLES:
         lines.append(f"- config_name: {name}")
+        lines += ["  default: true"] if name == "scenes" else []
         lines += ["  data_files:", "  - split: train", f"    path: tables/{name}.parquet"]
     return "\n".join([*lines, "---"])
 
@@ -105,9 +120,17 @@ def _counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str
     return "\n".join(lines)
 
 
+def _statistics(rows: Sequence[tuple[str, str, str]]) -> str:
+    if not rows:
+        return ""
+    lines = ["## What the scenes show", "", "| figure | values | 5 % / median / 95 % |"]
+    lines += ["|---|---|---|", *(f"| {_plain(a)} | {b} | {c} |" for a, b, c in rows)]
+    return "\n".join(lines)
+
+
 def _schema(name: str, rows: int) -> str:
     lines = [f"### Table `{name}`: {rows} rows", "", "| column | type | meaning |", "|---|---|---|"]
-    kinds = {"list": "list of string", "ids": "list of int16"}
+    kinds = {"list": "list of string", "ids": "list of int16", "floats": "list of float64"}
     for column, (kind, meaning) in SCHEMAS[name].items():
         lines.append(f"| `{column}` | {kinds.get(kind, kind)} | {meaning} |")
     return "\n".join(lines)

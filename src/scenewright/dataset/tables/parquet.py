@@ -1,4 +1,4 @@
-"""Scenes as five Parquet tables: scenes, agents, tracks, events, account.
+"""Scenes as Parquet tables: scenes, agents, tracks, events, account, lights, map.
 
 Rows are written in the order in which scenes are added, in groups of the same size whoever adds
 them, so the same scenes give the same bytes (for one version of pyarrow). pyarrow loads on first
@@ -15,9 +15,17 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-TABLES = ("scenes", "agents", "tracks", "events", "account")
+import numpy as np
+
+from scenewright.dataset.tables.map_rows import list_map_rows
+from scenewright.dataset.tables.splits import choose_split
+from scenewright.geometry.kinematics import differentiate
+from scenewright.intersections import load_map
+
+TABLES = ("scenes", "agents", "tracks", "events", "account", "lights", "map")
 _GROUP = {
     "scenes": 2_000, "agents": 10_000, "tracks": 120_000, "events": 10_000, "account": 10_000,
+    "lights": 20_000, "map": 2_000,
 }  # fmt: skip
 """Rows of a row group: what is held in memory before it is written."""
 
@@ -33,6 +41,8 @@ SCHEMAS: Mapping[str, Fields] = {
         "reason": ("string", "why there is no scene, one sentence"),
         "text": ("string", "the instruction"),
         "asked": ("string", "event that an order wants here; null where rows were given"),
+        "voice": ("string", "who worded the instruction; null where nobody said"),
+        "split": ("string", "train, validation or test; see `splits.py` for the rule"),
         "seed": ("int64", "of the scene"),
         "intersection": ("string", "where it happens"),
         "backend": ("string", "who planned and reasoned"),
@@ -66,8 +76,8 @@ SCHEMAS: Mapping[str, Fields] = {
         "movement": ("string", "straight, left, right, uturn, crossing, jaywalking"),
         "crosswalk": ("string", "leg that a pedestrian crosses"),
         "route": ("string", "id of its route"),
-        "start": ("float64", "first sample [s]"),
-        "end": ("float64", "last sample [s]"),
+        "start": ("float64", "first seen: its first sample [s]"),
+        "end": ("float64", "last seen: its last sample [s]"),
         "goal_x": ("float64", "[m]"),
         "goal_y": ("float64", "[m]"),
         "length": ("float64", "[m]"),
@@ -82,6 +92,10 @@ SCHEMAS: Mapping[str, Fields] = {
         "x": ("float64", "centre, east [m]"),
         "y": ("float64", "centre, north [m]"),
         "heading": ("float64", "counter-clockwise from east [rad]"),
+        "vx": ("float32", "velocity east [m/s], by central differences of the positions"),
+        "vy": ("float32", "velocity north [m/s]"),
+        "ax": ("float32", "acceleration east [m/s²], by central differences of the velocity"),
+        "ay": ("float32", "acceleration north [m/s²]"),
     },
     "events": {
         "row": ("string", "id of the row"),
@@ -95,6 +109,7 @@ SCHEMAS: Mapping[str, Fields] = {
         "cause": ("string", "where one is seen"),
         "asked": ("bool", "whether a relation asked for it"),
         "incidental": ("bool", "allowed though unasked: queueing traffic, for instance"),
+        "queue": ("bool", "a follow that nobody asked for: one vehicle behind another in traffic"),
         "evidence": ("string", "what the checker measured, as JSON"),
     },
     "account": {
@@ -111,6 +126,29 @@ SCHEMAS: Mapping[str, Fields] = {
         "note": ("string", "why the words became nothing"),
         "status": ("string", "realised, manner or unrealised, as the checker finds it"),
         "evidence": ("string", "what the tracks show of it"),
+    },
+    "lights": {
+        "row": ("string", "id of the row"),
+        "stop_line": ("string", "whose light it is; null for a crosswalk's"),
+        "crosswalk": ("string", "whose light it is; null for a stop line's"),
+        "start": ("float64", "from when on it shows the colour [s]"),
+        "end": ("float64", "until when [s]"),
+        "colour": ("string", "red, yellow or green"),
+    },
+    "map": {
+        "intersection": ("string", "as in the table scenes"),
+        "feature": ("string", "id within the map"),
+        "kind": (
+            "string",
+            "approach, exit, connector, parking (lanes), stop_line, crosswalk, road, walkable",
+        ),
+        "leg": ("string", "compass side of the arm it lies on; null inside the junction"),
+        "road": ("string", "name of that arm's street"),
+        "width": ("float64", "[m]; null for areas and lines"),
+        "speed_limit": ("float64", "of a lane [m/s]"),
+        "successors": ("list", "lanes that a lane leads into"),
+        "x": ("floats", "points [m]: a lane's or crosswalk's centreline, a line, an area's rim"),
+        "y": ("floats", "points [m]"),
     },
 }
 """All tables with their columns."""
@@ -134,13 +172,7 @@ class SceneFiles:
 def rows_of(files: SceneFiles) -> dict[str, Any]:
     """Rows of each table for one row of the dataset; those of `tracks` as lists by column."""
     if files.scene is None or files.proof is None:
-        return {
-            "scenes": [dict(files.about)],
-            "agents": [],
-            "tracks": {},
-            "events": [],
-            "account": [],
-        }
+        return {name: [] for name in TABLES} | {"scenes": [_about_row(files)], "tracks": {}}
     row, scene = files.about["row"], files.scene
     return {
         "scenes": [_scene_row(files)],
@@ -149,14 +181,23 @@ def rows_of(files: SceneFiles) -> dict[str, Any]:
         "events": list(_event_rows(row, scene, files.proof)),
         # Proofs of earlier versions have no account.
         "account": [{"row": row, **entry} for entry in files.proof.get("said", ())],
+        "lights": [{"row": row, **light} for light in scene["signals"] or ()],
+        "map": [],
     }
+
+
+def _about_row(files: SceneFiles) -> dict[str, Any]:
+    """What is known of a row without its files."""
+    about = files.about
+    split = choose_split(about["intersection"], about["text"], about["voice"])
+    return {**about, "split": split}
 
 
 def _scene_row(files: SceneFiles) -> dict[str, Any]:
     scene, about = files.scene or {}, files.provenance or {}
     meta, agents = scene["meta"], scene["agents"]
     return {
-        **files.about,
+        **_about_row(files),
         "intersection": meta["intersection"],
         "refiner": about.get("refiner"),
         "selection": about.get("selection"),
@@ -200,11 +241,16 @@ def _track_rows(row: str, scene: Mapping[str, Any]) -> dict[str, list[Any]]:
     step = scene["meta"]["step"]
     for agent in scene["agents"]:
         places, start = agent["trajectory"], agent["spawn_time"]
+        velocity = differentiate(np.array(places, dtype=np.float64), step)
+        acceleration = differentiate(velocity, step)
         columns["agent"] += [agent["id"]] * len(places)
         columns["time"] += [round(start + step * k, 3) for k in range(len(places))]
         columns["x"] += [place[0] for place in places]
         columns["y"] += [place[1] for place in places]
         columns["heading"] += agent["heading"]
+        for names, values in ((("vx", "vy"), velocity), (("ax", "ay"), acceleration)):
+            for name, column in zip(names, values.T, strict=True):
+                columns[name] += column.round(3).tolist()
     columns["row"] = [row] * len(columns["agent"])
     return columns
 
@@ -249,6 +295,7 @@ def _event_row(
         "cause": event["cause"],
         "asked": asked,
         "incidental": incidental,
+        "queue": incidental and event["type"] == "follow",
         "evidence": _json(evidence),
     }
 
@@ -258,10 +305,11 @@ def _json(value: Any) -> str:
 
 
 class TableWriter:
-    """Writes the tables to a folder, group by group."""
+    """Writes the tables to a folder, group by group; `map` has each intersection once."""
 
     def __init__(self, folder: Path) -> None:
         self._parts = {name: _Part(folder / f"{name}.parquet", name) for name in TABLES}
+        self._maps: set[str] = set()
 
     def __enter__(self) -> Self:
         return self
@@ -278,6 +326,10 @@ class TableWriter:
     def add(self, files: SceneFiles) -> dict[str, int]:
         """Adds one row of the dataset; how many rows each table got."""
         rows = rows_of(files)
+        place = rows["scenes"][0].get("intersection") if files.scene else None
+        if place is not None and place not in self._maps:
+            self._maps.add(place)
+            rows["map"] = list_map_rows(load_map(place))
         return {name: part.add(rows[name]) for name, part in self._parts.items()}
 
 
@@ -333,7 +385,9 @@ def arrow_schema(name: str) -> Any:
         "string": pa.string(),
         "list": pa.list_(pa.string()),
         "ids": pa.list_(pa.int16()),
+        "floats": pa.list_(pa.float64()),
         "float64": pa.float64(),
+        "float32": pa.float32(),
         "int64": pa.int64(),
         "int32": pa.int32(),
         "int16": pa.int16(),

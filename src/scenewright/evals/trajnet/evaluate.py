@@ -63,7 +63,7 @@ def evaluate(
         return found
     from scenewright.tools.trajnet_refiner.store import load_refiner
 
-    net = load_refiner(weights)
+    net = load_refiner(weights, task="benchmark")
     told = KINDS_OF_GOALS if net.config.goals and found[0].rows else KINDS_OF_GOALS[:1]
     return found + [_one(recordings, Refining(net), "refiner", goals, tell) for goals in told]
 

@@ -51,8 +51,9 @@ class SceneScore:
 
     Attributes:
         person: whose scene it is, over all recordings; scenes of one person are much alike.
-        ade, fde: [m]; col1: whether the primary collides with a predicted neighbour, None if
-            none is predicted; col2: with a neighbour as it really moved.
+        ade, fde: [m]; col1: whether the primary collides with a predicted neighbour; col2: with a
+            neighbour as it really moved. As in the official evaluator, neighbours are those seen
+            in the first nine steps, and a scene without any counts as one without collision.
     """
 
     person: tuple[str, int]
@@ -60,7 +61,7 @@ class SceneScore:
     subtypes: tuple[int, ...]
     ade: float
     fde: float
-    col1: bool | None
+    col1: bool
     col2: bool
 
 
@@ -69,31 +70,49 @@ def predict_scenes(
 ) -> list[PredictedScene]:
     """Every scene of a recording, predicted from its first nine steps.
 
-    Everybody seen at the ninth step is predicted, scenes that begin together at once.
+    Everybody seen at the ninth step is predicted, scenes that begin together at once. Whoever was
+    seen before and is gone goes on evenly: the official evaluator refuses Col-I of a file that
+    leaves one of them out.
     """
     starts = sorted({row.start for row in recording.scenes})
-    places, pasts, given = [], [], []
+    places, pasts, given, gone = [], [], [], []
     for start in starts:
         xy = recording.stretch(start)
         who = np.flatnonzero(~np.isnan(xy[:, OBSERVED - 1, 0]))
         places.append(who)
         pasts.append(xy[who, :OBSERVED])
         given.append(recording.last[who] if goals == "destination" else xy[who, -1])
+        gone.append(_gone(xy[:, :OBSERVED]))
     ahead = predictor(
         pasts,
         None if goals == "none" else given,
         due=PREDICTED if goals == "horizon" else None,
         step=recording.step,
     )
-    by_start = dict(zip(starts, zip(places, ahead, strict=True), strict=True))
+    everybody = [
+        (np.concatenate((who, left)), np.concatenate((xy, beyond)), len(who))
+        for who, xy, (left, beyond) in zip(places, ahead, gone, strict=True)
+    ]
+    by_start = dict(zip(starts, everybody, strict=True))
     return [_scene(recording, row, *by_start[row.start]) for row in recording.scenes]
 
 
+def _gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Who was seen and is gone at the last observed step, and [M, 12, 2] where they go on to."""
+    seen = ~np.isnan(past[..., 0])
+    who = np.flatnonzero(seen.any(axis=1) & ~seen[:, -1])
+    last = OBSERVED - 1 - np.argmax(seen[who, ::-1], axis=1)
+    at = past[who, last]
+    move = np.nan_to_num(at - past[who, np.maximum(last - 1, 0)])
+    steps = (OBSERVED - last)[:, None] + np.arange(PREDICTED)
+    return who, at[:, None] + steps[..., None] * move[:, None]
+
+
 def _scene(
-    recording: Recording, row: SceneRow, who: NDArray[np.int64], ahead: FloatArray
+    recording: Recording, row: SceneRow, who: NDArray[np.int64], ahead: FloatArray, present: int
 ) -> PredictedScene:
     is_primary = recording.ids[who] == row.primary
-    if not is_primary.any():
+    if not is_primary[:present].any():
         raise InputError(
             f"{recording.name}.ndjson: the primary of scene {row.id}, pedestrian {row.primary}, "
             "is not there at the ninth step"
@@ -115,6 +134,7 @@ def _score(recording: Recording, scene: PredictedScene, real: FloatArray) -> Sce
         return None
     others = np.delete(real, scene.who[0], axis=0)
     others = others[~np.isnan(others[..., 0]).all(axis=1)]
+    observed = others[~np.isnan(others[:, :OBSERVED, 0]).all(axis=1)]
     kind, parts = scene.row.type, scene.row.subtypes
     if kind is None:
         kind, parts = categorise(real[scene.who[0]], others)
@@ -126,8 +146,8 @@ def _score(recording: Recording, scene: PredictedScene, real: FloatArray) -> Sce
         parts,
         ade,
         fde,
-        bool(collides(scene.xy[0], neighbours).any()) if len(neighbours) else None,
-        bool(collides(scene.xy[0], others[:, OBSERVED:]).any()),
+        bool(collides(scene.xy[0], neighbours).any()),
+        bool(collides(scene.xy[0], observed[:, OBSERVED:]).any()),
     )
 
 

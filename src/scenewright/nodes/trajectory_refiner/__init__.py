@@ -27,10 +27,11 @@ from scenewright.scene.track import Track
 from scenewright.tools.segment_editor import compute_edited_motion
 
 if TYPE_CHECKING:
+    from scenewright.tools.trajnet_refiner.bundled import Learned
     from scenewright.tools.trajnet_refiner.guided import Guide
 
 NOT_ASKED = "the edited priors are final, no learned model ran"
-NO_WEIGHTS = "this intersection ships no weights of a refiner: " + NOT_ASKED
+NO_WEIGHTS = "there are no weights of a refiner that serve this intersection: " + NOT_ASKED
 NOT_TRAINED = "the network was not trained on its class"
 SHARES = (1.0, 0.5, 0.5, 0.25, 0.0)
 """Largest share of the proposed deviation that an agent gets, by how often it was refused."""
@@ -75,7 +76,7 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) ->
     agents, rolled, refined = _refined(motions, edited, before, state, runtime.context)
     ran = Refinement(
         refiner="trajnet",
-        note=_told(agents),
+        note=_told(agents) + _borrowed(refiner, runtime.context),
         weights=refiner.digest,
         attempt=1 if before is None else before.attempt + 1,
         retries=_retries(state, before),
@@ -239,3 +240,9 @@ def _told(agents: Mapping[str, AgentRefinement]) -> str:
     """The account in a few words."""
     kept = sum(each.reason is not None for each in agents.values())
     return f"{len(agents) - kept} refined, {kept} kept as edited"
+
+
+def _borrowed(learned: Learned, context: RunContext) -> str:
+    """Whose weights ran, where the intersection has none of its own."""
+    own = learned.place in ("", context.intersection.name)
+    return "" if own else f", with the weights of {learned.place}: there are none of its own"

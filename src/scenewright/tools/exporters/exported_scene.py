@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from scenewright.errors import InputError
+from scenewright.geometry.kinematics import differentiate
 from scenewright.geometry.polyline import resample_by_spacing
 from scenewright.geometry.spline import build_spline_path
 from scenewright.scene.base import Colour, FloatArray, Point
@@ -57,7 +58,7 @@ class ExportedAgent:
         """The agent of a scene.json whose samples are `step` seconds apart."""
         xy = np.array(record.trajectory, dtype=np.float64).reshape(-1, 2)
         heading = wrap_angles(np.array(record.heading, dtype=np.float64))
-        velocity = _differentiate(xy, step)
+        velocity = differentiate(xy, step)
         kind = find_kind(record.type, record.subtype)
         return cls(
             record.id, record.name, kind, record.type, record.role, record.length, record.width,
@@ -105,7 +106,7 @@ class ExportedAgent:
     @cached_property
     def acceleration(self) -> FloatArray:
         """[T, 2] [m/s²], by central differences of the velocity."""
-        return _differentiate(self.velocity, self.step)
+        return differentiate(self.velocity, self.step)
 
     @cached_property
     def route_ahead(self) -> FloatArray:
@@ -154,7 +155,7 @@ class ExportedAgent:
         xy = np.concatenate([self.xy, more])
         return replace(
             self, xy=xy, heading=np.concatenate([self.heading, heading]),
-            velocity=_differentiate(xy, self.step),
+            velocity=differentiate(xy, self.step),
         )  # fmt: skip
 
 
@@ -295,10 +296,3 @@ def _find_ego(agents: tuple[ExportedAgent, ...], ego: str | None) -> ExportedAge
 def wrap_angles(angles: FloatArray) -> FloatArray:
     """Angles brought into [−π, π] [rad]."""
     return np.asarray(np.arctan2(np.sin(angles), np.cos(angles)))
-
-
-def _differentiate(values: FloatArray, step: float) -> FloatArray:
-    """[T, 2] rate of change of [T, 2] samples; 0 of a single sample."""
-    if len(values) < 2:
-        return np.zeros_like(values)
-    return np.asarray(np.gradient(values, step, axis=0))

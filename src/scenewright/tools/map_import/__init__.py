@@ -13,8 +13,25 @@ from pathlib import Path
 
 from scenewright.tools.map_import.assemble import ImportedMap, assemble_map
 from scenewright.tools.map_import.check_file import MapFormat, detect_map_format
+from scenewright.tools.map_import.junction_choice import JunctionOverview
 
-__all__ = ["ImportedMap", "MapFormat", "import_map"]
+__all__ = ["ImportedMap", "JunctionOverview", "MapFormat", "import_map", "list_junctions"]
+
+
+def list_junctions(file: str | Path) -> JunctionOverview:
+    """The junctions of a file that one can be chosen from, and its roads; a Lanelet2 file has none.
+
+    Raises:
+        InputError: the file cannot be read; one line says why.
+    """
+    path = Path(file)
+    map_format = detect_map_format(path)
+    if map_format == "lanelet2":
+        return JunctionOverview((), ())
+    from scenewright.tools.map_import.read_sumo import survey_junctions
+
+    with tempfile.TemporaryDirectory() as scratch:
+        return survey_junctions(path, map_format, Path(scratch))
 
 
 def import_map(

@@ -56,12 +56,20 @@ from scenewright.tools.map_import.map_parts import (
     geos,
     round_points,
 )
+from scenewright.tools.map_import.mapped_crosswalks import choose_crossings
+from scenewright.tools.map_import.quality_report import (
+    CrosswalkFact,
+    describe_crosswalk,
+    list_crosswalk_notes,
+)
 from scenewright.tools.map_import.signal_programs import build_signal_program
 from scenewright.tools.map_import.survey import Survey, SurveyConnection, SurveyLane
 
 _EXTENTS = (50.0, 90.0)
 _ROOM = 28.0
 """How much of every leg a map shows beyond its throat at least [m]."""
+_CROSSING_ROOM = 14.0
+"""How much of a leg it shows beyond its crosswalk [m]."""
 _SPEED_LIMITS = (4.0, 19.0)
 
 _Movements = Mapping[tuple[int, int], list[int]]
@@ -77,6 +85,8 @@ class ImportedMap:
         notes: what was derived, assumed or dropped, one fact a line.
         origin: of the map; None where the file has none.
         offset: of the origin in the coordinates of the file [m].
+        file_origin: where those are zero; None where the file has no degrees.
+        crosswalks: where the crosswalk of each leg comes from.
     """
 
     intersection_map: IntersectionMap
@@ -85,6 +95,8 @@ class ImportedMap:
     map_format: MapFormat
     origin: LatLon | None
     offset: tuple[float, float]
+    file_origin: LatLon | None
+    crosswalks: tuple[CrosswalkFact, ...]
 
 
 def assemble_map(
@@ -107,6 +119,8 @@ def assemble_map(
     """
     assembly = _Assembly(survey, extent)
     intersection_map = assembly.build_map(name, title, signals)
+    for line in list_crosswalk_notes(assembly.crosswalk_facts):
+        assembly.notes.append(line)
     return ImportedMap(
         intersection_map,
         {**assembly.vehicle_lines, **{k: (line,) for k, line in assembly.crossing_lines.items()}},
@@ -114,6 +128,8 @@ def assemble_map(
         map_format,
         survey.origin,
         survey.offset,
+        survey.file_origin,
+        assembly.crosswalk_facts,
     )
 
 
@@ -125,7 +141,8 @@ class _Assembly:
         self.notes = list(survey.notes)
         self.legs = find_legs(survey)
         self.leg_of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
-        self.extent = _choose_extent(self.legs, extent)
+        self.crossings = choose_crossings(survey, self.legs)
+        self.extent = _choose_extent(self.legs, extent, self._measure_crossing_reach())
         self.connections = [each for each in survey.connections if self._leads_elsewhere(each)]
         if not self.connections:
             raise InputError(f"{survey.title} has no way for vehicles from one leg to another")
@@ -138,6 +155,15 @@ class _Assembly:
             for leg in self.legs
             for lane, is_approach in leg.directed_lanes
         }
+
+    def _measure_crossing_reach(self) -> float:
+        """How far from the middle the file's crosswalks reach, seen along their legs [m]."""
+        reaches = [
+            float(np.abs(self.legs[k].throat).max())
+            + float((mapped.middle - self.legs[k].throat) @ self.legs[k].outwards)
+            for k, mapped in self.crossings.by_leg.items()
+        ]
+        return max(reaches, default=0.0)
 
     def _add_note(self, line: str) -> None:
         if line not in self.notes:
@@ -176,24 +202,44 @@ class _Assembly:
         found = {}
         for k, leg in enumerate(self.legs):
             room = self.extent - 9.0 - float(np.abs(leg.throat).max())
-            placed = ground.place_crosswalk(leg, self.road, self.survey.crossings, room=room)
+            mapped = self.crossings.by_leg.get(k)
+            placed = ground.place_crosswalk(leg, self.road, mapped, room=room)
             if placed is None:
                 self._add_note(f"no crosswalk found room on the {self.names[k]} leg")
             else:
                 found[k] = placed
-        if derived := [self.names[k] for k, placed in found.items() if not placed.is_mapped]:
-            self._add_note(
-                f"the file has no crosswalk that fits on {', '.join(derived)}: derived, 4 m wide, "
-                "where the leg is narrow"
-            )
         return found
+
+    @cached_property
+    def crosswalk_facts(self) -> tuple[CrosswalkFact, ...]:
+        """By leg: where its crosswalk comes from, and how far it is from what the file holds."""
+        return tuple(
+            describe_crosswalk(name, placed, self.crossings, k, self.survey.crossings)
+            for k, (name, placed) in enumerate(
+                (name, self.placements.get(k)) for k, name in enumerate(self.names)
+            )
+        )
 
     def _clip_approach(self, lane: SurveyLane, k: int) -> FloatArray:
         """An approach from the map's edge to its stop line."""
         line = resample_by_spacing(self.extended[lane.id], 0.5)
+        placed = self.placements.get(k)
+        if placed is not None and placed.mapped is not None:
+            return self._clip_at_crosswalk(lane, line, placed)
         ahead = (line - self.legs[k].throat) @ self.legs[k].outwards
         stop = self.placements[k].stop_distance if k in self.placements else 0.0
         return _take_last_run(line, self._is_inside(line) & (ahead >= stop))
+
+    def _clip_at_crosswalk(
+        self, lane: SurveyLane, line: FloatArray, placed: CrosswalkPlacement
+    ) -> FloatArray:
+        """An approach to a mapped crosswalk, on along its straightest way if that lies inside."""
+        ways = [each for each in self.connections if each.approach == lane.id]
+        onwards = min(ways, key=lambda each: round(abs(self._measure_turn(each)), 3)).line
+        longer = resample_by_spacing(np.concatenate([line, onwards]), 0.5)
+        met = np.flatnonzero(geos.contains_xy(placed.stop_area, *longer.T))
+        kept = longer[: met[0]] if len(met) else line
+        return _take_last_run(kept, self._is_inside(kept))
 
     def _clip_exit(self, lane: SurveyLane) -> FloatArray:
         line = resample_by_spacing(self.extended[lane.id], 0.5)[::-1]
@@ -261,7 +307,8 @@ class _Assembly:
 
     def _derive_sidewalks(self) -> Any:
         self._add_note("sidewalks were derived: 3 m along every outer kerb")
-        return ground.build_sidewalks(self.road, self.extent)
+        refuges = [placed.refuge_area for placed in self.placements.values() if placed.refuges]
+        return geos.union_all([ground.build_sidewalks(self.road, self.extent), *refuges])
 
     def _build_signals(self, crosswalks: Sequence[Crosswalk], mode: str) -> SignalProgram | None:
         return build_signal_program(
@@ -347,18 +394,27 @@ class _Assembly:
         for k, leg in enumerate(self.legs):
             if not leg.approaches:
                 continue
-            left, name = rotate_left(leg.outwards), self.names[k]
+            left, name = self._find_stop_direction(k), self.names[k]
             ends = np.array([self._clip_approach(lane, k)[-1] for lane in leg.approaches])
-            distance = float(np.mean([(end - leg.throat) @ leg.outwards for end in ends]))
+            outwards = -rotate_left(left)
+            distance = float(np.mean([(end - leg.throat) @ outwards for end in ends]))
             lateral = [
                 float((end - leg.throat) @ left) + sign * lane.width / 2
                 for end, lane in zip(ends, leg.approaches, strict=True)
                 for sign in (-1, 1)
             ]
-            base = leg.throat + distance * leg.outwards
+            base = leg.throat + distance * outwards
             line = round_points([base + min(lateral) * left, base + max(lateral) * left])
             ids = tuple(self._name_lane(lane, k, "approach") for lane in leg.approaches)
             yield StopLine(id=f"{name}:stop", leg=name, lanelets=ids, line=(line[0], line[1]))
+
+    def _find_stop_direction(self, k: int) -> FloatArray:
+        """[2] unit vector along a leg's stop line, to the left looking outwards."""
+        placed = self.placements.get(k)
+        if placed is None or placed.mapped is None:
+            return rotate_left(self.legs[k].outwards)
+        across = placed.ends[0] - placed.ends[1]
+        return np.asarray(across / np.hypot(*across))
 
     def _build_movements(self, program: SignalProgram | None) -> tuple[VehicleMovement, ...]:
         groups = {m: g.id for g in program.groups for m in g.movements} if program else {}
@@ -443,10 +499,11 @@ class _Assembly:
             yield GoalRegion.model_validate(fields)
 
 
-def _choose_extent(legs: Sequence[SurveyLeg], wanted: float | None) -> float:
+def _choose_extent(legs: Sequence[SurveyLeg], wanted: float | None, crossings: float) -> float:
     far = max(float(np.abs(leg.throat).max()) for leg in legs)
     if wanted is None:
-        extent = float(np.clip(math.ceil(far + _ROOM), *_EXTENTS))
+        needed = max(far + _ROOM, crossings + _CROSSING_ROOM)
+        extent = float(np.clip(math.ceil(needed), *_EXTENTS))
         if far + 10.0 > extent:
             raise InputError(
                 f"the junction reaches {far:.0f} m from its middle, too far for one map; choose a "

@@ -13,7 +13,7 @@ from scenewright.geometry.polyline import resample_by_spacing, rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.legs import SurveyLeg, orient_outwards
 from scenewright.tools.map_import.map_parts import geos, list_lines
-from scenewright.tools.map_import.survey import SurveyCrossing
+from scenewright.tools.map_import.mapped_crosswalks import MappedCrosswalk
 
 _SIDEWALK_WIDTH, _CROSSWALK_WIDTH = 3.0, 4.0
 """Of derived ones [m]."""
@@ -26,6 +26,12 @@ _SMALLEST_ISLAND = 120.0
 _SETBACK, _STOP_GAP = 0.6, 1.2
 _SLACK = 2.5
 """How much longer a crosswalk may be than the shortest line across its leg [m]."""
+_SAME_KERB = 0.75
+"""A crosswalk's drawn end that lies closer to our kerb is there [m]."""
+_LANE_ROOM = 1.2
+"""From the middle of a lane that a crosswalk crosses to its end, at least [m]."""
+_BROADEST = 6.0
+"""So far out of our kerb a drawn end may lie [m]: the road has lanes there that we drop."""
 _SEARCH = 22.0
 """How far out of the junction a place for a crosswalk is looked for [m]."""
 
@@ -37,18 +43,37 @@ class CrosswalkPlacement:
     Attributes:
         distance: outwards from the leg's throat [m].
         ends: [2, 2] kerb on the left and on the right, looking outwards [m].
-        is_mapped: whether the file has it.
+        mapped: what the file holds of it; None if it was derived.
+        refuges: [n, 2, 2] from its ends over ground without lanes to our kerb [m].
     """
 
     distance: float
     ends: FloatArray
     width: float
-    is_mapped: bool
+    mapped: MappedCrosswalk | None = None
+    refuges: tuple[FloatArray, ...] = ()
 
     @property
     def area(self) -> Any:
         """The marked area, from kerb to kerb, over any island in between."""
         return geos.LineString(self.ends).buffer(self.width / 2, cap_style="flat")
+
+    @property
+    def middle(self) -> FloatArray:
+        """[2] halfway between its ends [m]."""
+        return np.asarray(self.ends.mean(axis=0))
+
+    @property
+    def stop_area(self) -> Any:
+        """The area that traffic waiting before it keeps clear."""
+        return self.area.buffer(_STOP_GAP, join_style="mitre")
+
+    @property
+    def refuge_area(self) -> Any:
+        """Ground beside its ends that people walk over to reach the sidewalk."""
+        half = self.width / 2
+        strips = [geos.LineString(each).buffer(half, cap_style="square") for each in self.refuges]
+        return geos.union_all(strips)
 
     @property
     def stop_distance(self) -> float:
@@ -82,17 +107,20 @@ def build_square(extent: float) -> Any:
 
 
 def place_crosswalk(
-    leg: SurveyLeg, road: Any, crossings: Sequence[SurveyCrossing], *, room: float
+    leg: SurveyLeg,
+    road: Any,
+    mapped: MappedCrosswalk | None,
+    *,
+    room: float,
 ) -> CrosswalkPlacement | None:
     """Where the leg is crossed: as mapped, else at the first place past the kerbs' curves.
 
     Args:
         room: how far outwards from the throat it may lie at most [m].
     """
-    if own := [each for each in crossings if _is_on_leg(each, leg)]:
-        mapped = _place_mapped_crosswalk(own, leg, road)
-        if mapped is not None and mapped.distance < room:
-            return mapped
+    placed = None if mapped is None else _place_mapped_crosswalk(mapped, leg, road)
+    if placed is not None and placed.distance < room:
+        return placed
     first = _SETBACK + _CROSSWALK_WIDTH / 2 + _measure_lane_reach(leg)
     distances = np.arange(first, max(min(first + _SEARCH, room), first + 0.6), 0.5).tolist()
     cuts = [(t, _cut_road(leg, road, leg.throat + t * leg.outwards)) for t in distances]
@@ -103,7 +131,7 @@ def place_crosswalk(
         return None
     longest = min(length for length, _, _ in found) + _SLACK
     distance, ends = next((t, ends) for length, t, ends in found if length <= longest)
-    return CrosswalkPlacement(distance, ends, _CROSSWALK_WIDTH, False)
+    return CrosswalkPlacement(distance, ends, _CROSSWALK_WIDTH)
 
 
 def _measure_lane_reach(leg: SurveyLeg) -> float:
@@ -113,27 +141,46 @@ def _measure_lane_reach(leg: SurveyLeg) -> float:
     return float(np.clip(max(reach), 0.0, 8.0))
 
 
-def _is_on_leg(crossing: SurveyCrossing, leg: SurveyLeg) -> bool:
-    middle = crossing.line.mean(axis=0) - leg.throat
-    lateral = abs(float(middle @ rotate_left(leg.outwards)))
-    across = crossing.line[1] - crossing.line[0]
-    slant = abs(float(across @ leg.outwards)) / max(float(np.hypot(*across)), 1e-9)
-    half = 3.5 * len(leg.lanes) + 6.0
-    return -8.0 < float(middle @ leg.outwards) < _SEARCH and lateral < half and slant < 0.6
-
-
 def _place_mapped_crosswalk(
-    pieces: Sequence[SurveyCrossing], leg: SurveyLeg, road: Any
+    mapped: MappedCrosswalk, leg: SurveyLeg, road: Any
 ) -> CrosswalkPlacement | None:
-    """One line across a leg from all pieces into which islands divide a mapped crossing."""
-    points = np.concatenate([piece.line for piece in pieces])
-    middle = points.mean(axis=0)
-    ends = _cut_road(leg, road, middle, across=np.linalg.svd(points - middle)[2][0])
-    if ends is None:
+    """The mapped crosswalk from kerb to kerb; at the file's own ends where no lane lies beyond."""
+    kerbs = _cut_road(leg, road, mapped.middle, across=mapped.across)
+    if kerbs is None:
         return None
-    width = float(np.median([piece.width for piece in pieces]))
-    distance = float((middle - leg.throat) @ leg.outwards)
-    return CrosswalkPlacement(distance, ends, float(np.clip(width, 2.0, 6.0)), True)
+    ends, refuges = kerbs.copy(), []
+    drawn = mapped.ends if mapped.is_bounded else mapped.limits
+    if drawn is not None:
+        drawn = drawn if _is_turned(drawn, kerbs) else drawn[::-1]
+        for i in (0, 1):
+            end = _choose_end(kerbs[i], drawn[i], mapped.middle, leg)
+            beyond = np.hypot(*(kerbs[i] - mapped.middle)) - np.hypot(*(end - mapped.middle))
+            if beyond > 0.0:
+                refuges.append(np.array([end, kerbs[i]]))
+            # Ways of OpenStreetMap end on the sidewalk, so only what is drawn as an area counts.
+            ends[i] = end if mapped.is_bounded or beyond > 0.0 else kerbs[i]
+    distance = float((mapped.middle - leg.throat) @ leg.outwards)
+    width = float(np.clip(mapped.width, 2.0, 8.0))
+    return CrosswalkPlacement(distance, ends, width, mapped, tuple(refuges))
+
+
+def _is_turned(ends: FloatArray, kerbs: FloatArray) -> bool:
+    """Whether both lines lead the same way."""
+    return float((ends[1] - ends[0]) @ (kerbs[1] - kerbs[0])) > 0
+
+
+def _choose_end(
+    kerb: FloatArray, drawn: FloatArray, middle: FloatArray, leg: SurveyLeg
+) -> FloatArray:
+    """Our kerb; the file's end where that is clearly elsewhere and cuts off no lane of the leg."""
+    beyond = float(np.hypot(*(drawn - middle)) - np.hypot(*(kerb - middle)))
+    if abs(beyond) < _SAME_KERB or beyond > _BROADEST:
+        return kerb
+    between = geos.LineString([drawn, kerb])
+    lanes = (geos.LineString(line) for line in _extend_into_junction(leg))
+    if beyond < 0 and any(lane.distance(between) < _LANE_ROOM for lane in lanes):
+        return kerb
+    return drawn
 
 
 def _cut_road(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from scenewright.errors import InputError
 from scenewright.geometry.geographic import LatLon, project_to_metres
+from scenewright.scene.base import FloatArray
 
 _MAX_LISTED = 12
 _MAX_DISTANCE = 150.0
@@ -29,6 +30,18 @@ class Junction:
     legs: int
     name: str
     size: int
+
+
+@dataclass(frozen=True, eq=False)
+class JunctionOverview:
+    """What a file has to choose from.
+
+    Attributes:
+        roads: [P, 2] middle of every carriageway [m], to draw the junctions on.
+    """
+
+    junctions: tuple[Junction, ...]
+    roads: tuple[FloatArray, ...]
 
 
 def choose_junction(

@@ -31,6 +31,7 @@ from scenewright.geometry.polyline import (
     smooth_gaussian,
 )
 from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.survey import (
     Survey,
@@ -165,7 +166,8 @@ def read_lanelet2(file: Path, *, center: LatLon | None, left_hand: bool) -> Surv
         raise InputError(f"{file} has no lanelets for vehicles there")
     if left_hand:
         notes.append("traffic drives on the left, as asked")
-    return _survey_junction(lanelets, foot, origin, notes, file, left_hand)
+    crossings = read_lanelet2_crossings(elements, foot, origin)
+    return _survey_junction(lanelets, foot, crossings, origin, notes, file, left_hand)
 
 
 @dataclass(frozen=True)
@@ -173,13 +175,16 @@ class FileElements:
     """What a file holds.
 
     Attributes:
-        nodes: latitude and longitude; ways: ids of nodes.
-        relations: (tags, (role, id of a way) of each member) of the lanelets.
+        nodes: latitude and longitude; ways: ids of nodes; way_tags: of those that have some.
+        relations: (tags, (role, id of a way) of each member) of the lanelets; rules: the same of
+            the regulatory elements, by id.
     """
 
     nodes: dict[str, LatLon] = field(default_factory=dict)
     ways: dict[str, list[str]] = field(default_factory=dict)
+    way_tags: dict[str, dict[str, str]] = field(default_factory=dict)
     relations: list[tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=list)
+    rules: dict[str, tuple[dict[str, str], list[tuple[str, str]]]] = field(default_factory=dict)
 
 
 def read_elements(file: Path) -> FileElements:
@@ -209,11 +214,15 @@ def _add_element(found: FileElements, element: Any, file: Path) -> None:
         found.nodes[name] = node
     elif element.tag == "way":
         found.ways[name] = [n.attrib["ref"] for n in element.iter("nd")]
+        if tags := {t.attrib["k"]: t.attrib["v"] for t in element.iter("tag")}:
+            found.way_tags[name] = tags
     else:
         tags = {t.attrib["k"]: t.attrib["v"] for t in element.iter("tag")}
         members = [(m.get("role", ""), m.get("ref", "")) for m in element.iter("member")]
         if tags.get("type") == "lanelet":
             found.relations.append((tags | {"id": name}, members))
+        elif tags.get("type") == "regulatory_element":
+            found.rules[name] = tags, members
 
 
 def build_lanelets(
@@ -297,6 +306,7 @@ def _orient_bounds(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
 def _survey_junction(
     lanelets: _Lanelets,
     foot: Sequence[FileLanelet],
+    crossings: Sequence[SurveyCrossing],
     file_origin: LatLon,
     notes: list[str],
     file: Path,
@@ -313,8 +323,7 @@ def _survey_junction(
             "through a junction to outside"
         )
     middle = np.round(np.array(shared.envelope.centroid.coords[0]), 3)
-    crossings = [each for each in foot if each.tags.get("subtype") == "crosswalk"]
-    if walks := len(foot) - len(crossings):
+    if walks := sum(each.tags.get("subtype") != "crosswalk" for each in foot):
         notes.append(
             f"{walks} footways of the file are shown as they are not; sidewalks are derived along "
             "the kerbs"
@@ -332,14 +341,12 @@ def _survey_junction(
             SurveyConnection(a, b, _take_between(line, approaches[a][-1], exits[b][0]) - middle)
             for (a, b), line in found.items()
         ),
-        crossings=tuple(
-            SurveyCrossing((each.middle - middle)[[0, -1]], float(np.clip(each.width, 2.0, 8.0)))
-            for each in crossings
-        ),
+        crossings=tuple(each.move(-middle) for each in crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
         left_hand=left_hand,
         origin=project_to_degrees(file_origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
+        file_origin=file_origin,
         notes=notes,
     )
 

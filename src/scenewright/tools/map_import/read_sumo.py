@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,16 @@ from scenewright.geometry.geographic import LatLon, is_in_degrees, project_to_de
 from scenewright.geometry.polyline import find_point, measure_length
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat
-from scenewright.tools.map_import.junction_choice import Junction, choose_junction
+from scenewright.tools.map_import.junction_choice import (
+    Junction,
+    JunctionOverview,
+    choose_junction,
+)
+from scenewright.tools.map_import.opendrive_features import (
+    list_opendrive_crossings,
+    read_opendrive_file,
+)
+from scenewright.tools.map_import.osm_features import list_osm_crossings, read_osm_file
 from scenewright.tools.map_import.survey import (
     Survey,
     SurveyConnection,
@@ -69,12 +79,39 @@ def read_sumo(
     )
     left_hand = _is_left_hand(network) if left_hand is None else left_hand
     survey = _survey_junction(net, nodes[chosen.id], origin, left_hand)
-    if map_format == "osm":
+    if map_format == "opendrive":
+        drive = read_opendrive_file(file)
+        own = list_opendrive_crossings(drive, np.array(survey.offset))
+        survey = replace(survey, crossings=(*survey.crossings, *own))
+    if map_format == "osm" and origin is not None:
+        osm = read_osm_file(file, origin)
+        survey = replace(survey, crossings=tuple(list_osm_crossings(osm, np.array(survey.offset))))
         survey.notes.append(
             "lane widths, turning lanes and signal times that the file does not tag are "
             "netconvert's guesses"
         )
     return survey
+
+
+def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> JunctionOverview:
+    """All junctions of a SUMO network, OpenStreetMap or OpenDRIVE file, and the roads between them.
+
+    Args:
+        scratch: an empty folder for the converted network.
+
+    Raises:
+        InputError: not convertible.
+    """
+    origin = _find_middle_of_osm(file) if map_format == "osm" else None
+    network = file
+    if map_format != "sumo":
+        network = scratch / "converted.net.xml"
+        _convert(file, network, origin=origin, left_hand=False)
+    net = _read_network(network, file)
+    return JunctionOverview(
+        tuple(_describe_junction(node) for node in net.getNodes() if _is_junction(node)),
+        tuple(_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e)),
+    )
 
 
 def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: bool) -> None:
@@ -85,7 +122,7 @@ def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: boo
     command = [str(home / "bin" / "netconvert"), "-o", str(network), "--no-turnarounds", "true"]
     command += ["--junctions.internal-link-detail", "16", "--junctions.corner-detail", "8"]
     command += ["--no-warnings", "true", "--output.street-names", "true"]
-    command += ["--offset.disable-normalization", "true"]
+    command += ["--offset.disable-normalization", "true", "--default.spreadtype", "roadCenter"]
     if origin is not None:
         where = f"+proj=tmerc +lat_0={origin[0]:.8f} +lon_0={origin[1]:.8f} +k=1 +ellps=WGS84"
         command += ["--osm-files", str(file), "--proj", f"{where} +units=m +no_defs"]
@@ -226,6 +263,7 @@ def _survey_junction(net: Any, node: Any, origin: LatLon | None, left_hand: bool
         is_signalised=str(node.getType()).startswith("traffic_light"),
         origin=None if origin is None else project_to_degrees(origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
+        file_origin=origin,
         notes=[
             f"lane {name} leads nowhere and was dropped"
             for name in approaches
@@ -306,8 +344,8 @@ def _read_crossings(net: Any, node: Any, middle: FloatArray) -> Iterator[SurveyC
     for edge in net.getEdges(withInternal=True):
         if edge.getFunction() == "crossing" and str(edge.getID()).startswith(f":{node.getID()}_c"):
             lane = edge.getLanes()[0]
-            line = _get_shape(lane) - middle
-            yield SurveyCrossing(line[[0, -1]], float(lane.getWidth()))
+            line, name = _get_shape(lane) - middle, f"crossing {edge.getID()}"
+            yield SurveyCrossing(line[[0, -1]], float(lane.getWidth()), source=name)
 
 
 def _read_phases(net: Any, lights: set[str]) -> tuple[tuple[float, Mapping[str, Colour]], ...]:

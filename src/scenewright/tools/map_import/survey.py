@@ -7,7 +7,7 @@ what the file says and no more; what is missing is derived later and reported.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scenewright.geometry.geographic import LatLon
 from scenewright.scene.base import Colour, FloatArray
@@ -47,11 +47,32 @@ class SurveyConnection:
 
 @dataclass(frozen=True, eq=False)
 class SurveyCrossing:
-    """A mapped crossing for pedestrians: [2, 2] its middle from kerb to kerb, and its width."""
+    """A mapped crossing for pedestrians.
+
+    Attributes:
+        line: [2, 2] its middle line across the road [m]; width: along the road [m].
+        light: the light of the survey that controls it.
+        source: what the file calls it.
+        is_bounded: whether the line ends at the file's kerbs; else only its place is known.
+        is_marked: whether there are marks on the road; has_island: whether an island parts it.
+        is_signalised: None where the file does not say.
+        limits: [2, 2] where the way over it ends, on the sidewalks; None if there is no way [m].
+    """
 
     line: FloatArray
     width: float
     light: str | None = None
+    source: str = ""
+    is_bounded: bool = True
+    is_marked: bool = True
+    has_island: bool = False
+    is_signalised: bool | None = None
+    limits: FloatArray | None = None
+
+    def move(self, shift: FloatArray) -> SurveyCrossing:
+        """The crossing with the origin elsewhere."""
+        limits = None if self.limits is None else self.limits + shift
+        return replace(self, line=self.line + shift, limits=limits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +85,7 @@ class Survey:
         is_signalised: None where the file does not say.
         origin: of the coordinates; None where the file has none.
         offset: of the origin in the coordinates of the file [m].
+        file_origin: where the file's coordinates are zero; None where it has no degrees.
         notes: what was assumed or dropped.
     """
 
@@ -78,4 +100,5 @@ class Survey:
     is_signalised: bool | None = None
     origin: LatLon | None = None
     offset: tuple[float, float] = (0.0, 0.0)
+    file_origin: LatLon | None = None
     notes: list[str] = field(default_factory=list)

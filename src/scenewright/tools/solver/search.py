@@ -641,7 +641,7 @@ class Search:
     def _beside(
         self, draws: AgentCandidates, moment: SceneTiming, seated: Seated
     ) -> Iterator[Option]:
-        """Walking with another, if that one has its place and both keep off the crosswalk at red."""
+        """Walking with another who has a place, if both keep off the crosswalk at red."""
         if draws.beside not in seated.chosen:
             return
         option, start = seated.chosen[draws.beside]

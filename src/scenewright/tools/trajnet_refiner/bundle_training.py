@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from scenewright.intersections import (
     sign_bundle,
 )
 from scenewright.tools.track_io import Recording
-from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig, predict
+from scenewright.tools.trajnet_refiner.model import CLASSES, Refiner, RefinerConfig, predict
 from scenewright.tools.trajnet_refiner.store import save_refiner
 from scenewright.tools.trajnet_refiner.supervised import (
     RECIPE,
@@ -42,6 +43,10 @@ _CLASSES = ("pedestrian", "vehicle")
 """By the number that the network knows a class by."""
 
 _TRIED = 4096
+_SIMULATED = 0.1
+"""Weight of simulated pedestrians beside real ones."""
+_OVERLAP = 4
+"""Network steps from one stretch of a recording of walkers to the next: there are few."""
 
 
 def train_bundle(
@@ -55,6 +60,7 @@ def train_bundle(
     after_epoch: Callable[[Epoch], None] | None = None,
     start: Refiner | None = None,
     command: str | None = None,
+    walkers: Sequence[Recording] = (),
 ) -> Mapping[str, Any]:
     """Trains the refiner of an intersection and writes weights and model card to a folder.
 
@@ -66,6 +72,8 @@ def train_bundle(
         recordings: of all splits; those to fit are trained on, those to test give the figures.
         start: the network to start from, of the same configuration; None draws the weights.
         command: that made the recordings, for the card.
+        walkers: recordings of real people on foot: how pedestrians move is then learned from those
+            to fit, and simulated ones count a tenth; those to test give figures of their own.
 
     Returns:
         What is kept with the weights: data, recipe, losses, figures.
@@ -84,6 +92,9 @@ def train_bundle(
         raise InputError(f"the corpus is of another intersection: {foreign[0]!r}, not {name!r}")
     _make(out)
     windows = _windows(by_split["fit"], config)
+    taught = [each for each in walkers if each.split == "fit"]
+    if taught:
+        windows = [*map(_with_few_walkers, windows), *_windows(taught, config, stride=_OVERLAP)]
     losses: list[float] = []
 
     def keep(epoch: Epoch) -> None:
@@ -108,6 +119,11 @@ def train_bundle(
         "started": start is not None,
         "figures": _alone(lambda: figures(net, by_split["test"] or by_split["fit"])),
     }
+    if walkers:
+        tried = [each for each in walkers if each.split == "test"]
+        about["walkers"] = {split: [each.name for each in walkers if each.split == split]
+                            for split in ("fit", "test")}  # fmt: skip
+        about["walkers_figures"] = _alone(lambda: figures(net, tried))
     save_refiner(net, out / REFINER_WEIGHTS, about=about)
     (out / CARD).write_text(card(net, about), encoding="utf-8")
     sign_bundle(out, REFINER_WEIGHTS, CARD)
@@ -182,8 +198,8 @@ def card(net: Refiner, about: Mapping[str, Any]) -> str:
 - **What it is.** An interaction-aware LSTM of the TrajNet++ family with
   {sum(p.numel() for p in net.parameters())} weights (`tools/trajnet_refiner/model.py`). It moves
   the agents of a scene from one waypoint of their edited priors to the next.
-- **Data.** Simulated traffic of this intersection (`{about["command"]}`), no recorded
-  person. Fitted on {len(hours["fit"])} recordings: {_hours(hours["fit"])}. Figures from
+- **Data.** Simulated traffic of this intersection (`{about["command"]}`){_walked(about)}.
+  Fitted on {len(hours["fit"])} recordings: {_hours(hours["fit"])}. Figures from
   {_tested(hours)}.
 - **Training.** {_begun(about)}{about["windows"]} windows of
   {net.config.observed} + {net.config.predicted} steps of {net.config.step} s,
@@ -220,6 +236,20 @@ def _tested(hours: Mapping[str, Sequence[str]]) -> str:
     return f"{len(hours['test'])} recordings that nothing was fitted to: {_hours(hours['test'])}"
 
 
+def _walked(about: Mapping[str, Any]) -> str:
+    """Whose walking was learned, and what it is worth on people that nothing was fitted to."""
+    if "walkers" not in about:
+        return ", no recorded\n  person"
+    names, found = about["walkers"], about["walkers_figures"]
+    fit, test = (", ".join(names[split]) for split in ("fit", "test"))
+    tried = f"{found['pedestrian_n']:.0f} in {test}" if test else "none"
+    row = _row("pedestrian", found).split("|")[3:-1]
+    return (
+        f" for vehicles; pedestrians are\n  learned from real walkers: {fit}. Held out: {tried}; "
+        f"with waypoints{row[0]}m, without{row[1]}m,\n  constant velocity{row[2]}m"
+    )
+
+
 def _begun(about: Mapping[str, Any]) -> str:
     return "From the weights of the shipped intersection on, " if about["started"] else ""
 
@@ -229,8 +259,18 @@ def _hours(names: Sequence[str]) -> str:
     return ", ".join(each.partition(" ")[2] for each in names)
 
 
-def _windows(recordings: Sequence[Recording], config: RefinerConfig) -> list[Window]:
-    return recorded_windows(recordings, observed=config.observed, predicted=config.predicted)
+def _windows(
+    recordings: Sequence[Recording], config: RefinerConfig, stride: int | None = None
+) -> list[Window]:
+    return recorded_windows(
+        recordings, observed=config.observed, predicted=config.predicted, stride=stride
+    )
+
+
+def _with_few_walkers(window: Window) -> Window:
+    """A simulated window in which pedestrians count little: real ones show how people walk."""
+    on_foot = window.classes == CLASSES.index("pedestrian")
+    return replace(window, weight=np.where(on_foot, _SIMULATED * window.weight, window.weight))
 
 
 def _alone(work: Callable[[], Any]) -> Any:

@@ -8,17 +8,41 @@ from functools import lru_cache
 from pathlib import Path
 
 from scenewright.errors import InputError
-from scenewright.intersections import REFINER_WEIGHTS, check_bundle, find_bundle_folder
+from scenewright.intersections import (
+    REFINER_WEIGHTS,
+    SHIPPED,
+    check_bundle,
+    find_bundle_folder,
+    ships_refiner,
+)
 from scenewright.tools.trajnet_refiner.model import Refiner
 from scenewright.tools.trajnet_refiner.store import load_refiner
 
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """A trained network and the first digits of its file's SHA-256."""
+    """A trained network.
+
+    Attributes:
+        digest: first digits of its file's SHA-256.
+        place: the intersection that its bundle is of; empty where it is of none.
+    """
 
     net: Refiner
     digest: str
+    place: str = ""
+
+
+def find_refiner(name: str) -> Learned | None:
+    """The refiner that serves an intersection: its own, else the shipped one; None without any.
+
+    The network sees agents and waypoints and no map, so that one learned elsewhere can be used.
+
+    Raises:
+        InputError: as `bundled_refiner`.
+    """
+    serving = next((place for place in (name, SHIPPED) if ships_refiner(place)), None)
+    return None if serving is None else bundled_refiner(serving)
 
 
 def bundled_refiner(name: str) -> Learned | None:
@@ -48,4 +72,5 @@ def _read(folder: Path, _changed: tuple[tuple[int, int], ...]) -> Learned:
     """The weights as they are now: a bundle may be trained anew while a process lives."""
     check_bundle(folder, REFINER_WEIGHTS)
     file = folder / REFINER_WEIGHTS
-    return Learned(load_refiner(file), hashlib.sha256(file.read_bytes()).hexdigest()[:16])
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+    return Learned(load_refiner(file, task="scenes"), digest, folder.name)

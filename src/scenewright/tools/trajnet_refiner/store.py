@@ -9,7 +9,7 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import ValidationError
 from torch import Tensor
@@ -19,6 +19,11 @@ from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 
 VERSION = 1
 _FORMAT = "scenewright.trajnet_refiner"
+Task = Literal["scenes", "benchmark"]
+_TASKS: Mapping[Task, str] = {
+    "scenes": "refine the scenes of an intersection (`intersections train`)",
+    "benchmark": "predict pedestrians of TrajNet++ (`evals trajnet-train`)",
+}
 
 
 def save_refiner(net: Refiner, path: Path, *, about: Mapping[str, Any] | None = None) -> None:
@@ -31,20 +36,34 @@ def save_refiner(net: Refiner, path: Path, *, about: Mapping[str, Any] | None = 
     write_tensors(path, dict(net.state_dict()), facts=facts)
 
 
-def load_refiner(path: Path) -> Refiner:
+def load_refiner(path: Path, *, task: Task | None = None) -> Refiner:
     """A network that `save_refiner` wrote, ready to predict.
 
+    Args:
+        task: what it must have been trained for; None for anything. Files that do not say what
+            they were trained on are taken.
+
     Raises:
-        InputError: not such a file, of another version, or damaged.
+        InputError: not such a file, of another version or task, or damaged.
         OSError: it cannot be read.
     """
     tensors, facts = read_tensors(path)
+    found = _find_task(facts.get("about", {}))
+    if task is not None and found is not None and found != task:
+        raise InputError(f"{path}: weights that {_TASKS[found]}, not ones that {_TASKS[task]}")
     try:
         net = Refiner(RefinerConfig.model_validate(facts["config"]))
         net.load_state_dict(tensors)
     except (KeyError, ValidationError, RuntimeError) as error:
         raise InputError(f"{path}: the weights do not fit their configuration") from error
     return net.eval()
+
+
+def _find_task(about: Mapping[str, Any]) -> Task | None:
+    """What a training was for, by what is kept about it."""
+    if "intersection" in about:
+        return "scenes"
+    return "benchmark" if "trained_on" in about else None
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], *, facts: Mapping[str, Any]) -> None:

@@ -8,9 +8,10 @@ const LIGHT = { green: "#19A974", yellow: "#F2B705", red: "#DB2B39" };
 const EVENT = { collision: "collides with", near_miss: "has a near miss with", yielding: "yields to", follow: "follows" };
 const SHADES = ["#D55E00", "#0072B2", "#009E73", "#AA3377", "#9A6A00", "#3C7FB0", "#5B3A9E", "#8C564B"];
 const LABEL_FONT = "600 12px system-ui, sans-serif";
-const MARK_SECONDS = 2.5, LEAD_SECONDS = 2;
+const LABEL_HEIGHT = 17, LEG_SIDES = [0, 8, -8, 10, -10, 12, -12, 14, -14, 17, -17, 20, -20, 24, -24, 30, -30];
+const MARK_SECONDS = 2.5, LEAD_SECONDS = 2, BRAKING = 1.0, FURTHEST_TTC = 8;
 const agents = new Map(data.agents.map((each) => [each.id, each]));
-const state = { time: 0, playing: false, rate: 1, event: null, view: null, last: null };
+const state = { time: 0, playing: false, rate: 1, event: null, view: null, last: null, pointed: null, handles: [], drag: null, boxes: [] };
 
 function make(tag, properties = {}, ...children) {
   const element = Object.assign(document.createElement(tag), properties);
@@ -153,6 +154,22 @@ function drawObjects() {
   }
 }
 
+/** An agent of the other version that is laid over this one: its outline and its last seconds. */
+function drawOther(agent) {
+  const sample = sampleAgent(agent, state.time);
+  if (sample === null) return;
+  const from = Math.max(0, Math.ceil((state.time - 3 - agent.start) / STEP)), to = Math.min(agent.xy.length - 1, Math.floor((state.time - agent.start) / STEP));
+  if (to > from) strokeLines([agent.xy.slice(from, to + 1)], readVariable("--ink"), 1.2, [2, 3]);
+  pen.beginPath();
+  if (agent.type === "pedestrian") pen.arc(...toPixels([sample.x, sample.y]), Math.max((agent.width / 2) * pixelsPerMetre(), 4.5), 0, 2 * Math.PI);
+  else trace(outline(agent, sample), true);
+  pen.setLineDash([4, 3]);
+  pen.strokeStyle = readVariable("--ink");
+  pen.lineWidth = 1.8;
+  pen.stroke();
+  pen.setLineDash([]);
+  if (agent.role === "foreground") writeLabel(`${agent.name}, other version`, [sample.x, sample.y - agent.length / 2 - 14 / pixelsPerMetre()], readVariable("--soft"));
+}
 function drawTrail(agent) {
   const from = Math.max(0, Math.ceil((state.time - 3 - agent.start) / STEP));
   const to = Math.min(agent.xy.length - 1, Math.floor((state.time - agent.start) / STEP));
@@ -197,16 +214,31 @@ function drawWindscreen(agent, sample) {
   pen.fillStyle = "rgba(20, 28, 40, .55)";
   pen.fill();
 }
+/** Words at a place, moved up or down until they cover no other words, and never across the edge. */
 function writeLabel(text, point, colour) {
-  const [x, y] = toPixels(point);
+  pen.font = LABEL_FONT;
+  const [x, y] = toPixels(point), half = pen.measureText(text).width / 2 + 3;
+  if (x < -half || x > canvas.clientWidth + half || y < -20 || y > canvas.clientHeight + 20) return;
+  const boxes = [0, 1, -1, 2, -2, 3, -3].map((k) => placeBox(x, y + k * LABEL_HEIGHT, half));
+  putLabel(text, boxes.find(isFree) ?? boxes[0], colour);
+}
+/** A box for a label, held inside the picture: [left, top, right, bottom] in pixels. */
+function placeBox(x, y, half) {
+  const middle = Math.min(Math.max(x, half + 2), canvas.clientWidth - half - 2);
+  const base = Math.min(Math.max(y, LABEL_HEIGHT), canvas.clientHeight - 6);
+  return [middle - half, base - LABEL_HEIGHT + 4, middle + half, base + 4];
+}
+const isFree = (box) => !state.boxes.some((other) => box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3]);
+function putLabel(text, box, colour) {
+  state.boxes.push(box);
   pen.font = LABEL_FONT;
   pen.textAlign = "center";
   pen.lineWidth = 4;
   pen.lineJoin = "round";
   pen.strokeStyle = readVariable("--halo");
-  pen.strokeText(text, x, y);
+  pen.strokeText(text, (box[0] + box[2]) / 2, box[3] - 4);
   pen.fillStyle = colour;
-  pen.fillText(text, x, y);
+  pen.fillText(text, (box[0] + box[2]) / 2, box[3] - 4);
 }
 /** Names of the agents of the instruction, each on the side away from the others near it. */
 function drawNames() {
@@ -218,24 +250,29 @@ function drawNames() {
     writeLabel(agent.name, [at.x, at.y + (below ? -away - 8 / pixelsPerMetre() : away)], readVariable("--ink"));
   }
 }
-/** The name of every leg where it leaves the view. */
+/** The name of every leg where it leaves the view, beside its road where there is room. */
 function drawLegs() {
   const metre = pixelsPerMetre(), { view } = state;
   pen.font = LABEL_FONT;
   for (const leg of data.map.legs) {
-    const text = leg.road && leg.road !== leg.name ? `${leg.name} · ${leg.road}` : leg.name;
-    const aside = pen.measureText(text).width / 2 + 8;
-    const half = [(canvas.clientWidth / 2 - aside) / metre, (canvas.clientHeight / 2 - 22) / metre];
+    const text = leg.road && leg.road !== leg.name ? `${leg.name} · ${leg.road}` : leg.name, half = pen.measureText(text).width / 2 + 5;
     const ahead = [Math.cos(leg.bearing), Math.sin(leg.bearing)], centre = [view.x, view.y];
-    const reaches = [0, 1].filter((i) => Math.abs(ahead[i]) > 0.05)
-      .map((i) => (centre[i] + Math.sign(ahead[i]) * half[i]) / ahead[i]);
+    const room = [(canvas.clientWidth / 2 - half) / metre, (canvas.clientHeight / 2 - 16) / metre];
+    const reaches = [0, 1].filter((i) => Math.abs(ahead[i]) > 0.05).map((i) => (centre[i] + Math.sign(ahead[i]) * room[i]) / ahead[i]);
     const at = Math.min(data.map.extent - 4, ...reaches);
     if (at < 12) continue;
-    writeLabel(text, [at * ahead[0], at * ahead[1]], readVariable("--soft"));
+    const boxes = LEG_SIDES.map((aside) => toPixels([at * ahead[0] - aside * ahead[1], at * ahead[1] + aside * ahead[0]])).map(([x, y]) => placeBox(x, y, half));
+    const chosen = boxes.find((box) => isFree(box) && isOffRoad(box)) ?? boxes.find(isFree);
+    if (chosen) putLabel(text, chosen, readVariable("--soft"));
   }
 }
+function isOffRoad([left, top, right, bottom]) {
+  const { view } = state, metre = pixelsPerMetre(), toMap = (x, y) => [view.x + (x - canvas.clientWidth / 2) / metre, view.y - (y - canvas.clientHeight / 2) / metre];
+  const spots = [left, (left + right) / 2, right].flatMap((x) => [toMap(x, top), toMap(x, bottom)]);
+  return !data.map.road.some(([ring]) => spots.some((spot) => contains(ring, spot)));
+}
 
-/** What proves an event: its conflict zone, and each party's footprint where it passes the place. */
+/** What was measured of an event: its zone, both ways, who was where, the gap, the braking, the line of sight. */
 function drawEvidence(event) {
   if (event.location === null) return;
   if (event.zone) {
@@ -247,7 +284,37 @@ function drawEvidence(event) {
     pen.stroke();
     pen.setLineDash([]);
   }
-  for (const id of [event.from, event.to]) if (agents.has(id)) drawPassage(agents.get(id), event);
+  const pair = [event.from, event.to].filter((id) => agents.has(id)).map((id) => agents.get(id));
+  pair.forEach((agent) => drawBraking(agent, event));
+  pair.forEach((agent) => drawPassage(agent, event));
+  if (pair.length === 2) drawGap(pair, event);
+  for (const sight of data.proof?.figures.first_visible ?? []) if ([sight.observer, sight.subject].every((id) => id === event.from || id === event.to)) drawSight(sight);
+}
+/** The gap in time at the place, as the checker has it, beside the place. */
+function drawGap(pair, event) {
+  const { pet, other_cleared: cleared, entered } = event.evidence ?? {};
+  if (typeof pet !== "number") return;
+  const order = typeof cleared === "number" && typeof entered === "number" ? `: ${pair[1].name} clears it at ${formatSeconds(cleared)}, ${pair[0].name} enters at ${formatSeconds(entered)}` : " between the two";
+  writeLabel(`PET ${pet.toFixed(1)} s${order}`, [event.location[0], event.location[1] + 30 / pixelsPerMetre()], readVariable("--bad"));
+}
+/** Where an agent brakes before the event, over its way, and how hard at the most. */
+function drawBraking(agent, event) {
+  const changes = measureAcceleration(agent).filter(([time]) => time <= event.time + 0.5 && time >= event.time - 8);
+  const hard = changes.filter(([, value]) => value <= -BRAKING);
+  if (!hard.length) return;
+  const spots = hard.map(([time]) => { const { x, y } = sampleAgent(agent, time); return [x, y]; });
+  pen.globalAlpha = 0.55;
+  spots.slice(1).forEach((spot, n) => { if (hard[n + 1][0] - hard[n][0] < 2 * STEP) strokeLines([[spots[n], spot]], readVariable("--bad"), 6); });
+  pen.globalAlpha = 1;
+  const most = Math.min(...hard.map(([, value]) => value));
+  writeLabel(`brakes, up to ${(-most).toFixed(1)} m/s²`, [spots[0][0], spots[0][1] + 14 / pixelsPerMetre()], readVariable("--bad"));
+}
+/** The line along which one first sees the other past what stands there. */
+function drawSight({ observer, subject, first_visible: time }) {
+  const ends = [observer, subject].map((id) => agents.has(id) && sampleAgent(agents.get(id), time));
+  if (!ends.every(Boolean)) return;
+  strokeLines([ends.map(({ x, y }) => [x, y])], readVariable("--accent"), 2, [2, 4]);
+  writeLabel(`in sight from ${formatSeconds(time)}`, [(ends[0].x + ends[1].x) / 2, (ends[0].y + ends[1].y) / 2], readVariable("--accent"));
 }
 function findPassage(agent, event) {
   let best = 0, least = Infinity;
@@ -258,7 +325,7 @@ function findPassage(agent, event) {
   return agent.start + best * STEP;
 }
 function drawPassage(agent, event) {
-  const time = findPassage(agent, event), sample = sampleAgent(agent, time);
+  const time = event.type === "yielding" && agent.id === event.from ? event.time : findPassage(agent, event), sample = sampleAgent(agent, time);
   pen.globalAlpha = 0.35;
   strokeLines([agent.xy], agent.colour, 2, [6, 4]);
   pen.globalAlpha = 1;
@@ -269,6 +336,7 @@ function drawPassage(agent, event) {
   pen.stroke();
   writeLabel(formatSeconds(time), [sample.x, sample.y - agent.width / 2 - 14 / pixelsPerMetre()], agent.colour);
 }
+/** A ring round the place, and what happens there, in words. */
 function drawEventMark(event) {
   if (event.location === null || event.time === null || Math.abs(state.time - event.time) > MARK_SECONDS) return;
   const [x, y] = toPixels(event.location), near = 1 - Math.abs(state.time - event.time) / MARK_SECONDS;
@@ -279,6 +347,7 @@ function drawEventMark(event) {
   pen.lineWidth = 3;
   pen.stroke();
   pen.globalAlpha = 1;
+  if (state.time >= event.time - STEP) writeLabel(`${event.type.replaceAll("_", " ")} · ${formatSeconds(event.time)}`, [event.location[0], event.location[1] - 38 / pixelsPerMetre()], readVariable("--bad"));
 }
 
 function draw() {
@@ -286,15 +355,18 @@ function draw() {
   const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  state.boxes = [[0, canvas.clientHeight - 34, 130, canvas.clientHeight], [canvas.clientWidth - 44, 0, canvas.clientWidth, 26], [canvas.clientWidth - 50, canvas.clientHeight - 130, canvas.clientWidth, canvas.clientHeight]];
   drawMap();
-  drawLegs();
   drawLights();
-  drawObjects();
   data.agents.forEach(drawTrail);
-  if (state.event !== null) drawEvidence(data.events[state.event]);
   data.agents.forEach(drawAgent);
+  (data.over ?? []).forEach(drawOther);
+  state.handles.forEach(drawHandle);
   drawNames();
+  if (state.event !== null) drawEvidence(data.events[state.event]);
   data.events.forEach(drawEventMark);
+  drawObjects();
+  drawLegs();
   drawScale();
 }
 function drawScale() {
@@ -371,6 +443,7 @@ function addLane(text, colour) {
   label.append(text);
   const track = make("div", { className: "track" });
   track.addEventListener("click", (click) => {
+    if (track.dataset.dragged) { delete track.dataset.dragged; return; }
     const box = track.getBoundingClientRect();
     step(((click.clientX - box.left) / box.width) * END - state.time);
   });
@@ -390,6 +463,7 @@ function buildTimeline() {
   const named = data.agents.filter((each) => each.role === "foreground").sort((a, b) => a.id - b.id);
   for (const agent of named) {
     const track = addLane(agent.name, agent.colour);
+    listenToBars(track, agent);
     if (!agent.segments.length) addBar(track, agent.start, endOf(agent), agent.colour, "in the scene");
     for (const segment of agent.segments)
       addBar(track, segment.start, segment.end, STATUS[segment.status], `${segment.status}, ${formatSeconds(segment.start)} to ${formatSeconds(segment.end)}`);
@@ -418,7 +492,9 @@ function formatEvent(event) {
 }
 const FIGURES = { pet: ["PET", "s"], clearance: ["least distance", "m"], path_ttc: ["TTC along the paths", "s"],
   ttc_2d: ["TTC", "s"], drac: ["braking needed", "m/s²"], relative_speed: ["speed of contact", "m/s"],
-  least_headway: ["least headway", "s"], least_gap: ["least gap", "m"], until: ["until", "s"] };
+  least_headway: ["least headway", "s"], least_gap: ["least gap", "m"], until: ["until", "s"], approach_speed: ["approach at", "m/s"],
+  lowest_speed: ["slowest", "m/s"], begins_to_slow: ["slows from", "s"], braking: ["brakes with", "m/s²"], other_cleared: ["the other is past at", "s"],
+  entered: ["enters at", "s"], would_have_entered: ["would have entered at", "s"], speed_from: ["its speed", "m/s"], speed_to: ["the other's speed", "m/s"], angle: ["angle between them", "rad"] };
 function formatEvidence(evidence) {
   return Object.entries(evidence ?? {}).filter(([, value]) => typeof value === "number").map(([key, value]) => {
     const [name, unit] = FIGURES[key] ?? [key.replaceAll("_", " "), ""];
@@ -502,8 +578,15 @@ function addChart(title, unit, measure) {
     const box = board.getBoundingClientRect();
     step(((click.clientX - box.left) / box.width) * END - state.time);
   });
+  const chart = { board, caption, title, unit, measure };
+  board.addEventListener("pointermove", (move) => {
+    const box = board.getBoundingClientRect();
+    state.pointed = ((move.clientX - box.left) / box.width) * END;
+    drawCharts();
+  });
+  board.addEventListener("pointerleave", () => { state.pointed = null; drawCharts(); });
   find("charts").append(make("div", { className: "chart" }, caption, board));
-  charts.push({ board, caption, title, unit, measure });
+  charts.push(chart);
 }
 /** Series of [time, value] of the chosen agents: their speeds. */
 const measureSpeed = (agent) => agent.xy.map((_, n) => [agent.start + n * STEP, agent.speed[n]]);
@@ -520,6 +603,25 @@ function measureDistance(agent, other) {
   for (let time = Math.max(agent.start, other.start); time <= Math.min(endOf(agent), endOf(other)) + 1e-6; time += STEP)
     found.push([time, measureGap(outline(agent, sampleAgent(agent, time)), outline(other, sampleAgent(other, time)))]);
   return found;
+}
+/** Seconds until the outlines would touch if both kept speed and course; only where that is within FURTHEST_TTC. */
+function measureTtc(agent, other) {
+  if (!other || other === agent) return [];
+  const found = [], reaches = (agent.length + other.length) / 2 + 1;
+  for (let time = Math.max(agent.start, other.start); time <= Math.min(endOf(agent), endOf(other)) + 1e-6; time += STEP) {
+    const a = sampleAgent(agent, time), b = sampleAgent(other, time), velocity = (at) => [at.speed * Math.cos(at.heading), at.speed * Math.sin(at.heading)];
+    const [va, vb] = [velocity(a), velocity(b)], ttc = findContact(agent, other, a, b, [va[0] - vb[0], va[1] - vb[1]], reaches);
+    if (ttc !== null) found.push([time, ttc]);
+  }
+  return found;
+}
+function findContact(agent, other, a, b, [vx, vy], reaches) {
+  for (let ahead = 0; ahead <= FURTHEST_TTC; ahead += STEP) {
+    const moved = { ...a, x: a.x + vx * ahead, y: a.y + vy * ahead };
+    if (Math.hypot(moved.x - b.x, moved.y - b.y) > reaches) continue;
+    if (measureGap(outline(agent, moved), outline(other, b)) === 0) return ahead;
+  }
+  return null;
 }
 let series = [];
 function measureCharts() {
@@ -545,7 +647,7 @@ function drawChart(chart, lines) {
   brush.beginPath(); brush.moveTo(0, py(0)); brush.lineTo(width, py(0)); brush.stroke();
   for (const line of lines) {
     brush.beginPath();
-    line.points.forEach(([time, value], i) => brush[i ? "lineTo" : "moveTo"](px(time), py(value)));
+    line.points.forEach(([time, value], i) => brush[i && time - line.points[i - 1][0] < 1.5 * STEP ? "lineTo" : "moveTo"](px(time), py(value)));
     brush.strokeStyle = line.colour;
     brush.lineWidth = 1.6;
     brush.stroke();
@@ -553,12 +655,14 @@ function drawChart(chart, lines) {
   brush.strokeStyle = readVariable("--ink");
   brush.lineWidth = 1;
   brush.beginPath(); brush.moveTo(px(state.time), 0); brush.lineTo(px(state.time), height); brush.stroke();
-  const now = lines.map((line) => [line.name, findValue(line.points)]).filter(([, value]) => value !== null);
-  caption.textContent = `${title}: ${now.length ? now.map(([name, value]) => `${name} ${formatNumber(value)} ${unit}`).join(", ") : "–"}`;
+  const at = state.pointed ?? state.time;
+  if (state.pointed !== null) { brush.globalAlpha = 0.5; brush.beginPath(); brush.moveTo(px(at), 0); brush.lineTo(px(at), height); brush.stroke(); brush.globalAlpha = 1; }
+  const now = lines.map((line) => [line.name, findValue(line.points, at)]).filter(([, value]) => value !== null);
+  caption.textContent = `${title}${state.pointed === null ? "" : ` at ${formatSeconds(at)}`}: ${now.length ? now.map(([name, value]) => `${name} ${formatNumber(value)} ${unit}`).join(", ") : "–"}`;
   board.setAttribute("aria-label", caption.textContent);
 }
-function findValue(points) {
-  const near = points.find(([time]) => Math.abs(time - state.time) <= STEP / 2 + 1e-6);
+function findValue(points, at) {
+  const near = points.find(([time]) => Math.abs(time - at) <= STEP / 2 + 1e-6);
   return near ? near[1] : null;
 }
 const asLines = (measure) => (...pair) => pair.filter((each, n) => each && pair.indexOf(each) === n)
@@ -569,6 +673,10 @@ function buildCharts() {
   addChart("Distance between the two", "m", (agent, other) => {
     const points = measureDistance(agent, other);
     return points.length ? [{ name: "gap", colour: readVariable("--accent"), points }] : [];
+  });
+  addChart("Time to collision, both keeping speed and course", "s", (agent, other) => {
+    const points = measureTtc(agent, other);
+    return points.length ? [{ name: "TTC", colour: readVariable("--bad"), points }] : [];
   });
   const event = data.events.find((each) => each.from !== null);
   const ids = [...agents.keys()].sort((a, b) => a - b);
@@ -587,6 +695,88 @@ function buildAgents() {
   }
 }
 
+// ---- changes by hand, where the page around this one allows them ---------------------------------
+const HANDLE_PIXELS = 14, LINE_SPACING = 0.5, LEAST_SHIFT = 0.15;
+const inPage = window.parent !== window && location.protocol.startsWith("http");
+
+/** Where on a line, whose points lie LINE_SPACING apart, a place is nearest [m]. */
+function findNearestOn(line, [x, y]) {
+  let best = 0, least = Infinity;
+  line.forEach(([px, py], n) => { const away = Math.hypot(px - x, py - y); if (away < least) { least = away; best = n; } });
+  return best * LINE_SPACING;
+}
+function findOnLine(line, at) {
+  const n = Math.min(Math.max(Math.round(at / LINE_SPACING), 0), line.length - 1), before = line[Math.max(n - 1, 0)], after = line[Math.min(n + 1, line.length - 1)];
+  return { spot: line[n], ahead: Math.atan2(after[1] - before[1], after[0] - before[0]) };
+}
+const handleAt = (handle) => (state.drag?.agent === handle.agent ? state.drag.at : handle.stop.at);
+function drawHandle(handle) {
+  if (!handle.stop) return;
+  const { spot: [x, y], ahead } = findOnLine(handle.stop.line, handleAt(handle)), half = 1.6, c = Math.cos(ahead), s = Math.sin(ahead);
+  if (state.drag?.agent === handle.agent) strokeLines([handle.stop.line], readVariable("--bad"), 1.5, [3, 4]);
+  strokeLines([[[x - half * s, y + half * c], [x + half * s, y - half * c]]], readVariable("--bad"), 4);
+  pen.beginPath();
+  pen.arc(...toPixels([x, y]), 6, 0, 2 * Math.PI);
+  pen.fillStyle = readVariable("--panel");
+  pen.fill();
+  pen.strokeStyle = readVariable("--bad");
+  pen.lineWidth = 2;
+  pen.stroke();
+  const moved = handleAt(handle) - handle.stop.at;
+  if (Math.abs(moved) > LEAST_SHIFT) writeLabel(`${moved > 0 ? "+" : "−"}${Math.abs(moved).toFixed(1)} m`, [x, y + 2.4], readVariable("--bad"));
+}
+function findHandle(place) {
+  for (const handle of state.handles) {
+    if (!handle.stop) continue;
+    const { spot } = findOnLine(handle.stop.line, handle.stop.at);
+    if (Math.hypot(spot[0] - place[0], spot[1] - place[1]) * pixelsPerMetre() <= HANDLE_PIXELS) return { ...handle, at: handle.stop.at };
+  }
+  return null;
+}
+function dropHandle() {
+  const drag = state.drag;
+  state.drag = null;
+  if (drag === null) return;
+  const metres = Math.round((drag.at - drag.stop.at) * 2) / 2;
+  if (metres) askForEdit({ edit: "move_stop", agent: drag.agent, metres });
+  draw();
+}
+/** Dragging an agent's bars shifts the time at which it comes. */
+function listenToBars(track, agent) {
+  let from = null;
+  const shift = (event) => ((event.clientX - from) / track.getBoundingClientRect().width) * END;
+  const slide = (seconds) => track.querySelectorAll(".bar").forEach((bar) => { bar.style.transform = seconds ? `translateX(${(seconds / END) * track.clientWidth}px)` : ""; });
+  track.addEventListener("pointerdown", (event) => {
+    if (!state.handles.some((each) => each.agent === agent.name)) return;
+    from = event.clientX;
+    track.setPointerCapture(event.pointerId);
+  });
+  track.addEventListener("pointermove", (event) => { if (from !== null) slide(shift(event)); });
+  track.addEventListener("pointercancel", () => { from = null; slide(0); });
+  track.addEventListener("pointerup", (event) => {
+    if (from === null) return;
+    const seconds = Math.round(shift(event) * 10) / 10;
+    from = null;
+    slide(0);
+    if (Math.abs(seconds) <= LEAST_SHIFT) return;
+    track.dataset.dragged = "yes";
+    askForEdit({ edit: "come_later", agent: agent.name, seconds });
+  });
+}
+function askForEdit(edit) {
+  window.parent.postMessage({ scenewright: "edit", edit }, location.origin);
+}
+function listenToPage() {
+  if (!inPage) return;
+  window.addEventListener("message", (event) => {
+    if (event.source !== window.parent || event.origin !== location.origin || event.data?.scenewright !== "handles") return;
+    state.handles = event.data.handles;
+    document.body.classList.toggle("by-hand", state.handles.length > 0);
+    draw();
+  });
+  window.parent.postMessage({ scenewright: "ready" }, location.origin);
+}
+
 // ---- view and keys -------------------------------------------------------------------------------
 function zoom(by, about = null) {
   const { view } = state, reach = Math.min(Math.max(view.reach * by, 6), 3 * data.map.extent);
@@ -602,9 +792,15 @@ function toMetres(event) {
 function listenToPointer() {
   canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(event.deltaY > 0 ? 1.15 : 1 / 1.15, toMetres(event)); }, { passive: false });
   let grabbed = null;
-  canvas.addEventListener("pointerdown", (event) => { grabbed = toMetres(event); canvas.setPointerCapture(event.pointerId); });
-  canvas.addEventListener("pointerup", () => { grabbed = null; });
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    state.drag = findHandle(toMetres(event));
+    if (state.drag === null) grabbed = toMetres(event);
+  });
+  canvas.addEventListener("pointerup", () => { grabbed = null; dropHandle(); });
+  canvas.addEventListener("pointercancel", () => { grabbed = null; state.drag = null; draw(); });
   canvas.addEventListener("pointermove", (event) => {
+    if (state.drag !== null) { state.drag.at = findNearestOn(state.drag.stop.line, toMetres(event)); draw(); return; }
     if (grabbed === null) return;
     const [x, y] = toMetres(event);
     state.view.x += grabbed[0] - x;
@@ -666,5 +862,6 @@ function start() {
   new ResizeObserver(() => seek(state.time)).observe(canvas);
   seek(data.mainTime);
   describeNow();
+  listenToPage();
 }
 start();

@@ -4,7 +4,7 @@ const find = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token") ?? "";
 const EXAMPLES = ["A car from the north turning left narrowly misses a pedestrian on the east crosswalk at 8 am",
   "A van is rear-ended by a car on the approach from the south", "A truck turning right yields to a pedestrian", "A normal morning in dense traffic"];
-const app = { thread: null, state: null, busy: false, place: null };
+const app = { thread: null, state: null, busy: false, place: null, places: [], handles: [] };
 
 function make(tag, properties = {}, ...children) {
   const element = Object.assign(document.createElement(tag), properties);
@@ -18,6 +18,13 @@ async function ask(path, { query = {}, body = null } = {}) {
   const options = { headers: { "x-token": token } };
   if (body !== null) Object.assign(options, { method: "POST", body: JSON.stringify(body) });
   const answer = await fetch(`${path}?${new URLSearchParams(query)}`, options);
+  const value = await answer.json();
+  if (!answer.ok) throw new Error(value.reason);
+  return value;
+}
+/** A request whose body is a file or plain text. */
+async function send(path, { query = {}, body }) {
+  const answer = await fetch(`${path}?${new URLSearchParams(query)}`, { method: "POST", headers: { "x-token": token }, body });
   const value = await answer.json();
   if (!answer.ok) throw new Error(value.reason);
   return value;
@@ -52,6 +59,7 @@ function offerChoices(choices) {
 function setBusy(busy) {
   app.busy = busy;
   for (const id of ["send", "undo", "redo", "branch", "new"]) find(id).disabled = busy;
+  for (const field of find("hand").querySelectorAll("input, select")) field.disabled = busy || field.dataset.never === "";
   if (!busy) find("progress").textContent = "";
 }
 async function takeTurn(action, argument = "") {
@@ -137,10 +145,11 @@ function fillVersions(select, versions, chosen, none) {
   if (chosen !== null) select.value = String(chosen);
 }
 async function showVersion(number, against = "") {
-  const shown = number !== null, versions = shown ? [number, against].filter((each) => each !== "") : [];
+  const shown = number !== null, overlaid = against !== "" && find("overlay").checked;
+  const versions = shown ? [number, overlaid ? "" : against].filter((each) => each !== "") : [];
   find("start").hidden = shown;
   find("players").replaceChildren(...versions.map((version) => make("iframe", {
-    title: `Version ${version}`, src: address(threadPath("/page.html"), { version }),
+    title: `Version ${version}${overlaid ? ` with version ${against} over it` : ""}`, src: address(threadPath("/page.html"), { version, ...(overlaid ? { over: against } : {}) }),
   })));
   for (const [id, name] of [["share", "page.html"], ["json", "scene.json"], ["proof", "proof.json"]]) {
     find(id).setAttribute("aria-disabled", String(!shown));
@@ -148,6 +157,7 @@ async function showVersion(number, against = "") {
   }
   find("made").hidden = true;
   find("making").setAttribute("aria-expanded", "false");
+  offerHandles().catch(logFault);
   find("differences").hidden = against === "";
   if (against === "") return;
   try {
@@ -183,11 +193,6 @@ function drawTree(versions, current) {
     tree.append(node);
   }
 }
-function draw(tag, attributes) {
-  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
-  return element;
-}
 function chooseVersion(number) {
   find("version").value = String(number);
   find("against").value = "";
@@ -204,26 +209,44 @@ async function toggleMaking() {
     box.replaceChildren(describeMaking(made));
   } catch (error) { logFault(error); }
 }
-function describeMaking(made) {
-  const row = (name, value) => make("tr", {}, make("th", { scope: "row", textContent: name }), make("td", { textContent: value }));
-  const seconds = Object.entries(made.seconds ?? {}).map(([stage, value]) => `${stage.replaceAll("_", " ")} ${value.toFixed(2)} s`).join(", ");
-  const refused = (made.rejections ?? []).map((each) => `${each.stage.replaceAll("_", " ")}: ${each.detail}`);
-  const rows = [row("stages", seconds || "–"), row("attempts", String(refused.length + 1)),
-    ...refused.slice(0, 20).map((line, n) => row(n ? "" : "refused on the way", line)),
-    row("backend", JSON.stringify(made.backend ?? "")), row("seed", String(made.seed ?? ""))];
-  return make("table", {}, make("tbody", {}, ...rows));
+// ---- tabs and settings ----------------------------------------------------------------------------
+function showTab(name) {
+  for (const tab of document.querySelectorAll('[role="tab"]')) {
+    const chosen = tab.dataset.tab === name;
+    tab.setAttribute("aria-selected", String(chosen));
+    tab.tabIndex = chosen ? 0 : -1;
+    find(tab.dataset.tab).hidden = !chosen;
+  }
+  if (name === "batch") listBatches(batch.name).catch((error) => sayAboutBatch(error.message, true));
 }
-
-// ---- places -----------------------------------------------------------------------------------------
-function showPlaces(places, chosen) {
-  app.place = chosen;
-  find("places").replaceChildren(...places.map(({ name, title }) => {
-    const picture = make("img", { src: address(`/api/intersections/${encodeURIComponent(name)}.png`), alt: "", loading: "lazy" });
-    const button = make("button", { type: "button" }, picture, make("strong", { textContent: name }), make("span", { className: "quiet", textContent: title }));
-    button.setAttribute("aria-pressed", String(name === chosen));
-    button.addEventListener("click", () => { app.thread = null; find("thread").value = ""; showPlaces(places, name); });
-    return button;
-  }));
+function listenToTabs() {
+  const tabs = [...document.querySelectorAll('[role="tab"]')];
+  tabs.forEach((tab, n) => {
+    tab.addEventListener("click", () => showTab(tab.dataset.tab));
+    tab.addEventListener("keydown", (event) => {
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!step) return;
+      const next = tabs[(n + step + tabs.length) % tabs.length];
+      next.focus();
+      showTab(next.dataset.tab);
+    });
+  });
+}
+function showSettings({ backend, keys }) {
+  find("backend").textContent = `backend: ${backend}`;
+  find("backend-name").value = backend;
+  find("keys").replaceChildren(...Object.entries(keys).map(([name, there]) => make("li", { textContent: `${name}: ${there ? "set in the environment" : "not set"}` })));
+}
+async function openSettings() {
+  find("settings-said").textContent = "";
+  try { showSettings(await ask("/api/settings")); } catch (error) { find("settings-said").textContent = error.message; }
+  find("settings").showModal();
+}
+async function chooseBackend() {
+  try {
+    showSettings(await ask("/api/settings/backend", { body: { backend: find("backend-name").value.trim(), base_url: find("base-url").value.trim() } }));
+    find("settings").close();
+  } catch (error) { find("settings-said").textContent = error.message; }
 }
 function showExamples() {
   find("examples").replaceChildren(...EXAMPLES.map((text) => {
@@ -256,7 +279,16 @@ function listen() {
   find("thread").addEventListener("change", (event) => openThread(event.target.value).catch(logFault));
   find("version").addEventListener("change", (event) => chooseVersion(Number(event.target.value)));
   find("against").addEventListener("change", (event) => showVersion(find("version").value, event.target.value));
+  find("overlay").addEventListener("change", () => showVersion(find("version").value, find("against").value));
   find("making").addEventListener("click", toggleMaking);
+  find("by-hand").addEventListener("click", () => toggleHand().catch(logFault));
+  find("open-settings").addEventListener("click", openSettings);
+  find("settings-form").addEventListener("submit", (event) => { event.preventDefault(); chooseBackend(); });
+  find("settings-close").addEventListener("click", () => find("settings").close());
+  listenToTabs();
+  listenToPlaces();
+  listenToBatches();
+  listenToPlayers();
   find("theme").addEventListener("click", () => chooseTheme(!document.documentElement.classList.contains("dark")));
 }
 async function start() {

@@ -1,0 +1,125 @@
+"""`scenewright drive`: an ego in a scene, driven by a policy, with a report."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from scenewright.cli.console import one_line, progress, put, put_json, say
+from scenewright.cli.output_folder import target_folder, whole_folder
+from scenewright.errors import InputError, Unsatisfiable
+
+if TYPE_CHECKING:
+    from scenewright.driving.report import Report
+
+Others = Literal["replay", "reactive", "resolve"]
+
+
+def drive(
+    text_or_scene: Annotated[
+        str, typer.Argument(metavar="TEXT_OR_SCENE", help="What shall happen, or a scene folder.")
+    ],
+    policy: Annotated[
+        str,
+        typer.Option(help="replay, constant, idm, cautious, aggressive, learned, or module:Class."),
+    ] = "idm",
+    others: Annotated[
+        Others, typer.Option(help="Replay; react to the ego; or are re-timed for it.")
+    ] = "replay",
+    ego: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Agent to drive, such as vehicle-1.")
+    ] = None,
+    n: Annotated[int, typer.Option("--n", min=1, help="Drives; each has a seed of its own.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first drive.")] = 0,
+    intersection: Annotated[str, typer.Option(help="Where a text happens.")] = "amsterdam_120",
+    step_limit: Annotated[
+        float, typer.Option(min=0.01, help="Longest a policy may take for an answer [s].")
+    ] = 5.0,
+    out: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Folder for what was driven, as scenes.")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object on stdout.")
+    ] = False,
+) -> None:
+    """Drive the ego of a scene with a policy; docs/driving.md says what is measured."""
+    from scenewright.driving.api import load_policy
+
+    sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
+    driver = load_policy(policy)
+    target = None if out is None else target_folder(out, force=False)
+    with progress(quiet=quiet) as tell:
+        reports, failed = [], []
+        for k in range(n):
+            tell("driving", f"{k + 1} of {n}")
+            try:
+                reports.append(_drive_once(
+                    text_or_scene, driver, name=policy, others=others, ego=ego, seed=seed + k,
+                    intersection=intersection, step_limit=step_limit,
+                ))  # fmt: skip
+            except Unsatisfiable as error:
+                if n == 1:
+                    raise
+                failed.append({"seed": seed + k, "reason": one_line(str(error))})
+        if target is not None:
+            _save(reports, target)
+    _tell(reports, failed, out=out, as_json=as_json)
+
+
+def _drive_once(
+    given: str, policy: Any, *, name: str, others: Others, ego: str | None, seed: int,
+    intersection: str, step_limit: float,
+) -> Report:  # fmt: skip
+    from scenewright.driving.api import load_scenario
+    from scenewright.driving.report import report_drive
+    from scenewright.driving.run_drive import run_drive
+
+    scenario = load_scenario(given, ego=ego, seed=seed, intersection=intersection)
+    return report_drive(run_drive(
+        scenario, policy, name=name, others=others, seed=seed, step_limit=step_limit
+    ))  # fmt: skip
+
+
+def _save(reports: list[Report], target: Path) -> None:
+    """One drive as the folder itself, several as folders in it."""
+    from scenewright.driving.save import save_drive
+
+    with whole_folder(target) as part:
+        for report in reports:
+            folder = part if len(reports) == 1 else part / f"drive-{report.drive.seed}"
+            save_drive(report, folder)
+
+
+def _tell(
+    reports: list[Report], failed: list[dict[str, Any]], *, out: str | None, as_json: bool
+) -> None:
+    from scenewright.driving.summary import summarise
+
+    if not reports:
+        raise InputError(f"none of {len(failed)} scenes could be made: {failed[0]['reason']}")
+    summary = summarise(reports)
+    if as_json:
+        put_json({
+            "ok": True, "n": len(reports), "summary": summary, "out": out, "not_made": failed,
+            "drives": [report.to_json() for report in reports],
+        })  # fmt: skip
+        return
+    for report in reports:
+        say(one_line(_describe(report)))
+    for key, value in summary.items():
+        put(f"{key}: {value}\n")
+
+
+def _describe(report: Report) -> str:
+    """A drive in a line."""
+    said, impact = report.to_json(), report.impact
+    line = f"seed {said['seed']}: {said['end']} at {said['time']:.1f} s"
+    if impact is not None:
+        line += f", {impact.other} hit at {impact.speed:.1f} m/s, at fault: {impact.at_fault}"
+    if said["policy_fault"]:
+        line += f", policy: {said['policy_fault']}"
+    return line + f", nuPlan {said['nuplan']['score']:.2f}, EPDMS {said['epdms']['score']:.2f}"

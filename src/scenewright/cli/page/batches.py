@@ -1,0 +1,244 @@
+"""The page's batches: rows that were dropped on it, made by `scenewright batch` in a process."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from scenewright.cli.page.answers import answer_safely, read_bytes
+from scenewright.dataset.batch.rows import Row, read_source
+from scenewright.errors import InputError
+from scenewright.files import write_atomically
+from scenewright.intersections import load_map
+
+MOST_ROWS_BYTES = 20_000_000
+MOST_AT_ONCE = 2000
+"""Rows in one answer; the page asks on from there."""
+_ROWS, _OUT, _SETTING, _ERRORS = "rows.jsonl", "out", "setting.json", "errors.txt"
+
+
+class Batches:
+    """The batches of one folder; one process each while it is being made."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._lock = threading.Lock()
+
+    def list_routes(self) -> list[Route]:
+        """Every address of batches."""
+        return [
+            Route("/api/batches", answer_safely(self.answer_list)),
+            Route("/api/batches/new", answer_safely(self.answer_start), methods=["POST"]),
+            Route("/api/batches/{batch}", answer_safely(self.answer_progress)),
+            Route("/api/batches/{batch}/go", answer_safely(self.answer_go_on), methods=["POST"]),
+            Route("/api/batches/{batch}/stop", answer_safely(self.answer_stop), methods=["POST"]),
+            Route("/api/batches/{batch}/{row:int}/page.html", answer_safely(self.answer_scene)),
+        ]
+
+    async def answer_list(self, _request: Request) -> Response:
+        """The names of all batches, the newest first."""
+        return JSONResponse({"batches": await run_in_threadpool(self.list_names)})
+
+    async def answer_start(self, request: Request) -> Response:
+        """A new batch of the rows that are the request's body."""
+        body = await read_bytes(request, MOST_ROWS_BYTES)
+        place = request.query_params.get("intersection", "amsterdam_120")
+        backend = request.query_params.getlist("backend")
+        name = await run_in_threadpool(self.start, body, place, backend)
+        return JSONResponse({"batch": name})
+
+    async def answer_progress(self, request: Request) -> Response:
+        """How far a batch is, and its rows from the number `after` on."""
+        after = request.query_params.get("after", "0")
+        if not re.fullmatch(r"\d{1,9}", after):
+            raise InputError("after must be a number")
+        name = request.path_params["batch"]
+        return JSONResponse(await run_in_threadpool(self.describe, name, int(after)))
+
+    async def answer_go_on(self, request: Request) -> Response:
+        """Goes on with a batch that was stopped."""
+        await run_in_threadpool(self.go_on, request.path_params["batch"])
+        return JSONResponse({"ok": True})
+
+    async def answer_stop(self, request: Request) -> Response:
+        """Stops a batch; what is made stays."""
+        await run_in_threadpool(self.stop, request.path_params["batch"])
+        return JSONResponse({"ok": True})
+
+    async def answer_scene(self, request: Request) -> Response:
+        """The self-contained page of a scene, by its place in the journal."""
+        name, row = request.path_params["batch"], request.path_params["row"]
+        page = HTMLResponse(await run_in_threadpool(self.build_page, name, row))
+        page.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
+        return page
+
+    def list_names(self) -> list[str]:
+        """Names of all batches, the newest first."""
+        found = [each.parent.name for each in self._folder.glob(f"batch-*/{_SETTING}")]
+        return sorted(found, key=lambda name: -int(name.partition("-")[2]))
+
+    def start(self, rows: bytes, intersection: str, backend: Sequence[str]) -> str:
+        """Begins a batch of these rows and returns its name.
+
+        Raises:
+            InputError: a row, the intersection or the folder cannot be used.
+        """
+        load_map(intersection)
+        with self._lock:
+            folder = self._create_folder()
+            write_atomically(folder / _ROWS, rows)
+            try:
+                count = read_source(folder / _ROWS).rows
+            except InputError as error:
+                (folder / _ROWS).unlink()
+                folder.rmdir()
+                raise InputError(str(error).replace(str(folder / _ROWS), "the rows")) from None
+            setting = {"intersection": intersection, "backend": list(backend), "rows": count}
+            write_atomically(folder / _SETTING, json.dumps(setting).encode())
+        self.go_on(folder.name)
+        return folder.name
+
+    def go_on(self, name: str) -> None:
+        """Makes what is not made yet; nothing if that is being done."""
+        folder = self._find(name)
+        with self._lock:
+            process = self._running.get(name)
+            if process is None or process.poll() is not None:
+                self._running[name] = _launch(folder)
+
+    def stop(self, name: str) -> None:
+        """Ends the process of a batch; what is made stays."""
+        self._find(name)
+        with self._lock:
+            _end(self._running.get(name))
+
+    def close(self) -> None:
+        """Ends all processes; the batches can be gone on with."""
+        for process in self._running.values():
+            _end(process)
+
+    def describe(self, name: str, after: int) -> dict[str, Any]:
+        """How far a batch is, and the rows that came to an end, from the number `after` on."""
+        folder = self._find(name)
+        process = self._running.get(name)
+        running = process is not None and process.poll() is None
+        entries = list(_read_journal(folder))
+        setting = json.loads((folder / _SETTING).read_bytes())
+        rows = _read_rows(folder) if after < len(entries) else {}
+        shown = list(enumerate(entries))[after : after + MOST_AT_ONCE]
+        done = len({each["number"] for each in entries})
+        return {
+            "batch": name, "rows": setting["rows"], "done": done, "running": running,
+            "error": "" if running else _read_error(folder),
+            "scenes": [_describe_row(folder, each, n, rows) for n, each in shown],
+        }  # fmt: skip
+
+    def build_page(self, name: str, row: int) -> str:
+        """The page of a scene of a batch.
+
+        Raises:
+            InputError: there is no such scene.
+        """
+        from scenewright.graph.run import load_scene, verify
+        from scenewright.viz.html_player import build_player
+
+        folder = self._find(name)
+        entries = list(_read_journal(folder))
+        if row >= len(entries) or entries[row]["status"] != "made":
+            raise InputError("there is no scene of this row")
+        record = load_scene(str(folder / _OUT / entries[row]["folder"]))
+        place = load_map(record.meta.intersection)
+        return build_player(scene=record, proof=verify(record), intersection=place)
+
+    def _find(self, name: str) -> Path:
+        if not re.fullmatch(r"batch-\d{1,9}", name) or not (self._folder / name).is_dir():
+            raise InputError(f"there is no batch {name[:40]!r}")
+        return self._folder / name
+
+    def _create_folder(self) -> Path:
+        self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        taken = [int(each.name.partition("-")[2]) for each in self._folder.glob("batch-*")]
+        folder = self._folder / f"batch-{max(taken, default=0) + 1}"
+        folder.mkdir()
+        return folder
+
+
+def _launch(folder: Path) -> subprocess.Popen[bytes]:
+    setting = json.loads((folder / _SETTING).read_bytes())
+    command = [sys.executable, "-m", "scenewright", "batch", str(folder / _ROWS)]
+    command += ["--out", str(folder / _OUT), "--workers", "1", "--quiet"]
+    command += ["--intersection", setting["intersection"]]
+    for backend in setting["backend"]:
+        command += ["--backend", backend]
+    with (folder / _ERRORS).open("wb") as errors:
+        return subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors
+        )
+
+
+def _end(process: subprocess.Popen[bytes] | None) -> None:
+    if process is not None and process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+def _read_journal(folder: Path) -> Iterator[dict[str, Any]]:
+    """The lines of rows that came to an end; a line counts only with its newline."""
+    path = folder / _OUT / "journal.jsonl"
+    if not path.exists():
+        return
+    with path.open("rb") as lines:
+        next(lines, None)  # the header
+        for line in lines:
+            if line.endswith(b"\n"):
+                yield json.loads(line)
+
+
+def _read_rows(folder: Path) -> dict[int, Row]:
+    """Number of a row -> the row."""
+    return {each.number: each.row for each in read_source(folder / _ROWS)}
+
+
+def _read_error(folder: Path) -> str:
+    """The last line that the process said; empty if it said nothing."""
+    path = folder / _ERRORS
+    lines = path.read_text(errors="replace").split("\n") if path.exists() else []
+    said = [line for line in lines if line.startswith("scenewright:")]
+    return said[-1].removeprefix("scenewright:").strip()[:300] if said else ""
+
+
+def _describe_row(
+    folder: Path, entry: dict[str, Any], place: int, rows: dict[int, Row]
+) -> dict[str, Any]:
+    """A row as the page lists it; its events with their figures where it has a scene."""
+    row = {
+        "place": place, "number": entry["number"], "id": rows[entry["number"]].id,
+        "text": rows[entry["number"]].text,
+        "status": entry["status"], "reason": entry["reason"], "events": [],
+    }  # fmt: skip
+    path = folder / _OUT / entry["folder"] / "proof.json"
+    if entry["status"] != "made" or not path.exists():
+        return row
+    events = json.loads(path.read_bytes()).get("events", [])
+    return {**row, "events": [_describe_event(each) for each in events]}
+
+
+def _describe_event(event: dict[str, Any]) -> dict[str, Any]:
+    figures = {k: v for k, v in (event.get("evidence") or {}).items() if isinstance(v, int | float)}
+    return {"type": event["type"], "kind": event.get("kind"), "time": event.get("time"),
+            "figures": figures}  # fmt: skip

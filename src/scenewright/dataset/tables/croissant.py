@@ -1,0 +1,106 @@
+"""croissant.json: the tables of a dataset in MLCommons' Croissant 1.0, which loaders read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from scenewright.dataset.tables.parquet import SCHEMAS, TABLES
+
+_CONTEXT: Mapping[str, Any] = {
+    "@language": "en",
+    "@vocab": "https://schema.org/",
+    "citeAs": "cr:citeAs",
+    "column": "cr:column",
+    "conformsTo": "dct:conformsTo",
+    "cr": "http://mlcommons.org/croissant/",
+    "data": {"@id": "cr:data", "@type": "@json"},
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "dct": "http://purl.org/dc/terms/",
+    "extract": "cr:extract",
+    "field": "cr:field",
+    "fileObject": "cr:fileObject",
+    "fileProperty": "cr:fileProperty",
+    "fileSet": "cr:fileSet",
+    "format": "cr:format",
+    "includes": "cr:includes",
+    "isLiveDataset": "cr:isLiveDataset",
+    "jsonPath": "cr:jsonPath",
+    "key": "cr:key",
+    "md5": "cr:md5",
+    "parentField": "cr:parentField",
+    "path": "cr:path",
+    "rai": "http://mlcommons.org/croissant/RAI/",
+    "recordSet": "cr:recordSet",
+    "references": "cr:references",
+    "regex": "cr:regex",
+    "repeated": "cr:repeated",
+    "replace": "cr:replace",
+    "sc": "https://schema.org/",
+    "separator": "cr:separator",
+    "source": "cr:source",
+    "subField": "cr:subField",
+    "transform": "cr:transform",
+}
+"""The JSON-LD context that version 1.0 of the format prescribes."""
+_TYPES = {
+    "string": "sc:Text", "list": "sc:Text", "bool": "sc:Boolean", "int64": "sc:Integer",
+    "int32": "sc:Integer", "int16": "sc:Integer", "ids": "sc:Integer", "float64": "sc:Float",
+    "float32": "sc:Float", "floats": "sc:Float",
+}  # fmt: skip
+_LISTS = ("list", "ids", "floats")
+
+
+def describe_in_croissant(
+    *, name: str, description: str, licence: str, version: str, hashes: Mapping[str, str]
+) -> bytes:
+    """The file's bytes.
+
+    Args:
+        licence: address of the licence's text; version: of scenewright.
+        hashes: table -> SHA-256 of its Parquet file.
+    """
+    value = {
+        "@context": _CONTEXT,
+        "@type": "sc:Dataset",
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "name": name,
+        "description": description,
+        "license": licence,
+        "version": version,
+        "isLiveDataset": False,
+        "distribution": [_file(table, hashes[table]) for table in TABLES],
+        "recordSet": [_record_set(table) for table in TABLES],
+    }
+    return (json.dumps(value, ensure_ascii=False, indent=1) + "\n").encode("utf-8")
+
+
+def _file(table: str, sha256: str) -> dict[str, Any]:
+    return {
+        "@type": "cr:FileObject",
+        "@id": f"{table}.parquet",
+        "name": f"{table}.parquet",
+        "contentUrl": f"tables/{table}.parquet",
+        "encodingFormat": "application/x-parquet",
+        "sha256": sha256,
+    }
+
+
+def _record_set(table: str) -> dict[str, Any]:
+    fields = [_field(table, column) for column in SCHEMAS[table]]
+    return {"@type": "cr:RecordSet", "@id": table, "name": table, "field": fields}
+
+
+def _field(table: str, column: str) -> dict[str, Any]:
+    kind, meaning = SCHEMAS[table][column]
+    extract = {"fileObject": {"@id": f"{table}.parquet"}, "extract": {"column": column}}
+    found = {
+        "@type": "cr:Field",
+        "@id": f"{table}/{column}",
+        "name": column,
+        "description": meaning,
+        "dataType": _TYPES[kind],
+        "source": extract,
+    }
+    return found | {"repeated": True} if kind in _LISTS else found

@@ -1,0 +1,1 @@
+"""Driving an ego through a scene: stepping core, built-in egos, `gymnasium` environment, report."""

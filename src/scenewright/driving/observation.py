@@ -1,0 +1,146 @@
+"""What a policy sees: arrays of fixed shapes, in the frame of the ego."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.driving.scenario import COLOURS, MAP_POINTS, NO_LIGHT, Scenario
+from scenewright.driving.world import World
+from scenewright.scene.base import FloatArray
+
+Observation = dict[str, NDArray[np.generic]]
+"""By name of the array; `SHAPES` says which there are."""
+
+AGENTS, ROUTE_POINTS, LIGHTS, MAP_LINES = 32, 24, 2, 64
+ROUTE_SPACING = 3.0
+"""Between the points of the route ahead [m]."""
+FARTHEST = 1000.0
+"""Distances beyond are cut off [m]."""
+
+SHAPES: dict[str, tuple[int, ...]] = {
+    "ego": (9,),
+    "agents": (AGENTS, 11),
+    "route": (ROUTE_POINTS, 5),
+    "lights": (LIGHTS, 5),
+    "map": (MAP_LINES, MAP_POINTS, 2),
+    "map_kinds": (MAP_LINES,),
+}
+"""Of the arrays of float32, in the frame of the ego: x ahead, y to the left, origin its centre.
+
+- `ego`: speed [m/s], acceleration [m/s^2], steering [rad], length, width [m], offset to the left
+  of the route [m], direction off that of the route [rad], way left on the route [m], speed limit
+  [m/s];
+- `agents`, nearest first: x, y of the centre [m], cosine and sine of the direction, x, y of the
+  velocity over ground [m/s], length, width [m], class (position in `KINDS`), whether it has the
+  right of way over the ego, 1 (all 0 in rows without an agent);
+- `route`, points every 3 m from the ego's place on: x, y [m], cosine and sine of the direction, 1
+  (all 0 beyond its end);
+- `lights` that hold for the ego: way left to where its centre waits [m], then 1 for green, yellow
+  or red, 1 (all 0 in rows without a light);
+- `map`, lines of 16 points: x, y [m]; `map_kinds`: 0 lane, 1 crosswalk outline, -1 none.
+"""
+
+
+@dataclass(eq=False)
+class Observer:
+    """Makes the observations of one drive.
+
+    Attributes:
+        raster: whether the bird's-eye picture is among them.
+    """
+
+    scenario: Scenario
+    raster: bool = False
+    _lines: FloatArray = field(init=False)
+    _kinds: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        one = self.scenario
+        route = one.paths[one.ego].xy
+        near = [
+            np.min(np.hypot(*(line[:, None] - route[None, ::8]).transpose(2, 0, 1)))
+            for line in one.map_lines
+        ]
+        self._chosen = np.argsort(near, kind="stable")[:MAP_LINES]
+        self._lines = one.map_lines[self._chosen].reshape(-1, 2)
+        self._kinds = np.full(MAP_LINES, -1.0)
+        self._kinds[: len(self._chosen)] = one.map_kinds[self._chosen]
+
+    def observe(self, world: World) -> Observation:
+        """All arrays, as `SHAPES` describes them."""
+        seen: Observation = {
+            "ego": self._observe_ego(world),
+            "agents": self._observe_agents(world),
+            "route": self._observe_route(world),
+            "lights": self._observe_lights(world),
+            "map": self._observe_map(world),
+            "map_kinds": self._kinds.astype(np.float32),
+        }
+        if self.raster:
+            from scenewright.driving.raster import draw_raster
+
+            seen["raster"] = draw_raster(seen)
+        return seen
+
+    def _observe_ego(self, world: World) -> NDArray[np.generic]:
+        one, ego = self.scenario, world.ego
+        route = one.paths[one.ego]
+        off = ego.heading - np.interp(ego.progress, route.arc, route.heading)
+        values = (
+            ego.speed, ego.acceleration, ego.steering, *one.sizes[one.ego], ego.offset,
+            np.arctan2(np.sin(off), np.cos(off)), route.length - ego.progress, one.speed_limit,
+        )  # fmt: skip
+        return np.clip(np.array(values, dtype=np.float32), -FARTHEST, FARTHEST)
+
+    def _observe_agents(self, world: World) -> NDArray[np.generic]:
+        one, others = self.scenario, world.others
+        there = others.present.copy()
+        there[one.ego] = False
+        who = np.flatnonzero(there)
+        apart = np.hypot(others.xy[who, 0] - world.ego.x, others.xy[who, 1] - world.ego.y)
+        who = who[np.argsort(apart, kind="stable")[:AGENTS]]
+        seen = np.zeros(SHAPES["agents"], dtype=np.float32)
+        turn = others.heading[who] - world.ego.heading
+        facing = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        rows = seen[: len(who)]
+        rows[:, :2] = np.clip(_to_ego(others.xy[who], world), -FARTHEST, FARTHEST)
+        rows[:, 2:4] = facing
+        rows[:, 4:6] = facing * others.speed[who, None]
+        rows[:, 6:8] = one.sizes[who]
+        rows[:, 8], rows[:, 9], rows[:, 10] = one.kinds[who], one.priority[who], 1.0
+        return seen
+
+    def _observe_route(self, world: World) -> NDArray[np.generic]:
+        route = self.scenario.paths[self.scenario.ego]
+        s = world.ego.progress + ROUTE_SPACING * np.arange(ROUTE_POINTS, dtype=np.float64)
+        xy, heading = route.at(s)
+        turn = heading - world.ego.heading
+        there = s <= route.length + 1e-6
+        seen = np.column_stack([_to_ego(xy, world), np.cos(turn), np.sin(turn), there])
+        return np.where(there[:, None], np.clip(seen, -FARTHEST, FARTHEST), 0.0).astype(np.float32)
+
+    def _observe_lights(self, world: World) -> NDArray[np.generic]:
+        one = self.scenario
+        seen = np.zeros(SHAPES["lights"], dtype=np.float32)
+        for row, (light, s) in zip(seen, one.paths[one.ego].stops, strict=False):
+            colour = one.colour(light, world.step)
+            if colour == NO_LIGHT:
+                continue
+            row[0], row[-1] = s - world.ego.progress, 1.0
+            row[1 : 1 + len(COLOURS)] = np.arange(len(COLOURS)) == colour
+        return seen
+
+    def _observe_map(self, world: World) -> NDArray[np.generic]:
+        seen = np.zeros(SHAPES["map"], dtype=np.float32)
+        lines = _to_ego(self._lines, world).reshape(-1, MAP_POINTS, 2)
+        seen[: len(lines)] = np.clip(lines, -FARTHEST, FARTHEST)
+        return seen
+
+
+def _to_ego(xy: FloatArray, world: World) -> FloatArray:
+    """Points of the map in the frame of the ego [m]."""
+    c, s = np.cos(world.ego.heading), np.sin(world.ego.heading)
+    return np.asarray((xy - (world.ego.x, world.ego.y)) @ np.array([[c, -s], [s, c]]))

@@ -1,0 +1,368 @@
+"""What a drive was like: encounters, collisions by fault, rules of the road, comfort, scores."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenewright.driving.driven_scene import DrivenScene, build_driven_scene
+from scenewright.driving.run_drive import Drive
+from scenewright.driving.scenario import COLOURS, KINDS, Scenario
+from scenewright.driving.scores import (
+    LANE_OFFSET,
+    ScoreInputs,
+    measure_comfort,
+    score_epdms,
+    score_nuplan,
+)
+from scenewright.driving.world import World, list_ego_points
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.track import Shape, Track
+from scenewright.tools.relation_checker import (
+    RoadUser,
+    Trajectory,
+    build_trajectories,
+    compute_path_ttc,
+    compute_ttc_2d,
+    find_common_times,
+    find_encounters,
+    find_first_contact,
+    measure_impact,
+)
+
+EXPOSED_TTC = 3.0
+"""A path TTC below this [s] makes an ego react (SEMANTICS section 8)."""
+EXPOSED_PET = 1.5
+"""So does a PET below this [s]."""
+STANDING = 0.05
+"""nuPlan: slower than this [m/s] an agent is stopped."""
+APPROACH = 5.0
+"""Before an impact, over which the approach speed is looked for [s]."""
+FAR = 60.0
+"""Agents that never come nearer than this are not looked at [m]."""
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A collision of the ego.
+
+    Attributes:
+        other: name of what it hit; time: [s]; kind: nuPlan's class of collisions.
+        at_fault: who should have prevented it, `ego` or `other`; reason: why.
+        side: of the ego that was touched first; speed, other_speed: at the contact [m/s].
+        approach_speed: largest of the ego in the 5 s before; reduction: by which it was less at
+            the contact [m/s].
+    """
+
+    other: str
+    time: float
+    kind: str
+    at_fault: str
+    reason: str
+    side: str | None
+    speed: float
+    other_speed: float
+    approach_speed: float
+    reduction: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {k: round(v, 3) if isinstance(v, float) else v for k, v in vars(self).items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """A drive and everything measured in it.
+
+    Attributes:
+        drive: the run; scene: what was driven with its proof; None on recorded tracks.
+        impact: the ego's collision, if any.
+        figures: everything else, as `to_json` writes it.
+    """
+
+    drive: Drive
+    scene: DrivenScene | None
+    impact: Impact | None
+    figures: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """The report as plain values (docs/driving.md lists the keys)."""
+        drive, world = self.drive, self.drive.world
+        return {
+            "policy": drive.policy, "others": drive.others, "seed": drive.seed,
+            "ego": drive.scenario.names[drive.scenario.ego],
+            "end": world.end, "policy_fault": drive.fault,
+            "time": round(world.step * drive.scenario.step, 3),
+            "collision": None if self.impact is None else self.impact.to_json(),
+            **self.figures,
+        }  # fmt: skip
+
+
+def report_drive(drive: Drive) -> Report:
+    """Measure a drive."""
+    world, one = drive.world, drive.scenario
+    tracks = _build_tracks(drive)
+    ego = tracks[0]
+    near = _list_near(tracks)
+    ttc = {n: _find_path_ttc(ego, track) for n, track in near.items()}
+    red = _count_red_lights(world)
+    impact = _describe_impact(drive, ego, near, red=red)
+    scene = build_driven_scene(drive) if one.record is not None else None
+    least = min((float(each.min()) for each in ttc.values() if len(each)), default=np.inf)
+    pet = _find_least_pet(ego, near)
+    given = _gather(drive, ego, near, impact, red)
+    figures = {
+        "min_ttc": _finite(least),
+        "min_pet": pet,
+        "exposed": bool(least < EXPOSED_TTC) or (pet is not None and pet < EXPOSED_PET),
+        "red_lights": red,
+        "progress": round(given.progress, 3),
+        "route_share": round(world.ego.progress / max(one.paths[one.ego].length, 1e-9), 4),
+        "off_road": round(given.off_road, 3),
+        "comfort": measure_comfort(list_ego_points(world.history), one.step).to_json(),
+        "nuplan": score_nuplan(given),
+        "epdms": score_epdms(given),
+        **({} if scene is None else _describe_scene(drive, scene)),
+        "digest": drive.digest,
+    }
+    return Report(drive, scene, impact, figures)
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 3) if np.isfinite(value) else None
+
+
+# ---- tracks -------------------------------------------------------------------------------------
+
+
+def _build_tracks(drive: Drive) -> tuple[Trajectory, ...]:
+    """The ego's track, then everybody's, each the longest stretch that it was there."""
+    one, world = drive.scenario, drive.world
+    points = list_ego_points(world.history)
+    users = [_make_user(one, one.ego, points[:, :2], points[:, 2], one.start)]
+    for k in np.flatnonzero(np.arange(len(one.names)) != one.ego):
+        there = np.array([now.present[k] for now in world.record])
+        steps = np.flatnonzero(there)
+        if len(steps) < 2:
+            continue
+        xy = np.array([now.xy[k] for now in world.record])[steps[0] : steps[-1] + 1]
+        heading = np.array([now.heading[k] for now in world.record])[steps[0] : steps[-1] + 1]
+        users.append(_make_user(one, int(k), xy, heading, one.start + int(steps[0])))
+    return build_trajectories(users)
+
+
+def _make_user(one: Scenario, k: int, xy: FloatArray, heading: FloatArray, first: int) -> RoadUser:
+    kind = KINDS[int(one.kinds[k])]
+    shape_type: AgentClass = "vehicle" if kind == "object" else kind  # type: ignore[assignment]
+    shape = Shape(shape_type, float(one.sizes[k, 0]), float(one.sizes[k, 1]))
+    track = Track(xy.round(3), np.unwrap(heading).round(4), round(first * one.step, 3), one.step)
+    return RoadUser(k + 1, track, shape)
+
+
+def _list_near(tracks: tuple[Trajectory, ...]) -> dict[int, Trajectory]:
+    """By index those that come near the ego."""
+    ego = tracks[0]
+    found = {}
+    for track in tracks[1:]:
+        times = find_common_times(ego, track)
+        if len(times) and np.hypot(*(ego.at(times)[0] - track.at(times)[0]).T).min() < FAR:
+            found[track.id - 1] = track
+    return found
+
+
+def _find_path_ttc(ego: Trajectory, track: Trajectory) -> FloatArray:
+    times = find_common_times(ego, track)
+    return compute_path_ttc(ego, track, times=times)
+
+
+def _find_least_pet(ego: Trajectory, near: dict[int, Trajectory]) -> float | None:
+    pets: list[float] = []
+    for track in near.values():
+        pets += [found.pet for found in find_encounters((ego, track))]
+    return round(float(min(pets)), 3) if pets else None
+
+
+# ---- fault --------------------------------------------------------------------------------------
+
+
+def _describe_impact(
+    drive: Drive, ego: Trajectory, near: dict[int, Trajectory], *, red: int
+) -> Impact | None:
+    """The ego's collision, measured and with who is at fault."""
+    world, one = drive.world, drive.scenario
+    if world.hit is None or world.hit not in near:
+        return None
+    other = near[world.hit]
+    contact = find_first_contact(ego, other)
+    time = contact.time if contact is not None else world.step * one.step
+    seen = measure_impact(ego, other, time=time)
+    kind = _classify(seen.speeds, seen.sides)
+    fault, reason = _find_fault(one, world.hit, kind, red=red)
+    before = ego.speed[ego.indices(np.arange(max(time - APPROACH, ego.start), time, one.step))]
+    approach = float(before.max()) if len(before) else seen.speeds[0]
+    return Impact(
+        one.names[world.hit], float(time), kind, fault, reason, seen.sides[0], seen.speeds[0],
+        seen.speeds[1], approach, max(approach - seen.speeds[0], 0.0),
+    )  # fmt: skip
+
+
+def _classify(speeds: tuple[float, float], sides: tuple[Any, Any]) -> str:
+    """nuPlan's classes of collisions."""
+    if speeds[0] <= STANDING:
+        return "stopped_ego"
+    if speeds[1] <= STANDING:
+        return "stopped_track"
+    if sides[0] == "front":
+        return "active_front"
+    return "active_rear" if sides[0] == "rear" else "active_lateral"
+
+
+def _find_fault(one: Scenario, hit: int, kind: str, *, red: int) -> tuple[str, str]:
+    """Who should have prevented a collision: right of way first, then the side that was hit."""
+    if kind == "stopped_ego":
+        return "other", "the ego stood"
+    if one.violators[hit]:
+        return "other", "the other ran a red light"
+    if red:
+        return "ego", "the ego ran a red light"
+    if kind == "active_rear":
+        return "other", "the ego was hit from behind"
+    if one.priority[hit]:
+        return "ego", "the other had the right of way"
+    if kind in ("stopped_track", "active_front"):
+        return "ego", "the ego's front hit the other"
+    return "other", "the other drove into the ego's side"
+
+
+# ---- rules of the road --------------------------------------------------------------------------
+
+
+def _count_red_lights(world: World) -> int:
+    """Lights that the ego's centre line passed on red."""
+    one = world.scenario
+    count = 0
+    progress = np.array([each.progress for each in world.history])
+    for light, s in one.paths[one.ego].stops:
+        passed = np.flatnonzero((progress[:-1] <= s + 0.5) & (progress[1:] > s + 0.5))
+        steps = [one.start + int(k) + 1 for k in passed]
+        count += any(one.colour(light, step) == COLOURS.index("red") for step in steps)
+    return count
+
+
+def _gather(
+    drive: Drive, ego: Trajectory, near: dict[int, Trajectory], impact: Impact | None, red: int
+) -> ScoreInputs:
+    one, world = drive.scenario, drive.world
+    points = list_ego_points(world.history)
+    at_fault = impact is not None and impact.at_fault == "ego"
+    is_object = world.hit is not None and KINDS[int(one.kinds[world.hit])] == "object"
+    duration = one.step * (len(points) - 1)
+    recorded = one.paths[one.ego].progress
+    last = min(world.step, len(recorded) - 1)
+    return ScoreInputs(
+        at_fault=int(at_fault and not is_object),
+        at_fault_objects=int(at_fault and is_object),
+        off_road=_measure_off_road(one, points),
+        against_flow=_measure_against_flow(one, points),
+        red_lights=red,
+        ttc=_find_ttc_ahead(ego, near),
+        progress=world.history[-1].progress - world.history[0].progress,
+        reference=float(recorded[last] - recorded[one.start]),
+        overspeed=float(np.maximum(points[:, 3] - one.speed_limit, 0.0).sum() * one.step),
+        duration=duration,
+        off_lane=_find_longest_off_lane(world),
+        comfortable=measure_comfort(points, one.step).is_comfortable,
+    )
+
+
+def _measure_off_road(one: Scenario, points: FloatArray) -> float:
+    """Largest distance of a corner of the ego outside of the drivable area [m]; 0 without a map."""
+    if one.intersection_map is None:
+        return 0.0
+    import shapely
+
+    geos: Any = shapely
+    road = geos.union_all([
+        geos.Polygon(area.exterior, [list(hole) for hole in area.holes])
+        for area in one.intersection_map.road
+    ])  # fmt: skip
+    extent = one.intersection_map.extent
+    corners = _find_corners(points, one.sizes[one.ego]).reshape(-1, 2)
+    corners = corners[(np.abs(corners) <= extent).all(axis=1)]
+    if not len(corners):
+        return 0.0
+    return float(geos.distance(road, geos.points(corners)).max())
+
+
+def _find_corners(points: FloatArray, size: FloatArray) -> FloatArray:
+    """[n, 4, 2] corners of the ego [m]."""
+    c, s = np.cos(points[:, 2]), np.sin(points[:, 2])
+    ahead, left = np.stack([c, s], -1) * size[0] / 2, np.stack([-s, c], -1) * size[1] / 2
+    signs = ((1, 1), (1, -1), (-1, -1), (-1, 1))
+    return np.stack([points[:, :2] + a * ahead + b * left for a, b in signs], axis=1)
+
+
+def _measure_against_flow(one: Scenario, points: FloatArray) -> float:
+    """Longest way within 1 s that the ego's centre went against every lane under it [m]."""
+    lanes = one.map_lines[one.map_kinds == 0]
+    if not len(lanes):
+        return 0.0
+    legs = np.diff(lanes, axis=1)
+    middle = (lanes[:, 1:] + lanes[:, :-1]) / 2
+    course = np.arctan2(legs[..., 1], legs[..., 0])
+    apart = np.hypot(*np.moveaxis(points[:, None, None, :2] - middle, -1, 0))
+    half = np.hypot(*np.moveaxis(legs, -1, 0)) / 2
+    under = apart <= half + 1.0
+    along = np.cos(points[:, 2, None, None] - course)
+    against = under.any(axis=(1, 2)) & ~(under & (along > 0)).any(axis=(1, 2))
+    way = np.where(against, points[:, 3] * one.step, 0.0)
+    window = round(1.0 / one.step)
+    return float(np.convolve(way, np.ones(window), mode="same").max())
+
+
+def _find_ttc_ahead(ego: Trajectory, near: dict[int, Trajectory]) -> float:
+    """Least 2-D TTC with agents in front of the ego's centre while it moves [s]."""
+    least = np.inf
+    for track in near.values():
+        times = find_common_times(ego, track)
+        xy, heading = ego.at(times)
+        delta = track.at(times)[0] - xy
+        ahead = delta[:, 0] * np.cos(heading) + delta[:, 1] * np.sin(heading) > 0
+        chosen = times[ahead & (ego.speed[ego.indices(times)] > STANDING)]
+        if len(chosen):
+            least = min(least, float(compute_ttc_2d(ego, track, times=chosen, horizon=1.0).min()))
+    return least
+
+
+def _find_longest_off_lane(world: World) -> float:
+    """Longest time more than 0.5 m beside the route [s]."""
+    longest = run = 0
+    for each in world.history:
+        run = run + 1 if abs(each.offset) > LANE_OFFSET else 0
+        longest = max(longest, run)
+    return longest * world.scenario.step
+
+
+# ---- the scene ----------------------------------------------------------------------------------
+
+
+def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
+    """The proof, the encounter that was asked for, and collisions that the ego had no part in."""
+    one = drive.scenario
+    ids = [agent.id for agent in one.record.agents]  # type: ignore[union-attr]
+    me = ids[one.ego]
+    partners = {ids[k] for k in one.partner}
+    met = [e for e in scene.events if {e.from_, e.to} & {me} and {e.from_, e.to} & partners]
+    apart = [e for e in scene.events if e.type == "collision" and me not in (e.from_, e.to)]
+    return {
+        "verified": scene.proof.verified,
+        "as_asked": not scene.dropped and not scene.proof.missing,
+        "encounter": [
+            {"type": e.type, "with": one.names[ids.index(e.to if e.from_ == me else e.from_)],
+             "time": round(e.time, 3)} for e in met
+        ],
+        "background_collisions": len(apart),
+        "events": [e.model_dump(mode="json", by_alias=True) for e in scene.events],
+    }  # fmt: skip

@@ -1,0 +1,151 @@
+"""One drive of a policy from begin to end, kept also where the policy fails."""
+
+from __future__ import annotations
+
+import hashlib
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenewright.driving.ego_motion import ACTION_MODES, find_action_bounds
+from scenewright.driving.observation import Observer
+from scenewright.driving.policies import Policy
+from scenewright.driving.scenario import Scenario
+from scenewright.driving.traffic import OthersMode, make_traffic
+from scenewright.driving.world import World, list_ego_points, start_world
+from scenewright.errors import InputError
+from scenewright.scene.base import FloatArray
+
+DEFAULT_STEP_LIMIT = 5.0
+"""Longest that a policy may take for one answer [s]."""
+
+
+class PolicyError(Exception):
+    """A policy raised, hung or answered with something that is no action; the message is a line."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A drive that is over.
+
+    Attributes:
+        world: the run, up to where it ended.
+        fault: what the policy did wrong, one line; None if nothing.
+        policy: name of the policy; others: how the others moved; seed: of the drive.
+    """
+
+    world: World
+    policy: str
+    others: OthersMode
+    seed: int
+    fault: str | None = None
+
+    @property
+    def scenario(self) -> Scenario:
+        """What was driven."""
+        return self.world.scenario
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of everybody's states: the same seed and policy give the same."""
+        found = hashlib.sha256(list_ego_points(self.world.history).tobytes())
+        for now in self.world.record:
+            found.update(np.column_stack([now.xy, now.heading, now.speed, now.present]).tobytes())
+        return found.hexdigest()
+
+
+def run_drive(
+    scenario: Scenario,
+    policy: Policy,
+    *,
+    name: str = "policy",
+    others: OthersMode = "replay",
+    seed: int = 0,
+    raster: bool = False,
+    step_limit: float = DEFAULT_STEP_LIMIT,
+) -> Drive:
+    """Drive a scenario with a policy.
+
+    Args:
+        step_limit: longest that the policy may take for one answer [s]; kept in the main thread
+            of a process on Unix.
+
+    Returns:
+        The drive. Where the policy fails it ends there, and `fault` says how in one line.
+
+    Raises:
+        InputError: the policy gives no such actions, or others move in no such way.
+    """
+    mode = getattr(policy, "mode", None)
+    if mode not in ACTION_MODES:
+        raise InputError(f"the policy's mode must be one of {', '.join(ACTION_MODES)}")
+    world = start_world(scenario, make_traffic(others), mode, rng=np.random.default_rng(seed))
+    observer = Observer(scenario, raster=raster)
+    shape = find_action_bounds(mode)[0].shape
+    fault: str | None = None
+    try:
+        _ask(lambda: policy.reset(scenario, seed), step_limit, "reset")
+        while world.end is None:
+            seen = observer.observe(world)
+            world.advance(_check(_ask(lambda: policy.act(seen), step_limit, "act"), shape))  # noqa: B023
+    except PolicyError as error:
+        world.end, fault = "policy_failed", f"at {world.step * scenario.step:.1f} s {error}"
+    return Drive(world, name, others, seed, fault)
+
+
+def _ask(call: Callable[[], Any], limit: float, method: str) -> Any:
+    """What a method of the policy returns, within the time.
+
+    Raises:
+        PolicyError: it raised or took too long.
+    """
+    try:
+        with _alarm(limit, method):
+            return call()
+    except PolicyError:
+        raise
+    except Exception as error:
+        words = " ".join(str(error).split())[:200]
+        raise PolicyError(f"{method} raised {type(error).__name__}: {words}") from error
+
+
+@contextmanager
+def _alarm(seconds: float, method: str) -> Iterator[None]:
+    """Raises PolicyError in the block once the time is over."""
+    usable = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
+    if not usable:
+        yield
+        return
+
+    def ring(*_: object) -> None:
+        raise PolicyError(f"{method} took more than {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _check(action: Any, shape: tuple[int, ...]) -> FloatArray:
+    """The action as an array.
+
+    Raises:
+        PolicyError: it has another shape, or a value that is not finite.
+    """
+    try:
+        values = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise PolicyError(f"act returned {type(action).__name__}, not numbers") from None
+    if values.shape != shape:
+        raise PolicyError(f"act returned an array of shape {values.shape}, not {shape}")
+    if not np.isfinite(values).all():
+        raise PolicyError("act returned NaN or infinity")
+    return values

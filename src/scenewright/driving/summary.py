@@ -1,0 +1,42 @@
+"""Many drives in a few figures."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from scenewright.driving.report import Report
+from scenewright.evals.planning import Share
+
+
+def summarise(reports: Sequence[Report]) -> dict[str, Any]:
+    """Rates with 95 % Wilson intervals, and means, of drives; at least one."""
+    rows = [report.to_json() for report in reports]
+    hits = [report.impact for report in reports if report.impact is not None]
+    at_fault = [impact for impact in hits if impact.at_fault == "ego"]
+    return {
+        "drives": len(rows),
+        "ends": dict(sorted(Counter(str(row["end"]) for row in rows).items())),
+        "collisions": describe_rate(len(hits), len(rows)),
+        "collisions_at_fault": describe_rate(len(at_fault), len(rows)),
+        "encounters": describe_rate(sum(bool(row.get("encounter")) for row in rows), len(rows)),
+        "as_asked": describe_rate(sum(bool(row.get("as_asked")) for row in rows), len(rows)),
+        "exposed": describe_rate(sum(row["exposed"] for row in rows), len(rows)),
+        "background_collisions": sum(row.get("background_collisions", 0) for row in rows),
+        "red_lights": sum(row["red_lights"] for row in rows),
+        "policy_faults": sum(row["policy_fault"] is not None for row in rows),
+        "nuplan": round(float(np.mean([row["nuplan"]["score"] for row in rows])), 4),
+        "epdms": round(float(np.mean([row["epdms"]["score"] for row in rows])), 4),
+    }
+
+
+def describe_rate(count: int, total: int) -> dict[str, Any]:
+    """A rate with its count and its 95 % interval."""
+    low, high = Share(count, total).interval or (0.0, 1.0)
+    return {
+        "count": count, "of": total, "rate": round(count / total, 4),
+        "low": round(low, 4), "high": round(high, 4),
+    }  # fmt: skip

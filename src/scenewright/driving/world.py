@@ -1,0 +1,177 @@
+"""The stepping core: the ego under its actions, the others by their traffic model, contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from scenewright.driving.ego_motion import ActionMode, EgoState, move_ego
+from scenewright.driving.footprints import find_overlaps
+from scenewright.driving.scenario import BoolArray, Scenario
+from scenewright.scene.base import FloatArray
+
+End = Literal["collision", "arrived", "over", "policy_failed"]
+"""Why a drive ended: the ego hit somebody, reached the end of its route, the scene ran out, or
+the policy failed."""
+
+PARTS = np.linspace(0.25, 1.0, 4)
+"""Parts of a step at which contacts are looked for."""
+ARRIVED = 1.0
+"""So near to the end of its route the ego has arrived [m]."""
+
+
+@dataclass(eq=False)
+class OtherStates:
+    """Everybody but the ego at one moment, N agents and objects; row `ego` is not used.
+
+    Attributes:
+        xy: [N, 2] [m]; heading: [N] [rad]; speed: [N] [m/s]; present: [N].
+    """
+
+    xy: FloatArray
+    heading: FloatArray
+    speed: FloatArray
+    present: BoolArray
+
+
+class TrafficModel(Protocol):
+    """How the others move."""
+
+    def start(self, scenario: Scenario, rng: np.random.Generator) -> OtherStates:
+        """The others at the first step of a drive."""
+        ...
+
+    def move(self, now: OtherStates, ego: EgoState, step: int) -> OtherStates:
+        """The others at `step`, one step after `now`; `ego` is where the ego was then."""
+        ...
+
+
+class Replay:
+    """Everybody does what the scene says, whatever the ego does."""
+
+    def start(self, scenario: Scenario, rng: np.random.Generator) -> OtherStates:  # noqa: ARG002
+        """The others at the first step."""
+        self._scenario = scenario
+        self._speed = compute_recorded_speeds(scenario)
+        return self._at(scenario.start)
+
+    def move(self, now: OtherStates, ego: EgoState, step: int) -> OtherStates:  # noqa: ARG002
+        """The others at a step."""
+        return self._at(step)
+
+    def _at(self, step: int) -> OtherStates:
+        one = self._scenario
+        k = min(step, one.steps - 1)
+        return OtherStates(one.xy[:, k], one.heading[:, k], self._speed[:, k], one.present[:, k])
+
+
+def compute_recorded_speeds(scenario: Scenario) -> FloatArray:
+    """[N, T] speed of the recorded agents [m/s]."""
+    speed = np.hypot(*np.gradient(scenario.xy, scenario.step, axis=1).transpose(2, 0, 1))
+    return np.asarray(speed)
+
+
+@dataclass(eq=False)
+class World:
+    """A drive in progress.
+
+    Attributes:
+        step: of the scene; history: the ego at every step from the first.
+        others: everybody else now; record: their states at every step.
+        hit: index of the agent or object that the ego touches; end: why the drive is over.
+    """
+
+    scenario: Scenario
+    traffic: TrafficModel
+    mode: ActionMode
+    step: int
+    ego: EgoState
+    others: OtherStates
+    history: list[EgoState]
+    record: list[OtherStates]
+    hit: int | None = None
+    end: End | None = None
+
+    def advance(self, action: FloatArray) -> None:
+        """Move everybody by one step, and look for a contact of the ego."""
+        one = self.scenario
+        before, others = self.ego, self.others
+        self.ego = move_ego(
+            before, action, self.mode, one.paths[one.ego], length=float(one.sizes[one.ego, 0]),
+            step=one.step,
+        )  # fmt: skip
+        self.step += 1
+        self.others = self.traffic.move(others, before, self.step)
+        self.history.append(self.ego)
+        self.record.append(self.others)
+        self.hit = _find_hit(one, before, self.ego, others, self.others)
+        self._look_for_end()
+
+    def _look_for_end(self) -> None:
+        one = self.scenario
+        if self.hit is not None:
+            self.end = "collision"
+        elif self.ego.progress >= one.paths[one.ego].length - ARRIVED:
+            self.end = "arrived"
+        elif self.step >= one.steps - 1:
+            self.end = "over"
+
+
+def start_world(
+    scenario: Scenario, traffic: TrafficModel, mode: ActionMode, *, rng: np.random.Generator
+) -> World:
+    """A drive at its first step."""
+    others = traffic.start(scenario, rng)
+    ego = _start_ego(scenario)
+    return World(scenario, traffic, mode, scenario.start, ego, others, [ego], [others])
+
+
+def _start_ego(scenario: Scenario) -> EgoState:
+    path, k = scenario.paths[scenario.ego], scenario.start
+    x, y = scenario.xy[scenario.ego, k]
+    heading = float(scenario.heading[scenario.ego, k])
+    speed = float(path.progress[k + 1] - path.progress[k]) / scenario.step
+    return EgoState(float(x), float(y), heading, speed, 0.0, 0.0, float(path.progress[k]), 0.0)
+
+
+def _find_hit(
+    scenario: Scenario, before: EgoState, after: EgoState, was: OtherStates, now: OtherStates
+) -> int | None:
+    """The first agent that the ego touches on the way from one step to the next."""
+    me = scenario.ego
+    apart = np.hypot(now.xy[:, 0] - after.x, now.xy[:, 1] - after.y)
+    near = now.present & (apart < scenario.reach[me] + scenario.reach + 5.0)
+    near[me] = False
+    who = np.flatnonzero(near)
+    if not len(who):
+        return None
+    begin = np.where(was.present[who], 0.0, 1.0)
+    part = np.maximum(PARTS[:, None], begin)
+    turned = np.angle(np.exp(1j * (now.heading[who] - was.heading[who])))
+    hits = find_overlaps(
+        *_interpolate_ego(before, after), scenario.sizes[me],
+        was.xy[who] + part[..., None] * (now.xy[who] - was.xy[who]),
+        was.heading[who] + part * turned,
+        scenario.sizes[who], scenario.is_disc[who],
+    )  # fmt: skip
+    touched = np.flatnonzero(hits.any(axis=0))
+    if not len(touched):
+        return None
+    first = np.argmax(hits[:, touched], axis=0)
+    return int(who[touched[int(np.argmin(first))]])
+
+
+def _interpolate_ego(before: EgoState, after: EgoState) -> tuple[FloatArray, FloatArray]:
+    """[parts, 1, 2] positions and [parts, 1] headings on the way."""
+    turn = np.angle(np.exp(1j * (after.heading - before.heading)))
+    x = before.x + PARTS * (after.x - before.x)
+    y = before.y + PARTS * (after.y - before.y)
+    return np.stack([x, y], axis=-1)[:, None], (before.heading + PARTS * turn)[:, None]
+
+
+def list_ego_points(history: Sequence[EgoState]) -> FloatArray:
+    """[n, 4] x, y [m], heading [rad] and speed [m/s] of the ego at every step."""
+    return np.array([(each.x, each.y, each.heading, each.speed) for each in history])

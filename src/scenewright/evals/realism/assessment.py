@@ -1,0 +1,265 @@
+"""The judge: every measure of realism of data sets against real tracks, in one report.
+
+`scenewright evals realism SET... --real NAME=PATH...` prints it. What is measured is in
+`two_sample`, `motion_windows`, `street_measures` and `likelihood`; what is read in `sources`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+
+from scenewright.evals.markdown import format_table
+from scenewright.evals.realism.likelihood import FEATURES, measure_features, score_likelihood
+from scenewright.evals.realism.motion_windows import Windows, constant_share, cut_windows
+from scenewright.evals.realism.sources import Source
+from scenewright.evals.realism.street_measures import (
+    MEASURES,
+    Share,
+    counts_transformed,
+    reactions,
+    share_of,
+)
+from scenewright.evals.realism.two_sample import Told, split_halves, tell_apart
+from scenewright.scene.base import AgentClass, FloatArray
+
+CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
+PARTS = ("all", "foreground", "background")
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Test:
+    """One two-sample test.
+
+    Attributes:
+        type: class of agents; one, other: what is told apart; part: of the first, whose agents.
+        situation: `all`, or what the agents do; told: how well.
+        floor: both are traffic that nobody made here, or halves of it.
+    """
+
+    type: AgentClass
+    one: str
+    other: str
+    part: str
+    situation: str
+    told: Told
+    floor: bool = False
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A share or mean of a data set: `name` of `source`, perhaps of its `part`."""
+
+    source: str
+    name: str
+    part: str
+    share: Share
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """How likely a reference is under a source; `source` is `log replay` for its own halves."""
+
+    source: str
+    reference: str
+    type: AgentClass
+    scores: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """The report."""
+
+    tests: tuple[Test, ...]
+    measures: tuple[Measure, ...]
+    likelihoods: tuple[Likelihood, ...]
+    notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON."""
+        return {"schema_version": 1, **asdict(self)}
+
+    def markdown(self) -> str:
+        """The tables."""
+        notes = [f"- {name}: {line}" for name, lines in self.notes.items() for line in lines]
+        parts = [_tests_table(self.tests), _measures_table(self.measures)]
+        parts += [_likelihood_table(self.likelihoods), "\n".join(notes)]
+        return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def assess(
+    sets: Sequence[Source],
+    real: Sequence[Source],
+    *,
+    corpus: Source | None = None,
+    mass_of: Callable[[str, int], FloatArray] | None = None,
+    ground_of: Callable[[str], Any] | None = None,
+    seed: int = 0,
+    tell: Tell = lambda _: None,
+) -> Assessment:
+    """Every measure of every set, and of the real tracks beside them.
+
+    Args:
+        sets: what is judged; real: recordings of real traffic; corpus: simulated traffic, reported
+            and no yardstick.
+        mass_of: p_tod of an intersection and hour; ground_of: the map of an intersection.
+    """
+    beside = (*real, *([corpus] if corpus is not None else []))
+    tests = [
+        each for kind in CLASSES for each in _tests(sets, real, beside, kind, seed=seed, tell=tell)
+    ]
+    measures = [each for source in (*sets, *beside) for each in _measures(source, mass_of, seed)]
+    tell("likelihoods")
+    likelihoods = [each for kind in CLASSES for each in _likelihoods(sets, beside, kind, ground_of)]
+    notes = {each.name: each.notes for each in beside if each.notes}
+    return Assessment(tuple(tests), tuple(measures), tuple(likelihoods), notes)
+
+
+def _tests(
+    sets: Sequence[Source],
+    real: Sequence[Source],
+    beside: Sequence[Source],
+    kind: AgentClass,
+    *,
+    seed: int,
+    tell: Tell,
+) -> Iterator[Test]:
+    cut = {each.name: cut_windows(each, kind) for each in (*sets, *beside)}
+    for each in beside:
+        tell(f"{kind}s: halves of {each.name}")
+        halves = split_halves(cut[each.name])
+        yield from _told(kind, f"{each.name}, half", "the other", halves, floor=True, seed=seed)
+    for one, other in combinations(real, 2):
+        tell(f"{kind}s: {one.name} against {other.name}")
+        pair = (cut[one.name], cut[other.name])
+        yield from _told(kind, one.name, other.name, pair, floor=True, seed=seed)
+    for source, other, part in product(sets, beside, PARTS):
+        tell(f"{kind}s: {source.name}, {part}, against {other.name}")
+        own = _part(cut[source.name], part)
+        if part == "all" or 0 < len(own) < len(cut[source.name]):
+            yield from _told(
+                kind, source.name, other.name, (own, cut[other.name]), part=part, seed=seed
+            )
+
+
+def _part(windows: Windows, part: str) -> Windows:
+    if part == "all":
+        return windows
+    return windows.only(windows.foreground == (part == "foreground"))
+
+
+def _told(
+    kind: AgentClass,
+    one: str,
+    other: str,
+    pair: tuple[Windows, Windows],
+    *,
+    seed: int,
+    part: str = "all",
+    floor: bool = False,
+) -> Iterator[Test]:
+    for situation, told in tell_apart(*pair, seed=seed).items():
+        yield Test(kind, one, other, part, situation, told, floor)
+
+
+def _measures(
+    source: Source, mass_of: Callable[[str, int], FloatArray] | None, seed: int
+) -> Iterator[Measure]:
+    for kind in CLASSES:
+        windows = cut_windows(source, kind)
+        for part in PARTS if windows.foreground.any() else PARTS[:1]:
+            own = _part(windows, part)
+            parts = [constant_share(own.only(own.group == name)) for name in np.unique(own.group)]
+            name = f"{kind}s: 3 s at one speed"
+            yield Measure(source.name, name, part, share_of(parts, seed=seed))
+    for name, measure in MEASURES.items():
+        shares = [measure(stretch) for stretch in source.stretches]
+        yield Measure(source.name, name, "all", share_of(shares, seed=seed))
+    yield from _reaction_measures(source, seed)
+    if mass_of is not None:
+        for kind, values in counts_transformed(source.stretches, mass_of, seed=seed).items():
+            if values:
+                name = f"{kind}s in 30 s: place in p_tod, mean"
+                yield Measure(source.name, name, "all", share_of(values, seed=seed))
+
+
+def _reaction_measures(source: Source, seed: int) -> Iterator[Measure]:
+    found = [reactions(stretch) for stretch in source.stretches]
+    for event in ("collision", "near_miss"):
+        pairs = [[pair for pair in own if pair[0].event == event] for own in found]
+        word = event.replace("_", " ")
+        either = [[one.reacts or two.reacts for one, two in own] for own in pairs]
+        yield Measure(source.name, f"{word}: somebody reacts", "all", share_of(either, seed=seed))
+        for kind in CLASSES:
+            own = [[p.reacts for pair in each for p in pair if p.kind == kind] for each in pairs]
+            name = f"{word}: {kind}s that react"
+            yield Measure(source.name, name, "all", share_of(own, seed=seed))
+
+
+def _likelihoods(
+    sets: Sequence[Source],
+    beside: Sequence[Source],
+    kind: AgentClass,
+    ground_of: Callable[[str], Any] | None,
+) -> Iterator[Likelihood]:
+    features = {each.name: measure_features(each.stretches, kind, ground=_ground(each, ground_of))
+                for each in (*sets, *beside)}  # fmt: skip
+    for reference in beside:
+        asked = features[reference.name][1::2]
+        oracle = score_likelihood(features[reference.name][::2], asked, kind)
+        if oracle:
+            yield Likelihood("log replay", reference.name, kind, oracle)
+        for source in (*sets, *beside):
+            scores = score_likelihood(features[source.name], asked, kind)
+            if source.name != reference.name and scores:
+                yield Likelihood(source.name, reference.name, kind, scores)
+
+
+def _ground(source: Source, ground_of: Callable[[str], Any] | None) -> Any:
+    """The map of a source whose stretches all lie at one intersection."""
+    places = {each.place for each in source.stretches}
+    place = places.pop() if len(places) == 1 else None
+    return None if place is None or ground_of is None else ground_of(place)
+
+
+def _tests_table(tests: Sequence[Test]) -> str:
+    rows = [
+        [t.type, t.one, t.part, t.other, t.situation, f"{t.told.auc:.3f}",
+         f"{t.told.low:.3f}–{t.told.high:.3f}", t.told.n, t.told.groups]
+        for t in tests
+    ]  # fmt: skip
+    head = ("class", "told apart", "part", "from", "situation", "AUC", "95 %", "n a side", "groups")
+    return "### Two-sample test\n\n" + format_table(head, rows)
+
+
+def _measures_table(measures: Sequence[Measure]) -> str:
+    sources = list(dict.fromkeys(m.source for m in measures))
+    names = list(dict.fromkeys((m.name, m.part) for m in measures))
+    cells = {(m.source, m.name, m.part): _cell(m.share) for m in measures}
+    rows = [
+        [name, part, *(cells.get((source, name, part), "–") for source in sources)]
+        for name, part in names
+    ]
+    return "### On the street\n\n" + format_table(("measure", "part", *sources), rows)
+
+
+def _cell(share: Share) -> str:
+    if share.value is None:
+        return "–"
+    return f"{share.value:.3f} [{share.low:.3f}, {share.high:.3f}], n = {share.n}"
+
+
+def _likelihood_table(likelihoods: Sequence[Likelihood]) -> str:
+    names = ("all", *FEATURES)
+    rows = [
+        [each.type, each.reference, each.source,
+         *(f"{each.scores[name]:.3f}" if name in each.scores else "–" for name in names)]
+        for each in likelihoods
+    ]  # fmt: skip
+    head = ("class", "reference", "under", *names)
+    return "### Likelihood of the reference\n\n" + format_table(head, rows)

@@ -1,0 +1,166 @@
+"""What the judge looks at: scenes of ours and recordings of any origin, in stretches of 30 s.
+
+A source is a folder of scenes (a batch's output, too), a corpus (`intersections corpus`), or tracks
+in any form that `intersections fit` reads. All are cut alike, so that nobody can be told apart by
+how long they were looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.graph.run import load_scene
+from scenewright.scene.record import EventRecord, SceneRecord
+from scenewright.scene.track import PEDESTRIAN, STEP, Shape, Track, rider_shape, vehicle_shape
+from scenewright.tools.relation_checker import RoadUser, read_users
+from scenewright.tools.track_io import Recording, load_recordings
+from scenewright.tools.track_io.track_files import FileTracks, read_track_files
+
+LENGTH = 30.0
+"""Of a stretch [s]: that of the longest scenes."""
+_SHORTEST = 0.5
+"""Pieces below this [s] are left out."""
+MOST_STRETCHES = 240
+"""Of a corpus: spread evenly over its test hours."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Who moved how in one scene, or in up to 30 s of a recording.
+
+    Attributes:
+        users: everybody; foreground: ids of those a request speaks of.
+        groups: by id, who belongs together when data are split: the scene, or for a recording all
+            agents that came into it at about the same time.
+        events: what the scene says happened; None where nobody said.
+        place: the intersection; None where it is none of ours. hour: of the day, if a scene's
+            number of people was left to the hour; else None.
+    """
+
+    users: tuple[RoadUser, ...]
+    groups: Mapping[int, str]
+    foreground: frozenset[int] = frozenset()
+    events: tuple[EventRecord, ...] | None = None
+    place: str | None = None
+    hour: int | None = None
+    length: float = LENGTH
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A data set.
+
+    Attributes:
+        name: for tables; stretches: of it; notes: what cleaning took away.
+    """
+
+    name: str
+    stretches: tuple[Stretch, ...]
+    notes: tuple[str, ...] = field(default=())
+
+
+def read_source(text: str, *, place: str | None = None, scale: float | None = None) -> Source:
+    """The data set that NAME=PATH names, or PATH, whose last part is then its name.
+
+    Args:
+        place: the intersection of a corpus or recording, whose frame its positions are in.
+        scale: metres per pixel of tracks in pixels (VTP-TL); others are in metres as they are.
+
+    Raises:
+        InputError: nothing there, or it cannot be read.
+    """
+    name, separator, rest = text.partition("=")
+    path = Path(rest if separator else text)
+    name = name if separator else path.stem
+    if path.is_dir() and next(path.rglob("scene.json"), None) is not None:
+        return Source(name, tuple(read_scenes(path)))
+    if path.suffix == ".npz":
+        return Source(name, tuple(_of_corpus(path, place)))
+    pixels = path.suffix == ".txt" or (path.is_dir() and any(path.rglob("DJI_*.txt")))
+    files = read_track_files([path], scale=scale if pixels else None)
+    stretches = [each for file in files for each in _cut(_of_file(file), place)]
+    removed = sum((file.removed for file in files[1:]), start=files[0].removed)
+    if not stretches:
+        raise InputError(f"{path} holds no tracks that can be believed")
+    return Source(name, tuple(stretches), tuple(removed.format_lines()))
+
+
+def read_scenes(folder: Path) -> Iterator[Stretch]:
+    """Every scene below a folder, in order of their names."""
+    for file in sorted(folder.rglob("scene.json")):
+        yield of_scene(load_scene(file), str(file.parent.relative_to(folder)))
+
+
+def of_scene(scene: SceneRecord, name: str) -> Stretch:
+    """A scene of ours."""
+    users = tuple(user for user in read_users(scene) if len(user.track.xy) > 1)
+    counted = scene.meta.density is None and scene.meta.duration >= LENGTH - STEP
+    return Stretch(
+        users,
+        {user.id: name for user in users},
+        frozenset(agent.id for agent in scene.agents if agent.role == "foreground"),
+        scene.events,
+        scene.meta.intersection,
+        int(scene.meta.time_of_day[:2]) if counted else None,
+        scene.meta.duration,
+    )
+
+
+def _of_corpus(file: Path, place: str | None) -> list[Stretch]:
+    recordings = load_recordings(file, split="test")
+    if not recordings:
+        raise InputError(f"{file} holds no test hours")
+    every = [
+        each
+        for recording in recordings
+        for each in _cut((recording.name, _users_of(recording)), place)
+    ]
+    return every[:: max(len(every) // MOST_STRETCHES, 1)][:MOST_STRETCHES]
+
+
+def _users_of(recording: Recording) -> list[RoadUser]:
+    return [
+        RoadUser(k, agent.track, agent.shape)
+        for k, agent in enumerate(recording.agents)
+        if agent.subtype != "bicycle"
+    ]
+
+
+def _of_file(file: FileTracks) -> tuple[str, list[RoadUser]]:
+    shown = [(subtype, track) for subtype, track in file.tracks]
+    return file.name, [RoadUser(k, track, _shape(word)) for k, (word, track) in enumerate(shown)]
+
+
+def _shape(subtype: str) -> Shape:
+    if subtype == "pedestrian":
+        return PEDESTRIAN
+    return rider_shape("cyclist") if subtype == "bicycle" else vehicle_shape(subtype)
+
+
+def _cut(recording: tuple[str, Iterable[RoadUser]], place: str | None) -> Iterator[Stretch]:
+    """A recording in stretches of 30 s, end to end; the last may be shorter."""
+    name, users = recording[0], list(recording[1])
+    begin = min((user.track.start for user in users), default=0.0)
+    end = max((user.track.end for user in users), default=0.0)
+    for k in range(int(np.ceil(max(end - begin, 0.0) / LENGTH))):
+        first = begin + LENGTH * k
+        parts = [(user, clip(user.track, first, first + LENGTH)) for user in users]
+        seen = tuple(RoadUser(u.id, part, u.shape) for u, part in parts if part is not None)
+        groups = {u.id: f"{name}:{int((u.track.start - begin) // LENGTH)}" for u, _ in parts}
+        if seen:
+            yield Stretch(seen, groups, place=place, length=min(LENGTH, end - first))
+
+
+def clip(track: Track, begin: float, end: float) -> Track | None:
+    """The part of a track from `begin` to before `end` [s], in time since `begin`."""
+    times = track.times
+    kept = np.flatnonzero((times >= begin - 1e-6) & (times < end - 1e-6))
+    if len(kept) * track.step < _SHORTEST:
+        return None
+    start = round((float(times[kept[0]]) - begin) / STEP) * STEP
+    return Track(track.xy[kept], track.heading[kept], round(start, 1), track.step)

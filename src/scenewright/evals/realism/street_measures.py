@@ -1,0 +1,221 @@
+"""What a street shows beyond one agent's motion: headways, companions, starts, counts, reactions.
+
+Each measure gives values by stretch, so that intervals can draw whole stretches anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenewright.evals.bootstrap import compute_interval, draw_resamples
+from scenewright.evals.realism.sources import Stretch
+from scenewright.geometry.kinematics import compute_kinematics
+from scenewright.scene.base import AgentClass, FloatArray
+from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker import RoadUser, find_events
+
+SHORT_HEADWAY = 2.0
+"""Passing a place less than this after another [s] is following closely."""
+_PLACES = (0.25, 0.5, 0.75)
+"""Shares of a vehicle's way at which it is asked who passed before."""
+_SAME_PLACE, _SAME_COURSE = 1.5, 0.5
+"""Another passes a place within this distance [m], its course within this angle [rad]."""
+_LEAST_WAY = 10.0
+COMPANION = 1.5
+"""Mean distance of two who walk together [m] (SEMANTICS section 8: groups)."""
+_TOGETHER = 3.0
+"""For at least so long [s]."""
+_START_TOGETHER, _START_NEAR = 1.5, 10.0
+"""Two start together within this time [s] and distance [m]."""
+_STANDS, _WALKS = 0.3, 0.5
+BEFORE_EVENT = 3.0
+"""How long before an event a reaction is looked for [s]."""
+REACTS = 0.3
+"""A change of speed from which somebody reacts [m/s]."""
+_TURNS_AWAY = 0.3
+"""A change of course from which somebody reacts [rad]."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """A mean of values with its interval.
+
+    Attributes:
+        value: mean; low, high: 95 %, stretches drawn anew; n: values; None where there are none.
+    """
+
+    value: float | None
+    low: float | None
+    high: float | None
+    n: int
+
+
+def share_of(parts: Sequence[Sequence[float] | Sequence[bool]], *, seed: int = 0) -> Share:
+    """The mean of all values, one sequence for each stretch."""
+    count = np.array([len(part) for part in parts], dtype=np.float64)
+    total = np.array([float(np.sum(part)) for part in parts])
+    if not count.sum():
+        return Share(None, None, None, 0)
+    drawn = draw_resamples(len(parts), draws=500, seed=seed)
+    whole = drawn @ count
+    low, high = compute_interval((drawn @ total)[whole > 0] / whole[whole > 0])
+    return Share(float(total.sum() / count.sum()), low, high, int(count.sum()))
+
+
+def close_followers(stretch: Stretch) -> list[bool]:
+    """Of each vehicle that drives 10 m, whether it passes a place less than 2 s after another."""
+    vehicles = [u for u in stretch.users if u.shape.type == "vehicle" and _way(u) > _LEAST_WAY]
+    return [
+        any(_gap(user, other) < SHORT_HEADWAY for other in vehicles if other.id != user.id)
+        for user in vehicles
+    ]
+
+
+def _way(user: RoadUser) -> float:
+    return float(np.hypot(*np.diff(user.track.xy, axis=0).T).sum())
+
+
+def _gap(user: RoadUser, other: RoadUser) -> float:
+    """Least time after the other at which a vehicle passes where that one passed [s]."""
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(user.track.xy, axis=0).T))])
+    least = np.inf
+    for part in _PLACES:
+        k = int(np.searchsorted(s, part * s[-1]))
+        away = np.hypot(*(other.track.xy - user.track.xy[k]).T)
+        j = int(away.argmin())
+        turned = np.cos(other.track.heading[j] - user.track.heading[k])
+        later = float(user.track.times[k] - other.track.times[j])
+        inside = 0 < j < len(away) - 1 and away[j] < _SAME_PLACE
+        if inside and turned > np.cos(_SAME_COURSE) and later > 0.0:
+            least = min(least, later)
+    return least
+
+
+def accompanied(stretch: Stretch) -> list[bool]:
+    """Of each pedestrian who walks, whether another keeps within 1.5 m for 3 s or longer."""
+    walkers = [u for u in stretch.users if u.shape.type == "pedestrian" and _mean_speed(u) > _WALKS]
+    return [any(_keeps(u, other) for other in walkers if other.id != u.id) for u in walkers]
+
+
+def _mean_speed(user: RoadUser) -> float:
+    return _way(user) / max((len(user.track.xy) - 1) * user.track.step, 1e-9)
+
+
+def _keeps(user: RoadUser, other: RoadUser) -> bool:
+    one, two = user.track, other.track
+    first, last = max(one.start, two.start), min(one.end, two.end)
+    if last - first < _TOGETHER:
+        return False
+    times = np.arange(first, last, 0.4)
+    places = [np.stack([np.interp(times, t.times, t.xy[:, a]) for a in (0, 1)]) for t in (one, two)]
+    return float(np.hypot(*(places[0] - places[1])).mean()) <= COMPANION
+
+
+def common_starts(stretch: Stretch) -> list[bool]:
+    """Of each pedestrian who stands and sets off, whether another near sets off within 1.5 s."""
+    starts = [each for u in stretch.users if u.shape.type == "pedestrian" for each in _starts(u)]
+    return [
+        any(
+            k != j
+            and abs(t - other) <= _START_TOGETHER
+            and float(np.hypot(*(xy - place))) <= _START_NEAR
+            for j, (other, place) in enumerate(starts)
+        )
+        for k, (t, xy) in enumerate(starts)
+    ]
+
+
+def _starts(user: RoadUser) -> Iterator[tuple[float, FloatArray]]:
+    """Times and places at which somebody who stood for a second walks off."""
+    done = compute_kinematics(user.track.xy, smoothing=0.3)
+    still = np.convolve(done.speed <= _STANDS, np.ones(10), mode="full")[: len(done)] >= 10
+    for k in np.flatnonzero(still[:-1] & ~still[1:]):
+        if (done.speed[k : k + 20] > _WALKS).any():
+            at = k + done.first
+            yield float(user.track.times[at]), user.track.xy[at]
+
+
+def counts_transformed(
+    stretches: Sequence[Stretch], mass_of: Callable[[str, int], FloatArray], *, seed: int = 0
+) -> dict[AgentClass, list[list[float]]]:
+    """By class the place of each scene's number of agents in p_tod of its hour (randomised PIT).
+
+    Uniform, with a mean of 0.5, if scenes are as full as the hour is. One value for each scene
+    whose request left the number open.
+
+    Args:
+        mass_of: [V, P] probability of each pair of numbers, of an intersection and hour.
+    """
+    rng = np.random.default_rng(seed)
+    kinds: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
+    found: dict[AgentClass, list[list[float]]] = {kind: [] for kind in kinds}
+    for each in stretches:
+        if each.hour is None or each.place is None:
+            continue
+        mass = mass_of(each.place, each.hour)
+        for axis, kind in enumerate(kinds):
+            n = sum(user.shape.type == kind for user in each.users)
+            below = np.concatenate([[0.0], np.cumsum(mass.sum(axis=1 - axis)), [1.0, 1.0]])
+            low, high = (below[min(k, len(below) - 1)] for k in (n, n + 1))
+            found[kind].append([float(low + rng.random() * (high - low))])
+    return found
+
+
+@dataclass(frozen=True)
+class Party:
+    """One of the two of a collision or a near miss.
+
+    Attributes:
+        event, kind: what happened and the class of the party; reacts: whether its speed changed by
+            0.3 m/s or its course by 0.3 rad in the 3 s before.
+    """
+
+    event: str
+    kind: AgentClass
+    reacts: bool
+
+
+def reactions(stretch: Stretch) -> list[tuple[Party, Party]]:
+    """The parties of each collision and near miss, both of which were there for 3 s before it.
+
+    In our scenes the events are those of the scene, elsewhere those that the checker finds.
+    """
+    users = {user.id: user for user in stretch.users}
+    if stretch.events is None:
+        found: list[Any] = list(find_events(list(stretch.users)))
+    else:
+        found = list(stretch.events)
+    return [
+        (one, two)
+        for event in found
+        if event.type in ("collision", "near_miss")
+        and (one := _party(users.get(event.from_), event)) is not None
+        and (two := _party(users.get(event.to), event)) is not None
+    ]
+
+
+def _party(user: RoadUser | None, event: Any) -> Party | None:
+    if user is None or event.time is None:
+        return None
+    done = compute_kinematics(user.track.xy, smoothing=0.1)
+    times = user.track.start + STEP * (done.first + np.arange(len(done)))
+    inside = (times >= event.time - BEFORE_EVENT) & (times <= event.time)
+    if inside.sum() < 0.5 * BEFORE_EVENT / STEP:
+        return None
+    moving = inside & (done.speed > _WALKS)
+    course = np.unwrap(user.track.heading[done.first : done.first + len(done)][moving])
+    turned = float(np.ptp(course)) if len(course) else 0.0
+    slowed = float(np.ptp(done.speed[inside]))
+    return Party(event.type, user.shape.type, slowed >= REACTS or turned >= _TURNS_AWAY)
+
+
+MEASURES: Mapping[str, Callable[[Stretch], list[bool]]] = {
+    "vehicles less than 2 s after another": close_followers,
+    "pedestrians with a companion": accompanied,
+    "pedestrians who set off together": common_starts,
+}
+"""Shares over agents, by name."""

@@ -1,0 +1,275 @@
+"""Which crossings of a file lie on which leg, and the line of a leg's crosswalk by them.
+
+A crossing belongs to the leg whose lanes it crosses. Of several on one leg, those that cross other
+lanes are stages of one crosswalk, parted by islands; the nearest to the junction that crosses most
+lanes is taken, and the others are reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scenewright.geometry.polyline import measure_length, rotate_left
+from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.legs import SurveyLeg
+from scenewright.tools.map_import.map_parts import geos
+from scenewright.tools.map_import.survey import Survey, SurveyConnection, SurveyCrossing
+
+_FARTHEST = 35.0
+"""A crossing farther out of the junction is not the junction's [m]."""
+_DEEPEST = 30.0
+"""Nor is one that lies farther inside [m]."""
+_LEAST_ANGLE = math.radians(35.0)
+"""Between a crossing and the lanes that it crosses."""
+_STEEPEST = math.radians(40.0)
+"""How far the line through two stages may turn from their own direction."""
+_SAME_PLACE = 4.5
+"""Crossings of the same lanes that lie closer are drawn twice [m]."""
+_LEAST_SHARE = 0.5
+"""Of a leg's lanes that a crosswalk crosses."""
+_LEAST_VOTES = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class LegCrossing:
+    """A crossing of the file on a leg.
+
+    Attributes:
+        lanes: of the leg, that it crosses; distance: outwards from where they leave the junction
+            [m], negative inside.
+    """
+
+    crossing: SurveyCrossing
+    leg: int
+    lanes: frozenset[str]
+    distance: float
+
+    @property
+    def middle(self) -> FloatArray:
+        """[2] its middle [m]."""
+        return np.asarray(self.crossing.line.mean(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class MappedCrosswalk:
+    """What the file holds of a leg's crosswalk: its stages, one after the other."""
+
+    stages: tuple[LegCrossing, ...]
+
+    @property
+    def middle(self) -> FloatArray:
+        """[2] halfway between its outermost points [m]."""
+        points = self._points @ self.across
+        shift = (points.min() + points.max()) / 2 - self._mean @ self.across
+        return np.asarray(self._mean + shift * self.across)
+
+    @property
+    def across(self) -> FloatArray:
+        """[2] unit vector along it."""
+        if len(self.stages) > 1:
+            middles = np.array([stage.middle for stage in self.stages])
+            return np.asarray(np.linalg.svd(middles - middles.mean(axis=0))[2][0])
+        line = self.stages[0].crossing.line
+        return np.asarray((line[1] - line[0]) / max(float(np.hypot(*(line[1] - line[0]))), 1e-9))
+
+    @property
+    def width(self) -> float:
+        """[m]"""
+        return float(np.median([stage.crossing.width for stage in self.stages]))
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether its ends are the file's kerbs."""
+        return all(stage.crossing.is_bounded for stage in self.stages)
+
+    @property
+    def ends(self) -> FloatArray:
+        """[2, 2] its outermost points on its line [m]."""
+        along = (self._points - self.middle) @ self.across
+        return np.asarray(self.middle + np.outer([along.min(), along.max()], self.across))
+
+    @property
+    def limits(self) -> FloatArray | None:
+        """[2, 2] where the ways over it end, seen along its line [m]; None if one has no way."""
+        drawn = [stage.crossing.limits for stage in self.stages]
+        known = [each for each in drawn if each is not None]
+        if len(known) < len(drawn):
+            return None
+        along = (np.concatenate(known) - self.middle) @ self.across
+        return np.asarray(self.middle + np.outer([along.min(), along.max()], self.across))
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """What the file calls its stages."""
+        return tuple(stage.crossing.source for stage in self.stages)
+
+    @property
+    def _mean(self) -> FloatArray:
+        return np.asarray(np.mean([stage.middle for stage in self.stages], axis=0))
+
+    @property
+    def _points(self) -> FloatArray:
+        return np.concatenate([stage.crossing.line for stage in self.stages])
+
+
+@dataclass(frozen=True, eq=False)
+class CrossingChoice:
+    """The file's crosswalk of each leg that has one, and the crossings that were left out.
+
+    Attributes:
+        left_out: (crossing, leg or None, why).
+    """
+
+    by_leg: Mapping[int, MappedCrosswalk]
+    left_out: tuple[tuple[SurveyCrossing, int | None, str], ...]
+
+
+def choose_crossings(survey: Survey, legs: Sequence[SurveyLeg]) -> CrossingChoice:
+    """By leg, the crossings of the file that are its crosswalk."""
+    leg_of_lane = {lane.id: k for k, leg in enumerate(legs) for lane in leg.lanes}
+    ways = [_Way.join(survey, each, leg_of_lane) for each in survey.connections]
+    found: dict[int, list[LegCrossing]] = {}
+    left_out: list[tuple[SurveyCrossing, int | None, str]] = []
+    for crossing in survey.crossings:
+        placed = _find_leg(crossing, ways)
+        if isinstance(placed, str):
+            left_out.append((crossing, None, placed))
+        else:
+            found.setdefault(placed.leg, []).append(placed)
+    by_leg = {}
+    for k, own in sorted(found.items()):
+        stages = _choose_stages(own, legs[k])
+        by_leg[k] = MappedCrosswalk(tuple(stages))
+        left_out += [(x.crossing, k, _say_why_left_out(x, stages)) for x in own if x not in stages]
+    return CrossingChoice(by_leg, tuple(left_out))
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """A way through the junction; begin, end: where along it the junction begins and ends [m]."""
+
+    line: object
+    begin: float
+    end: float
+    lanes: tuple[str, str]
+    legs: tuple[int, int]
+
+    @classmethod
+    def join(cls, survey: Survey, each: SurveyConnection, legs: Mapping[str, int]) -> _Way:
+        before, after = survey.approaches[each.approach].line, survey.exits[each.exit].line
+        points = np.concatenate([before, each.line, after])
+        begin = measure_length(before)
+        inner = measure_length(np.concatenate([before[-1:], each.line, after[:1]]))
+        lanes = each.approach, each.exit
+        return cls(
+            geos.LineString(points), begin, begin + inner, lanes, (legs[lanes[0]], legs[lanes[1]])
+        )
+
+    def find_meeting(self, line: FloatArray) -> tuple[int, str, float] | None:
+        """Leg, lane and distance out of the junction [m] where a line across meets the way."""
+        for point in _list_points(geos.intersection(self.line, geos.LineString(line))):
+            s = float(geos.line_locate_point(self.line, point))
+            if self._measure_angle(s, line) < _LEAST_ANGLE:
+                continue
+            is_entry = s - self.begin < self.end - s
+            away = self.begin - s if is_entry else s - self.end
+            if -_DEEPEST < away < _FARTHEST:
+                side = 0 if is_entry else 1
+                return self.legs[side], self.lanes[side], away
+        return None
+
+    def _measure_angle(self, s: float, line: FloatArray) -> float:
+        a, b = (
+            np.array(geos.line_interpolate_point(self.line, s + d).coords[0]) for d in (-1.0, 1.0)
+        )
+        turn = math.atan2(*(b - a)[::-1]) - math.atan2(*(line[1] - line[0])[::-1])
+        return abs(math.asin(min(abs(math.sin(turn)), 1.0)))
+
+
+def _list_points(meeting: object) -> Iterator[object]:
+    for part in getattr(meeting, "geoms", [meeting]):
+        if not part.is_empty:
+            yield part if part.geom_type == "Point" else part.centroid
+
+
+def _find_leg(crossing: SurveyCrossing, ways: Sequence[_Way]) -> LegCrossing | str:
+    """The leg whose lanes a crossing crosses, or why there is none."""
+    turned = _turn_crossing(crossing)
+    for each in (crossing, *([turned] if turned is not None else [])):
+        met = [m for way in ways if (m := way.find_meeting(_stretch(each.line))) is not None]
+        if met:
+            return _count_votes(each, met)
+    return "crosses no lane of this junction within 35 m"
+
+
+def _count_votes(
+    crossing: SurveyCrossing, met: Sequence[tuple[int, str, float]]
+) -> LegCrossing | str:
+    lanes = {(leg, lane) for leg, lane, _ in met}
+    counts = {leg: sum(other == leg for other, _ in lanes) for leg, _ in lanes}
+    leg = max(sorted(counts), key=lambda k: counts[k])
+    if counts[leg] < _LEAST_VOTES * len(lanes):
+        return "lies across the middle of the junction"
+    own = frozenset(lane for other, lane in lanes if other == leg)
+    away = float(np.median([away for other, _, away in met if other == leg]))
+    return LegCrossing(crossing, leg, own, away)
+
+
+def _stretch(line: FloatArray) -> FloatArray:
+    """A line half a metre longer at either end: marks begin beside the kerb."""
+    ahead = (line[1] - line[0]) / max(float(np.hypot(*(line[1] - line[0]))), 1e-9)
+    return np.array([line[0] - 0.5 * ahead, line[1] + 0.5 * ahead])
+
+
+def _turn_crossing(crossing: SurveyCrossing) -> SurveyCrossing | None:
+    """A drawn area seen the other way: what was taken for its width is its length."""
+    if not crossing.is_bounded:
+        return None
+    line = crossing.line
+    length = float(np.hypot(*(line[1] - line[0])))
+    aside = rotate_left((line[1] - line[0]) / max(length, 1e-9))
+    ends = line.mean(axis=0) + np.outer([-0.5, 0.5], crossing.width * aside)
+    return replace(crossing, line=ends, width=length)
+
+
+def _choose_stages(own: Sequence[LegCrossing], leg: SurveyLeg) -> list[LegCrossing]:
+    groups = [_collect_stages(seed, own) for seed in own]
+
+    def rank(group: Sequence[LegCrossing]) -> tuple[bool, bool, float]:
+        crossed = len(frozenset().union(*(each.lanes for each in group)))
+        away = float(np.mean([abs(each.distance) for each in group]))
+        unmarked = all(not each.crossing.is_marked for each in group)
+        return crossed < _LEAST_SHARE * len(leg.lanes), unmarked and away > 12.0, away
+
+    return min(groups, key=rank)
+
+
+def _collect_stages(seed: LegCrossing, own: Sequence[LegCrossing]) -> list[LegCrossing]:
+    """A crossing with those of the leg's other lanes that go on in its line."""
+    group = [seed]
+    for other in sorted(own, key=lambda each: abs(each.distance - seed.distance)):
+        if all(other.lanes.isdisjoint(each.lanes) for each in group) and _goes_on(seed, other):
+            group.append(other)
+    return group
+
+
+def _goes_on(a: LegCrossing, b: LegCrossing) -> bool:
+    """Whether the line from one crossing to the other is about their own direction."""
+    between = b.middle - a.middle
+    far = float(np.hypot(*between))
+    if far < 1.0:
+        return False
+    lines = [each.crossing.line[1] - each.crossing.line[0] for each in (a, b)]
+    cosines = [abs(float(line @ between)) / (far * float(np.hypot(*line))) for line in lines]
+    return min(cosines) > math.cos(_STEEPEST)
+
+
+def _say_why_left_out(crossing: LegCrossing, stages: Sequence[LegCrossing]) -> str:
+    near = min(float(np.hypot(*(crossing.middle - each.middle))) for each in stages)
+    if near < _SAME_PLACE:
+        return f"is drawn twice, {near:.1f} m beside the one taken"
+    return f"a leg has one crosswalk here; this one lies {near:.0f} m from the one taken"

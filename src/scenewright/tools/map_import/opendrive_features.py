@@ -1,0 +1,241 @@
+"""What netconvert leaves out of an OpenDRIVE file: crosswalk objects, lights, the driving side."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from scenewright.errors import InputError
+from scenewright.geometry.polyline import rotate_left
+from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.map_parts import geos
+from scenewright.tools.map_import.survey import SurveyCrossing
+
+_STEP = 0.25
+"""Between points of a reference line [m]."""
+_LIGHTS = ("1000001", "1000002", "1000007", "1000008", "1000009", "1000010", "1000011", "1000012",
+           "1000013", "1000014", "1000016", "1000020")  # fmt: skip
+"""Types of the OpenDRIVE catalogue that are traffic lights."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenDriveRoad:
+    """A road: the XML element, and its reference line.
+
+    Attributes:
+        stations: [P] along it [m]; points: [P, 2] [m]; headings: [P] [rad].
+    """
+
+    id: str
+    element: Any
+    stations: FloatArray
+    points: FloatArray
+    headings: FloatArray
+
+    def locate(self, s: float, t: float) -> FloatArray:
+        """[2] a place along and beside the reference line [m]."""
+        at = [float(np.interp(s, self.stations, column)) for column in self.points.T]
+        heading = self.find_heading(s)
+        return np.array([at[0] - t * math.sin(heading), at[1] + t * math.cos(heading)])
+
+    def find_heading(self, s: float) -> float:
+        """The direction of the reference line [rad]."""
+        return float(np.interp(s, self.stations, self.headings))
+
+
+@dataclass(frozen=True, eq=False)
+class OpenDriveFile:
+    """Roads and the elements beside them of a file."""
+
+    root: Any
+    roads: Sequence[OpenDriveRoad] = field(default_factory=tuple)
+
+    @cached_property
+    def rules(self) -> Mapping[str, int]:
+        """How many roads say that traffic drives on the right (RHT) or on the left (LHT)."""
+        return Counter(each.get("rule", "") for each in self.root.iter("road") if each.get("rule"))
+
+    @cached_property
+    def lights(self) -> Mapping[str, FloatArray]:
+        """[2] the place of every traffic light, by id [m]."""
+        found = {}
+        for road in self.roads:
+            for signal in road.element.iter("signal"):
+                if signal.get("dynamic") == "yes" or signal.get("type") in _LIGHTS:
+                    place = road.locate(_read(signal, "s"), _read(signal, "t"))
+                    found[signal.get("id", "")] = place
+        return found
+
+
+def read_opendrive_file(file: Path) -> OpenDriveFile:
+    """The roads of a file that is known to be well-formed.
+
+    Raises:
+        InputError: numbers that are none.
+    """
+    root = ElementTree.parse(file).getroot()
+    for element in root.iter():
+        element.tag = element.tag.rsplit("}", 1)[-1]
+    try:
+        roads = [road for each in root.iter("road") if (road := _build_road(each)) is not None]
+    except ValueError as fault:
+        raise InputError(f"{file} has a road that cannot be read: {fault}") from None
+    return OpenDriveFile(root, tuple(roads))
+
+
+def _read(element: Any, name: str) -> float:
+    return float(element.get(name) or 0.0)
+
+
+def _build_road(element: Any) -> OpenDriveRoad | None:
+    pieces = [_trace_geometry(each) for each in element.iter("geometry")]
+    pieces = [each for each in pieces if each is not None]
+    if not pieces:
+        return None
+    stations, x, y, headings = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    points = np.column_stack([x, y])
+    return OpenDriveRoad(element.get("id", ""), element, stations, points, np.unwrap(headings))
+
+
+def _trace_geometry(element: Any) -> tuple[FloatArray, ...] | None:
+    """Stations, x, y and headings along one piece of a reference line."""
+    length = _read(element, "length")
+    if length <= 0.0 or not len(element):
+        return None
+    ds = np.linspace(0.0, length, max(math.ceil(length / _STEP), 1) + 1)
+    x, y, turn = _trace_shape(element[0], ds, length)
+    heading = _read(element, "hdg")
+    cos, sin = math.cos(heading), math.sin(heading)
+    return (
+        _read(element, "s") + ds,
+        _read(element, "x") + cos * x - sin * y,
+        _read(element, "y") + sin * x + cos * y,
+        heading + turn,
+    )
+
+
+def _trace_shape(
+    shape: Any, ds: FloatArray, length: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """x, y and heading of a shape in its own frame."""
+    if shape.tag in ("paramPoly3", "poly3"):
+        return _trace_cubic(shape, ds, length)
+    begin = _read(shape, "curvature") if shape.tag == "arc" else _read(shape, "curvStart")
+    end = begin if shape.tag == "arc" else _read(shape, "curvEnd")
+    turn = begin * ds + (end - begin) * ds**2 / (2 * length)
+    step = np.diff(ds)
+    between = (turn[1:] + turn[:-1]) / 2
+    x = np.concatenate([[0.0], np.cumsum(step * np.cos(between))])
+    y = np.concatenate([[0.0], np.cumsum(step * np.sin(between))])
+    return x, y, turn
+
+
+def _trace_cubic(
+    shape: Any, ds: FloatArray, length: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    if shape.tag == "poly3":
+        u, du = ds, np.ones_like(ds)
+        v, dv = _evaluate([_read(shape, name) for name in "abcd"], ds)
+        return u, v, np.arctan2(dv, du)
+    p = ds if shape.get("pRange") == "arcLength" else ds / length
+    u, du = _evaluate([_read(shape, f"{name}U") for name in "abcd"], p)
+    v, dv = _evaluate([_read(shape, f"{name}V") for name in "abcd"], p)
+    return u, v, np.arctan2(dv, du)
+
+
+def _evaluate(c: Sequence[float], p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A cubic and its derivative."""
+    value = c[0] + c[1] * p + c[2] * p**2 + c[3] * p**3
+    return np.asarray(value), np.asarray(c[1] + 2 * c[2] * p + 3 * c[3] * p**2)
+
+
+def list_opendrive_crossings(file: OpenDriveFile, middle: FloatArray) -> list[SurveyCrossing]:
+    """The crosswalk objects of a file, in metres from a place."""
+    found = []
+    for road in file.roads:
+        for element in road.element.iter("object"):
+            if _is_crosswalk(element) and (outline := _trace_outline(road, element)) is not None:
+                source = f"object {element.get('id', '?')} of road {road.id}"
+                found.append(_build_crossing(outline - middle, source))
+    return found
+
+
+def _is_crosswalk(element: Any) -> bool:
+    kind = (element.get("type") or "").lower()
+    name = (element.get("name") or "").lower()
+    return kind == "crosswalk" or any(word in name for word in ("crosswalk", "zebra"))
+
+
+def _trace_outline(road: OpenDriveRoad, element: Any) -> FloatArray | None:
+    """[P, 2] the outline of an object [m]."""
+    s, t = _read(element, "s"), _read(element, "t")
+    corners = [*element.iter("cornerRoad")]
+    if corners:
+        return np.array([road.locate(_read(c, "s"), _read(c, "t")) for c in corners])
+    local = [(_read(c, "u"), _read(c, "v")) for c in element.iter("cornerLocal")]
+    if not local:
+        u, v = _read(element, "length") / 2, _read(element, "width") / 2
+        local = [(u, v), (-u, v), (-u, -v), (u, -v)] if u > 0 and v > 0 else []
+    if len(local) < 3:
+        return None
+    heading = road.find_heading(s) + _read(element, "hdg")
+    turn = np.array(
+        [[math.cos(heading), math.sin(heading)], [-math.sin(heading), math.cos(heading)]]
+    )
+    return np.asarray(road.locate(s, t) + np.array(local) @ turn)
+
+
+def _build_crossing(outline: FloatArray, source: str) -> SurveyCrossing:
+    """The middle line of an outline along its longer side."""
+    box = np.array(geos.minimum_rotated_rectangle(geos.MultiPoint(outline)).exterior.coords)[:4]
+    sides = [box[1] - box[0], box[2] - box[1]]
+    lengths = [float(np.hypot(*side)) for side in sides]
+    long = int(np.argmax(lengths))
+    ahead = sides[long] / max(lengths[long], 1e-9)
+    extent = (outline - box.mean(axis=0)) @ ahead
+    aside = (outline - box.mean(axis=0)) @ rotate_left(ahead)
+    middle = np.array(geos.MultiPoint(outline).convex_hull.centroid.coords[0])
+    half = (extent.max() - extent.min()) / 2
+    return SurveyCrossing(
+        middle + np.outer([-half, half], ahead), float(aside.max() - aside.min()), source=source
+    )
+
+
+def list_lane_borders(road: OpenDriveRoad) -> Iterator[FloatArray]:
+    """[P, 2] the borders of a road's lanes [m], for pictures."""
+    sections = sorted(road.element.iter("laneSection"), key=lambda each: _read(each, "s"))
+    offsets = [*road.element.iter("laneOffset")]
+    ends = [*(_read(each, "s") for each in sections[1:]), float(road.stations[-1])]
+    for section, end in zip(sections, ends, strict=True):
+        start = _read(section, "s")
+        s = np.linspace(start, end, max(math.ceil((end - start) / 2.0), 1) + 1)
+        shift = _evaluate_records(offsets, s)
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            t = shift.copy()
+            for lane in _list_lanes(section, side):
+                t = t + sign * _evaluate_records([*lane.iter("width")], s - start)
+                yield np.array([road.locate(*each) for each in zip(s, t, strict=True)])
+
+
+def _list_lanes(section: Any, side: str) -> list[Any]:
+    part = section.find(side)
+    lanes = [] if part is None else [*part.iter("lane")]
+    return sorted(lanes, key=lambda each: abs(int(each.get("id", "0"))))
+
+
+def _evaluate_records(records: Sequence[Any], s: FloatArray) -> FloatArray:
+    """The cubic records of a lane's width or a road's offset along it [m]."""
+    value = np.zeros_like(s)
+    for each in sorted(records, key=lambda e: _read(e, "s") + _read(e, "sOffset")):
+        start = _read(each, "s") + _read(each, "sOffset")
+        part, _ = _evaluate([_read(each, name) for name in "abcd"], s - start)
+        value = np.where(s >= start - 1e-6, part, value)
+    return np.asarray(value)

@@ -1,0 +1,106 @@
+"""What an import read, derived, assumed and dropped, item by item, with a score for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
+from scenewright.tools.map_import.mapped_crosswalks import CrossingChoice
+from scenewright.tools.map_import.survey import SurveyCrossing
+
+_NEAR = 60.0
+"""Crossings of the file within that distance of a leg's are worth a word [m]."""
+
+
+@dataclass(frozen=True)
+class CrosswalkFact:
+    """Where the crosswalk of one leg comes from.
+
+    Attributes:
+        leg: its name; origin: `file`, `derived` or `none`.
+        offset: from the middle of what the file holds to ours [m]; None if the file holds none.
+        sources: what the file calls it, one for each stage; middle: ours [m].
+        drawn: [stages, 2] middles of the file's [m].
+        nearest: for a derived one, the file's nearest crossing [m]; None if there is none.
+        left_out: crossings of the file on this leg that are not on the map, and why.
+    """
+
+    leg: str
+    origin: str
+    offset: float | None
+    sources: tuple[str, ...]
+    middle: tuple[float, float] | None
+    drawn: tuple[tuple[float, float], ...]
+    nearest: float | None
+    left_out: tuple[str, ...]
+
+
+def describe_crosswalk(
+    leg: str,
+    placed: CrosswalkPlacement | None,
+    choice: CrossingChoice,
+    k: int,
+    crossings: Sequence[SurveyCrossing],
+) -> CrosswalkFact:
+    """The account of the crosswalk of leg number k."""
+    mapped = choice.by_leg.get(k)
+    left_out = [f"{x.source} {why}" for x, where, why in choice.left_out if where == k]
+    used = placed is not None and placed.mapped is not None
+    if mapped is not None and not used:
+        left_out += [f"{source} lies off our road or the map" for source in mapped.sources]
+    drawn = mapped.stages if mapped is not None and used else ()
+    middle = (
+        None if placed is None else (round_metre(placed.middle[0]), round_metre(placed.middle[1]))
+    )
+    offset = None
+    if placed is not None and mapped is not None and used:
+        offset = round_metre(float(np.hypot(*(placed.middle - mapped.middle))))
+    return CrosswalkFact(
+        leg=leg,
+        origin="none" if placed is None else "file" if used else "derived",
+        offset=offset,
+        sources=mapped.sources if mapped is not None and used else (),
+        middle=middle,
+        drawn=tuple((round_metre(x.middle[0]), round_metre(x.middle[1])) for x in drawn),
+        nearest=None if placed is None or used else _find_nearest(placed, crossings),
+        left_out=tuple(left_out),
+    )
+
+
+def round_metre(value: float) -> float:
+    """To the centimetre, without a negative zero."""
+    return round(float(value), 2) + 0.0
+
+
+def _find_nearest(placed: CrosswalkPlacement, crossings: Sequence[SurveyCrossing]) -> float | None:
+    away = [float(np.hypot(*(x.line.mean(axis=0) - placed.middle))) for x in crossings]
+    return round_metre(min(away)) if away else None
+
+
+def list_crosswalk_notes(facts: Sequence[CrosswalkFact]) -> Iterator[str]:
+    """What is said of the crosswalks at import, one fact a line."""
+    if read := [fact for fact in facts if fact.origin == "file"]:
+        off = max(fact.offset or 0.0 for fact in read)
+        yield (
+            f"crosswalks of the file: {', '.join(fact.leg for fact in read)}; their middles are at "
+            f"most {off:.1f} m from the file's"
+        )
+    reasons: dict[str, list[str]] = {}
+    for fact in facts:
+        if fact.origin == "derived":
+            reasons.setdefault(_say_why_derived(fact), []).append(fact.leg)
+    for reason, legs in reasons.items():
+        yield f"crosswalk derived on {', '.join(legs)}, 4 m wide, where the leg is narrow: {reason}"
+    for fact in facts:
+        yield from (f"crossing not on the map, {fact.leg}: {line}" for line in fact.left_out)
+
+
+def _say_why_derived(fact: CrosswalkFact) -> str:
+    if fact.left_out:
+        return "what the file draws there does not fit"
+    if fact.nearest is None or fact.nearest > _NEAR:
+        return f"no crossing was found in the file within {_NEAR:.0f} m"
+    return f"the file's nearest crossing, {fact.nearest:.0f} m away, is not on this leg"

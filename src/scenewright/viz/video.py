@@ -1,0 +1,100 @@
+"""A scene in motion: an MP4, encoded by ffmpeg."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import chain
+from pathlib import Path
+from typing import IO, cast
+
+from scenewright.errors import InputError
+from scenewright.files import write_atomically
+from scenewright.scene.events import Proof
+from scenewright.scene.map import IntersectionMap
+from scenewright.scene.record import SceneRecord
+from scenewright.viz.animation import AnimatedScene, Pixels
+from scenewright.viz.figure import use_plain_style
+from scenewright.viz.frame_times import choose_frame_times
+
+FPS = 25
+DPI = 160
+
+
+def film_scene(
+    path: str | Path,
+    *,
+    scene: SceneRecord,
+    proof: Proof | None,
+    intersection: IntersectionMap,
+    whole: bool = False,
+) -> None:
+    """Write a scene as an MP4 (H.264): slow round each event, ending soon after the last.
+
+    Args:
+        whole: show the scene to its end.
+
+    Raises:
+        InputError: there is no ffmpeg, it fails, or the file cannot be written.
+    """
+    program = find_ffmpeg()
+    times = choose_frame_times(scene, fps=FPS, whole=whole)
+    with use_plain_style():
+        animated = AnimatedScene(scene, proof, intersection, dpi=DPI)
+        data = _encode(program, (animated.render_frame(float(t)) for t in times))
+    write_atomically(path, data)
+
+
+def find_ffmpeg() -> str:
+    """The encoder: that of the package imageio-ffmpeg, else the machine's own.
+
+    Raises:
+        InputError: there is neither.
+    """
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        found = shutil.which("ffmpeg")
+        if found is None:
+            raise InputError(
+                "an MP4 needs ffmpeg; pip install 'scenewright[video]' brings one"
+            ) from None
+        return found
+    return str(imageio_ffmpeg.get_ffmpeg_exe())
+
+
+def _encode(program: str, frames: Iterator[Pixels]) -> bytes:
+    """The frames as an MP4 that plays while it is still being read."""
+    first = next(frames)
+    high, wide = (size - size % 2 for size in first.shape[:2])  # the encoder halves both
+    with tempfile.TemporaryDirectory() as folder:
+        part = Path(folder) / "scene.mp4"
+        command = [
+            program, "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
+            "-s", f"{wide}x{high}", "-r", str(FPS), "-i", "-", "-an", "-c:v", "libx264",
+            "-crf", "20", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-y", str(part),
+        ]  # fmt: skip
+        _run(command, (frame[:high, :wide].tobytes() for frame in chain([first], frames)))
+        return part.read_bytes()
+
+
+def _run(command: list[str], chunks: Iterator[bytes]) -> None:
+    """Hand the chunks to a program on its stdin; InputError with its last words if it fails."""
+    with tempfile.TemporaryFile() as errors:
+        try:
+            with (
+                subprocess.Popen(command, stdin=subprocess.PIPE, stderr=errors) as encoder,
+                suppress(BrokenPipeError),
+                cast(IO[bytes], encoder.stdin) as sink,
+            ):
+                for chunk in chunks:
+                    sink.write(chunk)
+        except OSError as error:
+            raise InputError(f"cannot run {command[0]}: {error.strerror or error}") from error
+        errors.seek(0)
+        said = errors.read().decode(errors="replace").strip().splitlines()
+    if encoder.returncode:
+        raise InputError(f"ffmpeg failed: {said[-1] if said else encoder.returncode}")
