@@ -31,7 +31,7 @@ from scenewright.tools.solver.path_conflict import IntArray
 from scenewright.tools.solver.reservation import IN_LANE, ReservationTable, get_corridor
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
-_HEADWAY, _HEADWAY_SPREAD = 1.35, 0.28
+_HEADWAY, _HEADWAY_SPREAD = 1.25, 0.28
 """From the rear ahead to one's own front [s]: median and spread of the logarithm. At 9 m/s that is
 1.9 s from front to front, about what queues discharge at."""
 _GAP = (0.5, 1.4)
@@ -220,12 +220,13 @@ def _list_stops(actor: ScheduledAgent, moved: FloatArray, speed: FloatArray) -> 
     for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
         if STEP * (last - first) < _SHORTEST:
             continue
-        s, line = float(moved[last]), actor.landmarks.line
+        # Who still creeps up a little stands where it first has all but stopped.
+        s, line = float(moved[min(first + 4, last)]), actor.landmarks.line
         at_line = line is not None and 0.0 <= line - s < _LINE[1] + 0.5
         anchor = "stop_line" if at_line else "queue"
         until = STEP * last + (100.0 if last == len(moved) - 1 else 0.0)
         if found and s < found[-1].s + _CREEPS:
-            found[-1] = replace(found[-1], s=s, until=until)
+            found[-1] = replace(found[-1], until=until)
         else:
             found.append(Stop(anchor, s, STEP * first, until, "red_light"))
     return tuple(found)

@@ -131,7 +131,26 @@ def find_entry_times(actor: ScheduledAgent, moment: SceneTiming) -> NDArray[np.i
         return steps
     crosses = STEP * steps + actor.motion.find_time_at(line) + clock.offset
     green = is_showing(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
-    return steps[green.all(axis=0)]
+    allowed = green.all(axis=0)
+    if actor.candidate.route.type == "pedestrian" and clock.colour(group, 0.0) == "red":
+        allowed &= ~_is_on_crosswalk(actor, -STEP * steps)
+    return steps[allowed]
+
+
+def _is_on_crosswalk(actor: ScheduledAgent, times: FloatArray) -> NDArray[np.bool_]:
+    """[N] whether a pedestrian is on its crosswalk at local times [s]."""
+    own = [each for each in actor.landmarks.crosswalks if each[0] == actor.landmarks.own_crosswalk]
+    s = np.where(times > 0.0, actor.motion.compute_positions(times), -np.inf)
+    inside = [(begin - 0.5 < s) & (s < end + 0.5) for _, begin, end in own]
+    return np.logical_or.reduce(inside) if inside else np.zeros(len(times), np.bool_)
+
+
+def starts_on_red(actor: ScheduledAgent, moment: SceneTiming, enters: float) -> bool:
+    """Whether a pedestrian is on its crosswalk when the scene begins, and its light is red then."""
+    group, clock = actor.landmarks.group, moment.clock
+    if clock is None or group is None or clock.colour(group, 0.0) != "red":
+        return False
+    return bool(_is_on_crosswalk(actor, np.array([-enters]))[0])
 
 
 def compute_arrival_entry(free: ScheduledAgent, moment: SceneTiming, chance: float) -> float:

@@ -80,6 +80,7 @@ from scenewright.tools.solver.entry_times import (
     find_queue_tail,
     limit_to_leader,
     passes_on_green,
+    starts_on_red,
 )
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
@@ -651,7 +652,8 @@ class Search:
         actor, line = option.actor.led(*built), built[1].line or np.inf
         kerb = option.actor.landmarks.line or np.inf
         beyond = any(stop.s < kerb and stop.s > line - _OFF_KERB for stop in actor.stops)
-        if not beyond and passes_on_green(actor, moment, start * STEP):
+        lawful = passes_on_green(actor, moment, start * STEP)
+        if lawful and not beyond and not starts_on_red(actor, moment, start * STEP):
             steps = np.array([start], dtype=np.int64)
             cost = self._cost(draws.name, option.index)
             yield Option(partial(_get, actor), option.index, steps, cost)
