@@ -39,8 +39,10 @@ _GAP = (0.5, 1.4)
 _LINE = (0.4, 1.6)
 """From the front of who stops first to the line [m]."""
 _ROUNDS = 12
-_HARDEST = 3.2
+_HARDEST = 3.6
 """Who would brake harder [m/s^2] than this for others comes at another time."""
+_FORESEES = 1.5
+"""How far ahead drivers see how others will go on, by brake lights and those further ahead [s]."""
 _AFTER = 4.0
 """How long beyond the scene's end the way is looked at [s]."""
 _STANDS, _SHORTEST = 0.3, 0.8
@@ -106,7 +108,7 @@ def _drive(
     for _ in range(_ROUNDS):
         moved, hardest = _follow(
             corridor.s, walls, stop, release, candidate.path.s, free, law.acceleration,
-            law.braking, max(style.headway - IN_LANE, 0.25), style.gap, steps,
+            law.braking, max(style.headway - IN_LANE, 0.3), style.gap, steps,
         )  # fmt: skip
         if hardest > _HARDEST:
             return None
@@ -257,39 +259,27 @@ def _follow(
         places, free: arc lengths [P] and free speed there.
     """
     moved, s, v, hardest = np.empty(steps + 1), 0.0, free[0], 0.0
-    spacing, cell, p = nodes[1] - nodes[0], 0, 0
+    cell = 0
     for k in range(steps + 1):
         moved[k] = s
         if s >= nodes[-1]:
             return moved[: k + 1], hardest
         t = STEP * k
-        while p < len(nodes) and (nodes[p] <= s and walls[p] <= t):
-            p += 1
-        at, speed = np.inf, 0.0
-        n = p
-        while n < len(nodes) and walls[n] <= t:
-            n += 1
-        if n < len(nodes):
-            at = nodes[n] - spacing
-            if n > 0 and walls[n - 1] > -np.inf and walls[n] - walls[n - 1] < 4.0:
-                took = max(walls[n] - walls[n - 1], 0.02)
-                speed = spacing / took
-                at += spacing * min(max((t - walls[n - 1]) / took, 0.0), 1.0)
+        at = _find_wall(nodes, walls, t)
+        later = _find_wall(nodes, walls, t + _FORESEES)
+        speed = v if later == np.inf else (later - at) / _FORESEES
         if t < release and line < at and s <= line + 0.3:
             at, speed = line + gap, 0.0
         while cell < len(places) - 2 and places[cell + 1] <= s:
             cell += 1
         share = (s - places[cell]) / (places[cell + 1] - places[cell])
         limit = max(free[cell] + (free[cell + 1] - free[cell]) * share, 0.5)
-        rate = acceleration * (1.0 - (v / limit) ** 4)
-        if at < np.inf:
-            room = max(at - s, 0.05)
-            wanted = gap + max(
-                0.0, v * headway + v * (v - speed) / (2.0 * np.sqrt(acceleration * braking))
-            )
-            rate -= acceleration * (wanted / room) ** 2
-            if at < s - 0.3:
-                return moved[: k + 1], np.inf
+        if at < s - 0.3:
+            return moved[: k + 1], np.inf
+        rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, gap)
+        while k == 0 and rate < -0.8 * braking and v > speed + 0.3:
+            v *= 0.95  # it has seen the one ahead before it came
+            rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, gap)
         rate = max(rate, -9.0)
         after = min(max(v + rate * STEP, 0.0), max(limit, v - braking * STEP))
         if after < 0.02 and rate < 0.0:
@@ -299,6 +289,40 @@ def _follow(
         s += 0.5 * (v + after) * STEP
         v = after
     return moved, hardest
+
+
+@compiled
+def _find_wall(nodes: FloatArray, walls: FloatArray, t: float) -> float:
+    """How far [m] one may have come at a time [s]; between nodes as one ahead would go on."""
+    for n in range(len(nodes)):
+        if walls[n] > t:
+            spacing = float(nodes[1] - nodes[0])
+            at = float(nodes[n]) - spacing
+            if n > 0 and walls[n - 1] > -np.inf and walls[n] - walls[n - 1] < 4.0:
+                took = max(walls[n] - walls[n - 1], 0.02)
+                at += spacing * min(max((t - walls[n - 1]) / took, 0.0), 1.0)
+            return at
+    return np.inf
+
+
+@compiled
+def _accelerate(
+    v: float,
+    limit: float,
+    room: float,
+    speed: float,
+    acceleration: float,
+    braking: float,
+    headway: float,
+    gap: float,
+) -> float:
+    """Acceleration [m/s^2] at speed `v` behind a wall that is `room` [m] away and moves, too."""
+    rate = acceleration * (1.0 - (v / limit) ** 4)
+    if room == np.inf:
+        return rate
+    closing = v * (v - speed) / (2.0 * np.sqrt(acceleration * braking))
+    wanted = gap + max(0.0, v * headway + closing)
+    return rate - acceleration * (wanted / max(room, 0.05)) ** 2
 
 
 @compiled

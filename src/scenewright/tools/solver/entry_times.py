@@ -133,7 +133,7 @@ def find_entry_times(actor: ScheduledAgent, moment: SceneTiming) -> NDArray[np.i
     green = is_showing(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
     allowed = green.all(axis=0)
     if actor.candidate.route.type == "pedestrian" and clock.colour(group, 0.0) == "red":
-        allowed &= ~_is_on_crosswalk(actor, -STEP * steps)
+        allowed &= ~_is_on_crosswalk(actor, np.asarray(-STEP * steps, dtype=np.float64))
     return steps[allowed]
 
 
