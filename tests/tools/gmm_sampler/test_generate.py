@@ -166,9 +166,23 @@ def test_arrivals_are_spread_evenly_over_the_scene():
     assert shares == pytest.approx([1 / 3] * 3, abs=0.1)
 
 
+def test_some_walk_with_another_at_its_pace_on_its_route():
+    pool = pool_of(graph_of(background=Background(vehicles=0, pedestrians=60)))
+    crowd = [each for each in pool.agents.values() if each.route.type == "pedestrian"]
+    pairs = [(each, pool.agents[each.beside]) for each in crowd if each.beside is not None]
+    assert 2 <= len(pairs) <= 14  # 11 % of 60
+    for other, leader in pairs:
+        ours, theirs = other.build(0), leader.build(0)
+        assert (other.route, ours.time_law) == (leader.route, theirs.time_law)
+        apart = np.hypot(*(ours.path.xy - theirs.path.xy).T)
+        assert apart.min() > 0.8 and apart.max() < 1.3
+    assert not {each.name for each, _ in pairs} & {leader.name for _, leader in pairs}
+
+
 def test_candidates_are_built_from_what_was_drawn():
     pool = pool_of(graph_of())
-    for name, agent in pool.agents.items():
+    alone = {name: agent for name, agent in pool.agents.items() if agent.beside is None}
+    for name, agent in alone.items():
         assert agent.drawn.waypoints.shape == (6, 10, 2)
         candidate = agent.build(3)
         assert candidate.route == agent.route

@@ -30,6 +30,7 @@ class Option:
         starts: [N] allowed entry times in steps of 0.1 s, ascending.
         cost: -log density of it [nats].
         drawn_time: entry time [steps] that it was drawn for.
+        follows: it drives behind who is ahead of it.
     """
 
     make: Callable[[], ScheduledAgent]
@@ -37,6 +38,7 @@ class Option:
     starts: Steps
     cost: float
     drawn_time: int = 0
+    follows: bool = False
 
     @cached_property
     def actor(self) -> ScheduledAgent:
@@ -127,7 +129,9 @@ def _first_room(
 ) -> tuple[Option, int] | None:
     """The guest's first way with room, and its entry time nearest to the one wished for."""
     for option in agent.make(seated):
-        free = present.find_free_times(option.actor, option.starts, foreground=agent.foreground)
+        free = present.find_free_times(
+            option.actor, option.starts, foreground=agent.foreground, follows=option.follows
+        )
         if len(free):
             return option, int(free[np.argmin(np.abs(free - option.drawn_time))])
     return None

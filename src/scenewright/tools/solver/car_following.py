@@ -31,9 +31,9 @@ from scenewright.tools.solver.path_conflict import IntArray
 from scenewright.tools.solver.reservation import IN_LANE, ReservationTable, get_corridor
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
-_HEADWAY, _HEADWAY_SPREAD = 1.25, 0.28
+_HEADWAY, _HEADWAY_SPREAD = 1.1, 0.25
 """From the rear ahead to one's own front [s]: median and spread of the logarithm. At 9 m/s that is
-1.9 s from front to front, about what queues discharge at."""
+about 2 s from front to front with the gap at standstill, as queues discharge."""
 _GAP = (0.5, 1.4)
 """At standstill, on top of the clearance of 0.8 m [m]."""
 _LINE = (0.4, 1.6)
@@ -108,7 +108,7 @@ def _drive(
     for _ in range(_ROUNDS):
         moved, hardest = _follow(
             corridor.s, walls, stop, release, candidate.path.s, free, law.acceleration,
-            law.braking, max(style.headway - IN_LANE, 0.3), style.gap, steps,
+            law.braking, max(style.headway - IN_LANE, 0.1), style.gap, steps,
         )  # fmt: skip
         if hardest > _HARDEST:
             return None
@@ -317,12 +317,12 @@ def _accelerate(
     gap: float,
 ) -> float:
     """Acceleration [m/s^2] at speed `v` behind a wall that is `room` [m] away and moves, too."""
-    rate = acceleration * (1.0 - (v / limit) ** 4)
+    rate = float(acceleration * (1.0 - (v / limit) ** 4))
     if room == np.inf:
         return rate
     closing = v * (v - speed) / (2.0 * np.sqrt(acceleration * braking))
     wanted = gap + max(0.0, v * headway + closing)
-    return rate - acceleration * (wanted / max(room, 0.05)) ** 2
+    return rate - float(acceleration * (wanted / max(room, 0.05)) ** 2)
 
 
 @compiled

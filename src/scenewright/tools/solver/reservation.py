@@ -156,12 +156,18 @@ class ReservationTable:
             touch = SafetyMargin(clearance=0.0, gap=0.0)
             self._stays.append(_stay(actor, actor.motion, touch, touch, ahead=WALKER_AHEAD))
 
-    def find_free_times(self, actor: ScheduledAgent, starts: Steps, *, foreground: bool) -> Steps:
-        """Of the entry times [steps], those at which the actor would meet nobody."""
+    def find_free_times(
+        self, actor: ScheduledAgent, starts: Steps, *, foreground: bool, follows: bool = False
+    ) -> Steps:
+        """Of the entry times [steps], those at which the actor would meet nobody.
+
+        Args:
+            follows: it drives behind who is ahead in its lane, so that `IN_LANE` will do there.
+        """
         if not self._stays or not len(starts):
             return starts
         if len(starts) == 1:
-            return starts[:0] if self._meets(actor, int(starts[0]), foreground) else starts
+            return starts[:0] if self._meets(actor, int(starts[0]), foreground, follows) else starts
         return _unmet(starts, *self.find_blocked_intervals(actor, foreground=foreground))
 
     def find_blocked_intervals(
@@ -193,13 +199,13 @@ class ReservationTable:
         nodes, keeping, _ = self._gathered()
         return _list_bars(corridor.pose, self._meetings(corridor), nodes, keeping, in_lane)
 
-    def _meets(self, actor: ScheduledAgent, start: int, foreground: bool) -> bool:
+    def _meets(self, actor: ScheduledAgent, start: int, foreground: bool, follows: bool) -> bool:
         """Whether it would meet anybody if it entered at one time [steps]: quicker than all."""
         corridor = get_corridor(actor.candidate)
         come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
         return _meets(
             start, corridor.pose, corridor.half, corridor.reach, corridor.walks, come, leave,
-            foreground, *self._gathered(),
+            foreground, follows, *self._gathered(),
         )  # fmt: skip
 
     def _gathered(self) -> _Table:
@@ -438,6 +444,7 @@ def _meets(
     come: FloatArray,
     leave: FloatArray,
     foreground: bool,
+    follows: bool,
     nodes: FloatArray,
     keeping: FloatArray,
     ends: IntArray,
@@ -470,7 +477,7 @@ def _meets(
                 if gap <= least and _bars(begin, end, start):
                     return True
                 if gap <= 0.0 and not both and _bars(begin - before, end + after, start):
-                    lane = not walks and _is_in_lane(pose, i, nodes, j, keeping[who], foreground)
+                    lane = follows and _is_in_lane(pose, i, nodes, j, keeping[who], foreground)
                     if not lane or _bars(begin - IN_LANE, end + IN_LANE, start):
                         return True
                 j += 1

@@ -674,7 +674,7 @@ class Search:
             driven = follow_traffic(actor, enters, present, moment, self._rng)
             if driven is not None and enters + STEP * len(driven.motion.s) >= _LEAST_SEEN:
                 step = np.array([round(enters / STEP)], dtype=np.int64)
-                yield Option(partial(_get, driven), m, step, cost)
+                yield Option(partial(_get, driven), m, step, cost, follows=True)
 
     def _reds(
         self, actor: ScheduledAgent, moment: SceneTiming, around: float, waiting: float
