@@ -167,16 +167,18 @@ def test_arrivals_are_spread_evenly_over_the_scene():
 
 
 def test_some_walk_with_another_at_its_pace_on_its_route():
-    pool = pool_of(graph_of(background=Background(vehicles=0, pedestrians=60)))
-    crowd = [each for each in pool.agents.values() if each.route.type == "pedestrian"]
-    pairs = [(each, pool.agents[each.beside]) for each in crowd if each.beside is not None]
-    assert 2 <= len(pairs) <= 14  # 11 % of 60
-    for other, leader in pairs:
-        ours, theirs = other.build(0), leader.build(0)
-        assert (other.route, ours.time_law) == (leader.route, theirs.time_law)
-        apart = np.hypot(*(ours.path.xy - theirs.path.xy).T)
-        assert apart.min() > 0.8 and apart.max() < 1.3
-    assert not {each.name for each, _ in pairs} & {leader.name for _, leader in pairs}
+    asked = graph_of(background=Background(vehicles=0, pedestrians=20))
+    found = 0
+    for seed in range(4):
+        pool = pool_of(asked, seed=seed)
+        for other in (each for each in pool.agents.values() if each.beside is not None):
+            leader = pool.agents[other.beside]
+            ours, theirs = other.build(0), leader.build(0)
+            assert (other.route, ours.time_law) == (leader.route, theirs.time_law)
+            assert 0.7 < np.hypot(*(ours.path.xy - theirs.path.xy).T).mean() < 1.3
+            assert leader.beside is None
+            found += 1
+    assert 3 <= found <= 18  # 11 % of 80
 
 
 def test_candidates_are_built_from_what_was_drawn():
