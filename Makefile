@@ -14,11 +14,12 @@ INSTRUCTION ?= A vehicle yields to a pedestrian at 8 am
 SEED ?= 7
 OUT ?= scenes/demo
 SCENES ?= 200
+CASES ?= 100000
 # Processes that share the tests; one that has done its part takes tests of the others.
 TESTERS ?= 2
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test lint format bench check crosscheck exports ray test-vllm test-small-weights docs
+.PHONY: demo test lint format bench check crosscheck exports fuzz ray test-vllm test-small-weights docs
 
 demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
@@ -49,6 +50,10 @@ crosscheck: $(PEERS)/.installed
 # nothing else; not part of check. About 4 GB more, and a quarter of an hour for 200 scenes.
 exports: $(CONSUMERS)/.installed
 	SCENEWRIGHT_EXPORT_SCENES=$(SCENES) $(BIN)/pytest -s tests/exports
+
+# Damaged input of every kind into everything that reads; CI's nightly part. An hour or two.
+fuzz: $(INSTALLED)
+	cd benchmarks && $(abspath $(BIN))/python fuzz.py --cases $(CASES)
 
 # Batches on a Ray cluster (extra `ray`), and their tests. About 250 MB more.
 ray: $(INSTALLED)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.grammar_plan import read_by_grammar as plan
 from scenewright.scene.social import Refusal, SocialGraph
 
@@ -64,3 +65,15 @@ def test_between_intersections_is_off_the_crosswalks() -> None:
     graph = plan("A child runs into the street between intersections and is struck by a car")
     assert isinstance(graph, SocialGraph)
     assert graph.agents[0].movement == "jaywalking"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("A wrong-way driver collides head-on with a van", "wrong-way driver"),
+        ("A car brakes as the light turns yellow and hits a bus", "light turns yellow"),
+    ],
+)
+def test_what_no_scene_shows_stands_in_the_account(text: str, words: str) -> None:
+    graph = note_beyond(SocialGraph(agents=()), text)
+    assert [(each.words, each.became) for each in graph.said] == [(words, "nothing")]

@@ -44,7 +44,11 @@ def test_a_map_alone_is_enough_for_a_verified_scene(tmp_path, capsys):
     assert main(["intersections", "import", str(file), "--name", "mine", "-q", "--json"]) == 0
     facts = told(capsys)
     assert facts["format"] == "Lanelet2"
-    assert any("no crosswalk" in line for line in facts["notes"])
+    assert any("crosswalk derived on" in line for line in facts["notes"])
+    report = json.loads((Path(facts["folder"]) / "report.json").read_text())
+    assert {item["item"]: item["state"] for item in report["items"]}["crosswalks"] == "partly read"
+    assert (Path(facts["folder"]) / "report.png").read_bytes()[:4] == b"\x89PNG"
+    check_bundle(Path(facts["folder"]), "report.json")
     assert "mine" in list_intersections()
     code, made = make("mine", "A vehicle yields to a pedestrian at 8 am", capsys)
     assert (code, made["verified"]) == (0, True)

@@ -38,6 +38,7 @@ _FIGURES = {
 }  # fmt: skip
 _WORDS = {
     "car": "car", "vehicle": "vehicle driver", "truck": "truck lorry", "van": "van", "bus": "bus",
+    "taxi": "taxi cab", "ambulance": "ambulance", "police_car": "police", "fire_engine": "fire",
     "motorcycle": "motorcycle motorbike", "cyclist": "cyclist bike bicycle", "scooter": "scooter",
     "pedestrian": "pedestrian walker man woman child person her him she he",
 }  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenewright.driving.driven_scene import DrivenScene, build_driven_scene
+from scenewright.driving.resolve import Resolve
 from scenewright.driving.run_drive import Drive
 from scenewright.driving.scenario import COLOURS, KINDS, Scenario
 from scenewright.driving.scores import (
@@ -364,5 +365,21 @@ def _describe_scene(drive: Drive, scene: DrivenScene) -> dict[str, Any]:
              "time": round(e.time, 3)} for e in met
         ],
         "background_collisions": len(apart),
+        **_describe_meetings(drive, {ids.index(n) for e in met for n in (e.from_, e.to)}),
         "events": [e.model_dump(mode="json", by_alias=True) for e in scene.events],
     }  # fmt: skip
+
+
+def _describe_meetings(drive: Drive, met: set[int]) -> dict[str, Any]:
+    """With re-timed others: whether each conflict came about, or when and why not."""
+    traffic, names = drive.world.traffic, drive.scenario.names
+    if not isinstance(traffic, Resolve):
+        return {}
+    rows = []
+    for each in traffic.meetings:
+        row: dict[str, Any] = {"with": names[each.agent], "came_about": each.agent in met}
+        if not row["came_about"]:
+            time = drive.world.step * drive.scenario.step if each.time is None else each.time
+            row |= {"time": round(time, 2), "reason": each.explain()}
+        rows.append(row)
+    return {"resolved": rows}

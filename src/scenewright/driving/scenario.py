@@ -30,6 +30,9 @@ SPACING = 0.5
 """Between the points of a path [m]."""
 COLOURS = ("green", "yellow", "red")
 NO_LIGHT = -1
+SLOWEST = {"vehicle": 6.0, "pedestrian": 1.2, "cyclist": 4.0, "scooter": 4.0}
+GAIN = {"vehicle": 1.5, "pedestrian": 1.0, "cyclist": 1.0, "scooter": 1.0}
+"""Free speed at least [m/s] and acceleration [m/s^2] of who goes on beyond its recorded track."""
 MAP_POINTS = 16
 """Points of every map line."""
 DEFAULT_SPEED_LIMIT = 13.9
@@ -77,13 +80,20 @@ class AgentPath:
         return np.asarray(np.gradient(self.heading, self.arc))
 
     @cached_property
+    def spacing(self) -> float:
+        """Between the points [m]; about `SPACING`."""
+        return self.length / max(len(self.xy) - 1, 1)
+
+    @cached_property
     def arrival(self) -> FloatArray:
-        """[P] step at which the recorded agent reaches each point; inf where it never does."""
+        """[P] step at which the recorded agent reaches each point, going on at its last speed."""
         steps = np.arange(len(self.progress), dtype=np.float64)
         moving = np.concatenate([[True], np.diff(self.progress) > 1e-9])
-        known = self.progress[moving]
-        reached = np.interp(self.arc, known, steps[moving], right=np.inf)
-        return np.asarray(np.where(self.arc > known[-1] + 1e-6, np.inf, reached))
+        known, times = self.progress[moving], steps[moving]
+        last = max(float(self.progress[self.last] - self.progress[self.last - 1]), 0.1)
+        beyond = times[-1] + (self.arc - known[-1]) / last
+        within = np.interp(self.arc, known, times)
+        return np.asarray(np.where(self.arc <= known[-1], within, beyond))
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,19 +182,20 @@ def build_scenario(
         InputError: no such agent, or a pedestrian.
     """
     scene = prepare_scene(record, intersection_map, ego=ego)
-    agents = _continue_collided(scene)
     ids = [agent.id for agent in scene.agents]
     lights = tuple(sorted(scene.colours()))
+    colours = _number_colours(scene, lights)
     records = [*record.agents, *(None for _ in scene.objects)]
+    stops = [_find_stops(row, lights, intersection_map) for row in records]
+    agents = _continue_collided(scene, stops, colours)
     paths = tuple(
-        _build_path(agent, scene, _find_stops(agent, row, lights, intersection_map))
-        for agent, row in zip(agents, records, strict=True)
+        _build_path(agent, scene, gates) for agent, gates in zip(agents, stops, strict=True)
     )
     me = ids.index(scene.ego.id)
     _check_ego(agents[me])
     return _assemble(
         scene.name, scene.step, agents, paths, ego=me, steps=scene.steps, lights=lights,
-        colours=_number_colours(scene, lights), intersection_map=intersection_map,
+        colours=colours, intersection_map=intersection_map,
         priority=_find_priority(record, intersection_map, me, len(agents)),
         violators=[row is not None and row.violates_signal for row in records],
         speed_limit=_find_speed_limit(record.agents[me], intersection_map),
@@ -292,21 +303,47 @@ def _spread(agent: ExportedAgent, steps: int) -> tuple[FloatArray, FloatArray, B
 # ---- paths --------------------------------------------------------------------------------------
 
 
-def _continue_collided(scene: ExportedScene) -> list[ExportedAgent]:
+def _continue_collided(
+    scene: ExportedScene, stops: Sequence[Mapping[int, FloatArray]], colours: IntArray
+) -> list[ExportedAgent]:
     """The agents, those that a collision ends going on along their routes; then the objects."""
     ends = {
         n: event.time for event in scene.record.events if event.type == "collision"
         for n in (event.from_, event.to)
     }  # fmt: skip
     agents = []
-    for agent in scene.agents:
+    for agent, gates in zip(scene.agents, stops, strict=False):
         time = ends.get(agent.id)
         if time is None:
             agents.append(agent)
             continue
         before = max(int(np.floor(time / scene.step + 1e-6)) - agent.first + 1, 2)
-        agents.append(_shorten(agent, before).continue_until(scene.steps - 1))
+        agents.append(_continue(_shorten(agent, before), scene, gates, colours))
     return [*agents, *scene.objects]
+
+
+def _continue(
+    agent: ExportedAgent, scene: ExportedScene, gates: Mapping[int, FloatArray], colours: IntArray
+) -> ExportedAgent:
+    """The agent going on along its route to its free speed, stopping for red and yellow lights."""
+    path = _build_path(agent, scene, gates)
+    s, speed = float(path.progress[-1]), float(agent.speed[-1])
+    top, gain = max(float(agent.speed.max()), SLOWEST[agent.type]), GAIN[agent.type]
+    ahead = []
+    for step in range(agent.last + 1, scene.steps):
+        shut = [at - s for light, at in path.stops if at > s - 0.3 and colours[light, step] > 0]
+        limit = np.sqrt(2 * gain * max(min(shut), 0.0)) if shut else np.inf
+        speed = min(speed + gain * scene.step, top, max(limit, speed - 4.0 * scene.step))
+        s += speed * scene.step
+        if s >= path.length:
+            break
+        ahead.append(s)
+    xy, heading = path.at(np.array(ahead))
+    return replace(
+        agent, xy=np.concatenate([agent.xy, xy]),
+        heading=np.concatenate([agent.heading, heading]),
+        velocity=np.concatenate([agent.velocity, np.zeros_like(xy)]),
+    )  # fmt: skip
 
 
 def _shorten(agent: ExportedAgent, count: int) -> ExportedAgent:
@@ -360,13 +397,12 @@ def _find_headings(
 
 
 def _find_stops(
-    agent: ExportedAgent,
     record: AgentRecord | None,
     lights: tuple[str, ...],
     intersection_map: IntersectionMap,
 ) -> dict[int, FloatArray]:
     """By number of a light that holds for the agent, the line or outline before which it waits."""
-    if record is None or agent.role == "object" or record.movement == "jaywalking":
+    if record is None or record.movement == "jaywalking":
         return {}
     if record.crosswalk is not None:
         gates = {

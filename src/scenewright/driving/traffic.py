@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
+from scenewright.driving.reactive import Reactive
+from scenewright.driving.resolve import Resolve
 from scenewright.driving.world import Replay, TrafficModel
 from scenewright.errors import InputError
 
@@ -19,4 +21,9 @@ def make_traffic(others: OthersMode) -> TrafficModel:
     """
     if others not in OTHERS_MODES:
         raise InputError(f"no way {str(others)[:40]!r} for the others; {', '.join(OTHERS_MODES)}")
-    return Replay()
+    models: dict[OthersMode, type[Replay] | type[Reactive]] = {
+        "replay": Replay,
+        "reactive": Reactive,
+        "resolve": Resolve,
+    }
+    return models[others]()

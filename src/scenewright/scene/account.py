@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal, get_args
 
@@ -77,6 +78,21 @@ def list_unrealised(said: Iterable[SaidSpan | SaidRecord]) -> tuple[str, ...]:
 def list_manner(said: Iterable[SaidSpan | SaidRecord]) -> tuple[str, ...]:
     """The words for manner and feeling that tracks cannot show, in order."""
     return tuple(each.words for each in said if each.became == "manner")
+
+
+def format_background(counts: Mapping[str, int]) -> str:
+    """The value of an entry that says how many others there are: "3 vehicles, 0 pedestrians"."""
+    return ", ".join(f"{count} {kind}" for kind, count in counts.items())
+
+
+def read_background(value: str | None) -> dict[str, int]:
+    """Vehicles and pedestrians as `format_background` writes them; empty where none are said.
+
+    >>> read_background("3 vehicles, 0 pedestrians"), read_background(None)
+    ({'vehicles': 3, 'pedestrians': 0}, {})
+    """
+    found = re.findall(r"(\d+) (vehicles|pedestrians)\b", value or "")
+    return {kind: int(count) for count, kind in found}
 
 
 def number_agents(said: Iterable[SaidSpan], numbers: Mapping[str, int]) -> tuple[SaidRecord, ...]:

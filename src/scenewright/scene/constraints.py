@@ -228,6 +228,13 @@ class RunsRed(Model):
     agent: AgentId
 
 
+class RunsYellow(Model):
+    """The vehicle or rider enters the junction while its light is yellow."""
+
+    clause: Literal["runs_yellow"] = "runs_yellow"
+    agent: AgentId
+
+
 class Pauses(Model):
     """The pedestrian stands still for a while on its way over the road."""
 
@@ -248,7 +255,15 @@ class NoInteraction(Model):
 
 
 UnaryClause = (
-    OnRoad | OnWalkable | MinLength | PassesThrough | SpeedBetween | RunsRed | AgentFigure | Pauses
+    OnRoad
+    | OnWalkable
+    | MinLength
+    | PassesThrough
+    | SpeedBetween
+    | RunsRed
+    | RunsYellow
+    | AgentFigure
+    | Pauses
 )
 PairClause = (
     Near

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError
 
 from scenewright.errors import Rejected
-from scenewright.scene.account import SaidSpan
+from scenewright.scene.account import SaidSpan, read_background
 from scenewright.scene.base import AgentClass, AgentId, Compass, Model, Movement
 from scenewright.scene.measures import Measure, format_measure
 from scenewright.scene.rejection import Rejection
@@ -248,10 +248,8 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
     match entry.became:
         case "entry" | "exit" | "movement" | "crosswalk" | "motion":
             return all(getattr(agent, entry.became) == entry.value for agent in named)
-        case "agent" if (entry.value or "").startswith("group of "):
-            return all(f"group of {agent.members}" == entry.value for agent in named)
         case "agent":
-            kinds = {kind for agent in named for kind in (agent.type, agent.subtype)}
+            kinds = {k for a in named for k in (a.type, a.subtype, f"group of {a.members}")}
             return entry.value is None or entry.value in kinds
         case "runs_red":
             return all(agent.runs_red for agent in named)
@@ -274,7 +272,11 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
             return bool(getattr(graph.context, entry.became) == entry.value)
         case "measure" if entry.value and " in [" in entry.value:
             return set(entry.value.split("; ")) <= {format_measure(m) for m in graph.measures}
-        case "normal" | "denied" | "cause" | "background" | "tie" | "measure" | "impact_point":
+        case "background":
+            background = graph.context.background
+            asked = read_background(entry.value)
+            return bool(asked) and all(getattr(background, k, None) == n for k, n in asked.items())
+        case "normal" | "denied" | "cause" | "tie" | "measure" | "impact_point":
             return False
         case _:
             return entry.became not in ("object", "sight") or _stands(entry, graph)

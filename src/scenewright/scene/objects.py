@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from scenewright.scene.base import Model
+from pydantic import Field
+
+from scenewright.scene.base import Model, is_left_out
 from scenewright.scene.social import ObjectKind, ObjectNode
 from scenewright.scene.track import VEHICLE_SIZES
 
@@ -45,12 +47,14 @@ class SightRecord(Model):
     Attributes:
         observer, subject: numbers of agents; object: what hides the second from the first.
         lead: least and most seconds between the first free line of sight and their event.
+        between: the other one of two objects between which the second comes out.
     """
 
     observer: int
     subject: int
     object: str
     lead: tuple[float, float]
+    between: str | None = Field(default=None, exclude_if=is_left_out)
 
 
 def get_subtype(node: ObjectNode) -> str | None:

@@ -37,7 +37,7 @@ _NOUNS: dict[AgentClass, str] = {
 }  # fmt: skip
 _MOTIONS = {
     "runs": "runs across", "darts_out": "darts out",
-    "stops_midway": "stops in the middle of the crosswalk",
+    "stops_midway": "stops in the middle of the crosswalk", "passes_yellow": "runs a yellow light",
 }  # fmt: skip
 _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
@@ -63,7 +63,7 @@ def _names(graph: SocialGraph) -> dict[str, str]:
     nouns = {
         agent.id: f"group of {agent.members} pedestrians"
         if agent.members
-        else agent.subtype or _NOUNS[agent.type]
+        else (agent.subtype or _NOUNS[agent.type]).replace("_", " ")
         for agent in graph.agents
     }
     found: dict[str, str] = {}

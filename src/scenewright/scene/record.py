@@ -25,6 +25,7 @@ from scenewright.scene.social import (
     ImpactPoint,
     Manoeuvre,
     PedestrianMotion,
+    VehicleMotion,
 )
 
 SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
@@ -85,7 +86,7 @@ class AgentRecord(Model):
     segments: tuple[SegmentRecord, ...] = ()
     waypoints: tuple[Point, ...] = ()
     violates_signal: bool = False
-    motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
+    motion: PedestrianMotion | VehicleMotion | None = Field(default=None, exclude_if=is_left_out)
     group: int | None = Field(default=None, exclude_if=is_left_out)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
@@ -31,8 +31,14 @@ Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane"]
 PedestrianMotion = Literal["runs", "darts_out", "stops_midway"]
 """How a pedestrian crosses: it runs, runs onto the road at once, or stands still on the way."""
 
+VehicleMotion = Literal["passes_yellow"]
+"""How a vehicle drives: over its stop line while the light is yellow."""
+
 Density = Literal["low", "medium", "high"]
-Subtype = Literal["car", "truck", "bus", "motorcycle"]
+Subtype = Literal[
+    "car", "van", "taxi", "truck", "bus", "motorcycle",
+    "emergency", "ambulance", "fire_engine", "police_car",
+]  # fmt: skip
 TimeOfDay = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d(-([01]\d|2[0-3]):[0-5]\d)?$")]
 
 
@@ -55,7 +61,7 @@ class AgentNode(Model):
     movement: Movement | None = None
     crosswalk: Compass | None = Field(default=None, description="leg that a pedestrian crosses")
     runs_red: bool = Field(default=False, description="the text says it ignores a red light")
-    motion: PedestrianMotion | None = Field(default=None, exclude_if=is_left_out)
+    motion: PedestrianMotion | VehicleMotion | None = Field(default=None, exclude_if=is_left_out)
     members: int | None = Field(
         default=None, ge=2, le=8, exclude_if=is_left_out, description="of a group that walks as one"
     )
@@ -64,8 +70,10 @@ class AgentNode(Model):
     def _named_by_class(self) -> Self:
         if not self.id.startswith(self.type):
             raise ValueError(f"{self.id} is of type {self.type}; an id begins with its type")
-        if self.motion is not None and self.type != "pedestrian":
+        if self.motion in get_args(PedestrianMotion) and self.type != "pedestrian":
             raise ValueError(f"{self.id} is no pedestrian; only one of those {self.motion}")
+        if self.motion in get_args(VehicleMotion) and self.type == "pedestrian":
+            raise ValueError(f"{self.id} is no vehicle; only one of those {self.motion}")
         if self.members is not None and self.type != "pedestrian":
             raise ValueError(f"{self.id} is no pedestrian; only those walk in groups")
         return self
@@ -159,6 +167,7 @@ class ObjectNode(Model):
         hides: the pedestrian that it hides from the vehicle `hidden_from`, up to `lead` before
             what the two do.
         lead: least and most seconds between the first free line of sight and the event.
+        beyond: the object that hides a pedestrian who comes out between it and this one.
     """
 
     id: ObjectId
@@ -169,6 +178,7 @@ class ObjectNode(Model):
     hides: AgentId | None = None
     hidden_from: AgentId | None = None
     lead: tuple[float, float] | None = None
+    beyond: ObjectId | None = Field(default=None, exclude_if=is_left_out)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -244,7 +254,10 @@ class SocialGraph(Model):
         if len(set(names)) != len(names):
             raise ValueError("object ids must be unique")
         bound = {frozenset((edge.from_, edge.to)) for edge in self.relations}
+        hiding = {each.id for each in self.objects if each.hides is not None}
         for each in self.objects:
+            if each.beyond is not None and each.beyond not in hiding - {each.id}:
+                raise ValueError(f"{each.id} is beyond {each.beyond}, which hides nobody")
             pair = frozenset((each.hides, each.hidden_from))
             if each.hides is not None and pair not in bound:
                 raise ValueError(

@@ -14,11 +14,20 @@ STEP = 0.1
 PEDESTRIAN_RADIUS = 0.30
 VEHICLE_SIZES: dict[str, tuple[float, float]] = {
     "car": (4.6, 1.85),
+    "van": (5.4, 2.0),
+    "taxi": (4.8, 1.85),
     "truck": (8.5, 2.5),
     "bus": (12.0, 2.55),
     "motorcycle": (2.2, 0.9),
+    "emergency": (6.0, 2.1),
+    "ambulance": (6.0, 2.1),
+    "fire_engine": (8.5, 2.5),
+    "police_car": (4.8, 1.9),
 }
 """Length and width [m] by vehicle subtype."""
+
+EMERGENCY = frozenset({"emergency", "ambulance", "fire_engine", "police_car"})
+"""Subtypes that may pass a red light while others give way (SEMANTICS section 8)."""
 
 
 @dataclass(frozen=True, eq=False)

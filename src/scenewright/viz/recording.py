@@ -51,7 +51,10 @@ TIMELINE = "scene_time"
 TRAIL = 5.0
 """How long [s] the trail behind an agent is."""
 WALKER_HEIGHT = 1.7
-VEHICLE_HEIGHTS = {"truck": 3.2, "bus": 3.1, "motorcycle": 1.3}
+VEHICLE_HEIGHTS = {
+    "van": 2.2, "truck": 3.2, "bus": 3.1, "motorcycle": 1.3,
+    "emergency": 2.5, "ambulance": 2.5, "fire_engine": 3.2,
+}  # fmt: skip
 PAPER, PAVING, ASPHALT = (246, 244, 239), (228, 222, 210), (205, 209, 214)
 PAINT, MEDIAN = (255, 255, 255), (224, 178, 60)
 _LAYERS = {"walkable": -0.30, "road": -0.24, "crosswalks": -0.18, "lanes": -0.12}

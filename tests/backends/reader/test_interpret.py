@@ -232,7 +232,8 @@ def test_a_number_that_names_counts_nobody() -> None:
 
 @pytest.mark.parametrize(
     ("words", "subtype"),
-    [("a blue van", "car"), ("the pickup truck", "car"), ("an articulated lorry", "truck"),
+    [("a blue van", "van"), ("the yellow cab", "taxi"), ("a patrol car", "police_car"),
+     ("the pickup truck", "car"), ("an articulated lorry", "truck"),
      ("a school bus", "bus"), ("a motorcyclist", "motorcycle"), ("the vehicle", None)],
 )  # fmt: skip
 def test_subtypes_by_noun(words: str, subtype: str | None) -> None:
@@ -427,6 +428,25 @@ def test_how_a_pedestrian_crosses_is_read_from_words_inside_and_outside_of_spans
     line: str, motion: str | None
 ) -> None:
     assert graph_of(line).agent("pedestrian-1").motion == motion
+
+
+def test_right_on_red_is_a_turn_and_a_red_light() -> None:
+    agent = graph_of("[veh:1 A car] [right:1 turns right on red]").agent("vehicle-1")
+    assert (agent.movement, agent.runs_red) == ("right", True)
+
+
+@pytest.mark.parametrize(
+    ("line", "motion"),
+    [
+        ("[veh:1 A car] [red:1 runs a yellow light]", "passes_yellow"),
+        ("[veh:1 A van] goes through on [thing amber] and [near:1>2 just misses] [veh:2 a bus]",
+         "passes_yellow"),
+        ("[veh:1 A yellow cab] [near:1>2 just misses] [veh:2 a bus]", None),
+    ],
+)  # fmt: skip
+def test_a_yellow_light_is_no_red_one(line: str, motion: str | None) -> None:
+    agent = graph_of(line).agent("vehicle-1")
+    assert (agent.motion, agent.runs_red) == (motion, False)
 
 
 def test_who_is_rear_ended_by_nobody_named_is_hit_by_another_vehicle() -> None:

@@ -36,6 +36,7 @@ def entry(became: str, *agents: int, value: str | None = None) -> SaidRecord:
         entry("relation", 1, 2, value="yield_to"),
         entry("denied", 1, 2, value="collide_at"),
         entry("retracted"),
+        entry("background", value="0 vehicles, 0 pedestrians"),
     ],
 )
 def test_what_the_tracks_bear_out_is_realised_with_evidence(said: SaidRecord) -> None:
@@ -56,6 +57,7 @@ def test_what_the_tracks_bear_out_is_realised_with_evidence(said: SaidRecord) ->
         entry("time_of_day", value="03:00"),
         entry("density", value="high"),
         entry("cause", 1, value="late_brake"),
+        entry("background", value="3 vehicles"),
     ],
 )
 def test_a_claim_that_the_tracks_do_not_bear_out_breaks_the_proof(said: SaidRecord) -> None:

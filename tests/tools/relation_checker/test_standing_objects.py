@@ -174,6 +174,20 @@ def test_what_does_not_hide_as_asked_is_found(
     assert "sight_not_blocked" in rules(check(hidden_scene(truck, lead), MAP))
 
 
+@pytest.mark.parametrize(
+    ("x", "broken"), [(-15.2, set()), (-40.0, {"sight_not_blocked"}), (-9.0, {"sight_not_blocked"})]
+)
+def test_who_comes_out_between_two_vehicles_has_one_on_either_side(
+    x: float, broken: set[str]
+) -> None:
+    made = hidden_scene()
+    second = block(x, -4.8, 4.6, 1.85, id="object-2", subtype="car")
+    (sight,) = made.sights
+    sights = (sight.model_copy(update={"between": "object-2"}),)
+    proof = check(made.model_copy(update={"objects": (TRUCK, second), "sights": sights}), MAP)
+    assert rules(proof) == broken
+
+
 def test_somebody_who_comes_into_the_scene_just_then_is_not_hidden() -> None:
     car, walker = struck_pair()
     late = walk(2, (-20.0, -4.3), NORTH, distance(1.4, (0.0, 2.0)), at=3.8)

@@ -10,6 +10,7 @@ from scenewright.backends.builtin.entail import entail
 from scenewright.backends.builtin.impacts import Impacts
 from scenewright.backends.builtin.orders import pass_order_on, settle_orders
 from scenewright.backends.builtin.phrases import cast
+from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.scope import nothing_planned
 from scenewright.backends.builtin.ties import name_turns_across, ties
 from scenewright.scene.base import AgentClass
@@ -22,12 +23,13 @@ from scenewright.scene.social import (
     RelationEdge,
     SceneContext,
     SocialGraph,
+    Subtype,
 )
 
 _FASTEST, _LONGEST = 20.0, 8.0
 """Speed [m/s], and PET and TTC [s], that may be asked for."""
 
-_SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
+_SUBTYPES = frozenset(get_args(Subtype))
 
 
 def finish_draft(draft: Draft) -> Draft:
@@ -162,13 +164,18 @@ def name_agents(agents: Sequence[AgentDraft]) -> dict[int, str]:
     return result
 
 
+def _find_subtype(agent: AgentDraft) -> str | None:
+    subtype = narrow_subtype(agent.subtype, agent.head) if agent.type == "vehicle" else None
+    return subtype if subtype in _SUBTYPES else None
+
+
 def make_node(agent: AgentDraft, name: str) -> AgentNode:
     """The vertex of a draft."""
     return AgentNode.model_validate(
         {
             "id": name,
             "type": agent.type,
-            "subtype": agent.subtype if agent.subtype in _SUBTYPES else None,
+            "subtype": _find_subtype(agent),
             "entry": agent.entry,
             "exit": agent.exit,
             "movement": agent.movement,

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
+from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.normalise import clean, tokenise
@@ -21,6 +22,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.backends.builtin.standing import add_objects, take_out
+from scenewright.backends.builtin.street_names import CompassText, list_compass_texts
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.edits import still_holds
 from scenewright.scene.measures import MeasureKind
@@ -61,7 +63,39 @@ def plan(text: str, *, previous: str | None = None, site: Site | None = None) ->
         previous: an earlier instruction that `text` edits; a full instruction replaces it.
         site: where it is to happen; None: four legs in right-hand traffic.
     """
-    asked = text, previous, site or Site()
+    site = site or Site()
+    try:
+        choices = list_compass_texts(text, site.roads)
+    except Refused as verdict:
+        return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
+    if not choices:
+        return _plan_once(text, previous, site)
+    return _plan_with_streets(choices, previous, site)
+
+
+def _plan_with_streets(choices: Sequence[CompassText], previous: str | None, site: Site) -> Plan:
+    """The plan for the first choice of legs that the map can serve, else the first there is."""
+    found = []
+    for each in choices:
+        made = _plan_once(each.text, previous, site)
+        if isinstance(made, SocialGraph) and (site.can_serve is None or site.can_serve(made)):
+            return _put_in_words(made, each)
+        found.append((each, made))
+    graphs = (pair for pair in found if isinstance(pair[1], SocialGraph))
+    read, plan_ = next(graphs, found[0])
+    return _put_in_words(plan_, read)
+
+
+def _put_in_words(plan: Plan, read: CompassText) -> Plan:
+    """A plan whose account and reasons speak of streets as the text does."""
+    if isinstance(plan, Refusal):
+        return plan.model_copy(update={"reason": read.restore_words(plan.reason)})
+    said = tuple(read.restore_span(each) for each in plan.said)
+    return plan.model_copy(update={"said": said})
+
+
+def _plan_once(text: str, previous: str | None, site: Site) -> Plan:
+    asked = text, previous, site
     return _KNOWN.get(asked, load_patterns(), make=lambda: _plan(*asked))
 
 
@@ -96,9 +130,9 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
         rest, standing = take_out(text)
         earlier = None if previous is None else take_out(previous)[0]
         found = decide(read_twice(rest, earlier, site), site)
-        if not standing or isinstance(found, Refusal):
+        if isinstance(found, Refusal):
             return found
-        return add_objects(found, standing, text)
+        return note_beyond(add_objects(found, standing, text) if standing else found, rest)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
 
@@ -107,7 +141,7 @@ def decide(readings: Readings, site: Site) -> Plan:
     """The plan that both readings agree on, or a confident one; else what might be meant."""
     learned, other = readings.learned, readings.by_grammar
     if (readings.says_a_phrase or _names_pattern(other)) and not _loses_numbers(other, learned):
-        return _with_account(other, learned)
+        return _with_account(_soften(other, learned.plan), learned)
     doubtful = learned.confidence < SURE and learned.reading.kind == "scene"
     text = learned.reading.text
     taken_back = _TAKEN_BACK.search(text) is not None
@@ -120,6 +154,23 @@ def decide(readings: Readings, site: Site) -> Plan:
     return _offer(readings, site)
 
 
+def _soften(plan: Plan, learned: Plan) -> Plan:
+    """A collision's phrase beside "nearly hit", of which only the learned reading sees both."""
+    if isinstance(plan, Refusal) or isinstance(learned, Refusal):
+        return plan
+    missed = [{e.from_, e.to} for e in learned.relations if e.type == "near_miss"]
+    known = {each.id for each in load_patterns()}
+
+    def soften(edge: RelationEdge) -> RelationEdge:
+        if edge.type != "collide_at" or not edge.pattern or {edge.from_, edge.to} not in missed:
+            return edge
+        name = edge.pattern.replace("_collision", "_near_miss")
+        pattern = name if name in known and name != edge.pattern else None
+        return edge.model_copy(update={"type": "near_miss", "kind": None, "pattern": pattern})
+
+    return plan.model_copy(update={"relations": tuple(map(soften, plan.relations))})
+
+
 def _is_refused(plan: Plan) -> bool:
     return isinstance(plan, Refusal)
 
@@ -128,7 +179,8 @@ def _filled(plan: Plan, other: Plan) -> Plan:
     """The plan with what only the other reading of the same events says: cause, kind, severity."""
     if isinstance(plan, Refusal) or isinstance(other, Refusal):
         return plan
-    edges = tuple(_fill_edge(edge, other.relations) for edge in plan.relations)
+    yellow = any(agent.motion == "passes_yellow" for agent in plan.agents)
+    edges = tuple(_fill_edge(edge, other.relations, yellow=yellow) for edge in plan.relations)
     # The grammar takes every speed for that of the impact, and every bound for a number.
     asked = {each.kind for each in plan.measures}
     dropped = [name for name, kinds in _INSTEAD.items() if asked & kinds]
@@ -147,14 +199,14 @@ _INSTEAD: dict[str, set[MeasureKind]] = {
 """Fields of a relation that are not filled in where the other reading has these measures."""
 
 
-def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge]) -> RelationEdge:
+def _fill_edge(edge: RelationEdge, others: Sequence[RelationEdge], *, yellow: bool) -> RelationEdge:
     ends = (edge.type, edge.from_, edge.to)
     same = next((each for each in others if (each.type, each.from_, each.to) == ends), None)
     if same is None:
         return edge
     fields = ("kind", "cause", "target_pet", "target_ttc", "impact_speed", "point_from", "point_to")
     open_ = {name: getattr(same, name) for name in fields if getattr(edge, name) is None}
-    if edge.manoeuvre is not None:  # it says who brakes
+    if edge.manoeuvre is not None or yellow:  # it says who brakes; yellow is not red
         open_.pop("cause", None)
     return edge.model_copy(update=open_)
 

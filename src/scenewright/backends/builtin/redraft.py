@@ -25,6 +25,7 @@ from scenewright.backends.builtin.grammar import modifiers
 from scenewright.backends.builtin.lexicon import Chunk, lexicon
 from scenewright.backends.builtin.mentions import Item, Mention, noun_phrases
 from scenewright.backends.builtin.normalise import clean, tokenise
+from scenewright.backends.builtin.reader.words import COARSE
 from scenewright.backends.builtin.references import People
 from scenewright.backends.builtin.scope import check_language, check_scope, check_text
 from scenewright.backends.builtin.shorthand import expand
@@ -70,7 +71,7 @@ class _Base:
         self._agents = {
             node.id: AgentDraft(
                 node.type,
-                subtype=node.subtype,
+                subtype=COARSE.get(node.subtype or "", node.subtype),
                 entry=node.entry,
                 exit=node.exit,
                 movement=node.movement,
@@ -237,7 +238,7 @@ class _Base:
 
 
 def _head(subtype: str | None, kind: str) -> str:
-    return kind if subtype is None or kind == "pedestrian" else subtype
+    return kind if subtype is None or kind == "pedestrian" else subtype.replace("_", " ")
 
 
 def free_name(kind: str, taken: set[str]) -> str:

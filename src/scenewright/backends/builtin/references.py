@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from typing import get_args
 
 from scenewright.backends.builtin.coreference import OPPOSITE
 from scenewright.backends.builtin.draft import Refused
 from scenewright.backends.builtin.grammar import Modifier
 from scenewright.backends.builtin.mentions import Item, Mention
+from scenewright.backends.builtin.reader.words import COARSE, narrow_subtype
 from scenewright.scene.edits import AgentView, Choice, Clarification, Situation
+from scenewright.scene.social import Subtype
 
 _ORDINALS = {"first": 0, "second": 1, "third": 2, "last": -1}
 _NEW = frozenset({"indefinite", "another", "no"})
-_SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
+_SUBTYPES = frozenset(get_args(Subtype))
 _PLAIN_WORDS = frozenset(
     [
         "the",
@@ -210,7 +213,8 @@ def _words(text: str) -> set[str]:
 def _alike(agent: AgentView, mention: Mention) -> bool:
     if agent.type != mention.type:
         return False
-    return mention.subtype not in _SUBTYPES or agent.subtype == mention.subtype
+    named = narrow_subtype(mention.subtype, mention.head)
+    return named not in _SUBTYPES or named in (agent.subtype, COARSE.get(agent.subtype or ""))
 
 
 def _as_told(agent: AgentView, told: Modifier) -> bool:

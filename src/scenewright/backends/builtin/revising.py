@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import get_args
 
 from scenewright.backends.builtin import edits as grammar_of_edits
 from scenewright.backends.builtin.asked_figures import read_figure
@@ -19,9 +21,11 @@ from scenewright.backends.builtin.lexicon import Chunk, lexicon
 from scenewright.backends.builtin.mentions import Item, Mention, noun_phrases
 from scenewright.backends.builtin.normalise import clean, tokenise
 from scenewright.backends.builtin.order_edits import read_order
+from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.redraft import by_grammar, free_name, next_item
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.backends.builtin.standing_edits import read_standing_edits
+from scenewright.backends.builtin.street_names import list_compass_texts
 from scenewright.errors import Rejected
 from scenewright.scene.edits import (
     AddAgent,
@@ -40,7 +44,7 @@ from scenewright.scene.edits import (
     Unrelate,
     apply_edits,
 )
-from scenewright.scene.social import MOST_BACKGROUND, RelationEdge, RelationType
+from scenewright.scene.social import MOST_BACKGROUND, RelationEdge, RelationType, Subtype
 
 _PARTS = re.compile(
     r"\s*(?:;|\.\s|,?\s+and then|,?\s+and|,\s*then|,)\s+(?=(?:then |also |please |now )*"
@@ -71,7 +75,7 @@ _ORDINARY = re.compile(
 """An ordinary morning says nothing of the event, unlike a normal scene."""
 _HOLDS = re.compile(r"\s*(?:stop|wait|come to an? (?:\w+ )?(?:stop|halt|standstill))\b")
 _EVENTS = ("COLLIDE", "NEAR", "YIELD", "FOLLOW", "WAIT", "LET")
-_SUBTYPES = frozenset({"car", "truck", "bus", "motorcycle"})
+_SUBTYPES = frozenset(get_args(Subtype))
 _EVENT_WORDS = {
     "collide_at": r"collision|crash|accident|hit",
     "near_miss": r"near[- ]miss|close call",
@@ -101,8 +105,16 @@ def read(
     plain = " ".join(words.lower().split())
     if situation is None or _FRESH.search(plain):
         return NewScene()
+    site = site or Site()
     try:
-        return _edits(words, situation, chosen or {}, site or Site())
+        worded = list_compass_texts(words, site.roads)
+        tried: Reading | None = None
+        for each in worded:
+            made = read(each.text, situation, chosen=chosen, site=replace(site, roads=()))
+            if isinstance(made, Edits):
+                return made
+            tried = tried or made
+        return tried or _edits(words, situation, chosen or {}, site)
     except Unclear as unclear:
         return unclear.ask
     except Refused as refused:
@@ -310,7 +322,7 @@ def _more_or_fewer(
         return None
     if any(each.det == "definite" or each.premods for each in groups if not each.counted):
         return None
-    named = [each for each in groups if each.subtype in _SUBTYPES - {"car"}]
+    named = [each for each in groups if _kind_of(each) in _SUBTYPES - {"car"}]
     if named and more:
         return _kinds(groups, situation)
     counts = _background(situation)
@@ -343,10 +355,14 @@ def _kinds(groups: Sequence[Mention], situation: Situation) -> tuple[Edit, ...]:
             taken.add(name)
             made.append(
                 AddAgent.model_validate(
-                    {"node": {"id": name, "type": group.type, "subtype": group.subtype}}
+                    {"node": {"id": name, "type": group.type, "subtype": _kind_of(group)}}
                 )
             )
     return tuple(made)
+
+
+def _kind_of(mention: Mention) -> str | None:
+    return narrow_subtype(mention.subtype, mention.head)
 
 
 def _background(situation: Situation) -> dict[str, int]:
@@ -383,4 +399,4 @@ def _kind(
     if any(isinstance(each, Modifier) for each in items[at:]):
         return None
     node = situation.graph.agent(subject.id)
-    return (ChangeAgent(node=node.model_copy(update={"subtype": last.subtype})),)
+    return (ChangeAgent(node=node.model_copy(update={"subtype": _kind_of(last)})),)

@@ -132,6 +132,13 @@ _HIDING = re.compile(
     re.IGNORECASE,
 )
 """A road user comes from behind an object, is hidden by it, or a view is blocked by it."""
+_BETWEEN = re.compile(
+    rf"{_WHO}{_OUT}(?:from )?(?:in )?between (?P<object>"
+    rf"(?:(?:two|some|the|several|a row of|rows of) )?{_ADJECTIVES}parked {_VEHICLE})"
+    rf"{_PLACE}{_LEAD}",
+    re.IGNORECASE,
+)
+"""A pedestrian comes out between two vehicles at the kerb."""
 _STANDS_FOR_SURE = re.compile(_STANDS, re.IGNORECASE)
 
 _HIDES = re.compile(
@@ -191,7 +198,8 @@ class StandingPhrase:
     Attributes:
         start, end: characters of the text; object: the words that name it.
         hides: whether it hides a road user; lead: how long before the event it is seen [s];
-            seen: characters that say that elsewhere.
+            seen: characters that say that elsewhere; between: whether two of them stand there, and
+            a pedestrian comes out between them.
     """
 
     start: int
@@ -201,6 +209,7 @@ class StandingPhrase:
     hides: bool = False
     lead: tuple[float, float] | None = None
     seen: tuple[int, int] | None = None
+    between: bool = False
 
     def make_node(self, number: int) -> ObjectNode:
         """The object as a part of the plan."""
@@ -221,10 +230,11 @@ class StandingPhrase:
 def take_out(text: str) -> tuple[str, tuple[StandingPhrase, ...]]:
     """A text without its words about what stands, as long as before, and those words."""
     found: list[StandingPhrase] = []
-    for pattern in (_HIDES, _HIDING, _THERE):
+    for pattern in (_BETWEEN, _HIDES, _HIDING, _THERE):
         for match in pattern.finditer(text):
             phrase = _read(match, hides=pattern is not _THERE)
             if phrase is not None:
+                phrase = replace(phrase, between=pattern is _BETWEEN)
                 found.append(phrase)
                 text = text[: match.start()] + _fill(match) + text[match.end() :]
     found.sort(key=lambda each: each.start)
@@ -325,9 +335,26 @@ def add_objects(graph: SocialGraph, phrases: Sequence[StandingPhrase], text: str
                     said[-1].model_copy(update={"start": start, "end": end, "words": words})
                 )
         nodes.append(node)
+        if phrase.between:
+            beyond = {"hides": None, "hidden_from": None, "lead": None, "beyond": node.id}
+            nodes.append(node.model_copy(update={"id": f"object-{len(nodes) + 1}", **beyond}))
+            value = f"{nodes[-1].id} {node.kind} {node.subtype or ''}".strip()
+            said.append(became.model_copy(update={"value": value}))
+            graph = _let_jaywalk(graph, walker)
     said.sort(key=lambda each: each.start)
     made = graph.model_copy(update={"objects": tuple(nodes), "said": tuple(said)})
     return SocialGraph.model_validate(made.model_dump(by_alias=True))
+
+
+def _let_jaywalk(graph: SocialGraph, walker: str) -> SocialGraph:
+    """Nobody parks on a crosswalk: who comes out between two vehicles crosses beside it."""
+    agents = tuple(
+        each.model_copy(update={"movement": "jaywalking"})
+        if each.id == walker and each.crosswalk is None
+        else each
+        for each in graph.agents
+    )
+    return graph.model_copy(update={"agents": agents})
 
 
 def find_addition(words: str) -> tuple[StandingPhrase, ...]:

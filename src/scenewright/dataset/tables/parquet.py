@@ -21,6 +21,7 @@ from scenewright.dataset.tables.map_rows import list_map_rows
 from scenewright.dataset.tables.splits import choose_split
 from scenewright.geometry.kinematics import differentiate
 from scenewright.intersections import load_map
+from scenewright.scene.track import VEHICLE_SIZES
 
 TABLES = ("scenes", "agents", "tracks", "events", "account", "lights", "map")
 _GROUP = {
@@ -69,7 +70,7 @@ SCHEMAS: Mapping[str, Fields] = {
         "agent": ("int16", "id within the scene"),
         "name": ("string", "as the plan calls it"),
         "type": ("string", "vehicle or pedestrian"),
-        "subtype": ("string", "car, truck, bus, motorcycle; null for pedestrians"),
+        "subtype": ("string", f"{', '.join(VEHICLE_SIZES)}; null for others"),
         "role": ("string", "foreground or background"),
         "entry": ("string", "side that it comes from"),
         "exit": ("string", "side that it leaves towards"),

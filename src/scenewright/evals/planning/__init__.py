@@ -55,7 +55,7 @@ class PlanningScore:
     wrong: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def load(part: Literal["development", "test"]) -> list[dict[str, Any]]:
+def load(part: Literal["development", "test", "voices"]) -> list[dict[str, Any]]:
     """The labelled instructions of the package: {"id", "text", "previous"?, "expected"}."""
     source = files("scenewright.evals.planning").joinpath(f"{part}.jsonl").read_text("utf-8")
     return [json.loads(line) for line in source.splitlines()]
@@ -150,7 +150,7 @@ def _edge(edge: Row, names: Mapping[str, str]) -> tuple[Any, ...]:
 def _compare_context(expected: Row, predicted: Row) -> dict[str, bool]:
     return {
         "density": expected["density"] == predicted["density"],
-        "time_of_day": _time_fits(expected["time_of_day"], predicted["time_of_day"]),
+        "time_of_day": does_time_fit(expected["time_of_day"], predicted["time_of_day"]),
         "background": _counts(expected["background"]) == _counts(predicted["background"]),
     }
 
@@ -160,13 +160,14 @@ def _counts(background: Row | None) -> tuple[int | None, int | None]:
     return known.get("vehicles"), known.get("pedestrians")
 
 
-def _time_fits(label: str | list[str] | None, time: str | list[str] | None) -> bool:
+def does_time_fit(label: str | list[str] | None, time: str | list[str] | None) -> bool:
+    """Whether a time of day or range lies in a label's; HH:MM or HH:MM-HH:MM, None is no time."""
     if isinstance(time, list):
         time = "-".join(time)
     if label is None or time is None:
         return label is time
     if isinstance(label, list):
-        return any(_time_fits(one, time) for one in label)
+        return any(does_time_fit(one, time) for one in label)
     if label == time or "-" not in label:
         return label == time
     start, length = _range(label)

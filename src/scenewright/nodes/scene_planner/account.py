@@ -8,7 +8,7 @@ from itertools import chain
 
 from scenewright.backends import Question
 from scenewright.errors import Rejected
-from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.measures import format_measure
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.social import SocialGraph
@@ -84,11 +84,9 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
     match entry.became:
         case _ if entry.value is not None:
             found = [(entry.agents, entry.value)]
-        case "entry" | "exit" | "movement" | "crosswalk":
+        case "entry" | "exit" | "movement" | "crosswalk" | "motion":
             told = [each for each in agents if getattr(each, entry.became) is not None]
             found = [((each.id,), getattr(each, entry.became)) for each in told]
-        case "motion":
-            found = [((each.id,), each.motion) for each in agents if each.motion]
         case "runs_red":
             found = [((each.id,), None) for each in agents if each.runs_red]
         case "relation":
@@ -116,6 +114,8 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
         case "measure" if plan.measures:
             about = [m for m in plan.measures if {m.agent, m.other} & {a.id for a in agents}]
             found = [(entry.agents, "; ".join(map(format_measure, about)) or None)]
+        case "background" if (counts := plan.context.background) is not None:
+            found = [((), format_background(counts.model_dump(exclude_none=True)))]
         case "density":
             found = [((), plan.context.density)]
         case _:

@@ -30,6 +30,7 @@ from scenewright.scene.social import (
     RelationType,
     SocialGraph,
     Subtype,
+    VehicleMotion,
 )
 from scenewright.scene.stems import stem_word
 from scenewright.tools.map_grounding.grounding import lies_on_side
@@ -142,7 +143,7 @@ _KEYS = {
     **dict.fromkeys(get_args(Manoeuvre), "manoeuvre"),
     **dict.fromkeys(("objects", *get_args(ObjectKind)), "object"),
     **dict.fromkeys(("hides", "hidden_from", "lead"), "sight"),
-    **dict.fromkeys(get_args(PedestrianMotion), "motion"),
+    **dict.fromkeys((*get_args(PedestrianMotion), *get_args(VehicleMotion)), "motion"),
 }
 """Keys of a plan by which a model may call what words became."""
 
@@ -268,9 +269,14 @@ def order_asked(words: str, who: Schema) -> Schema:
     return {"first": who} if _IN_ORDER.search(words) else {}
 
 
+_YELLOW = re.compile(r"yellow|amber|dilemma", re.IGNORECASE)
+
+
 def motions_asked(words: str) -> Schema:
     """How a pedestrian crosses, and how many do as one, where the words may speak of it."""
-    motion = {"motion": one_of(get_args(PedestrianMotion))} if _ON_FOOT.search(words) else {}
+    known = get_args(PedestrianMotion) if _ON_FOOT.search(words) else ()
+    known += get_args(VehicleMotion) if _YELLOW.search(words) else ()
+    motion = {"motion": one_of(known)} if known else {}
     return motion | ({"members": whole(2, 8)} if _IN_GROUPS.search(words) else {})
 
 

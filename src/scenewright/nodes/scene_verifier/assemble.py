@@ -26,7 +26,13 @@ from scenewright.scene.record import (
 )
 from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
-from scenewright.scene.social import DEFAULT_LEAD, PedestrianMotion, RelationEdge, SocialGraph
+from scenewright.scene.social import (
+    DEFAULT_LEAD,
+    PedestrianMotion,
+    RelationEdge,
+    SocialGraph,
+    VehicleMotion,
+)
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.map_grounding.signal_plan import SignalClock, build_signal_records
 
@@ -90,6 +96,7 @@ def _list_sights(graph: SocialGraph, numbers: dict[str, int]) -> tuple[SightReco
             subject=numbers[each.hides],
             object=each.id,
             lead=each.lead or DEFAULT_LEAD,
+            between=next((o.id for o in graph.objects if o.beyond == each.id), None),
         )
         for each in graph.objects
         if each.hides is not None and each.hidden_from is not None
@@ -132,7 +139,7 @@ def _agent(
     track: Track,
     behavior: BehaviorProgram,
     *,
-    motion: PedestrianMotion | None,
+    motion: PedestrianMotion | VehicleMotion | None,
     group: int | None,
 ) -> AgentRecord:
     candidate, route = agent.candidate, agent.candidate.route

@@ -15,6 +15,7 @@ from scenewright.scene.constraints import (
     PassesThrough,
     Pauses,
     RunsRed,
+    RunsYellow,
     SpeedBetween,
     UnaryClause,
 )
@@ -71,7 +72,7 @@ def _problem(
             return None if _passes(candidate, clause, landmarks) else "does not pass there"
         case AgentFigure():
             return None  # of the motion in the scene, which the solver measures
-        case RunsRed():
+        case RunsRed() | RunsYellow():
             return None if landmarks.group else "there is no red light on its way to run"
         case Pauses():
             return None if landmarks.line is not None else "does not cross the road"

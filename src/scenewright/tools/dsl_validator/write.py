@@ -23,8 +23,13 @@ _ANY_HEADWAY = (0.7, 3.4)
 """Of who runs into its leader while that gives way [s]."""
 
 _RUN = "speed({}) in [2.5, 4.2] m/s"
-_MOTIONS = {"runs": _RUN, "darts_out": _RUN, "stops_midway": "pauses({})"}
-"""By motion of a pedestrian: the clause that brings it about."""
+_MOTIONS = {
+    "runs": _RUN,
+    "darts_out": _RUN,
+    "stops_midway": "pauses({})",
+    "passes_yellow": "runs_yellow({})",
+}
+"""By motion of an agent: the clause that brings it about."""
 
 _CLOSE_CALL = (0.7, 1.35)
 """Path TTC of a vehicle that brakes hard, where the text names none [s]."""

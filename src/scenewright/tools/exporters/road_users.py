@@ -53,6 +53,7 @@ _MOTORCYCLE = RoadUserNames(
     1.6, "motorcycle", "motorcycle", "motorbike", "VEHICLE", "motorcycle", 1, "motorcyclist",
     (2, 10),
 )  # fmt: skip
+_EMERGENCY = replace(_CAR, height=2.5, sumo="emergency", commonroad="priorityVehicle", osi=(2, 4))
 _BOX = RoadUserNames(
     2.0, "box", "", None, "TRAFFIC_BARRIER", "unknown", 4, "static", (0, 0)
 )  # fmt: skip
@@ -61,9 +62,10 @@ ROAD_USERS: dict[str, RoadUserNames] = {
     "car": _CAR,
     "taxi": replace(_CAR, sumo="taxi", commonroad="taxi"),
     "van": replace(_CAR, height=2.2, tracks="van", sumo="delivery", openscenario="van", osi=(2, 6)),
-    "emergency": replace(
-        _CAR, height=2.5, sumo="emergency", commonroad="priorityVehicle", osi=(2, 4)
-    ),
+    "emergency": _EMERGENCY,
+    "ambulance": _EMERGENCY,
+    "fire_engine": replace(_TRUCK, sumo="emergency", commonroad="priorityVehicle", osi=(2, 7)),
+    "police_car": replace(_EMERGENCY, height=1.5),
     "truck": _TRUCK,
     "bus": RoadUserNames(3.1, "bus", "bus", "bus", "VEHICLE", "bus", 1, "bus", (2, 12)),
     "motorcycle": _MOTORCYCLE,

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -61,9 +61,16 @@ from scenewright.tools.map_import.quality_report import (
     CrosswalkFact,
     describe_crosswalk,
     list_crosswalk_notes,
+    rate_crosswalks,
 )
-from scenewright.tools.map_import.signal_programs import build_signal_program
-from scenewright.tools.map_import.survey import Survey, SurveyConnection, SurveyLane
+from scenewright.tools.map_import.report_items import ReportItem
+from scenewright.tools.map_import.signal_lights import find_lit_legs
+from scenewright.tools.map_import.signal_programs import SignalInput, build_signal_program
+from scenewright.tools.map_import.survey import (
+    Survey,
+    SurveyConnection,
+    SurveyLane,
+)
 
 _EXTENTS = (50.0, 90.0)
 _ROOM = 28.0
@@ -87,6 +94,7 @@ class ImportedMap:
         offset: of the origin in the coordinates of the file [m].
         file_origin: where those are zero; None where the file has no degrees.
         crosswalks: where the crosswalk of each leg comes from.
+        items: what was read, derived and assumed, one for each kind of thing.
     """
 
     intersection_map: IntersectionMap
@@ -97,6 +105,7 @@ class ImportedMap:
     offset: tuple[float, float]
     file_origin: LatLon | None
     crosswalks: tuple[CrosswalkFact, ...]
+    items: tuple[ReportItem, ...]
 
 
 def assemble_map(
@@ -130,6 +139,7 @@ def assemble_map(
         survey.offset,
         survey.file_origin,
         assembly.crosswalk_facts,
+        assembly.rate_items(map_format),
     )
 
 
@@ -138,7 +148,7 @@ class _Assembly:
 
     def __init__(self, survey: Survey, extent: float | None) -> None:
         self.survey = survey
-        self.notes = list(survey.notes)
+        self.notes = [survey.side.describe(), *survey.notes]
         self.legs = find_legs(survey)
         self.leg_of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
         self.crossings = choose_crossings(survey, self.legs)
@@ -282,7 +292,7 @@ class _Assembly:
             map_id=zlib.crc32(name.encode()) % 1_000_000,
             title=(title or self.survey.title)[:90],
             extent=self.extent,
-            left_hand_traffic=self.survey.left_hand,
+            left_hand_traffic=self.survey.side.left_hand,
             legs=tuple(
                 Leg(name=n, road=(leg.road or f"{n} road")[:60], bearing=round(leg.bearing, 6))
                 for n, leg in zip(self.names, self.legs, strict=True)
@@ -311,15 +321,48 @@ class _Assembly:
         return geos.union_all([ground.build_sidewalks(self.road, self.extent), *refuges])
 
     def _build_signals(self, crosswalks: Sequence[Crosswalk], mode: str) -> SignalProgram | None:
-        return build_signal_program(
+        program, self.signal_item = build_signal_program(
             self.survey,
-            straight=self._find_straight_pairs(),
+            SignalInput(
+                straight=self._find_straight_pairs(),
+                clashes=self._find_clashes(),
+                lights=self._find_lights(),
+                walks=self._find_walk_lights(),
+                groups={
+                    self.names[k]: name
+                    for k, name in find_lit_legs(self.survey, self.legs, self.crossings).items()
+                },
+            ),
             movements=self._build_movements(None),
-            lights=self._find_lights(),
             crosswalks=crosswalks,
             mode=mode,
             add_note=self._add_note,
         )
+        return program
+
+    def _find_clashes(self) -> set[tuple[Compass, Compass]]:
+        """Entry legs whose ways straight on cross."""
+        straight = self._find_straight_pairs()
+        lines = {
+            (self.names[a], self.names[b]): geos.LineString(self.whole[own[0]])
+            for (a, b), own in self.by_movement.items()
+            if (self.names[a], self.names[b]) in straight
+        }
+        return {
+            (first[0], second[0])
+            for first, second in combinations(lines, 2)
+            if first[1] != second[1] and lines[first].crosses(lines[second])
+        }
+
+    def _find_walk_lights(self) -> dict[str, tuple[str, ...]]:
+        """By crosswalk, the survey's lights of its stages."""
+        found = {}
+        for k, placed in self.placements.items():
+            stages = () if placed.mapped is None else placed.mapped.stages
+            lights = [stage.crossing.light for stage in stages]
+            if lights and None not in lights:
+                found[f"{self.names[k]}:crosswalk"] = tuple(x for x in lights if x is not None)
+        return found
 
     def _find_straight_pairs(self) -> set[tuple[Compass, Compass]]:
         """By entry, the exit that it leads to with the least turning, if that is no turn."""
@@ -441,6 +484,27 @@ class _Assembly:
         """By route id, the middles of the paths of vehicles."""
         movements = zip(self._build_movements(None), self.by_movement.values(), strict=True)
         return {f"vehicle:{m.id}": tuple(self.whole[i] for i in own) for m, own in movements}
+
+    def rate_items(self, map_format: MapFormat) -> tuple[ReportItem, ...]:
+        """What was read, derived and assumed of the map."""
+        side, kept = self.survey.side, len(self.connections) / len(self.survey.connections)
+        lanes = ReportItem("lanes", "read", 1.0, "as drawn")
+        if map_format == "osm":
+            lanes = ReportItem("lanes", "partly read", 0.5, "guessed where the file has no tags")
+        return (
+            lanes,
+            ReportItem(
+                "ways through", "read", round(kept, 3),
+                f"{len(self.connections)} of {len(self.survey.connections)} kept",
+            ),
+            rate_crosswalks(self.crosswalk_facts),
+            self.signal_item,
+            ReportItem(
+                "side of the road", "read" if side.is_known else "assumed",
+                1.0 if side.is_known else 0.5, side.describe(),
+            ),
+            ReportItem("sidewalks", "derived", None, "3 m along every outer kerb"),
+        )  # fmt: skip
 
     def _build_crosswalks(self) -> Iterator[Crosswalk]:
         for k, placed in self.placements.items():
@@ -578,6 +642,11 @@ def _measure_sharpness(line: FloatArray) -> float:
 
 
 def _build_lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:
+    if not measure_length(line) > 0.01:
+        raise InputError(
+            f"lane {lane.id} has no length inside the map, as where a junction is as wide as its "
+            "legs are long; give a larger --extent, or choose another junction"
+        )
     thin = resample_by_spacing(line, 2.0) if measure_length(line) > 2.0 else line
     limit = float(np.clip(lane.speed, *_SPEED_LIMITS))
     return build_lanelet(thin, width=lane.width, speed_limit=limit, **fields)

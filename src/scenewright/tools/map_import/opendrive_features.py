@@ -17,13 +17,13 @@ from scenewright.errors import InputError
 from scenewright.geometry.polyline import rotate_left
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.map_parts import geos
-from scenewright.tools.map_import.survey import SurveyCrossing
+from scenewright.tools.map_import.survey import SurveyCrossing, SurveyLight
 
 _STEP = 0.25
 """Between points of a reference line [m]."""
-_LIGHTS = ("1000001", "1000002", "1000007", "1000008", "1000009", "1000010", "1000011", "1000012",
+_LIGHTS = ("1000001", "1000007", "1000008", "1000009", "1000010", "1000011", "1000012",
            "1000013", "1000014", "1000016", "1000020")  # fmt: skip
-"""Types of the OpenDRIVE catalogue that are traffic lights."""
+"""Types of the OpenDRIVE catalogue that are lights for vehicles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class OpenDriveFile:
         found = {}
         for road in self.roads:
             for signal in road.element.iter("signal"):
-                if signal.get("dynamic") == "yes" or signal.get("type") in _LIGHTS:
+                if _is_light(signal):
                     place = road.locate(_read(signal, "s"), _read(signal, "t"))
                     found[signal.get("id", "")] = place
         return found
@@ -207,6 +207,49 @@ def _build_crossing(outline: FloatArray, source: str) -> SurveyCrossing:
     return SurveyCrossing(
         middle + np.outer([-half, half], ahead), float(aside.max() - aside.min()), source=source
     )
+
+
+def list_opendrive_lights(file: OpenDriveFile, middle: FloatArray) -> list[SurveyLight]:
+    """A light for every road that a traffic light of the file controls, at the road's end.
+
+    A light on a road inside a junction controls the road that leads into it.
+    """
+    lights = {e.get("id") for e in file.root.iter("signal") if _is_light(e)}
+    controllers = {
+        control.get("signalId"): controller.get("id", "")
+        for controller in file.root.iter("controller")
+        for control in controller.iter("control")
+    }
+    roads = {road.id: road for road in file.roads}
+    found = []
+    for road in file.roads:
+        for element in (*road.element.iter("signal"), *road.element.iter("signalReference")):
+            name = element.get("id")
+            if name in lights:
+                group = controllers.get(name, "")
+                found += [
+                    SurveyLight(each - middle, group) for each in _locate(road, element, roads)
+                ]
+    return found
+
+
+def _is_light(element: Any) -> bool:
+    return element.get("dynamic") == "yes" and element.get("type") in (*_LIGHTS, "-1", "", None)
+
+
+def _locate(
+    road: OpenDriveRoad, element: Any, roads: Mapping[str, OpenDriveRoad]
+) -> Iterator[FloatArray]:
+    """[2] where the lanes that a light controls are [m]."""
+    if road.element.get("junction", "-1") == "-1":
+        yield road.locate(_read(element, "s"), 0.0)
+        return
+    begin = road.element.find("link/predecessor")
+    if begin is not None and begin.get("elementId") in roads:
+        before = roads[begin.attrib["elementId"]]
+        at_end = begin.get("contactPoint") == "end"
+        length = float(before.stations[-1])
+        yield before.locate(max(length - 1.0, 0.0) if at_end else min(1.0, length), 0.0)
 
 
 def list_lane_borders(road: OpenDriveRoad) -> Iterator[FloatArray]:

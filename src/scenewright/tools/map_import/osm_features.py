@@ -15,7 +15,7 @@ import numpy as np
 
 from scenewright.geometry.geographic import LatLon, project_ellipsoid
 from scenewright.scene.base import FloatArray
-from scenewright.tools.map_import.survey import SurveyCrossing
+from scenewright.tools.map_import.survey import SurveyCrossing, SurveyLight
 
 _ROADS = (
     "motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential",
@@ -92,6 +92,18 @@ def list_osm_crossings(osm: OsmFile, middle: FloatArray) -> list[SurveyCrossing]
         found += list(_list_unshared(osm, road, nodes, ways))
     kept = _drop_repeated([each for each in found if each is not None])
     return [each.move(-middle) for each in kept]
+
+
+def list_osm_lights(osm: OsmFile, middle: FloatArray) -> list[SurveyLight]:
+    """The traffic lights on roads round a place."""
+    on_roads = {
+        node
+        for _, _, nodes in osm.list_roads()
+        if _is_near(osm, nodes, middle)
+        for node in nodes
+        if node in osm.nodes and osm.node_tags.get(node, {}).get("highway") == "traffic_signals"
+    }
+    return [SurveyLight(osm.nodes[node] - middle) for node in sorted(on_roads)]
 
 
 def _is_near(osm: OsmFile, nodes: tuple[str, ...], middle: FloatArray) -> bool:

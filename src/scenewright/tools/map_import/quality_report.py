@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
 from scenewright.tools.map_import.mapped_crosswalks import CrossingChoice
+from scenewright.tools.map_import.report_items import ReportItem
 from scenewright.tools.map_import.survey import SurveyCrossing
 
 _NEAR = 60.0
@@ -104,3 +106,55 @@ def _say_why_derived(fact: CrosswalkFact) -> str:
     if fact.nearest is None or fact.nearest > _NEAR:
         return f"no crossing was found in the file within {_NEAR:.0f} m"
     return f"the file's nearest crossing, {fact.nearest:.0f} m away, is not on this leg"
+
+
+_CLOSE = 1.5
+"""A crosswalk whose middle is that close to the file's lies where the file has it [m]."""
+
+
+def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
+    """As drawn counts fully, far from its place or with pieces left out half, lost not at all."""
+    scores = [_rate_crosswalk(fact) for fact in facts]
+    known = [score for score in scores if score is not None]
+    read = [fact for fact in facts if fact.origin == "file"]
+    lost = [fact for fact in facts if fact.origin != "file" and fact.left_out]
+    if not known:
+        return ReportItem("crosswalks", "derived", None, "the file draws none on these legs")
+    exact = sum(fact.offset is not None and fact.offset <= _CLOSE for fact in read)
+    detail = f"{exact} of {len(read)} within {_CLOSE} m of the file's"
+    detail += f", {len(lost)} of the file's lost" if lost else ""
+    others = len(facts) - len(read) - len(lost)
+    detail += f", {others} derived" if others else ""
+    state = "read" if len(read) == len(facts) else "partly read"
+    return ReportItem("crosswalks", state, round(sum(known) / len(known), 3), detail)
+
+
+def _rate_crosswalk(fact: CrosswalkFact) -> float | None:
+    if fact.origin != "file":
+        return 0.0 if fact.left_out else None
+    whole = not any("twice" not in line for line in fact.left_out)
+    return 1.0 if whole and (fact.offset or 0.0) <= _CLOSE else 0.5
+
+
+def build_report(
+    items: Sequence[ReportItem], crosswalks: Sequence[CrosswalkFact], notes: Sequence[str]
+) -> Mapping[str, Any]:
+    """The report as it is written to a bundle."""
+    known = [item.score for item in items if item.score is not None]
+    return {
+        "score": round(sum(known) / len(known), 3) if known else None,
+        "items": [asdict(item) for item in items],
+        "crosswalks": [asdict(fact) for fact in crosswalks],
+        "notes": list(notes),
+    }
+
+
+def format_report(report: Mapping[str, Any]) -> str:
+    """The report in one line."""
+    parts = [
+        f"{item['item']} {item['state']}"
+        + ("" if item["score"] is None else f" ({item['score']:.2f})")
+        for item in report["items"]
+    ]
+    score = "" if report["score"] is None else f", {report['score']:.2f} of what the file says"
+    return f"as in the file: {'; '.join(parts)}{score}"

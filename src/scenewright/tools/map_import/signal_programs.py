@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from scenewright.scene.base import Colour, Compass
@@ -13,6 +14,7 @@ from scenewright.scene.map import (
     SignalProgram,
     VehicleMovement,
 )
+from scenewright.tools.map_import.report_items import ReportItem
 from scenewright.tools.map_import.survey import Survey
 
 _GREEN, _YELLOW, _ALL_RED = 22.0, 3.0, 2.0
@@ -22,39 +24,69 @@ _ASSUMED: tuple[tuple[float, Colour], ...] = (
 _CLEARANCE = 8.0
 """How long before the end of its phase pedestrians may no longer begin to cross [s]."""
 
+_LEAST_LIT = 2
+"""So many legs with lights make a signalised junction."""
+
 LegPairs = set[tuple[Compass, Compass]]
+_Shown = tuple[float, Mapping[Compass, Colour], Mapping[str, Colour]]
+"""Duration [s], and the colours of the legs and of the file's lights."""
 
 
 class _Step(NamedTuple):
-    """A part of the programme: how long [s], the light of each leg, and whether walks may begin."""
+    """A part of the programme.
+
+    Attributes:
+        duration: [s]; colours: of each leg's light; may_begin: whether walks may begin.
+        lights: colours of the file's lights, by name.
+    """
 
     duration: float
     colours: Mapping[Compass, Colour]
     may_begin: bool
+    lights: Mapping[str, Colour] = {}
+
+
+@dataclass(frozen=True)
+class SignalInput:
+    """What a programme is built from.
+
+    Attributes:
+        straight: entry and exit of movements that do not turn; clashes: legs whose ways straight
+            on cross.
+        lights: by entry leg, the survey's lights of its straightest connections; walks: by
+            crosswalk, the survey's lights of its stages.
+        groups: by lit leg, the file's group of lights, empty if unknown.
+    """
+
+    straight: LegPairs
+    clashes: LegPairs
+    lights: Mapping[Compass, Sequence[str]]
+    walks: Mapping[str, Sequence[str]]
+    groups: Mapping[Compass, str]
 
 
 def build_signal_program(
     survey: Survey,
+    given: SignalInput,
     *,
-    straight: LegPairs,
     movements: Sequence[VehicleMovement],
-    lights: Mapping[Compass, Sequence[str]],
     crosswalks: Sequence[Crosswalk],
     mode: str,
     add_note: Callable[[str], None],
-) -> SignalProgram | None:
-    """One group of lights for every leg's traffic and one for every crosswalk.
+) -> tuple[SignalProgram | None, ReportItem]:
+    """One group of lights for every leg's traffic and one for every crosswalk, and its account.
 
     Args:
-        straight: entry and exit of movements that do not turn.
-        lights: by entry leg, the survey's lights of its straightest connections.
         mode: `keep`, `assume` or `none`.
     """
     entries = list(dict.fromkeys(m.entry for m in movements))
-    steps = _choose_steps(survey, entries, straight, lights, mode, add_note)
+    steps, item = _choose_steps(survey, entries, given, mode)
+    add_note(f"signals: {item.detail}")
     if not steps:
-        return None
-    free = {each.id: _find_free_steps(each.leg, steps, straight) for each in crosswalks}
+        return None, item
+    for clash in _list_clashes(steps, given.clashes):
+        add_note(f"signals: {clash} have green together although their ways straight on cross")
+    free = {each.id: _find_free_steps(each, steps, given) for each in crosswalks}
     crosswalks = [
         each
         for each in crosswalks
@@ -66,28 +98,57 @@ def build_signal_program(
     ]
     groups += [SignalGroup(id=f"walk_{c.leg}", crosswalks=(c.id,)) for c in crosswalks]
     phases = tuple(_build_phase(step, n, crosswalks, free) for n, step in enumerate(steps))
-    return SignalProgram(groups=tuple(groups), phases=phases)
+    return SignalProgram(groups=tuple(groups), phases=phases), item
 
 
 def _choose_steps(
-    survey: Survey,
-    entries: Sequence[Compass],
-    straight: LegPairs,
-    lights: Mapping[Compass, Sequence[str]],
-    mode: str,
-    add_note: Callable[[str], None],
-) -> list[_Step]:
-    if mode != "none" and (steps := list(_read_steps(survey, entries, lights))):
-        add_note("signals are the file's; each leg has one light, that of its straightest way")
-        return steps
-    if mode == "assume" or (mode == "keep" and survey.is_signalised):
-        add_note(
-            f"the signal programme is assumed: {_GREEN:g} s green for each pair of opposite legs"
-        )
-        return list(_split_clearance(_assume_steps(entries, straight)))
-    if mode == "keep" and survey.is_signalised is None:
-        add_note("the file says nothing of signals: none (--signals assume gives it a programme)")
-    return []
+    survey: Survey, entries: Sequence[Compass], given: SignalInput, mode: str
+) -> tuple[list[_Step], ReportItem]:
+    if mode == "none":
+        return [], ReportItem("signals", "none", None, "none, as asked")
+    if steps := list(_read_steps(survey, entries, given.lights)):
+        detail = "the file's programme; each leg has one light, that of its straightest way"
+        return steps, ReportItem("signals", "read", 1.0, detail)
+    lit = [leg for leg in entries if leg in given.groups]
+    is_lit = survey.is_signalised or len(lit) >= _LEAST_LIT or len(lit) * 2 > len(entries)
+    if is_lit:
+        return _plan_lit(entries, lit, given)
+    if mode == "assume":
+        steps = list(_split_clearance(_assume_steps(entries, given)))
+        return steps, ReportItem("signals", "assumed", 0.0, f"assumed, as asked; {_say_plan()}")
+    if lit:
+        detail = f"none; the file has a light on {lit[0]} only"
+        return [], ReportItem("signals", "none", 0.5, detail)
+    if survey.is_signalised is None:
+        detail = "the file says nothing of them: none (--signals assume gives it a programme)"
+        return [], ReportItem("signals", "none", None, detail)
+    return [], ReportItem("signals", "read", 1.0, "the file has none here")
+
+
+def _plan_lit(
+    entries: Sequence[Compass], lit: Sequence[Compass], given: SignalInput
+) -> tuple[list[_Step], ReportItem]:
+    """An assumed programme for lights that the file has."""
+    where = f"the file has lights on {', '.join(lit)}" if lit else "the file has lights here"
+    missing = [leg for leg in entries if leg not in lit] if lit else []
+    also = f"; {', '.join(missing)} get some as well" if missing else ""
+    by = " by its controllers" if _has_groups(entries, given) else ""
+    detail = f"{where}{also}, its programme is assumed{by}; {_say_plan()}"
+    steps = list(_split_clearance(_assume_steps(entries, given)))
+    return steps, ReportItem("signals", "partly read", 0.5, detail)
+
+
+def _say_plan() -> str:
+    return f"{_GREEN:g} s green in turn, ways straight on that cross never together"
+
+
+def _list_clashes(steps: Sequence[_Step], clashes: LegPairs) -> list[str]:
+    """Pairs of legs that have green at once although their ways straight on cross."""
+    return [
+        f"{a} and {b}"
+        for a, b in sorted(clashes)
+        if any(step.colours.get(a) == step.colours.get(b) == "green" for step in steps)
+    ]
 
 
 def _read_steps(
@@ -99,8 +160,9 @@ def _read_steps(
     steps = []
     for duration, colours in survey.phases:
         shown = {leg: {colours[light] for light in lights[leg]} for leg in entries}
-        steps.append((duration, {leg: _merge_colours(own) for leg, own in shown.items()}))
-    if all(any(shown[leg] == "green" for _, shown in steps) for leg in entries):
+        merged = {leg: _merge_colours(own) for leg, own in shown.items()}
+        steps.append((duration, merged, colours))
+    if all(any(shown[leg] == "green" for _, shown, _ in steps) for leg in entries):
         yield from _split_clearance(steps)
 
 
@@ -108,10 +170,33 @@ def _merge_colours(colours: set[Colour]) -> Colour:
     return "green" if "green" in colours else "yellow" if "yellow" in colours else "red"
 
 
-def _assume_steps(
-    entries: Sequence[Compass], straight: LegPairs
-) -> Iterator[tuple[float, Mapping[Compass, Colour]]]:
-    """Green, yellow and red for each pair of opposite legs, and for each leg without opposite."""
+def _has_groups(entries: Sequence[Compass], given: SignalInput) -> bool:
+    """Whether the file says of every leg which lights change with its own, and not all at once."""
+    names = {given.groups.get(leg, "") for leg in entries}
+    return "" not in names and len(names) > 1
+
+
+def _assume_steps(entries: Sequence[Compass], given: SignalInput) -> Iterator[_Shown]:
+    """Green, yellow and red for each stage in turn."""
+    for stage in _list_stages(entries, given):
+        for duration, colour in _ASSUMED:
+            red: dict[Compass, Colour] = dict.fromkeys(entries, "red")
+            yield duration, red | dict.fromkeys(stage, colour), {}
+
+
+def _list_stages(entries: Sequence[Compass], given: SignalInput) -> Iterator[list[Compass]]:
+    """Legs that have green together: those of one group of the file, else opposite ones."""
+    if _has_groups(entries, given):
+        names = list(dict.fromkeys(given.groups[leg] for leg in entries))
+        found = [[leg for leg in entries if given.groups[leg] == name] for name in names]
+    else:
+        found = list(_pair_opposite(entries, given.straight))
+    for stage in found:
+        clash = any((a, b) in given.clashes for a in stage for b in stage)
+        yield from ([leg] for leg in stage) if clash else [stage]
+
+
+def _pair_opposite(entries: Sequence[Compass], straight: LegPairs) -> Iterator[list[Compass]]:
     left = list(entries)
     while left:
         pair = [left.pop(0)]
@@ -119,32 +204,36 @@ def _assume_steps(
         if (other := next(opposite, None)) is not None:
             left.remove(other)
             pair.append(other)
-        for duration, colour in _ASSUMED:
-            red: dict[Compass, Colour] = dict.fromkeys(entries, "red")
-            yield duration, red | dict.fromkeys(pair, colour)
+        yield pair
 
 
-def _split_clearance(
-    steps: Iterable[tuple[float, Mapping[Compass, Colour]]],
-) -> Iterator[_Step]:
+def _split_clearance(steps: Iterable[_Shown]) -> Iterator[_Step]:
     """Green steps in two: in the second, no walk begins any more."""
-    for duration, shown in steps:
+    for duration, shown, lights in steps:
         if "green" in shown.values() and duration > _CLEARANCE + 4.0:
-            yield _Step(duration - _CLEARANCE, shown, True)
-            yield _Step(_CLEARANCE, shown, False)
+            yield _Step(duration - _CLEARANCE, shown, True, lights)
+            yield _Step(_CLEARANCE, shown, False, lights)
         else:
-            yield _Step(duration, shown, False)
+            yield _Step(duration, shown, False, lights)
 
 
-def _find_free_steps(leg: Compass, steps: Sequence[_Step], straight: LegPairs) -> list[bool]:
-    """In which steps a leg may be crossed: no traffic drives straight over it; turns give way.
+def _find_free_steps(
+    crosswalk: Crosswalk, steps: Sequence[_Step], given: SignalInput
+) -> list[bool]:
+    """In which steps a leg may be crossed: as the file says, else by the traffic's lights.
 
-    Where that is never, whenever the leg itself has red: traffic straight into it gives way.
+    Else no traffic drives straight over it, and turns give way; where that is never, whenever
+    the leg itself has red: traffic straight into it gives way.
     """
+    leg = crosswalk.leg
+    own = given.walks.get(crosswalk.id, ())
+    told = [bool(own) and all(step.lights.get(x) == "green" for x in own) for step in steps]
+    if any(ok and step.may_begin for ok, step in zip(told, steps, strict=True)):
+        return told
     going = [{other for other, c in step.colours.items() if c == "green"} for step in steps]
     red = [bool(each) and leg not in each for each in going]
     strict = [
-        ok and not any((other, leg) in straight for other in each)
+        ok and not any((other, leg) in given.straight for other in each)
         for ok, each in zip(red, going, strict=True)
     ]
     begins = any(ok and step.may_begin for ok, step in zip(strict, steps, strict=True))

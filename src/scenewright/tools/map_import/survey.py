@@ -76,13 +76,53 @@ class SurveyCrossing:
 
 
 @dataclass(frozen=True, eq=False)
+class SurveyLight:
+    """A traffic light of the file for traffic into the junction.
+
+    Attributes:
+        place: [2] on the lane that it controls, at the stop line if known [m].
+        group: of lights that change together in the file, such as a controller; empty if unknown.
+    """
+
+    place: FloatArray
+    group: str = ""
+
+
+@dataclass(frozen=True)
+class DrivingSide:
+    """The side, how it is known, and what speaks against it.
+
+    Attributes:
+        is_known: whether the user or the file says so; else it is assumed.
+    """
+
+    left_hand: bool
+    reason: str
+    is_known: bool = True
+    against: str | None = None
+
+    def describe(self) -> str:
+        """One line for people."""
+        side, other = ("left", "right") if self.left_hand else ("right", "left")
+        line = f"traffic drives on the {side}: {self.reason}"
+        if self.against:
+            line += f", but {self.against}"
+        return line if self.is_known else f"{line}; --{other}-hand changes it"
+
+
+ASSUMED_SIDE = DrivingSide(False, "assumed, the file does not say", is_known=False)
+
+
+@dataclass(frozen=True, eq=False)
 class Survey:
     """One junction of a file.
 
     Attributes:
         areas: [P, 2] outlines of mapped drivable area inside the junction.
+        lights: places of lights, where the file has no programme for them.
         phases: (duration [s], colour by light) of the programme; empty where there is none.
         is_signalised: None where the file does not say.
+        is_roundabout: whether its ways lead round a middle island.
         origin: of the coordinates; None where the file has none.
         offset: of the origin in the coordinates of the file [m].
         file_origin: where the file's coordinates are zero; None where it has no degrees.
@@ -95,9 +135,11 @@ class Survey:
     connections: tuple[SurveyConnection, ...]
     crossings: tuple[SurveyCrossing, ...] = ()
     areas: tuple[FloatArray, ...] = ()
+    lights: tuple[SurveyLight, ...] = ()
     phases: tuple[tuple[float, Mapping[str, Colour]], ...] = ()
-    left_hand: bool = False
+    side: DrivingSide = ASSUMED_SIDE
     is_signalised: bool | None = None
+    is_roundabout: bool = False
     origin: LatLon | None = None
     offset: tuple[float, float] = (0.0, 0.0)
     file_origin: LatLon | None = None

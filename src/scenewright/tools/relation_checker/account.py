@@ -11,6 +11,7 @@ from scenewright.scene.base import AgentClass
 from scenewright.scene.events import EVENT_OF_RELATION, Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord
+from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.groups import list_groups
@@ -19,7 +20,7 @@ from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.objects import describe_object
 from scenewright.tools.relation_checker.passing_order import find_passing_order
-from scenewright.tools.relation_checker.pedestrian_motions import describe_pedestrian_motion
+from scenewright.tools.relation_checker.pedestrian_motions import describe_motion
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
@@ -118,7 +119,7 @@ class _EvidenceFinder:
             case "density":
                 return self._find_density(entry.value)
             case "background":
-                return self._count_background()
+                return self._count_background(entry.value or "")
             case "constraint" | "behavior" | "measure":
                 return self._find_asked(entry)
             case _:
@@ -138,7 +139,7 @@ class _EvidenceFinder:
             return self._find_group(entry)
         if entry.value in get_args(AgentClass) and any(a.type != entry.value for a in agents):
             return None
-        named = entry.value in ("car", "truck", "bus", "motorcycle")
+        named = entry.value in VEHICLE_SIZES
         if named and any(a.subtype != entry.value for a in agents):
             return None
         return ", ".join(f"agent {a.id} ({a.subtype or a.type})" for a in agents) or "words alone"
@@ -248,7 +249,7 @@ class _EvidenceFinder:
         if self._map is None:
             return "the ground was not checked"
         found = [
-            describe_pedestrian_motion(entry.value, self._tracks[number], self._map)
+            describe_motion(entry.value, self._tracks[number], self._seen, self._map)
             for number in entry.agents
         ]
         told = [each for each in found if each is not None]
@@ -265,8 +266,12 @@ class _EvidenceFinder:
             return "ordinary traffic"
         return f"density {value}" if self._scene.meta.density == value else None
 
-    def _count_background(self) -> str:
+    def _count_background(self, value: str) -> str | None:
+        """How many others there are; None where they are not as many as the words say."""
         kinds = [agent.type for agent in self._scene.agents if agent.role == "background"]
+        for number, kind in re.findall(r"(\d+) (vehicle|pedestrian)s", value):
+            if kinds.count(kind) != int(number):
+                return None
         return (
             f"{kinds.count('vehicle')} vehicles and {kinds.count('pedestrian')} pedestrians "
             "in the background"

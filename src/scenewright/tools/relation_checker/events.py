@@ -541,7 +541,20 @@ def _find_closest_approach(
 ) -> tuple[float, float] | None:
     """Time and clearance of the closest approach around an encounter, else of all."""
     around = find_least_clearance(first, second, within=(begin - 3.0, end + 3.0))
+    abreast = around is not None and _face_one_way(first, second, around[0])
+    if abreast and not _face_one_way(first, second, begin):
+        # Side by side on the approach is not yet where one turns across the other's way.
+        around = find_least_clearance(first, second, within=(begin, end)) or around
     return around or find_least_clearance(first, second)
+
+
+_ONE_WAY = np.radians(15.0)
+"""Headings this close [rad] are of one direction."""
+
+
+def _face_one_way(first: Trajectory, second: Trajectory, time: float) -> bool:
+    (one,), (two,) = first.at(np.array([time]))[1], second.at(np.array([time]))[1]
+    return bool(abs(np.angle(np.exp(1j * (one - two)))) < _ONE_WAY)
 
 
 def _measure_surrogates(

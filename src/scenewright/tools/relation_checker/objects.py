@@ -46,7 +46,8 @@ def read_objects(scene: SceneRecord) -> tuple[ObjectRecord, ...]:
             raise InputError(f"{each.id}: length and width must be 0.1 to 30 m")
     known = {agent.id for agent in scene.agents}
     for sight in scene.sights:
-        if not {sight.observer, sight.subject} <= known or sight.object not in names:
+        stands = {sight.object, sight.between or sight.object} <= set(names)
+        if not {sight.observer, sight.subject} <= known or not stands:
             raise InputError(f"sights name {sight.object} or an agent, which the scene lacks")
         if sight.observer == sight.subject:
             raise InputError(f"sights name agent {sight.observer} twice")
@@ -155,6 +156,7 @@ def check_sights(
         event = _find_event(scene, events, sight)
         measured = None if event is None else _measure(scene, observed, sight, event, left_hand)
         fault = "the two have no event" if event is None else _find_fault(sight, event, measured)
+        fault = fault or _find_wrong_gap(scene, observed, sight)
         if fault is not None:
             findings.append(_report_sight(sight, fault))
         if event is not None and measured is not None and measured[0] is not None:
@@ -205,6 +207,30 @@ def _find_fault(sight: SightRecord, event: Event, measured: Measured | None) -> 
     if alone.hidden_for < HIDDEN - 1e-6:
         return f"hidden by {sight.object} for {alone.hidden_for:.1f} s only; at least {HIDDEN:g} s"
     return None
+
+
+WIDEST = 6.0
+"""Two objects farther apart than this [m] have nobody come out between them."""
+
+
+def _find_wrong_gap(
+    scene: SceneRecord, observed: SceneObservation, sight: SightRecord
+) -> str | None:
+    """Why the pedestrian does not come out between the two objects that it was to."""
+    if sight.between is None:
+        return None
+    one, two = ({each.id: each for each in scene.objects}[name] for name in
+                (sight.object, sight.between))  # fmt: skip
+    track = next(each for each in observed.tracks if each.id == sight.subject)
+    gap = float(_make_outline(one).distance(_make_outline(two)))
+    across = np.array([two.x - one.x, two.y - one.y])
+    offsets = track.xy - (one.x, one.y)
+    side = np.sign(across[0] * offsets[:, 1] - across[1] * offsets[:, 0])
+    share = offsets @ across / float(across @ across)
+    passes = (np.diff(side) != 0) & (share[:-1] > 0.0) & (share[:-1] < 1.0)
+    if gap <= WIDEST and passes.any():
+        return None
+    return f"it does not come out between {one.id} and {two.id}, {gap:.1f} m apart"
 
 
 def _find_event(scene: SceneRecord, events: Sequence[Event], sight: SightRecord) -> Event | None:

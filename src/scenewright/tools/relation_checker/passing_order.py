@@ -15,7 +15,7 @@ from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.planar import geos
 from scenewright.tools.relation_checker.trajectory import Trajectory, extend_straight
 
-_ONWARDS = {"vehicle": 15.0, "pedestrian": 5.0}
+_ONWARDS, _ON_FOOT = 15.0, 5.0
 """How far [m] the ways of two who collide are taken to go straight on from the contact."""
 
 _SLOWEST = 1.0
@@ -79,7 +79,9 @@ def _carry_on(track: Trajectory, time: float) -> Trajectory:
         track.xy[: last + 1], track.heading[: last + 1],
     )  # fmt: skip
     speed = max(float(track.speed[last]), _SLOWEST)
-    return extend_straight(until, distance=_ONWARDS[track.type], speed=speed)
+    return extend_straight(
+        until, distance=_ON_FOOT if track.type == "pedestrian" else _ONWARDS, speed=speed
+    )
 
 
 def _find_zone_at(event: Event, pair: list[Trajectory]) -> PathConflictZone | None:

@@ -1,4 +1,4 @@
-"""How pedestrians cross, seen on their tracks: running, or standing still on the road."""
+"""How agents move where that was asked for, seen on their tracks; pedestrians run or stand."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from scenewright.tools.relation_checker.asked import find_standstills
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.vehicle_motions import describe_vehicle_motion
 from scenewright.tools.relation_checker.yielding import STANDING
 
 RUNNING = ("runs", "darts_out")
@@ -29,7 +30,7 @@ def check_pedestrian_motions(
     observed: SceneObservation,
     intersection_map: IntersectionMap | None,
 ) -> tuple[Finding, ...]:
-    """A finding for every agent that does not cross as it was asked to."""
+    """A finding for every agent that does not move as it was asked to."""
     if intersection_map is None:
         return ()
     tracks = {track.id: track for track in observed.tracks}
@@ -37,12 +38,24 @@ def check_pedestrian_motions(
         Finding(
             rule="motion_not_seen",
             agents=(agent.id,),
-            detail=f"agent {agent.id} was to cross so: {agent.motion}; its track does not show it",
+            detail=f"agent {agent.id} was to move so: {agent.motion}; its track does not show it",
         )
         for agent in agents
         if agent.motion is not None
-        and describe_pedestrian_motion(agent.motion, tracks[agent.id], intersection_map) is None
+        and describe_motion(agent.motion, tracks[agent.id], observed, intersection_map) is None
     )
+
+
+def describe_motion(
+    motion: str | None,
+    track: Trajectory,
+    observed: SceneObservation,
+    intersection_map: IntersectionMap,
+) -> str | None:
+    """What a track shows of an agent's motion; None if it does not."""
+    if track.type == "pedestrian":
+        return describe_pedestrian_motion(motion, track, intersection_map)
+    return describe_vehicle_motion(motion, track, observed.lights)
 
 
 def describe_pedestrian_motion(

@@ -65,7 +65,7 @@ from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser, Tr
 
 PET_TOLERANCE = 0.15
 TTC_TOLERANCE = 0.3
-IMPACT_TOLERANCE = 1.0
+IMPACT_TOLERANCE = 0.5
 LATEST = 3600.0
 """Longer than this [s] no scene is, and nobody waits for one to begin."""
 

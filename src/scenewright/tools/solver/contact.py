@@ -33,7 +33,7 @@ _BRAKES = 0.65
 _LATE = (0.4, 0.7)
 """What speed is left at the impact of who brakes late, as a share."""
 
-_SPEED_OFF = 0.9
+_SPEED_OFF = 0.4
 """How far the speed at impact may be from the one asked for [m/s]."""
 
 
@@ -83,7 +83,7 @@ def _touching(
             a, found = _down_to(clause.speed, a, b, found, context)
         if found is None:
             continue
-        fault = _fault(found, clause, a)
+        fault = _fault(found, clause, a, b)
         if fault is not None:
             reached, words, off = fault
             context.note_miss(clause, reached, words, off=off)
@@ -167,7 +167,11 @@ def _startled(
         return a, found
     speed = found.speed * float(rng.uniform(*(_LATE if asked else (0.55, 0.85))))
     braked, again = _braked(a, b, found, speed, context)
-    if again is None or _fault(again, clause, a) is not None or abs(again.time - found.time) > 0.6:
+    if (
+        again is None
+        or _fault(again, clause, a, b) is not None
+        or abs(again.time - found.time) > 0.6
+    ):
         return a, found
     return braked, again
 
@@ -192,13 +196,13 @@ def _braked(
 
 
 def _fault(
-    found: FirstContact, clause: Contact, a: ScheduledAgent
+    found: FirstContact, clause: Contact, a: ScheduledAgent, b: ScheduledAgent
 ) -> tuple[FailureStage, str, float] | None:
     """Why a contact is not the one that the clause asks for, and by how much; None if it is."""
     first, second = get_pair(clause)
     if clause.kind not in (None, found.kind):
         return FailureStage.KIND, f"{first} and {second} touch as {found.kind}", 0.0
-    if not _strikes(found, clause):
+    if not _strikes(found, clause) and not _turns_across(a, b):
         return FailureStage.ROLES, f"{second} strikes {first}, not the other way round", 0.0
     for name, point, seen in (
         (first, clause.point_first, found.points[0]),
@@ -226,6 +230,13 @@ def _fault(
 def _strikes(found: FirstContact, clause: Contact) -> bool:
     """Whether `first`, which is named as the one who strikes, does so: as a rule with its front."""
     return found.frontal or not _striker_matters(clause)
+
+
+def _turns_across(a: ScheduledAgent, b: ScheduledAgent) -> bool:
+    """Whether `a` turns across the way of a rider beside it, who may run into its side then."""
+    one, two = a.candidate, b.candidate
+    beside = two.shape.type in RIDERS and one.route.entry == two.route.entry
+    return beside and one.route.movement != two.route.movement
 
 
 def _striker_matters(clause: Contact) -> bool:

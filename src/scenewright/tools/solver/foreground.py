@@ -134,10 +134,14 @@ def _enters_first(pair: PathConflict, first: ScheduledAgent, second: ScheduledAg
     return bool(early + _CLEARLY <= late)
 
 
+_YELLOW = 0.7
+"""How long a light has been yellow at least for who passes it then [s]."""
+
+
 def list_signal_demands(
-    actor: ScheduledAgent, *, violates: bool, until: float
+    actor: ScheduledAgent, *, violates: bool, until: float, yellow: bool = False
 ) -> tuple[Demand, ...]:
-    """What the signal plan must show for this actor: to obey it, or to run its red light."""
+    """What the signal plan must show for this actor: to obey it, or to run its light."""
     line, group = actor.landmarks.line, actor.landmarks.group
     if line is None or group is None:
         return ()
@@ -145,6 +149,8 @@ def list_signal_demands(
     crosses = actor.enters + actor.motion.find_time_at(line)
     if not np.isfinite(crosses) or crosses > until or crosses < -25.0:
         return tuple(found)
+    if yellow:
+        return (*found, Demand(group, crosses - _YELLOW, crosses + 0.3, ("yellow",)))
     if violates:
         # Who slows at a light that is not green waits for the light.
         slows = [each.start for each in actor.stops if each.reason == "gives_way" and each.s < line]

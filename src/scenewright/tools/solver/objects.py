@@ -38,6 +38,9 @@ _HIDDEN = 0.5
 _BESIDE = 6.0
 """How near the way of a pedestrian is to what it comes from behind [m]."""
 
+_BETWEEN = 6.0
+"""Widest gap between two vehicles out of which a pedestrian comes [m]."""
+
 _NODE = 0.4
 """Spacing at which a path is looked at [m]."""
 
@@ -56,7 +59,7 @@ class ObjectPlacer:
         rng: np.random.Generator,
     ) -> None:
         self._map, self._rng = intersection_map, rng
-        self._nodes = sorted(nodes, key=lambda each: each.hides is None)
+        self._nodes = sorted(nodes, key=lambda each: (each.hides is None, each.beyond is None))
         self._kept: dict[str, ObjectRecord] = {}
         self._places: dict[tuple[str, Compass, Side], tuple[ObjectRecord, ...]] = {}
 
@@ -90,10 +93,34 @@ class ObjectPlacer:
         same = kept and (kept.kind, kept.subtype) == (node.kind, get_subtype(node))
         if kept and same and _keeps_apart(kept, others) and self._hides(node, kept, schedule):
             yield kept
+        if node.beyond is not None:
+            yield from self._list_places_beyond(node, schedule, others)
+            return
         for leg, side in self._list_sides(node, schedule):
             places = self._find_places(node, leg, side)
             for k in self._rng.permutation(len(places)):
                 if _keeps_apart(places[k], others) and self._hides(node, places[k], schedule):
+                    yield places[k]
+
+    def _list_places_beyond(
+        self, node: ObjectNode, schedule: PartialSchedule, others: Sequence[ObjectRecord]
+    ) -> Iterator[ObjectRecord]:
+        """Places beyond a pedestrian's way, those nearest to the object that hides it first."""
+        hiding = next(each for each in self._nodes if each.id == node.beyond)
+        first = next(each for each in others if each.id == node.beyond)
+        path = geos.LineString(schedule.actors[str(hiding.hides)].candidate.path.xy)
+        around = geos.Point(first.x, first.y)
+        for leg, side in self._list_sides(hiding, schedule):
+            places = self._find_places(node, leg, side)
+            away = [float(geos.distance(around, geos.Point(p.x, p.y))) for p in places]
+            for k in np.argsort(away):
+                between = geos.LineString([(first.x, first.y), (places[k].x, places[k].y)])
+                gap = geos.distance(make_footprint(first), make_footprint(places[k]))
+                if (
+                    geos.crosses(between, path)
+                    and gap <= _BETWEEN
+                    and _keeps_apart(places[k], others)
+                ):
                     yield places[k]
 
     def _list_sides(

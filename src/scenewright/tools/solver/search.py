@@ -35,6 +35,7 @@ from scenewright.scene.constraints import (
     PassesBeside,
     Pauses,
     RunsRed,
+    RunsYellow,
     SameLane,
     SpeedBetween,
     StopsBehind,
@@ -195,6 +196,8 @@ class Search:
         self._times = tuple(c for c in self._figures if c.clause == "time")
         self._least_off: dict[AgentFigure | PairFigure, float] = {}
         self._violators = {c.agent for c in program.clauses if isinstance(c, RunsRed)}
+        self._at_yellow = {c.agent for c in program.clauses if isinstance(c, RunsYellow)}
+        self._at_lights = self._violators | self._at_yellow
         self._pausing = {c.agent for c in program.clauses if isinstance(c, Pauses)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
@@ -273,7 +276,7 @@ class Search:
     ) -> dict[str, ScheduledAgent]:
         """Those of the foreground that wait at red before anything happens."""
         intersection_map, bonds = self._ground.intersection_map, (*self._events, *self._before)
-        chances = self._red_first | dict.fromkeys(self._violators, 0.0)
+        chances = self._red_first | dict.fromkeys(self._at_lights, 0.0)
         return draw_red_light_starts(
             candidates,
             landmarks,
@@ -303,6 +306,7 @@ class Search:
         stage = ForegroundSolver(context)
         count = 0
         staged = filter(self._run_first, stage.play(self._events, self._opening()))
+        staged = filter(self._in_order, staged)
         for schedule in filter(self._is_as_measured, staged):
             selection = self._finish(schedule, choice)
             if selection is not None:
@@ -453,19 +457,24 @@ class Search:
         return replace(schedule, actors={**schedule.actors, **members}) if members else schedule
 
     def _run_first(self, schedule: PartialSchedule) -> bool:
-        """Whether those on stage who are to run red do so before what they do to others."""
-        there = sorted(self._violators & schedule.actors.keys())
+        """Whether those on stage who are to run a light do so before what they do to others."""
+        there = sorted(self._at_lights & schedule.actors.keys())
         late = [name for name in there if not runs_first(name, schedule)]
-        self._failures.update(f"runs_red({name}) before what it does to others" for name in late)
+        self._failures.update(
+            f"{self._tell_run(name)} before what it does to others" for name in late
+        )
         return not late
 
     def _run_red(self, schedule: PartialSchedule, duration: float) -> bool:
-        """Whether everybody who is to run red gets there in time."""
-        for name in sorted(self._violators):
+        """Whether everybody who is to run a light gets there in time."""
+        for name in sorted(self._at_lights):
             if name not in schedule.actors or not runs_in_time(name, schedule, until=duration):
-                self._failures[f"runs_red({name}) within the scene"] += 1
+                self._failures[f"{self._tell_run(name)} within the scene"] += 1
                 return False
         return True
+
+    def _tell_run(self, name: str) -> str:
+        return f"{'runs_yellow' if name in self._at_yellow else 'runs_red'}({name})"
 
     def _strangers_apart(self, schedule: PartialSchedule) -> bool:
         related = {frozenset((c.first, str(c.second))) for c in self._events}
@@ -507,7 +516,10 @@ class Search:
             demand
             for name, actor in schedule.actors.items()
             for demand in list_signal_demands(
-                actor, violates=name in self._violators, until=duration
+                actor,
+                violates=name in self._violators,
+                until=duration,
+                yellow=name in self._at_yellow,
             )
         ]
         offsets = feasible_offsets(program, tuple(wanted))

@@ -8,7 +8,7 @@ _SYNONYMS = {
     "truck": "lorry heavy_vehicle truck_bus trailer semi hgv delivery",
     "bus": "coach minibus",
     "motorcycle": "motorbike motorcyclist moped scooter motor",
-    "bicycle": "bike cyclist bicyclist biker",
+    "bicycle": "bike cyclist bicyclist biker e_scooter escooter electric_scooter kick_scooter",
     "pedestrian": "ped person people walker human",
 }
 SUBTYPE_OF_WORD = {

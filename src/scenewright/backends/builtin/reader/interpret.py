@@ -33,10 +33,11 @@ from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a_street
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
 from scenewright.backends.builtin.scope import not_english, nothing_planned
-from scenewright.scene.account import Became, SaidSpan
+from scenewright.scene.account import Became, SaidSpan, format_background
 from scenewright.scene.base import AgentClass
 from scenewright.scene.measures import format_measure
-from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion
+from scenewright.scene.social import MOST_BACKGROUND, PedestrianMotion, VehicleMotion
+from scenewright.scene.track import EMERGENCY
 
 OPPOSITE = {
     "north": "south", "south": "north", "east": "west", "west": "east",
@@ -225,13 +226,37 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
     change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
     result.spans = tuple(sorted(reading.spans, key=lambda each: each.start))
     _introduce(result, reading)
-    for span in sorted(_owned(result, reading), key=lambda each: each.start):
+    for span in _put_headings_last(_owned(result, reading)):
         if 0 <= change < span.start and not result.changing:
             _settle(result)
             result.changing = True
         _apply(result, span)
     _settle(result)
     return result
+
+
+def _put_headings_last(spans: Iterable[ReadSpan]) -> list[ReadSpan]:
+    """The spans in order, but a heading after the words that say where the same road user is from.
+
+    "Heading north, from the east": alone the heading says the entry, beside one it says the exit.
+    """
+    found = sorted(spans, key=lambda each: each.start)
+    for span in [each for each in found if each.tag == "heading"]:
+        own = [
+            n
+            for n, each in enumerate(found)
+            if _says_entry(each, span.subjects) and side_of(each) != side_of(span)
+        ]
+        at = found.index(span)
+        if own and own[-1] > at:
+            found.insert(own[-1], found.pop(at))
+    return found
+
+
+def _says_entry(span: ReadSpan, users: Sequence[int]) -> bool:
+    """Whether the span names the leg that one of the users comes from."""
+    named = span.tag == "from" and not span.negated and span.value not in _RELATIVE
+    return named and bool(set(span.subjects) & set(users))
 
 
 def _owned(result: Interpretation, reading: Reading) -> tuple[ReadSpan, ...]:
@@ -320,8 +345,14 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
             result.enter(span, "movement", (number,), agent.movement)
         return
     if match := _BOUND.search(span.words):
-        agent.entry = OPPOSITE[match[1].lower()]
-        result.enter(span, "entry", (number,), agent.entry)
+        bound = match[1].lower()
+        told = [side_of(each) for each in result.spans if _says_entry(each, (number,))]
+        if told and told[0] not in (None, OPPOSITE[bound], bound):
+            agent.exit = bound
+            result.enter(span, "exit", (number,), bound)
+        else:
+            agent.entry = OPPOSITE[bound]
+            result.enter(span, "entry", (number,), agent.entry)
     turn = _turn_in(result.text[max(0, span.start - 6) : span.start] + span.words)
     if turn is not None:
         agent.movement = turn
@@ -345,7 +376,9 @@ def _deny_class(result: Interpretation, span: ReadSpan) -> None:
         context.vehicles = 0
     elif span.tag == "ped":
         context.pedestrians = 0
-    result.enter(span, "background" if span.tag in ("veh", "ped") else "denied", value="0")
+    kind = {"veh": "vehicles", "ped": "pedestrians"}.get(span.tag)
+    value = format_background({kind: 0}) if kind else "0"
+    result.enter(span, "background" if kind else "denied", value=value)
 
 
 def _apply(result: Interpretation, span: ReadSpan) -> None:
@@ -406,8 +439,21 @@ def _leave_out(result: Interpretation, span: ReadSpan) -> None:
         return
     if span.tag == "act" and _overtakes_closely(result, span):
         return
+    if _SIREN.search(result.text[max(0, span.start - 12) : span.end + 12]) and any(
+        agent.subtype in EMERGENCY for agent in result.users.values()
+    ):
+        result.enter(span, "manner", span.subjects)
+        return
     note = _BEYOND.get(span.tag, "this is not modelled")
     result.enter(span, "nothing", span.subjects, note=note)
+
+
+_SIREN = re.compile(
+    r"siren|blue lights?|blues and twos|(?:flashing|emergency) lights?|lights? flashing|"
+    r"\bon (?:a|an emergency) call\b",
+    re.IGNORECASE,
+)
+"""What emergency vehicles show and sound, which leaves no trace in tracks."""
 
 
 _OVERTAKES = re.compile(r"overtak|overtook|\bpass(?:es|ed|ing)?\b|squeez|brush|buzz", re.IGNORECASE)
@@ -676,11 +722,11 @@ def _with_striker(result: Interpretation, span: ReadSpan) -> list[tuple[int, int
 
 
 def _move_so(result: Interpretation, span: ReadSpan) -> None:
-    """How pedestrians cross: running, or standing still on the way."""
+    """How pedestrians cross, and how vehicles pass a light."""
     for number in span.subjects:
         agent = result.users.get(number)
-        if agent is not None and agent.type == "pedestrian":
-            agent.motion = cast("PedestrianMotion", span.value)
+        if agent is not None:
+            agent.motion = cast("PedestrianMotion | VehicleMotion", span.value)
             result.enter(span, "motion", (number,), span.value)
 
 
@@ -806,7 +852,12 @@ def _set_context(result: Interpretation, span: ReadSpan) -> None:
             context.vehicles = number
         if span.tag != "bgveh" and number is not None:
             context.pedestrians = number
-        result.enter(span, "background", value=None if number is None else str(number))
+        kinds = {"bgveh": ("vehicles",), "bgped": ("pedestrians",)}.get(span.tag, _OF_BOTH)
+        value = None if number is None else format_background(dict.fromkeys(kinds, number))
+        result.enter(span, "background", value=value)
+
+
+_OF_BOTH = ("vehicles", "pedestrians")
 
 
 def _set_density(result: Interpretation, span: ReadSpan) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
-from scenewright.scene.social import Manoeuvre, PedestrianMotion
+from scenewright.scene.social import Manoeuvre, PedestrianMotion, VehicleMotion
 
 if TYPE_CHECKING:
     from scenewright.backends.builtin.reader.interpret import Interpretation
@@ -68,10 +68,26 @@ _RUNS = re.compile(
     r"(?: (?:across|over|onto|into) the (?:road|street|roadway|crosswalk))?",
     re.IGNORECASE,
 )
-_MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion], ...] = (
+_YELLOW = re.compile(
+    r"\b(?:(?:runs?|running|ran|jump\w*|beats?|beating|catch\w*|tak(?:es|ing)|(?:goes|going|drives|"
+    r"driving|races|racing|speeds|speeding|comes|coming|shoots|slips|sneaks) (?:straight )?"
+    r"(?:on|at|over|through)|pass(?:es|ing)|cross(?:es|ing)|enter(?:s|ing)(?: the (?:junction|"
+    r"intersection))?)(?: on| at| through)? |(?:on|at) )"
+    r"(?:a |an |the )?(?:\w+ )?(?:yellow|amber)(?: (?:light|signal|phase))?"
+    r"(?! (?:cab|taxi|car|bus|van|truck|vehicle))\b|"
+    r"\b(?:caught )?in (?:the|a) (?:yellow[- ]light )?dilemma(?: zone)?",
+    re.IGNORECASE,
+)
+_MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion | VehicleMotion], ...] = (
     (_MIDWAY, "stops_midway"),
     (_DARTS, "darts_out"),
     (_RUNS, "runs"),
+    (_YELLOW, "passes_yellow"),
+)
+_RIGHT_ON_RED = re.compile(
+    r"\b(?:right(?:[- ]turn\w*)?|turn(?:s|ing)?) (?P<red>(?:on|against|through) (?:a |the )?red"
+    r"(?: (?:light|signal))?)\b",
+    re.IGNORECASE,
 )
 _MARKED = re.compile(r"crosswalk|zebra", re.IGNORECASE)
 _ROADWAY = re.compile(r"road|street|lane|block", re.IGNORECASE)
@@ -101,7 +117,20 @@ def sharpen_manoeuvres(reading: Reading) -> Reading:
             spans[n] = replace(span, tag="manner", confidence=_KNOWN)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
+    _read_right_on_red(reading, spans)
     return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
+
+
+def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
+    """ "Turns right on red" is a turn, and a red light that is run."""
+    for match in _RIGHT_ON_RED.finditer(reading.text):
+        owner = _find_owner(spans, match, drives=True)
+        if owner is not None and not any(s.tag == "red" and _overlaps(s, match) for s in spans):
+            start, end = match.span("red")
+            told = ReadSpan(
+                start, end, match["red"], "red", None, False, None, (owner,), (), _KNOWN
+            )
+            spans.append(told)
 
 
 def _read_passive_rear_end(reading: Reading, spans: list[ReadSpan]) -> None:
@@ -126,7 +155,7 @@ def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
     """How a pedestrian crosses, as spans of their own; what lies within says no more."""
     for pattern, motion in _MOTIONS:
         for match in pattern.finditer(reading.text):
-            owner = _find_walker(spans, match)
+            owner = _find_owner(spans, match, drives=motion == "passes_yellow")
             if owner is None or any(s.tag == "motion" and _overlaps(s, match) for s in spans):
                 continue
             for n, span in enumerate(spans):
@@ -139,7 +168,22 @@ def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
             spans.append(told)
 
 
-_OF_THE_WAY = ("jay", "cross", "act", "turn", "cw", "yield", "near", "pace", "manner", "dist")
+_OF_THE_WAY = (
+    "jay",
+    "cross",
+    "act",
+    "turn",
+    "cw",
+    "yield",
+    "near",
+    "pace",
+    "manner",
+    "dist",
+    "red",
+    "light",
+    "broken",
+    "thing",
+)
 
 
 def _settle_way(span: ReadSpan, match: re.Match[str], motion: str) -> ReadSpan:
@@ -156,10 +200,12 @@ def _settle_way(span: ReadSpan, match: re.Match[str], motion: str) -> ReadSpan:
     return replace(span, tag="manner", confidence=sure)
 
 
-def _find_walker(spans: list[ReadSpan], match: re.Match[str]) -> int | None:
-    """The pedestrian of whom it is said: of the span there, else the last one named before."""
+def _find_owner(spans: list[ReadSpan], match: re.Match[str], *, drives: bool = False) -> int | None:
+    """The road user of whom it is said: of the span there, else the last one named before."""
     walkers = {user for span in spans if span.tag == "ped" for user in span.subjects}
     vehicles = {user for span in spans if span.tag == "veh" for user in span.subjects}
+    if drives:
+        walkers, vehicles = vehicles, walkers
     inside = [s for s in spans if _overlaps(s, match) and s.tag not in ("ped", "veh", "ref")]
     for span in inside:
         if span.subjects:

@@ -6,6 +6,36 @@ import re
 
 _SUBTYPES = (
     (
+        "motorcycle",
+        r"\bpolice (?:motor ?-?(?:cycle|bike)|bike)",
+    ),
+    (
+        "ambulance",
+        r"\b(?:ambulances?|paramedics?|rescue vehicle)\b",
+    ),
+    (
+        "fire_engine",
+        r"\bfire[- ]?(?:engine|truck|appliance|tender)s?\b|\bladder truck\b|\bpumper\b",
+    ),
+    (
+        "police_car",
+        r"\b(?:police|patrol|squad|cop|sheriff(?:'s)?) ?(?:cars?|cruisers?|vehicles?|units?)\b|"
+        r"\bcruisers?\b|\bpanda car\b|^(?:the |a )?police$",
+    ),
+    (
+        "emergency",
+        r"\b(?:emergency|blue[- ]light) (?:vehicle|car|van|truck|service)s?\b|"
+        r"\bpolice (?:van|truck)s?\b",
+    ),
+    (
+        "taxi",
+        r"\b(?:taxis?|(?:mini|taxi)?cabs?|cabbies?|hackney)\b",
+    ),
+    (
+        "van",
+        r"(?<!camper )(?<!mini)\bvans?\b|\bsprinter\b|\bford transit\b|\bminibus",
+    ),
+    (
         "bus",
         r"\b(?:mini|school |city |tour )?bus(?:es)?\b|\bcoach(?:es)?\b|double-?decker|\bomnibus",
     ),
@@ -16,15 +46,14 @@ _SUBTYPES = (
     ),
     (
         "truck",
-        r"\b(?:truck|lorr(?:y|ies)|hgv|semi|tractor[- ]trailer|eighteen|18-?wheeler|ambulance|"
-        r"fire engine|firetruck|tanker|dump|flatbed|artic|juggernaut|big rig|rig|tipper|gritter|"
-        r"street sweeper|mixer|dustcart|bin wagon|trucker)(?:s|es)?\b|firetruck|"
-        r"(?:delivery|moving|removal) van",
+        r"\b(?:truck|lorr(?:y|ies)|hgv|semi|tractor[- ]trailer|eighteen|18-?wheeler|"
+        r"tanker|dump|flatbed|artic|juggernaut|big rig|rig|tipper|gritter|"
+        r"street sweeper|mixer|dustcart|bin wagon|trucker)(?:s|es)?\b",
     ),
     (
         "car",
-        r"\b(?:cars?|taxis?|cabs?|van|vans|suvs?|sedans?|hatchbacks?|minivans?|pick-?ups?|estate|"
-        r"saloon|coupe|convertible|jeep|limo(?:usine)?|auto|police|patrol|cruiser|cabbie|uber|"
+        r"\b(?:cars?|vans?|suvs?|sedans?|hatchbacks?|minivans?|pick-?ups?|estate|"
+        r"saloon|coupe|convertible|jeep|limo(?:usine)?|auto|police|patrol|uber|"
         r"toyota|ford|honda|bmw|audi|tesla|volvo|kia|nissan|mercedes|vw|golf|prius|fiat|"
         r"crossover|wagon|roadster|hearse|camper)\b",
     ),
@@ -69,6 +98,19 @@ def subtype_in(words: str) -> str | None:
     if _PICKUP.search(words):
         return "car"
     return next((name for name, pattern in _COMPILED if pattern.search(words)), None)
+
+
+COARSE = {
+    "van": "car", "taxi": "car", "police_car": "car",
+    "emergency": "truck", "ambulance": "truck", "fire_engine": "truck",
+}  # fmt: skip
+"""Subtypes that the grammar knows as kinds of a wider one."""
+
+
+def narrow_subtype(subtype: str | None, head: str) -> str | None:
+    """The subtype that a noun says where the grammar has only the wider one."""
+    found = subtype_in(head)
+    return found if subtype in (None, "car", "truck") and found in COARSE else subtype
 
 
 def time_words_in(low: str) -> list[str]:

@@ -1,0 +1,84 @@
+"""`scenewright evals satisfaction`: scenes of any program against instructions of other people."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scenewright.cli.console import progress, put, put_json, say
+from scenewright.cli.interrupts import stop_if_asked
+from scenewright.errors import InputError
+
+
+def satisfaction(
+    folder: Annotated[
+        str | None,
+        typer.Argument(metavar="DIR", help="ID/scene.json, or ID.SUFFIX: tracks, for each row."),
+    ] = None,
+    rows: Annotated[
+        str | None,
+        typer.Option(metavar="F.jsonl", help="Write the instructions as rows for `batch`."),
+    ] = None,
+    intersection: Annotated[
+        str, typer.Option(help="Map of submitted tracks; a scene.json names its own.")
+    ] = "amsterdam_120",
+    board: Annotated[
+        str | None,
+        typer.Option(metavar="F.json", help="Leaderboard to enter; a page is beside it."),
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="Of the submission, on the board.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object on stdout.")
+    ] = False,
+) -> None:
+    """How many instructions of other people are satisfied by scenes of any program.
+
+    490 labelled instructions by writers who had seen no planner. First `--rows F.jsonl` writes
+    them; then DIR is judged from its tracks alone: the events that the checker finds, between
+    agents that come from, go to and cross what the label says, and nothing else.
+    """
+    from scenewright.evals import satisfaction as judging
+    from scenewright.evals.planning import load
+
+    labelled = [row for row in load("voices") if "disputed" not in row]
+    if (folder is None) == (rows is None):
+        raise InputError("name either a folder to judge, or --rows FILE to write the instructions")
+    if (board is None) != (name is None):
+        raise InputError("--board and --name go together: which page, and under what name")
+    if rows is not None:
+        _write_rows(Path(rows), labelled)
+        return
+    with progress(quiet=quiet) as tell:
+        verdicts = []
+        for done, row in enumerate(labelled, start=1):
+            found = judging.read_submission(Path(str(folder)), row["id"], intersection=intersection)
+            verdicts.append(judging.judge(row, found))
+            if done % 50 == 0:
+                tell("judging", f"{done} of {len(labelled)} instructions")
+            stop_if_asked()
+    if all(each.outcome.endswith("refused") for each in verdicts):
+        raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")
+    shares = judging.count_verdicts(verdicts, labelled)
+    figures = judging.to_json(shares)
+    page = judging.enter_leaderboard(Path(board), str(name), figures) if board else None
+    if as_json:
+        told = [vars(each) for each in verdicts]
+        put_json({"ok": True, "folder": folder, **figures, "verdicts": told})
+    else:
+        put(judging.to_markdown(shares, verdicts))
+    if page is not None:
+        say(f"written: {board}, {page}")
+
+
+def _write_rows(file: Path, labelled: list[dict[str, object]]) -> None:
+    from scenewright.files import write_atomically
+
+    lines = [
+        json.dumps({"id": row["id"], "text": row["text"]}, ensure_ascii=False) for row in labelled
+    ]
+    write_atomically(file, ("\n".join(lines) + "\n").encode("utf-8"))
+    put(f"{file}: {len(lines)} rows\n")

@@ -1,0 +1,26 @@
+"""Instruction satisfaction, judged from tracks: what was asked for, by whom, and nothing else.
+
+The instructions are those of `evals.planning`, written by people who had seen no planner. A
+submission may come from any program: scenes of scenewright, or tracks in any format that `verify`
+reads. `seen` tells from tracks who is who, `judge` compares with the label, `report` counts.
+"""
+
+from scenewright.evals.satisfaction.collect import read_submission
+from scenewright.evals.satisfaction.judge import Submission, Verdict, judge
+from scenewright.evals.satisfaction.report import (
+    count_verdicts,
+    enter_leaderboard,
+    to_json,
+    to_markdown,
+)
+
+__all__ = [
+    "Submission",
+    "Verdict",
+    "count_verdicts",
+    "enter_leaderboard",
+    "judge",
+    "read_submission",
+    "to_json",
+    "to_markdown",
+]

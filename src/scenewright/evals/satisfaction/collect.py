@@ -1,0 +1,58 @@
+"""Reads submissions: a folder with a scene or a file of tracks for each instruction's id."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from scenewright.dataset.batch.rows import folder_of
+from scenewright.errors import InputError
+from scenewright.evals.satisfaction.judge import Submission
+from scenewright.evals.satisfaction.seen import see_agents
+from scenewright.graph.run import load_scene, load_tracks, verify, verify_tracks
+from scenewright.intersections import load_map
+from scenewright.tools.relation_checker import read_users
+
+
+def read_submission(folder: Path, identity: str, *, intersection: str) -> Submission | None:
+    """What was submitted for an instruction; None where nothing was.
+
+    Args:
+        folder: holds `ID/scene.json` (as `scenewright batch` writes it) or `ID.SUFFIX`, tracks in
+            any format that `verify` reads.
+        intersection: map of the tracks; a scene.json names its own.
+
+    Raises:
+        InputError: more than one file for an instruction.
+    """
+    name = folder_of(identity)
+    if (folder / name / "scene.json").is_file():
+        return _read_scene(folder / name)
+    files = sorted(path for path in folder.glob(f"{name}.*") if path.is_file())
+    if len(files) > 1:
+        raise InputError(f"{files[0]} and {files[1]} are both for {identity}; keep one")
+    return _read_tracks(files[0], intersection) if files else None
+
+
+def _read_scene(folder: Path) -> Submission:
+    """A scene of ours: its tracks, and whether its proof and its account of words hold."""
+    record, fault = load_scene(folder), None
+    proof = verify(folder)
+    if not proof.verified:
+        fault = "the checker does not confirm the scene"
+    elif any(each.status == "unrealised" for each in proof.said):
+        words = next(each.words for each in proof.said if each.status == "unrealised")
+        fault = f"{words!r} was left out"
+    users = read_users(record)
+    agents = see_agents(users, load_map(record.meta.intersection))
+    events = (*proof.events, *proof.incidental)
+    return Submission(agents, events, record.meta.time_of_day, fault)
+
+
+def _read_tracks(file: Path, intersection: str) -> Submission:
+    """Tracks made by any program; what cannot be read speaks against them."""
+    try:
+        tracks = load_tracks(file)
+    except InputError as error:
+        return Submission((), (), fault=f"cannot be read: {error}")
+    agents = see_agents(tracks.users, load_map(intersection))
+    return Submission(agents, verify_tracks(tracks, intersection=intersection))

@@ -1,0 +1,151 @@
+"""Whether a scene shows what its instruction's label says, and nothing else that is dangerous."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scenewright.evals.planning import does_time_fit
+from scenewright.evals.satisfaction.seen import SeenAgent
+from scenewright.scene.events import Event
+
+Label = Mapping[str, Any]
+_DIRECTED = frozenset({"yielding", "follow"})
+_BACKGROUND_PET = 1.0
+"""Agents that the instruction does not name pass one another with more than this [s]."""
+
+
+@dataclass(frozen=True)
+class Submission:
+    """One scene as it is judged.
+
+    Attributes:
+        agents, events: what the tracks show; time_of_day: HH:MM or a range, None if not told.
+        fault: what speaks against the scene whatever it shows, such as words left out.
+    """
+
+    agents: Sequence[SeenAgent]
+    events: Sequence[Event]
+    time_of_day: Any = None
+    fault: str | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came of one instruction: satisfied, wrong, refused, or rightly_refused; and why."""
+
+    id: str
+    outcome: str
+    reason: str | None = None
+
+
+def judge(row: Mapping[str, Any], submission: Submission | None) -> Verdict:
+    """One row of the set, {"id", "expected"}, with the scene that was submitted for it."""
+    label, name = row["expected"], row["id"]
+    if submission is None:
+        return Verdict(name, "rightly_refused" if label["refused"] else "refused")
+    if label["refused"]:
+        return Verdict(name, "wrong", "no scene can show this instruction, yet there is one")
+    reason = submission.fault or _find_fault(label, submission)
+    return Verdict(name, "satisfied" if reason is None else "wrong", reason)
+
+
+def _find_fault(label: Label, submission: Submission) -> str | None:
+    """Why a scene is not what its label says; None if it is."""
+    time = label["context"]["time_of_day"]
+    ours = submission.time_of_day
+    if time is not None and ours is not None and not does_time_fit(time, ours):
+        return f"is at {ours}, not at {time}"
+    relations = [each for each in label["relations"] if each["type"] != "normal"]
+    missing = "what was asked for does not happen between such agents"
+    for bound, pairs in _bind(relations, label, submission, {}, frozenset()):
+        stray = _find_unasked(submission.events, pairs, frozenset(bound.values()))
+        if stray is not None:
+            missing = f"unasked {stray.type} of {stray.from_} and {stray.to} at {stray.time:.1f} s"
+        elif _are_there(label, submission, bound):
+            return None
+        else:
+            missing = "an agent that was asked for is not there"
+    return missing
+
+
+def _find_unasked(
+    events: Sequence[Event], asked: frozenset[frozenset[int]], bound: frozenset[int]
+) -> Event | None:
+    """An event that the certificate of no other interaction forbids (SEMANTICS 4); None if none."""
+    for event in events:
+        if event.type == "follow" or _pair(event) in asked:
+            continue
+        close = float(event.evidence.get("pet", 0.0)) <= _BACKGROUND_PET
+        if event.type == "collision" or close or _pair(event) & bound:
+            return event
+    return None
+
+
+def _bind(
+    relations: Sequence[Mapping[str, Any]],
+    label: Label,
+    submission: Submission,
+    bound: dict[str, int],
+    pairs: frozenset[frozenset[int]],
+) -> Iterator[tuple[dict[str, int], frozenset[frozenset[int]]]]:
+    """Every way of giving the relations' agents to tracks so that each relation is an event."""
+    if not relations:
+        yield bound, pairs
+        return
+    first, *rest = relations
+    for event in submission.events:
+        if event.type != first["type"]:
+            continue
+        ends = [(event.from_, event.to)]
+        # Labels say who yields and who follows, not always who strikes whom.
+        if event.type not in _DIRECTED:
+            ends.append((event.to, event.from_))
+        for pair in ends:
+            told = dict(zip((first["from"], first["to"]), pair, strict=True))
+            if _agree(told, bound) and _fit(told, label, submission):
+                yield from _bind(rest, label, submission, bound | told, pairs | {_pair(event)})
+
+
+def _pair(event: Event) -> frozenset[int]:
+    return frozenset((event.from_, event.to))
+
+
+def _agree(told: Mapping[str, int], bound: Mapping[str, int]) -> bool:
+    """Whether names and tracks stay one to one."""
+    both = {**bound, **told}
+    return len({*both.values()}) == len(both) and all(
+        bound.get(name, n) == n for name, n in told.items()
+    )
+
+
+def _fit(told: Mapping[str, int], label: Label, submission: Submission) -> bool:
+    wanted = {each["id"]: each for each in label["agents"]}
+    seen = {each.id: each for each in submission.agents}
+    return all(is_like(wanted[name], seen[number]) for name, number in told.items())
+
+
+def is_like(wanted: Mapping[str, Any], seen: SeenAgent) -> bool:
+    """Whether nothing that a track shows contradicts what the label says of an agent."""
+    if wanted["type"] != seen.type:
+        return False
+    if seen.type == "pedestrian":
+        leg = wanted["crosswalk"]
+        crossing = wanted["movement"] in (None, seen.movement) or seen.movement is None
+        return crossing and (leg is None or not seen.crosswalks or leg in seen.crosswalks)
+    told = ((wanted[key], getattr(seen, key)) for key in ("entry", "exit", "movement"))
+    return all(a is None or b is None or a == b for a, b in told)
+
+
+def _are_there(label: Label, submission: Submission, bound: Mapping[str, int]) -> bool:
+    """Whether agents to whom nothing happens can be found among the tracks that are left."""
+    left = [each for each in submission.agents if each.id not in bound.values()]
+    for wanted in label["agents"]:
+        if wanted["id"] in bound:
+            continue
+        found = next((each for each in left if is_like(wanted, each)), None)
+        if found is None:
+            return False
+        left.remove(found)
+    return True

@@ -1,0 +1,112 @@
+"""Instruction satisfaction as figures, and a leaderboard of whoever was judged."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from scenewright.errors import InputError
+from scenewright.evals.markdown import format_table
+from scenewright.evals.planning import Share
+from scenewright.evals.satisfaction.judge import Verdict
+from scenewright.files import write_atomically
+
+RATES: Mapping[str, str] = {
+    "satisfied": "instruction satisfaction rate: scenes that show what was said and nothing else",
+    "false": "scenes that show something else than was said, of all that were submitted",
+    "refused": "instructions without a scene although one could show them",
+    "rightly refused": "instructions that no scene can show, and without one",
+}
+"""Figure -> what it is."""
+
+
+def count_verdicts(
+    verdicts: Sequence[Verdict], rows: Sequence[Mapping[str, Any]]
+) -> dict[str, Share]:
+    """The figures of `RATES`, each with its n."""
+    counts = Counter(each.outcome for each in verdicts)
+    impossible = sum(bool(row["expected"]["refused"]) for row in rows)
+    possible, made = len(rows) - impossible, counts["satisfied"] + counts["wrong"]
+    return {
+        "satisfied": Share(counts["satisfied"], possible),
+        "false": Share(counts["wrong"], made),
+        "refused": Share(counts["refused"], possible),
+        "rightly refused": Share(counts["rightly_refused"], impossible),
+    }
+
+
+def to_json(shares: Mapping[str, Share]) -> dict[str, Any]:
+    """Plain JSON of the figures."""
+    return {
+        name: {"right": share.right, "n": share.n, "rate": share.rate, "interval": share.interval}
+        for name, share in shares.items()
+    }
+
+
+def to_markdown(shares: Mapping[str, Share], verdicts: Sequence[Verdict]) -> str:
+    """The figures, and why scenes are wrong."""
+    rows = [[RATES[name], f"{s.right} / {s.n}", _percent(to_json({name: s})[name])]
+            for name, s in shares.items()]  # fmt: skip
+    reasons = Counter(_sort_of(each.reason) for each in verdicts if each.outcome == "wrong")
+    parts = [format_table(["figure", "count", "share [95 %]"], rows)]
+    if reasons:
+        parts.append(format_table(["why scenes are wrong", "scenes"],
+                                  [[k, str(n)] for k, n in reasons.most_common()]))  # fmt: skip
+    return "\n\n".join(parts) + "\n"
+
+
+def _sort_of(reason: str | None) -> str:
+    """The reason without its numbers, names and quotes."""
+    words = (reason or "").split()
+    return " ".join(words[:2] if words[:1] == ["unasked"] else words[:4])
+
+
+def _percent(figure: Mapping[str, Any]) -> str:
+    if figure["rate"] is None:
+        return "–"
+    low, high = figure["interval"]
+    return f"{100 * figure['rate']:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
+
+
+def enter_leaderboard(board: Path, name: str, figures: Mapping[str, Any]) -> Path:
+    """Puts a submission on a board (a JSON file) and redraws the page beside it; the page.
+
+    Raises:
+        InputError: the file is no board.
+    """
+    entries = _read_board(board)
+    entries[name] = dict(figures)
+    data = json.dumps({"schema_version": 1, "entries": entries}, ensure_ascii=False, indent=1)
+    write_atomically(board, (data + "\n").encode("utf-8"))
+    page = board.with_suffix(".md")
+    write_atomically(page, _draw_page(entries).encode("utf-8"))
+    return page
+
+
+def _read_board(board: Path) -> dict[str, Any]:
+    if not board.exists():
+        return {}
+    try:
+        entries = json.loads(board.read_bytes())["entries"]
+        for each in entries.values():
+            _ = [each[key]["rate"] for key in RATES]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{board} is no leaderboard; name another file for --board") from error
+    return dict(entries)
+
+
+def _draw_page(entries: Mapping[str, Any]) -> str:
+    ordered = sorted(entries.items(), key=lambda each: -(each[1]["satisfied"]["rate"] or 0.0))
+    rows = [[_plain(name), *(_percent(each[key]) for key in RATES)] for name, each in ordered]
+    told = "\n".join(f"- *{key}*: {meaning}" for key, meaning in RATES.items())
+    table = format_table(["submission", *RATES], rows)
+    return f"# Leaderboard: instructions satisfied\n\n{table}\n\n{told}\n"
+
+
+def _plain(text: str) -> str:
+    """A name on one line, without what would become markup."""
+    line = " ".join(text.split())[:80]
+    return "".join(f"\\{char}" if char in "|<>[]`*_\\" else char for char in line)

@@ -1,0 +1,162 @@
+"""On which side of the road traffic drives, and how that is known."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
+from itertools import combinations
+
+import numpy as np
+
+from scenewright.geometry.geographic import LatLon
+from scenewright.geometry.polyline import rotate_left
+from scenewright.scene.base import FloatArray
+from scenewright.tools.map_import.opendrive_features import OpenDriveFile
+from scenewright.tools.map_import.osm_features import OsmFile, Tags
+from scenewright.tools.map_import.survey import ASSUMED_SIDE, DrivingSide
+
+_LEFT_HAND = (
+    "AG AI AU BB BD BM BN BS BT BW CC CK CX CY DM FJ FK GB GD GG GY HK ID IE IM IN JE JM JP KE KI "
+    "KN KY LC LK LS MO MS MT MU MV MW MY MZ NA NF NP NR NU NZ PG PK PN SB SC SG SH SR SZ TC TH TK "
+    "TL TO TT TV TZ UG VC VG VI WS ZA ZM ZW"
+)
+"""ISO 3166 codes of countries and territories in which traffic drives on the left."""
+_COUNTRY_KEYS = ("addr:country", "is_in:country_code", "country_code", "ISO3166-1:alpha2")
+_APART = (4.0, 40.0)
+"""Between the carriageways of one street [m]."""
+_NOWHERE = 0.05
+"""Files whose degrees are closer to zero have a made-up place [deg]."""
+
+
+def take_option(left_hand: bool | None) -> DrivingSide | None:
+    """The side that the user names."""
+    return None if left_hand is None else DrivingSide(left_hand, "as asked")
+
+
+def find_opendrive_side(drive: OpenDriveFile) -> DrivingSide:
+    """As most of the roads say that say anything."""
+    left, right = drive.rules.get("LHT", 0), drive.rules.get("RHT", 0)
+    if left == right:
+        return DrivingSide(False, "OpenDRIVE's default, no road of the file has another rule")
+    rule, count = ("LHT", left) if left > right else ("RHT", right)
+    return DrivingSide(left > right, f'{count} roads of the file have rule="{rule}"')
+
+
+def find_sumo_side(left_hand: bool) -> DrivingSide:
+    """As the network says."""
+    return DrivingSide(left_hand, "the network says so" if left_hand else "the network's default")
+
+
+def find_osm_side(osm: OsmFile, origin: LatLon) -> DrivingSide:
+    """By the tags of the file, else its place, else how its one-way roads lie."""
+    drawn = _count_drawn_sides(osm)
+    found = (
+        _read_side_tags(osm) or _read_country_tags(_list_tags(osm)) or find_side_of_place(origin)
+    )
+    left = drawn["left"] > drawn["right"]
+    if found is None:
+        if drawn["left"] == drawn["right"]:
+            return ASSUMED_SIDE
+        return DrivingSide(left, _say_drawn(drawn), is_known=False)
+    clear = max(drawn.values()) >= 3 * min(drawn["left"], drawn["right"]) + 2
+    against = _say_drawn(drawn) if clear and left != found.left_hand else None
+    return DrivingSide(found.left_hand, found.reason, against=against)
+
+
+def find_lanelet2_side(
+    approaches: Iterable[FloatArray], exits: Iterable[FloatArray]
+) -> DrivingSide:
+    """By the lanes: who drives on the right has oncoming lanes on the left.
+
+    Args:
+        approaches, exits: [P, 2] middles in driving direction [m].
+    """
+    counts = Counter(_count_oncoming([*approaches, *exits]))
+    if counts["left"] == counts["right"]:
+        return ASSUMED_SIDE
+    left = counts["left"] > counts["right"]
+    return DrivingSide(left, f"{max(counts.values())} pairs of opposite lanes lie so")
+
+
+def _list_tags(osm: OsmFile) -> Iterator[Tags]:
+    yield from osm.node_tags.values()
+    yield from (tags for tags, _ in osm.ways.values())
+
+
+def _read_side_tags(osm: OsmFile) -> DrivingSide | None:
+    sides = Counter(tags["driving_side"] for tags in _list_tags(osm) if "driving_side" in tags)
+    left, right = sides["left"], sides["right"]
+    if left == right:
+        return None
+    return DrivingSide(left > right, f"driving_side is tagged on {max(left, right)} elements")
+
+
+def _read_country_tags(tags: Iterable[Tags]) -> DrivingSide | None:
+    codes = Counter(own[key].upper() for own in tags for key in _COUNTRY_KEYS if key in own)
+    codes = Counter({code: n for code, n in codes.items() if len(code) == 2 and code.isalpha()})
+    if not codes:
+        return None
+    code, count = min(codes.items(), key=lambda each: (-each[1], each[0]))
+    return DrivingSide(
+        code in _LEFT_HAND.split(), f"{count} elements of the file say country {code}"
+    )
+
+
+def find_side_of_place(origin: LatLon) -> DrivingSide | None:
+    """By the country of the nearest town; None where the list of towns is not installed."""
+    if max(map(abs, origin)) < _NOWHERE:
+        return None
+    try:
+        towns = import_module("reverse_geocode")
+    except ImportError:
+        return None
+    town = towns.get(origin)
+    code, name = str(town["country_code"]), str(town["city"])
+    return DrivingSide(code in _LEFT_HAND.split(), f"the place is near {name}, in country {code}")
+
+
+def _count_drawn_sides(osm: OsmFile) -> dict[str, int]:
+    """How many roundabouts and pairs of carriageways are drawn for each side."""
+    counts = {"left": 0, "right": 0}
+    streets: dict[str, list[FloatArray]] = {}
+    for _, tags, nodes in osm.list_roads():
+        line = np.array([osm.nodes[n] for n in nodes if n in osm.nodes])
+        if len(line) < 2:
+            continue
+        if tags.get("junction") == "roundabout":
+            counts["left" if _measure_turn(line) < 0 else "right"] += 1
+        elif tags.get("oneway") in ("yes", "1", "true") and tags.get("name"):
+            streets.setdefault(tags["name"], []).append(line)
+    for lines in streets.values():
+        for side in _count_oncoming(lines):
+            counts[side] += 1
+    return counts
+
+
+def _measure_turn(line: FloatArray) -> float:
+    """By how much a line turns to the left in all [rad]."""
+    step = np.diff(line, axis=0)
+    course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    return float(course[-1] - course[0])
+
+
+def _count_oncoming(lines: list[FloatArray]) -> Iterator[str]:
+    """For each two lines beside one another in opposite directions, the side driven on."""
+    for a, b in combinations(lines, 2):
+        ahead = a[-1] - a[0]
+        back = b[-1] - b[0]
+        lengths = float(np.hypot(*ahead)), float(np.hypot(*back))
+        if min(lengths) < 5.0 or float(ahead @ back) / math.prod(lengths) > -0.9:
+            continue
+        between = b.mean(axis=0) - a.mean(axis=0)
+        ahead = ahead / lengths[0]
+        aside, along = float(between @ rotate_left(ahead)), abs(float(between @ ahead))
+        if _APART[0] / 2 < abs(aside) < _APART[1] and along < sum(lengths) / 2:
+            yield "right" if aside > 0 else "left"
+
+
+def _say_drawn(drawn: Mapping[str, int]) -> str:
+    side = max(drawn, key=lambda each: drawn[each])
+    return f"{drawn[side]} roundabouts and pairs of carriageways are drawn for the {side}"
