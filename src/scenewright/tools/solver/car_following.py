@@ -34,7 +34,7 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 _HEADWAY, _HEADWAY_SPREAD = 1.1, 0.25
 """From the rear ahead to one's own front [s]: median and spread of the logarithm. At 9 m/s that is
 about 2 s from front to front with the gap at standstill, as queues discharge."""
-_GAP = (0.5, 1.4)
+_GAP = (0.9, 1.8)
 """At standstill, on top of the clearance of 0.8 m [m]."""
 _LINE = (0.4, 1.6)
 """From the front of who stops first to the line [m]."""
