@@ -268,7 +268,7 @@ def _follow(
         at = _find_wall(nodes, walls, t)
         later = _find_wall(nodes, walls, t + _FORESEES)
         speed = v if later == np.inf else (later - at) / _FORESEES
-        if t < release and line < at and s <= line + 0.3:
+        if t < release and line < at and s < line + gap:
             at, speed = line + gap, 0.0
         while cell < len(places) - 2 and places[cell + 1] <= s:
             cell += 1
