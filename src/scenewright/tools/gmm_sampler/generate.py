@@ -39,6 +39,7 @@ from scenewright.tools.gmm_sampler.sample import (
     sample_waypoints,
 )
 from scenewright.tools.gmm_sampler.speed_wander import sample_pace
+from scenewright.tools.gmm_sampler.uturn_priors import build_uturn_priors
 
 _QUEUES = 28.0
 """In the corpus 1 - exp(-v / 28) of the standing vehicles stand behind another, where v vehicles
@@ -144,6 +145,8 @@ def amplify(
         own = priors
         if node.type in RIDERS:
             own = build_rider_priors(priors, node.type, route, intersection_map=intersection_map)
+        elif route.id not in priors.waypoints:
+            own = build_uturn_priors(priors, route, intersection_map=intersection_map)
         agents[node.id] = _draw_agent(
             node.id, "foreground", route, own, size, rng, subtype=node.subtype, kind=node.type
         )
