@@ -157,7 +157,7 @@ def test_arrivals_are_spread_evenly_over_the_scene():
     arrivals = np.array(
         [
             each.arrival
-            for seed in range(12)
+            for seed in range(40)
             for each in pool_of(graph_of(background=asked), seed=seed, size=1).agents.values()
             if each.arrival is not None
         ]
