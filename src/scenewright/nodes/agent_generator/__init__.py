@@ -20,6 +20,9 @@ _KEEPS = 6
 _CROWD_DRAWS = 4
 """Candidates of a background agent where the first that has room is taken (`draw`)."""
 
+_LAWFUL_ATTEMPTS = 9
+"""Refusals after which a red light may be run that nobody asked for."""
+
 
 class GeneratorReads(TypedDict):
     """Channels read."""
@@ -54,6 +57,7 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
         intersection_map=context.intersection,
         hour=hour,
         rng=rng,
+        lawful=len(state.get("rejections", [])) < _LAWFUL_ATTEMPTS,
     )
     pool = amplify(
         graph,

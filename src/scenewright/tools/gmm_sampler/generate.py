@@ -51,7 +51,7 @@ _HEADWAY = (1.0, 4.0)
 _SECONDS = 30.0
 _ASSIGNMENTS, _RIDER_ASSIGNMENTS, _MOST_ASSIGNMENTS = 6, 24, 40
 """Assignments drawn, of which the best is taken: without and with riders; where a speed asked for
-wants more."""
+or lawful routes want more."""
 
 _RUNNING, _RUN_SPEED, _RUN_ACCELERATION = ("runs", "darts_out"), (2.7, 3.9), 2.0
 """Motions of pedestrians who run; how fast [m/s], and how they set off and stop [m/s^2]."""
@@ -87,8 +87,13 @@ def assign_foreground(
     intersection_map: IntersectionMap,
     hour: float,
     rng: np.random.Generator,
+    lawful: bool = True,
 ) -> RoleAssignment:
-    """Routes and patterns of the foreground; no red light is run where that can be avoided."""
+    """Routes and patterns of the foreground; no red light is run where that can be avoided.
+
+    Args:
+        lawful: look longer for routes on which nobody runs a red light unasked.
+    """
     from scenewright.tools.map_grounding.grounding import count_signal_conflicts, find_assignments
 
     weights = {
@@ -105,6 +110,10 @@ def assign_foreground(
         conflicts = count_signal_conflicts(assignment, intersection_map=intersection_map)
         return count_slow_routes(graph, assignment), conflicts, len(violators)
 
+    def falls_short(assignment: RoleAssignment) -> bool:
+        unasked = lawful and list_unasked_runners(graph, assignment)
+        return count_slow_routes(graph, assignment) > 0 or bool(unasked)
+
     def draw() -> RoleAssignment:
         return next(
             find_assignments(
@@ -114,9 +123,17 @@ def assign_foreground(
 
     tries = _RIDER_ASSIGNMENTS if any(a.type in RIDERS for a in graph.agents) else _ASSIGNMENTS
     drawn = [draw() for _ in range(tries)]
-    while len(drawn) < _MOST_ASSIGNMENTS and min(map(count_faults, drawn))[0] > 0:
+    while len(drawn) < _MOST_ASSIGNMENTS and falls_short(min(drawn, key=count_faults)):
         drawn.append(draw())
     return min(drawn, key=count_faults)
+
+
+def list_unasked_runners(graph: SocialGraph, assignment: RoleAssignment) -> list[str]:
+    """Who is to run a red light although the request speaks of none."""
+    caused = {edge.cause for edge in graph.relations}
+    if "red_light_run" in caused or any(agent.runs_red for agent in graph.agents):
+        return []
+    return sorted({each.violator for each in assignment.patterns if each.violator is not None})
 
 
 def amplify(

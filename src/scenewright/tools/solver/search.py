@@ -30,6 +30,7 @@ from scenewright.scene.constraints import (
     GivesWay,
     Headway,
     Near,
+    NoReaction,
     PairClause,
     PairFigure,
     PassesBeside,
@@ -45,7 +46,7 @@ from scenewright.scene.constraints import (
 from scenewright.scene.objects import ObjectRecord
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import PlannedEvent, SelectedAgent, Selection, Stop
-from scenewright.scene.social import ObjectNode
+from scenewright.scene.social import DEFAULT_LEAD, ObjectNode
 from scenewright.scene.track import STEP
 from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
@@ -89,6 +90,7 @@ from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
 from scenewright.tools.solver.pauses import draw_pauses
+from scenewright.tools.solver.reactions import ReactionRequests
 from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
 from scenewright.tools.solver.reservation import (
@@ -202,8 +204,16 @@ class Search:
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
-        runners = [c.agent for c in program.clauses if isinstance(c, RunsRed)]
+        runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
         self._bound = list(dict.fromkeys((*bound, *runners)))
+        self._reactions = ReactionRequests(
+            frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
+            {
+                frozenset((str(each.hides), str(each.hidden_from))): each.lead or DEFAULT_LEAD
+                for each in objects
+                if each.hides is not None
+            },
+        )
         self._leads = {name: leader for leader, names in pool.groups.items() for name in names}
         if not pool.groups.keys() <= {*bound}:
             raise Rejected(_alone(sorted(pool.groups.keys() - {*bound}), "walks in a group"))
@@ -297,7 +307,7 @@ class Search:
         context = SolverContext(
             candidates, landmarks, self._rng, lenient=self._lenient, misses=self._shortfalls,
             yielding_model=self._pool.yielding_model, red_light_starts=red_light_starts,
-            figures=self._figures,
+            figures=self._figures, reactions=self._reactions,
         )  # fmt: skip
         context.red_light_starts = {
             **context.red_light_starts,
