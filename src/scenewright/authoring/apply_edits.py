@@ -32,8 +32,8 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import SocialGraph
+from scenewright.tools.gmm_sampler.background_counts import DENSITIES
 from scenewright.tools.gmm_sampler.frozen_agents import scale_speed
-from scenewright.tools.gmm_sampler.generate import DENSITIES
 from scenewright.tools.map_grounding.grounding import ground_graph
 
 
