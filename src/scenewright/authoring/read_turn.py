@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 
 from scenewright.backends import Account, Backend, speaker, unaccounted
 from scenewright.errors import BackendFault
@@ -96,8 +98,10 @@ SENTENCE = "sentence"
 def ask_what_is_meant(words: str, intersection_map: IntersectionMap) -> Clarification | None:
     """A question with the sentences that the offline planner takes doubtful words to mean."""
     from scenewright.backends.offline import plan, site_of
+    from scenewright.tools.map_grounding.grounding import can_ground
 
-    found = plan(words, site=site_of(intersection_map))
+    serves = partial(can_ground, intersection_map=intersection_map)
+    found = plan(words, site=replace(site_of(intersection_map), can_serve=serves))
     if not isinstance(found, Refusal) or not found.did_you_mean:
         return None
     offered = enumerate(found.did_you_mean, start=1)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from scenewright.scene.rejection import Stage
+from scenewright.scene.social import SocialGraph
 
 Task = Literal["plan", "constraints", "summary", "behavior", "edits"]
 TASKS: tuple[Task, ...] = ("plan", "constraints", "behavior")
@@ -86,6 +87,7 @@ class Question:
         seed: of the run, for models that can be given one.
         wording: puts it into words, for whoever answers in words.
         account: is told what an answer has cost.
+        can_serve: whether the map has ways for a graph; it decides between readings of a text.
     """
 
     task: Task
@@ -94,6 +96,7 @@ class Question:
     seed: int = 0
     wording: Callable[[], Wording] = field(default=_unworded, compare=False, repr=False)
     account: Account = field(default=unaccounted, compare=False, repr=False)
+    can_serve: Callable[[SocialGraph], bool] | None = field(default=None, compare=False, repr=False)
 
 
 class Backend(Protocol):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.arrays import read_arrays
+from scenewright.cli.adapted_refiner import GOES_ON, adapt_refiner
 from scenewright.errors import InputError
 from scenewright.intersections import (
     REFINER_WEIGHTS,
@@ -57,6 +58,7 @@ def import_file(
     licence: str | None,
     force: bool,
     tell: Tell,
+    streets: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Imports a map and writes its bundle; what was made, for printing.
 
@@ -76,6 +78,7 @@ def import_file(
         extent=extent,
         title=title,
         signals=signals,
+        streets=streets,
     )
     tell("deriving", "priors from the map, nothing was seen there yet")
     place, lines = made.intersection_map, made.route_lines
@@ -193,7 +196,7 @@ def _trained(
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
     shipped = bundled_refiner(SHIPPED)
-    recipe = RECIPE.model_copy(update={**_GOES_ON, "seed": seed})
+    recipe = RECIPE.model_copy(update={**GOES_ON, "seed": seed})
     tell("training", f"a refiner on {len(recordings)} recordings")
     with tempfile.TemporaryDirectory() as scratch:
         about = train_bundle(
@@ -205,10 +208,6 @@ def _trained(
         )  # fmt: skip
         files = {each: (Path(scratch) / each).read_bytes() for each in (REFINER_WEIGHTS, CARD)}
     return files, dict(about["figures"])
-
-
-_GOES_ON = {"epochs": 6, "rate": 3e-4}
-"""How a network that has been trained elsewhere goes on here: briefly, in small steps."""
 
 
 def fit_own(
@@ -225,13 +224,18 @@ def fit_own(
     scale: float | None = None,
     pool: Sequence[str] = (),
     pool_scale: float | None = None,
+    train: bool = False,
+    lights: str | None = None,
+    light_legs: str | None = None,
 ) -> dict[str, Any]:
     """Fits an imported intersection's priors on recorded tracks.
 
     Args:
+        lights: a file of recorded lights; light_legs: which of them is whose.
         scale: metres per pixel of tracks in pixels.
         pool: files or folders of vehicles' tracks at a place without a map, for the pool; and
             pool_scale theirs.
+        train: whether the refiner is adapted to the tracks, too; kept only if it is no worse.
 
     Raises:
         InputError: no such imported intersection, or tracks or options that cannot be used.
@@ -239,7 +243,7 @@ def fit_own(
     from scenewright.tools.fitting.fit_tracks import FrameChange, fit_tracks, read_hourly_counts
     from scenewright.tools.track_io.track_files import read_track_files
 
-    bundle = open_custom_bundle(name)
+    bundle, lit = _with_recorded_lights(open_custom_bundle(name), lights, light_legs)
     tell("reading", f"{len(paths)} files or folders")
     files = read_track_files(
         paths, columns=None if columns is None else parsed_columns(columns), scale=scale
@@ -260,14 +264,16 @@ def fit_own(
         hourly=None if counts is None else read_hourly_counts(counts),
         elsewhere=elsewhere,
     )
+    adapted, note = adapt_refiner(name, files, tell) if train else ({}, None)
     folder = _rewritten(
         bundle,
         fitted.priors,
         {"priors": "fitted on recorded tracks; what they do not tell is derived from the map",
          "track_files": sorted(file.name for file in files)[:50],
          "tracks": sum(fitted.matched.values()), "tracks_licence": licence,
-         "pool": ", ".join(told) or None},
-        {"seen.npz": seen_bytes(fitted.positions)},
+         "pool": ", ".join(told) or None,
+         "lights": None if lights is None else Path(lights).name},
+        {"seen.npz": seen_bytes(fitted.positions), **adapted},
     )  # fmt: skip
     return {
         "name": name,
@@ -277,7 +283,7 @@ def fit_own(
         "matched": fitted.matched,
         "off": fitted.off_route,
         "open": fitted.open_route,
-        "notes": [*told, *fitted.notes],
+        "notes": [*lit, *told, *fitted.notes, *([] if note is None else [note])],
         "heldout": [
             {
                 "share": row.share,
@@ -288,6 +294,40 @@ def fit_own(
             for row in fitted.heldout
         ],
     }
+
+
+def _with_recorded_lights(
+    bundle: CustomBundle, lights: str | None, light_legs: str | None
+) -> tuple[CustomBundle, list[str]]:
+    """The bundle with a recorded programme in its map, and what was taken."""
+    if lights is None:
+        if light_legs is not None:
+            raise InputError("--light-legs needs --lights, the file of recorded lights")
+        return bundle, []
+    from dataclasses import replace
+
+    from scenewright.tools.fitting.recorded_signals import fit_recorded_program
+    from scenewright.tools.track_io.signal_files import read_recorded_lights
+
+    place, notes = fit_recorded_program(
+        bundle.intersection_map,
+        read_recorded_lights(lights),
+        origin=bundle.origin,
+        groups=None if light_legs is None else _parsed_light_legs(light_legs),
+    )
+    return replace(bundle, intersection_map=place), notes
+
+
+def _parsed_light_legs(text: str) -> dict[str, str]:
+    """Legs by recorded lights.
+
+    >>> _parsed_light_legs("1=east,13=walk_east")
+    {'1': 'east', '13': 'walk_east'}
+    """
+    pairs = [part.split("=", 1) for part in text.split(",")]
+    if not all(len(pair) == 2 and all(map(str.strip, pair)) for pair in pairs):
+        raise InputError(f"--light-legs is LIGHT=LEG,..., got {text[:60]!r}")
+    return {light.strip(): leg.strip() for light, leg in pairs}
 
 
 def _elsewhere(paths: Sequence[str], scale: float | None) -> tuple[LaneOffsets, list[str]]:

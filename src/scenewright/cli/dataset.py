@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -36,6 +37,10 @@ def check(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; as many as there are cores if not said.")
     ] = None,
+    public_key: Annotated[
+        str | None,
+        typer.Option(metavar="KEY", help="Demand the signature of this key of minisign, or file."),
+    ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -43,7 +48,10 @@ def check(
 
     Exit code 0 if all of it holds, 1 if something does not.
     """
-    from scenewright.dataset.batch.audit import audit
+    from scenewright.dataset.batch.audit import Fault, audit
+    from scenewright.dataset.batch.signing import SIGNATURE, find_signature_fault
+
+    unsigned = None if public_key is None else find_signature_fault(Path(folder), public_key)
 
     with progress(quiet=quiet) as tell:
         found = audit(
@@ -51,6 +59,8 @@ def check(
             workers=workers or cores(),
             tell=lambda done, of: _tell_now_and_then(tell, done, of),
         )
+    if unsigned is not None:
+        found = replace(found, faults=(Fault(SIGNATURE, unsigned), *found.faults))
     told: dict[str, Any] = {
         "folder": folder,
         "files": found.files,
@@ -72,6 +82,25 @@ def check(
         say("note: the dataset is not complete; the command that made it goes on with it")
     if found.faults:
         raise typer.Exit(NOT_VERIFIED)
+
+
+@dataset.command("key")
+def key(file: Annotated[str, typer.Argument(metavar="FILE", help="Secret key to write.")]) -> None:
+    """Make a key to sign datasets with: FILE, to keep, and FILE.pub, to give away."""
+    from scenewright.dataset.batch.signing import create_key
+
+    put(f"{file} and {create_key(Path(file))}\n")
+
+
+@dataset.command("sign")
+def sign(
+    folder: Folder,
+    key: Annotated[str, typer.Option(metavar="FILE", help="Secret key, without a password.")],
+) -> None:
+    """Sign a dataset with a key of one's own, as minisign does; any change then shows."""
+    from scenewright.dataset.batch.signing import sign_dataset
+
+    put(f"{sign_dataset(Path(folder), Path(key))}\n")
 
 
 @dataset.command("split")

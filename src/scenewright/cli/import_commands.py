@@ -20,7 +20,16 @@ def import_map_file(
     name: Annotated[str, typer.Option(help="What to call it: small letters, digits, - and _.")],
     center: Annotated[
         str | None,
-        typer.Option(metavar="LAT,LON", help="Where the junction is; X,Y if it has no degrees."),
+        typer.Option(
+            "--at",
+            "--center",
+            metavar="LAT,LON",
+            help="Where the junction is; X,Y if the file has no degrees.",
+        ),
+    ] = None,
+    street: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A street of the junction; give two to choose one."),
     ] = None,
     junction: Annotated[
         str | None, typer.Option(metavar="ID", help="Which junction, by its id in the file.")
@@ -52,6 +61,7 @@ def import_map_file(
             file,
             name=name,
             center=center,
+            streets=street or (),
             junction=junction,
             left_hand=left_hand,
             extent=extent,
@@ -62,6 +72,28 @@ def import_map_file(
             tell=tell,
         )
     _tell(facts, () if quiet else import_text(facts), as_json=as_json)
+
+
+def junctions(
+    file: Annotated[str, typer.Argument(help="A map file; see `import`.")],
+    street: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only junctions of this street.")
+    ] = None,
+    png: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Draw a map of them, by their ids, to a PNG.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """List the junctions of a map file, to choose one for `import`."""
+    from scenewright.cli.map_junctions import draw_list, list_rows, rows_text
+
+    found, roads = list_rows(file, street or ())
+    if png is not None:
+        draw_list(file, found, roads, png)
+    if as_json:
+        put_json({"ok": True, "file": file, "junctions": [row.describe() for row in found]})
+    else:
+        put(rows_text(found))
 
 
 def simulate(
@@ -124,6 +156,17 @@ def fit(
     pool_scale: Annotated[
         float | None, typer.Option(metavar="M", help="Metres per pixel of those.")
     ] = None,
+    train: Annotated[
+        bool, typer.Option("--train", help="Adapt the refiner to the tracks, if that is better.")
+    ] = False,
+    lights: Annotated[
+        str | None,
+        typer.Option(metavar="CSV", help="Recorded lights: SPaT, or columns light, t, colour."),
+    ] = None,
+    light_legs: Annotated[
+        str | None,
+        typer.Option(metavar="MAP", help="Which of them is whose: 1=east,13=walk_east."),
+    ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -144,6 +187,9 @@ def fit(
             scale=scale,
             pool=pool or (),
             pool_scale=pool_scale,
+            train=train,
+            lights=lights,
+            light_legs=light_legs,
         )
     _tell(facts, () if quiet else fit_text(facts), as_json=as_json)
 

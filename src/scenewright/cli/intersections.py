@@ -5,7 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from scenewright.cli.console import one_line, rendered
-from scenewright.intersections import find_bundle_folder, list_intersections, load_map
+from scenewright.intersections import (
+    find_bundle_folder,
+    list_intersections,
+    load_map,
+    read_bundle_header,
+)
 from scenewright.scene.map import IntersectionMap
 
 
@@ -32,6 +37,14 @@ def _brief(intersection_map: IntersectionMap, name: str) -> dict[str, Any]:
     }
 
 
+def _find_origin_of_priors(name: str) -> str:
+    """Where the bundle's priors come from, in the words of its header."""
+    if not (find_bundle_folder(name) / "priors.npz").is_file():
+        return "none"
+    stated = read_bundle_header(find_bundle_folder(name)).get("provenance", {}).get("priors")
+    return str(stated or "fitted")
+
+
 def details(name: str) -> dict[str, Any]:
     """What an instruction may refer to at an intersection.
 
@@ -41,6 +54,7 @@ def details(name: str) -> dict[str, Any]:
     intersection_map = load_map(name)
     return {
         **_brief(intersection_map, name),
+        "priors_from": _find_origin_of_priors(name),
         "legs": [{"name": leg.name, "road": leg.road} for leg in intersection_map.legs],
         "movements": [
             {"entry": each.entry, "exit": each.exit, "turn": each.turn}
@@ -87,7 +101,7 @@ def details_text(facts: dict[str, Any]) -> str:
         f"{facts['name']}: {facts['title']}",
         f"traffic: {'right' if facts['right_hand_traffic'] else 'left'}-hand",
         f"signals: {lights}",
-        f"priors: {'fitted' if facts['priors'] else 'none'}",
+        f"priors: {facts['priors_from']}",
         f"crosswalks: {', '.join(facts['crosswalks']) or 'none'}",
         *(f"{leg['name']} leg: {leg['road']}" for leg in facts["legs"]),
         *(f"from {entry}: {', '.join(found)}" for entry, found in ways.items()),

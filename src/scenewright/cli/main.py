@@ -51,7 +51,7 @@ from scenewright.cli.errors import (
 )
 from scenewright.cli.evals import evals
 from scenewright.cli.export import export
-from scenewright.cli.import_commands import fit, import_map_file, simulate
+from scenewright.cli.import_commands import fit, import_map_file, junctions, simulate
 from scenewright.cli.interruption import forget, kept
 from scenewright.cli.interrupts import watched_signals
 from scenewright.cli.planner import planner
@@ -77,6 +77,7 @@ evals.command("satisfaction")(satisfaction)
 evals.command("tables")(tables)
 app.command()(agent)
 intersections.command("import")(import_map_file)
+intersections.command("junctions")(junctions)
 intersections.command("simulate")(simulate)
 intersections.command("fit")(fit)
 app.add_typer(intersections)
@@ -417,6 +418,9 @@ def train(
     go_on: Annotated[
         bool, typer.Option("--go-on", help="From the weights that serve the intersection on.")
     ] = False,
+    most: Annotated[
+        int | None, typer.Option(min=1, help="Stretches of the corpus that are learned from.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -427,7 +431,7 @@ def train(
     with progress(quiet=quiet) as tell:
         made = train_refiner(
             name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell,
-            walkers=walkers or (), go_on=go_on,
+            walkers=walkers or (), go_on=go_on, most=most,
         )  # fmt: skip
     if as_json:
         put_json({"ok": True, "name": name, **made})

@@ -22,12 +22,14 @@ def train_refiner(
     tell: Callable[[str, str], None],
     walkers: Sequence[str] = (),
     go_on: bool = False,
+    most: int | None = None,
 ) -> dict[str, Any]:
     """Trains and writes weights and model card; says where they are and what they are worth.
 
     Args:
         walkers: files or folders of tracks of real people on foot; every fourth is held out.
         go_on: from the weights that serve the intersection on, in smaller steps.
+        most: stretches of the corpus to learn from; None for all.
 
     Raises:
         InputError: no such intersection, no such corpus, or a place that cannot be written.
@@ -41,7 +43,8 @@ def train_refiner(
     find_bundle_folder(name)
     recordings = load_recordings(corpus)
     changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
-    recipe = RECIPE.model_copy(update={**({"rate": _SMALLER} if go_on else {}), **changed})
+    own = {**({"rate": _SMALLER} if go_on else {}), **({"goals": _WITH_GOALS} if walkers else {})}
+    recipe = RECIPE.model_copy(update={**own, **changed})
     serving = find_refiner(name) if go_on else None
     folder = out_folder(name, out)
 
@@ -52,12 +55,16 @@ def train_refiner(
         name, recordings, out=folder, recipe=recipe, after_epoch=told,
         tell=lambda done, of: tell("training", f"{100 * done // of} %") if done % 20 == 0 else None,
         start=None if serving is None else serving.net, walkers=_read_walkers(walkers),
+        most=most,
     )  # fmt: skip
     return {"folder": str(folder), "figures": about["figures"]}
 
 
 _SMALLER = 1e-3
 """Learning rate of a network that goes on from weights it has."""
+_WITH_GOALS = 0.7
+"""Share of the batches with waypoints where people are learned from: fewer, as the others are how
+people walk by themselves."""
 
 
 def _read_walkers(paths: Sequence[str]) -> list[Recording]:

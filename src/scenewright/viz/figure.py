@@ -22,8 +22,17 @@ if TYPE_CHECKING:
 INK = "#23272E"
 SOFT_INK = "#6B7280"
 FONT = "DejaVu Sans"
+_OTHER_SCRIPTS = (
+    *("Noto Sans CJK TC", "Noto Sans CJK SC", "Noto Sans CJK JP", "Noto Sans CJK KR"),
+    *("Noto Sans TC", "Noto Sans SC", "Noto Sans JP", "Noto Sans KR", "Source Han Sans"),
+    *("WenQuanYi Zen Hei", "WenQuanYi Micro Hei", "Droid Sans Fallback", "IPAexGothic"),
+    *("PingFang TC", "PingFang SC", "Hiragino Sans", "Apple SD Gothic Neo", "Arial Unicode MS"),
+    *("Microsoft JhengHei", "Microsoft YaHei", "Yu Gothic", "Malgun Gothic", "Nirmala UI"),
+    *("Noto Sans Devanagari", "Noto Sans Thai", "Noto Sans Bengali", "Noto Sans Tamil"),
+    *("Noto Naskh Arabic", "Noto Sans Arabic", "Noto Sans Hebrew", "Leelawadee UI", "Unifont"),
+)
+"""Fonts that show what the first lacks, where they are installed."""
 _STYLE: dict[str, Any] = {
-    "font.family": [FONT],
     "text.usetex": False,
     "text.parse_math": False,
     "axes.unicode_minus": False,
@@ -36,7 +45,8 @@ def use_plain_style() -> Iterator[None]:
     """Settings that a user's own matplotlib configuration must not change."""
     import matplotlib as mpl
 
-    with mpl.rc_context(_STYLE):  # type: ignore[arg-type]
+    style: Any = {**_STYLE, "font.family": list(list_fonts())}
+    with mpl.rc_context(style):
         yield
 
 
@@ -76,12 +86,29 @@ def make_drawable(text: str, *, limit: int = 400) -> str:
 
 
 @cache
+def list_fonts() -> tuple[str, ...]:
+    """The font of all pictures, and those installed here that show other scripts."""
+    from matplotlib.font_manager import fontManager
+
+    installed = {entry.name for entry in fontManager.ttflist}
+    return (FONT, *(name for name in _OTHER_SCRIPTS if name in installed))
+
+
+def find_unshown(text: str) -> str:
+    """The characters of a text for which no font is installed, each once."""
+    known = _list_known_characters()
+    return "".join(dict.fromkeys(c for c in text if c.isprintable() and ord(c) not in known))
+
+
+@cache
 def _list_known_characters() -> frozenset[int]:
-    """Code points that both the regular and the bold face can show."""
+    """Code points that the regular and the bold face, or another script's font, can show."""
     from matplotlib.font_manager import FontProperties, findfont, get_font
 
     faces = [FontProperties(family=[FONT], weight=weight) for weight in ("normal", "bold")]
-    return frozenset.intersection(*(frozenset(get_font(findfont(f)).get_charmap()) for f in faces))
+    both = frozenset.intersection(*(frozenset(get_font(findfont(f)).get_charmap()) for f in faces))
+    others = [findfont(FontProperties(family=[name])) for name in list_fonts()[1:]]
+    return both.union(*(get_font(each).get_charmap() for each in others))
 
 
 def add_halo(text: Text, *, width: float = 2.2, colour: str = "white") -> Text:

@@ -204,8 +204,8 @@ def test_broken_and_hostile_files_end_in_one_line(tmp_path, content, reason):
 def test_a_huge_file_is_refused_unread(tmp_path):
     file = tmp_path / "map.osm"
     with file.open("wb") as stream:
-        stream.truncate(101_000_000)
-    with pytest.raises(InputError, match="101 MB"):
+        stream.truncate(601_000_000)
+    with pytest.raises(InputError, match="601 MB"):
         import_map(file, name="x")
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from scenewright.backends import Question
@@ -26,7 +27,7 @@ class BuiltinBackend:
         """The reply to a question (see `Backend`)."""
         match question.task:
             case "plan":
-                return _plan(question.facts)
+                return _plan(question.facts, question.can_serve)
             case "constraints":
                 return _clauses(question.facts["words"])
             case "behavior":
@@ -35,8 +36,8 @@ class BuiltinBackend:
                 raise TypeError(f"the grammar is not asked for {question.task}")
 
 
-def _plan(facts: dict[str, Any]) -> dict[str, Any]:
-    site = _site(facts)
+def _plan(facts: dict[str, Any], can_serve: Callable[[SocialGraph], bool] | None) -> dict[str, Any]:
+    site = replace(_site(facts), can_serve=can_serve)
     understood = plan(facts["instruction"], previous=facts.get("previous"), site=site)
     return understood.model_dump(mode="json", by_alias=True)
 

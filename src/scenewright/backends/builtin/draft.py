@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from scenewright.scene.base import RIDERS, AgentClass
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
-from scenewright.scene.social import ImpactPoint, Manoeuvre, PedestrianMotion, VehicleMotion
+from scenewright.scene.social import (
+    ImpactPoint,
+    Manoeuvre,
+    PedestrianMotion,
+    SocialGraph,
+    VehicleMotion,
+)
 
 _FOUR = frozenset({"north", "east", "south", "west"})
 
@@ -33,12 +39,14 @@ class Site:
         left_hand: people drive on the left.
         ways: through the intersection.
         roads: leg and the name of its street; empty where no map is named.
+        can_serve: whether the map has ways for a graph; it chooses where a street has several legs.
     """
 
     compass: bool = True
     left_hand: bool = False
     ways: tuple[RouteDescription, ...] = FOUR_LEGS
     roads: tuple[tuple[str, str], ...] = ()
+    can_serve: Callable[[SocialGraph], bool] | None = field(default=None, compare=False)
 
     @property
     def across(self) -> str:

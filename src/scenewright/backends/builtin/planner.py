@@ -22,6 +22,7 @@ from scenewright.backends.builtin.reader.learned_plan import (
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.scope import check_language, check_text
 from scenewright.backends.builtin.standing import add_objects, take_out
+from scenewright.backends.builtin.street_names import CompassText, list_compass_texts
 from scenewright.scene.cache import RecentCache
 from scenewright.scene.edits import still_holds
 from scenewright.scene.measures import MeasureKind
@@ -62,7 +63,39 @@ def plan(text: str, *, previous: str | None = None, site: Site | None = None) ->
         previous: an earlier instruction that `text` edits; a full instruction replaces it.
         site: where it is to happen; None: four legs in right-hand traffic.
     """
-    asked = text, previous, site or Site()
+    site = site or Site()
+    try:
+        choices = list_compass_texts(text, site.roads)
+    except Refused as verdict:
+        return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
+    if not choices:
+        return _plan_once(text, previous, site)
+    return _plan_with_streets(choices, previous, site)
+
+
+def _plan_with_streets(choices: Sequence[CompassText], previous: str | None, site: Site) -> Plan:
+    """The plan for the first choice of legs that the map can serve, else the first there is."""
+    found = []
+    for each in choices:
+        made = _plan_once(each.text, previous, site)
+        if isinstance(made, SocialGraph) and (site.can_serve is None or site.can_serve(made)):
+            return _put_in_words(made, each)
+        found.append((each, made))
+    graphs = (pair for pair in found if isinstance(pair[1], SocialGraph))
+    read, plan_ = next(graphs, found[0])
+    return _put_in_words(plan_, read)
+
+
+def _put_in_words(plan: Plan, read: CompassText) -> Plan:
+    """A plan whose account and reasons speak of streets as the text does."""
+    if isinstance(plan, Refusal):
+        return plan.model_copy(update={"reason": read.restore_words(plan.reason)})
+    said = tuple(read.restore_span(each) for each in plan.said)
+    return plan.model_copy(update={"said": said})
+
+
+def _plan_once(text: str, previous: str | None, site: Site) -> Plan:
+    asked = text, previous, site
     return _KNOWN.get(asked, load_patterns(), make=lambda: _plan(*asked))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import get_args
 
 from scenewright.backends.builtin import edits as grammar_of_edits
@@ -24,6 +25,7 @@ from scenewright.backends.builtin.reader.words import narrow_subtype
 from scenewright.backends.builtin.redraft import by_grammar, free_name, next_item
 from scenewright.backends.builtin.references import People, Unclear
 from scenewright.backends.builtin.standing_edits import read_standing_edits
+from scenewright.backends.builtin.street_names import list_compass_texts
 from scenewright.errors import Rejected
 from scenewright.scene.edits import (
     AddAgent,
@@ -103,8 +105,16 @@ def read(
     plain = " ".join(words.lower().split())
     if situation is None or _FRESH.search(plain):
         return NewScene()
+    site = site or Site()
     try:
-        return _edits(words, situation, chosen or {}, site or Site())
+        worded = list_compass_texts(words, site.roads)
+        tried: Reading | None = None
+        for each in worded:
+            made = read(each.text, situation, chosen=chosen, site=replace(site, roads=()))
+            if isinstance(made, Edits):
+                return made
+            tried = tried or made
+        return tried or _edits(words, situation, chosen or {}, site)
     except Unclear as unclear:
         return unclear.ask
     except Refused as refused:

@@ -24,7 +24,10 @@ ABOUT = (
     "backend", "refiner", "selection", "attempts",
 )  # fmt: skip
 """Columns of `scenes` that the scenes' files do not tell, or not always."""
-_ASIDE = re.compile(r"\..*|(evaluation|exports)/.*|journal(-\d+-of-\d+)?\.jsonl")
+_ASIDE = re.compile(
+    r"\..*|(evaluation|exports)/.*|journal(-\d+-of-\d+)?\.jsonl|"
+    r"manifest\.json\.minisig"
+)
 """Names of files that are no part of a dataset."""
 _OWN = {"text": ("meta", "user_prompt"), "seed": ("meta", "seed")}
 """Columns of `scenes` that a scene tells as well, and where."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TypedDict
 
 from langgraph.runtime import Runtime
@@ -22,7 +23,7 @@ from scenewright.scene.remaining import Unserved
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import Plan, Refusal, SocialGraph
 from scenewright.tools.gmm_sampler.frozen_agents import restrict_grounding
-from scenewright.tools.map_grounding.grounding import ground_graph
+from scenewright.tools.map_grounding.grounding import can_ground, ground_graph
 
 
 class PlannerReads(TypedDict):
@@ -89,9 +90,11 @@ def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
             ways,
             left_hand=context.intersection.left_hand_traffic,
             rejections=told,
+            roads=tuple((leg.name, leg.road) for leg in context.intersection.legs),
             examples=context.recall("plan", instruction),
         ),
         account=context.account,
+        can_serve=partial(can_ground, intersection_map=context.intersection),
     )
     plan = ask_for_plan(context.backend, question, ways)
     if isinstance(plan, Refusal):

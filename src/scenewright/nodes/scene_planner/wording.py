@@ -61,17 +61,19 @@ def worded_plan(
     *,
     left_hand: bool = False,
     rejections: Sequence[str] = (),
+    roads: Sequence[tuple[str, str]] = (),
     examples: Sequence[Example] = (),
 ) -> Wording:
     """What a model is asked for a social graph, and the schema of its reply.
 
     Args:
+        roads: leg and the name of its street; told where the request may name one.
         left_hand: people drive on the left.
     """
     words = f"{instruction} {previous or ''}"
     told = patterns_told(instruction, left_hand=left_hand)
     values = {
-        "crosswalks": crosswalks_told(ways),
+        "crosswalks": crosswalks_told(ways) + streets_told(words, roads),
         "ways": ways_told(ways) + _uturns_told(ways),
         "traffic": traffic_told(left_hand),
         "patterns": _patterns(told)
@@ -105,6 +107,24 @@ def ways_told(ways: Sequence[RouteDescription]) -> str:
             found = by_entry[way.entry]
             found += [] if words in found else [words]
     return ", ".join(f"{leg} ({', '.join(found) or 'none'})" for leg, found in by_entry.items())
+
+
+def streets_told(words: str, roads: Sequence[tuple[str, str]]) -> str:
+    """The legs' streets, where a request may name one."""
+    said = words.casefold()
+    parts = {part for _, road in roads for part in road.casefold().split()} - _COMMON
+    if not any(part in said for part in parts) and not _STREET.search(words):
+        return ""
+    return ". Streets: " + ", ".join(f"{leg} {road}" for leg, road in roads)
+
+
+_COMMON = frozenset(
+    (
+        *("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"),
+        *("street", "road", "avenue", "lane", "drive", "way", "the", "of", "leg", "high", "main"),
+    )
+)
+_STREET = re.compile(r"\b[A-Z]\w+ (?:Street|St|Avenue|Ave|Road|Rd|Lane|Boulevard|Drive|Way)\b")
 
 
 def _uturns_told(ways: Sequence[RouteDescription]) -> str:

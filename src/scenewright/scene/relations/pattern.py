@@ -118,6 +118,7 @@ class Pattern(Model):
         violator: the role that runs the red light where the two never have green together.
         manoeuvre: how it comes about; such a pattern is drawn only where the request says that.
         weight: how often it is drawn where the text leaves the pattern open.
+        is_last_resort: it is tried only where no other pattern fits the routes.
         phrases: words that ask for this pattern, `{from} ... {to}` or `{to} ... {from}`.
         thresholds: named numbers, or ranges [low, high], for clauses and proof.
         constraints: clauses of the constraint language, `{from}`, `{to}` and thresholds filled in.
@@ -135,6 +136,7 @@ class Pattern(Model):
     violator: RoleName | None = None
     manoeuvre: Manoeuvre | None = None
     weight: float = Field(default=1.0, gt=0.0, le=1000.0, allow_inf_nan=False)
+    is_last_resort: bool = False
     phrases: tuple[_Line, ...] = Field(min_length=1, max_length=12)
     constraints: tuple[_Line, ...] = Field(min_length=1, max_length=40)
     thresholds: dict[_Name, _Number | tuple[_Number, _Number]] = Field(

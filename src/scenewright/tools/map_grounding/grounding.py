@@ -47,6 +47,15 @@ def ground_graph(graph: SocialGraph, *, intersection_map: IntersectionMap) -> Gr
     )
 
 
+def can_ground(graph: SocialGraph, *, intersection_map: IntersectionMap) -> bool:
+    """Whether the map has routes for each agent and relation."""
+    try:
+        ground_graph(graph, intersection_map=intersection_map)
+    except Rejected:
+        return False
+    return True
+
+
 _GROUNDED: RecentCache[SocialGraph, Grounding] = RecentCache(most=256)
 """Seeds of one text share a graph."""
 
@@ -428,8 +437,11 @@ def _can_strike(pattern: Pattern, edge: RelationEdge) -> bool:
 
 
 def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
-    scores = np.log([pattern.weight for pattern in found]) + rng.gumbel(size=len(found))
-    return [found[index] for index in np.argsort(scores)[::-1]]
+    """In a random order in which heavier patterns tend to come first; last resorts at the end."""
+    usual = [pattern for pattern in found if not pattern.is_last_resort]
+    scores = np.log([pattern.weight for pattern in usual]) + rng.gumbel(size=len(usual))
+    drawn = [usual[index] for index in np.argsort(scores)[::-1]]
+    return [*drawn, *(pattern for pattern in found if pattern.is_last_resort)]
 
 
 def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:

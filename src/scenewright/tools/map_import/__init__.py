@@ -9,29 +9,23 @@ shipped map from measures; `map_parts` is what both have in common.
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from scenewright.tools.map_import.assemble import ImportedMap, assemble_map
-from scenewright.tools.map_import.check_file import MapFormat, detect_map_format
-from scenewright.tools.map_import.junction_choice import JunctionOverview
+from scenewright.tools.map_import.check_file import MapFormat, detect_map_format, unpack_map
+from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview
+from scenewright.tools.map_import.osm_streets import survey_osm_junctions
+from scenewright.tools.map_import.survey import Survey
 
-__all__ = ["ImportedMap", "JunctionOverview", "MapFormat", "import_map", "list_junctions"]
-
-
-def list_junctions(file: str | Path) -> JunctionOverview:
-    """The junctions of a file that one can be chosen from, and its roads; a Lanelet2 file has none.
-
-    Raises:
-        InputError: the file cannot be read; one line says why.
-    """
-    path = Path(file)
-    map_format = detect_map_format(path)
-    if map_format == "lanelet2":
-        return JunctionOverview((), ())
-    from scenewright.tools.map_import.read_sumo import survey_junctions
-
-    with tempfile.TemporaryDirectory() as scratch:
-        return survey_junctions(path, map_format, Path(scratch))
+__all__ = [
+    "ImportedMap",
+    "Junction",
+    "JunctionOverview",
+    "MapFormat",
+    "import_map",
+    "list_junctions",
+]
 
 
 def import_map(
@@ -44,6 +38,7 @@ def import_map(
     extent: float | None = None,
     title: str | None = None,
     signals: str = "keep",
+    streets: Sequence[str] = (),
 ) -> ImportedMap:
     """The map of one junction of a file.
 
@@ -53,23 +48,63 @@ def import_map(
         left_hand: whether traffic drives on the left; None is as the file says.
         extent: half the side of the square that the map covers [m]; None takes what it needs.
         signals: `keep`, `assume` or `none`.
+        streets: names that the junction's streets bear.
 
     Raises:
         InputError: the file cannot be read, or no junction is chosen; one line says why.
     """
-    path = Path(file)
-    map_format = detect_map_format(path)
+    with tempfile.TemporaryDirectory() as scratch:
+        path = unpack_map(Path(file), Path(scratch))
+        map_format = detect_map_format(path)
+        survey = _read_survey(
+            path, map_format, center=center, junction=junction, left_hand=left_hand, streets=streets
+        )
+    return assemble_map(survey, map_format, name=name, extent=extent, title=title, signals=signals)
+
+
+def list_junctions(file: str | Path) -> JunctionOverview:
+    """The junctions of a file, with legs, streets and places, and its roads to draw them on.
+
+    Raises:
+        InputError: the file cannot be read; one line says why.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        path = unpack_map(Path(file), Path(scratch))
+        map_format = detect_map_format(path)
+        if map_format == "osm":
+            return survey_osm_junctions(path)
+        if map_format == "lanelet2":
+            from scenewright.tools.map_import.read_lanelet2 import (
+                list_lanelet_junctions,
+                load_lanelet2,
+            )
+
+            return list_lanelet_junctions(load_lanelet2(path))
+        from scenewright.tools.map_import.read_sumo import survey_junctions
+
+        return survey_junctions(path, map_format, Path(scratch))
+
+
+def _read_survey(
+    path: Path,
+    map_format: MapFormat,
+    *,
+    center: tuple[float, float] | None,
+    junction: str | None,
+    left_hand: bool | None,
+    streets: Sequence[str],
+) -> Survey:
     # Each reader is loaded on demand: they need libraries that the others do not.
     if map_format == "lanelet2":
         from scenewright.tools.map_import.read_lanelet2 import read_lanelet2
 
-        survey = read_lanelet2(path, center=center, left_hand=left_hand)
-    else:
-        from scenewright.tools.map_import.read_sumo import read_sumo
+        return read_lanelet2(
+            path, center=center, junction=junction, left_hand=left_hand, streets=streets
+        )
+    from scenewright.tools.map_import.read_sumo import read_sumo
 
-        with tempfile.TemporaryDirectory() as scratch:
-            survey = read_sumo(
-                path, map_format, Path(scratch), center=center, junction=junction,
-                left_hand=left_hand,
-            )  # fmt: skip
-    return assemble_map(survey, map_format, name=name, extent=extent, title=title, signals=signals)
+    with tempfile.TemporaryDirectory() as scratch:
+        return read_sumo(
+            path, map_format, Path(scratch), center=center, junction=junction,
+            left_hand=left_hand, streets=streets,
+        )  # fmt: skip

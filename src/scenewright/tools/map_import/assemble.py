@@ -642,6 +642,11 @@ def _measure_sharpness(line: FloatArray) -> float:
 
 
 def _build_lanelet(line: FloatArray, lane: SurveyLane, **fields: Any) -> Lanelet:
+    if not measure_length(line) > 0.01:
+        raise InputError(
+            f"lane {lane.id} has no length inside the map, as where a junction is as wide as its "
+            "legs are long; give a larger --extent, or choose another junction"
+        )
     thin = resample_by_spacing(line, 2.0) if measure_length(line) > 2.0 else line
     limit = float(np.clip(lane.speed, *_SPEED_LIMITS))
     return build_lanelet(thin, width=lane.width, speed_limit=limit, **fields)

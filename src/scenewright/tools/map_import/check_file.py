@@ -7,17 +7,22 @@ entity, so that a reader with its own parser (netconvert) cannot be misled.
 
 from __future__ import annotations
 
+import gzip
 import stat
+import zlib
 from pathlib import Path
 from typing import Any, Literal
 from xml.parsers import expat
 
 from scenewright.errors import InputError
+from scenewright.tools.map_import.osm_elements import is_pbf
 
 MapFormat = Literal["osm", "lanelet2", "opendrive", "sumo"]
 
-MAX_BYTES = 100_000_000
-MAX_ELEMENTS = 3_000_000
+MAX_BYTES = 200_000_000
+MAX_UNPACKED = 600_000_000
+"""Of a file packed with gzip, once unpacked [bytes]."""
+MAX_ELEMENTS = 8_000_000
 MAX_DEPTH = 64
 _BLOCK = 1 << 20
 _ROOTS: dict[str, MapFormat] = {"osm": "osm", "OpenDRIVE": "opendrive", "net": "sumo"}
@@ -31,6 +36,8 @@ def detect_map_format(file: Path) -> MapFormat:
         InputError: missing, too large, not well-formed, declaring entities, or no map.
     """
     _check_size(file)
+    if is_pbf(file):
+        return "osm"
     scan = _Scan(file)
     try:
         scan.read()
@@ -46,6 +53,36 @@ def detect_map_format(file: Path) -> MapFormat:
     return "lanelet2" if scan.has_lanelets else scan.format
 
 
+def unpack_map(file: Path, scratch: Path) -> Path:
+    """The file, or its unpacked copy in an empty folder where it is packed with gzip.
+
+    Raises:
+        InputError: missing, damaged, or too large once unpacked.
+    """
+    _check_size(file)
+    with file.open("rb") as stream:
+        if stream.read(2) != _GZIP:
+            return file
+    target = scratch / (file.stem or "map")
+    total = 0
+    try:
+        with gzip.open(file) as packed, target.open("wb") as out:
+            while block := packed.read(_BLOCK):
+                total += len(block)
+                if total > MAX_UNPACKED:
+                    raise InputError(
+                        f"{file} has more than {MAX_UNPACKED / 1e6:.0f} MB once unpacked; cut out "
+                        "the surroundings of the junction first"
+                    )
+                out.write(block)
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        raise InputError(f"{file} is a damaged gzip file; is it cut off?") from None
+    return target
+
+
+_GZIP = b"\x1f\x8b"
+
+
 def _check_size(file: Path) -> None:
     try:
         found = file.stat()
@@ -53,9 +90,10 @@ def _check_size(file: Path) -> None:
         raise InputError(f"cannot read {file}: {getattr(fault, 'strerror', fault)}") from None
     if not stat.S_ISREG(found.st_mode):
         raise InputError(f"cannot read {file}: it is no file")
-    if found.st_size > MAX_BYTES:
+    most = MAX_UNPACKED if file.suffix in (".osm", ".pbf") else MAX_BYTES
+    if found.st_size > most:
         raise InputError(
-            f"{file} has {found.st_size / 1e6:.0f} MB, a map may have {MAX_BYTES / 1e6:.0f}; "
+            f"{file} has {found.st_size / 1e6:.0f} MB, a map may have {most / 1e6:.0f}; "
             "cut out the surroundings of the junction first"
         )
 

@@ -27,6 +27,15 @@ def compute_bearing(leg: Compass) -> float:
     return math.pi / 2 - COMPASS_RING.index(leg) * math.pi / 4
 
 
+def name_bearing(bearing: float) -> Compass:
+    """The compass name nearest to an outward direction [rad, counter-clockwise from east].
+
+    >>> name_bearing(0.1), name_bearing(2.3)
+    ('east', 'northwest')
+    """
+    return COMPASS_RING[round((math.pi / 2 - bearing) / (math.pi / 4)) % len(COMPASS_RING)]
+
+
 def name_turn(entry: Compass, exit_: Compass) -> str:
     """The turn of a movement by the names of its legs: straight, left, right or uturn.
 

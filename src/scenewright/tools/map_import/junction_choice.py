@@ -7,9 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from rapidfuzz import fuzz
+
 from scenewright.errors import InputError
-from scenewright.geometry.geographic import LatLon, project_to_metres
+from scenewright.geometry.geographic import LatLon, project_to_degrees, project_to_metres
 from scenewright.scene.base import FloatArray
+from scenewright.scene.streets import expand_name
 
 _MAX_LISTED = 12
 _MAX_DISTANCE = 150.0
@@ -23,6 +27,10 @@ class Junction:
     Attributes:
         id: in the file; xy: where it is [m]; name: of its roads.
         legs: how many; size: how many roads lead in or out.
+        streets: of the legs, "" where one has no name; bearings: of the legs [rad].
+        is_roundabout: whether it has a ring.
+        nodes: of the network, that make it up.
+        origin: latitude and longitude of x = y = 0; None where the file has none.
     """
 
     id: str
@@ -30,6 +38,16 @@ class Junction:
     legs: int
     name: str
     size: int
+    streets: tuple[str, ...] = ()
+    bearings: tuple[float, ...] = ()
+    is_roundabout: bool = False
+    nodes: frozenset[str] = frozenset()
+    origin: LatLon | None = None
+
+    @property
+    def degrees(self) -> LatLon | None:
+        """Its latitude and longitude, where the file has degrees."""
+        return None if self.origin is None else project_to_degrees(self.origin, np.array(self.xy))
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +69,14 @@ def choose_junction(
     center: tuple[float, float] | None,
     junction: str | None,
     origin: LatLon | None,
+    streets: Sequence[str] = (),
 ) -> Junction:
-    """The junction of an id or nearest to the centre; without either, the only one.
+    """The junction of an id, of streets or nearest to the centre; without any, the only one.
 
     Args:
         center: latitude and longitude, or x and y where the file has no geographic origin.
         origin: latitude and longitude that lie at x = y = 0.
+        streets: names of streets, all of which it has.
 
     Raises:
         InputError: none, several to choose from, or none of that id or so near.
@@ -64,18 +84,43 @@ def choose_junction(
     if not junctions:
         raise InputError(f"{file} has no junction of three or more roads for vehicles")
     if junction is not None:
-        found = next((each for each in junctions if each.id == junction), None)
+        found = next((each for each in junctions if junction in (each.id, *each.nodes)), None)
         if found is None:
             raise InputError(f"{file} has no junction {junction[:60]!r}; {_list(junctions)}")
         return found
+    if streets:
+        junctions = find_streets(junctions, file, streets)
     if center is not None:
         return _find_nearest(junctions, file, center, origin)
     if len(junctions) > 1:
         raise InputError(
-            f"{file} has {len(junctions)} junctions; choose one with --junction ID or "
-            f"--center: {_list(junctions)}"
+            f"{file} has {len(junctions)} junctions; choose one with --junction ID, --at or "
+            f"--street: {_list(junctions)}"
         )
     return junctions[0]
+
+
+def find_streets(
+    junctions: Sequence[Junction], file: Path, streets: Sequence[str]
+) -> list[Junction]:
+    """The junctions of which each of the streets is a leg."""
+    wanted = [expand_name(street) for street in streets]
+    found = [each for each in junctions if all(_has_street(each, name) for name in wanted)]
+    if not found:
+        known = sorted({street for each in junctions for street in each.streets if street})
+        near = [
+            each for each in known if any(fuzz.ratio(expand_name(each), w) > 70 for w in wanted)
+        ]
+        listed = ", ".join((near or known)[:_MAX_LISTED])
+        raise InputError(
+            f"{file} has no junction of {' and '.join(streets)[:120]}; its streets are {listed}"
+        )
+    return found
+
+
+def _has_street(junction: Junction, name: str) -> bool:
+    own = [expand_name(street) for street in (*junction.streets, *junction.name.split(", "))]
+    return any(name == each or f" {name} " in f" {each} " for each in own if each)
 
 
 def _find_nearest(

@@ -16,6 +16,8 @@ from scenewright.tools.map_import.compass import COMPASS_RING, compute_bearing, 
 from scenewright.tools.map_import.survey import Survey, SurveyLane
 
 _MAX_LEGS = len(COMPASS_RING)
+_MOST_LANES = 16
+"""Of one direction of a street; toll plazas aside, none has more."""
 _SAME_LEG = math.radians(24.0)
 """Lanes whose outward directions differ by less belong to one leg."""
 _BEARING_RANGE = (4.0, 30.0)
@@ -71,6 +73,11 @@ def find_legs(survey: Survey) -> tuple[SurveyLeg, ...]:
     lanes += [(lane, False) for lane in survey.exits.values()]
     groups = _cluster_angles([_measure_bearing(orient_outwards(*lane)) for lane in lanes])
     legs = [_build_leg([lanes[i] for i in group]) for group in groups]
+    if (widest := max((len(leg.approaches) for leg in legs), default=0)) > _MOST_LANES:
+        raise InputError(
+            f"{survey.title} has a leg of {widest} lanes in one direction; a street has at most "
+            f"{_MOST_LANES}, is the tag lanes right?"
+        )
     if not 3 <= len(legs) <= _MAX_LEGS:
         raise InputError(
             f"{survey.title} has {len(legs)} legs; an intersection has 3 to {_MAX_LEGS}"

@@ -156,5 +156,5 @@ def format_report(report: Mapping[str, Any]) -> str:
         + ("" if item["score"] is None else f" ({item['score']:.2f})")
         for item in report["items"]
     ]
-    score = "" if report["score"] is None else f", {report['score']:.2f} in all"
+    score = "" if report["score"] is None else f", {report['score']:.2f} of what the file says"
     return f"as in the file: {'; '.join(parts)}{score}"

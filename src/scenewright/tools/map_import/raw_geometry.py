@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,15 +10,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from scenewright.geometry.geographic import LatLon, project_mercator
+from scenewright.geometry.geographic import LatLon, project_mercator, project_to_degrees
 from scenewright.scene.base import FloatArray
-from scenewright.tools.map_import.check_file import MapFormat
+from scenewright.tools.map_import.check_file import MapFormat, unpack_map
 from scenewright.tools.map_import.opendrive_features import (
     list_lane_borders,
     list_opendrive_crossings,
     read_opendrive_file,
 )
 from scenewright.tools.map_import.osm_features import read_osm_file
+from scenewright.tools.map_import.osm_streets import cut_out_if_large
 from scenewright.tools.map_import.read_lanelet2 import read_elements
 
 _REACH = 130.0
@@ -47,9 +49,13 @@ def read_raw_geometry(
     Args:
         origin: of the file's coordinates; offset: of the map's origin in them [m].
     """
-    layers = _READERS[map_format](file, origin or (0.0, 0.0))
     shift = np.array(offset)
-    near = {name: tuple(_keep_near(lines, shift)) for name, lines in layers.items()}
+    with tempfile.TemporaryDirectory() as scratch:
+        path = unpack_map(file, Path(scratch))
+        if map_format == "osm" and origin is not None:
+            path = cut_out_if_large(path, Path(scratch), project_to_degrees(origin, shift))
+        layers = _READERS[map_format](path, origin or (0.0, 0.0))
+        near = {name: tuple(_keep_near(lines, shift)) for name, lines in layers.items()}
     return RawGeometry(**near)
 
 

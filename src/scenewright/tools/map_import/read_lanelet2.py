@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -32,7 +32,9 @@ from scenewright.geometry.polyline import (
 )
 from scenewright.scene.base import FloatArray
 from scenewright.tools.map_import.driving_side import find_lanelet2_side, take_option
+from scenewright.tools.map_import.junction_choice import Junction, JunctionOverview, choose_junction
 from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
+from scenewright.tools.map_import.legs import find_legs
 from scenewright.tools.map_import.map_parts import geos
 from scenewright.tools.map_import.survey import (
     Survey,
@@ -42,8 +44,6 @@ from scenewright.tools.map_import.survey import (
     SurveyLight,
 )
 
-_FARTHEST = 3_000.0
-"""A node farther from the middle belongs to no intersection [m]."""
 _TOUCHING = 0.6
 """Ends of lanelets that lie closer are joined [m]; drawn maps share no nodes there."""
 _OVERLAP = 2.5
@@ -59,6 +59,8 @@ _SPLIT = 4.0
 """Lanelets at the edge of the map that begin closer to one another [m] split there."""
 _SHARPEST = 35.0
 """Radius of a curve that belongs to a turn, not to a leg [m]."""
+_BEND_REACH = 100
+"""Bends farther from the shared ground belong to another junction [half metres]."""
 _GRAFT_TURN = math.radians(40.0)
 _LONGEST_APPROACH = 150.0
 _LIGHTS = ("traffic_light", "traffic_light_regulatory_element")
@@ -128,6 +130,8 @@ class _Path:
         bends = np.flatnonzero(_measure_curvature(self.line) > 1.0 / _SHARPEST)
         if not len(inside):
             return None
+        near = (bends > inside[0] - _BEND_REACH) & (bends < inside[-1] + _BEND_REACH)
+        bends = bends[near]
         first, last = min([inside[0], *bends[:1]]), max([inside[-1], *bends[-1:]])
         return 0.5 * float(first) - _MARGIN, 0.5 * float(last) + _MARGIN
 
@@ -141,46 +145,160 @@ class _Path:
         return np.asarray(self.line[min(round(s / 0.5), len(self.line) - 2) :])
 
 
-def read_lanelet2(file: Path, *, center: LatLon | None, left_hand: bool | None) -> Survey:
-    """The one junction of a Lanelet2 file.
+@dataclass(frozen=True, eq=False)
+class LaneletFile:
+    """What a file of lanelets holds, in metres from an origin.
 
-    Args:
-        center: near which the junction lies; lanelets are kept within 150 m of it. None takes all
-            of the file.
+    Attributes:
+        lanelets: for vehicles, by id; foot: for pedestrians.
+        origin: latitude and longitude of x = y = 0; None where the file has no degrees.
+        crossings: for pedestrians, as drawn; lights: [2] where lanelets end that obey one.
+        notes: what was dropped.
+    """
+
+    file: Path
+    lanelets: dict[str, FileLanelet]
+    foot: tuple[FileLanelet, ...]
+    origin: LatLon | None
+    crossings: tuple[SurveyCrossing, ...] = ()
+    lights: tuple[FloatArray, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def read_lanelet2(
+    file: Path,
+    *,
+    center: tuple[float, float] | None,
+    left_hand: bool | None,
+    junction: str | None = None,
+    streets: Sequence[str] = (),
+) -> Survey:
+    """One junction of a Lanelet2 file; see `survey_lanelets`."""
+    return survey_lanelets(
+        load_lanelet2(file, center),
+        center=center,
+        junction=junction,
+        streets=streets,
+        left_hand=left_hand,
+    )
+
+
+def load_lanelet2(file: Path, center: LatLon | None = None) -> LaneletFile:
+    """The lanelets of a Lanelet2 file.
 
     Raises:
-        InputError: no lanelets, bounds missing, or nothing that joins them.
+        InputError: no lanelets, or bounds missing.
     """
     elements = read_elements(file)
     nodes = np.array(list(elements.nodes.values()))
     origin = center or (float(nodes[:, 0].mean()), float(nodes[:, 1].mean()))
-    away = (float(np.hypot(*project_mercator(origin, each))) for each in elements.nodes.values())
-    if center is None and max(away) > _FARTHEST:
-        raise InputError(f"{file} spans more than {_FARTHEST:.0f} m; choose a junction by --center")
     notes: list[str] = []
     lanelets, foot = build_lanelets(elements, origin, file, notes)
-    if center is not None:
-        lanelets = {
-            name: each
-            for name, each in lanelets.items()
-            if np.hypot(*each.middle.T).min() < _LONGEST_APPROACH
-        }
-    if not lanelets:
-        raise InputError(f"{file} has no lanelets for vehicles there")
-    crossings = read_lanelet2_crossings(elements, foot, origin)
-    survey = _survey_junction(lanelets, foot, crossings, origin, notes, file, left_hand)
-    return replace(survey, lights=tuple(_list_lights(elements, lanelets, survey)))
+    crossings = tuple(read_lanelet2_crossings(elements, foot, origin))
+    lights = tuple(_list_lights(elements, lanelets))
+    return LaneletFile(file, lanelets, tuple(foot), origin, crossings, lights, tuple(notes))
 
 
-def _list_lights(
-    elements: FileElements, lanelets: _Lanelets, survey: Survey
-) -> Iterator[SurveyLight]:
-    """The traffic lights of the file at the ends of the lanelets that obey them."""
+def survey_lanelets(
+    held: LaneletFile,
+    *,
+    center: tuple[float, float] | None,
+    junction: str | None,
+    streets: Sequence[str],
+    left_hand: bool | None,
+) -> Survey:
+    """The junction that is chosen, or the one that all lanelets make up.
+
+    Args:
+        center: near which the junction lies. Without it, an id or streets all of the file is one
+            junction, if it can be.
+
+    Raises:
+        InputError: nothing that joins lanelets, or several junctions and none chosen.
+    """
+    notes = [*held.notes]
+    if not held.lanelets:
+        raise InputError(f"{held.file} has no lanelets for vehicles there")
+    if center is None and junction is None and not streets:
+        far = max(float(np.hypot(*each.middle.T).max()) for each in held.lanelets.values())
+        if far <= _ONE_JUNCTION:
+            return _survey_junction(held, held.lanelets, None, notes, left_hand)
+    found = _find_places(held)
+    if not found and center is None:
+        return _survey_junction(held, held.lanelets, None, notes, left_hand)
+    chosen = choose_junction(
+        [each for each, _ in found],
+        file=held.file,
+        center=center,
+        junction=junction,
+        origin=held.origin,
+        streets=streets,
+    )
+    ground = next(shape for each, shape in found if each is chosen)
+    near = _take_near(held.lanelets, chosen.xy)
+    return _survey_junction(held, near, ground, notes, left_hand)
+
+
+_ONE_JUNCTION = 250.0
+"""A file whose lanelets lie within that of its middle is taken to be of one junction [m]."""
+_APART = 9.0
+"""Shared grounds that lie farther apart belong to different junctions [m]."""
+
+
+def _take_near(lanelets: _Lanelets, xy: tuple[float, float]) -> dict[str, FileLanelet]:
+    return {
+        name: each
+        for name, each in lanelets.items()
+        if np.hypot(*(each.middle - np.array(xy)).T).min() < _LONGEST_APPROACH
+    }
+
+
+def list_lanelet_junctions(held: LaneletFile) -> JunctionOverview:
+    """The junctions of a file of lanelets, and its lanelets."""
+    found = tuple(each for each, _ in _find_places(held))
+    return JunctionOverview(found, tuple(each.middle for each in held.lanelets.values()))
+
+
+def _find_places(held: LaneletFile) -> list[tuple[Junction, Any]]:
+    """Junctions with the ground that lanelets share there; those of three or more legs."""
+    follows = _find_successors(held.lanelets)
+    shared = _find_shared_ground(held.lanelets, follows, sorted(held.lanelets))
+    grown = shared.buffer(_APART / 2)
+    found = []
+    for area in getattr(grown, "geoms", [grown]):
+        ground = shared.intersection(area)
+        middle = np.array(ground.envelope.centroid.coords[0])
+        xy = float(middle[0]), float(middle[1])
+        near = _take_near(held.lanelets, xy)
+        try:
+            survey = _survey_junction(held, near, ground, [], left_hand=None)
+            legs = find_legs(survey)
+        except InputError:
+            continue
+        touched = [n for n, each in near.items() if geos.LineString(each.middle).intersects(ground)]
+        if len(survey.connections) < 3 or not touched:
+            continue
+        junction = Junction(
+            id=min(touched, key=lambda name: (len(name), name)),
+            xy=xy,
+            legs=len(legs),
+            name=", ".join(sorted({leg.road for leg in legs} - {""}))[:80],
+            size=len(legs),
+            streets=tuple(leg.road for leg in legs),
+            bearings=tuple(leg.bearing for leg in legs),
+            origin=held.origin,
+        )
+        found.append((junction, ground))
+    return found
+
+
+def _list_lights(elements: FileElements, lanelets: _Lanelets) -> Iterator[FloatArray]:
+    """Where the lanelets end that obey the traffic lights of the file [m]."""
     lit = {name for name, (tags, _) in elements.rules.items() if tags.get("subtype") in _LIGHTS}
     for tags, members in elements.relations:
         rules = [ref for role, ref in members if role == "regulatory_element" and ref in lit]
         if rules and tags["id"] in lanelets:
-            yield SurveyLight(lanelets[tags["id"]].middle[-1] - np.array(survey.offset))
+            yield lanelets[tags["id"]].middle[-1]
 
 
 @dataclass(frozen=True)
@@ -317,18 +435,22 @@ def _orient_bounds(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _survey_junction(
+    held: LaneletFile,
     lanelets: _Lanelets,
-    foot: Sequence[FileLanelet],
-    crossings: Sequence[SurveyCrossing],
-    file_origin: LatLon,
+    ground: Any | None,
     notes: list[str],
-    file: Path,
     left_hand: bool | None,
 ) -> Survey:
+    """The junction of some lanelets.
+
+    Args:
+        ground: that lanelets share there; None takes all that they share.
+    """
+    file, foot, crossings = held.file, held.foot, held.crossings
     follows = _find_successors(lanelets)
     paths = [_Path.join(lanelets, names) for names in _list_paths(lanelets, follows)]
     used = sorted({name for path in paths for name in path.names})
-    shared = _find_shared_ground(lanelets, follows, used)
+    shared = _find_shared_ground(lanelets, follows, used) if ground is None else ground
     approaches, exits, found = _split_paths(paths, shared, notes)
     if not found:
         raise InputError(
@@ -357,9 +479,10 @@ def _survey_junction(
         crossings=tuple(each.move(-middle) for each in crossings),
         areas=tuple(lanelets[name].outline - middle for name in used),
         side=take_option(left_hand) or find_lanelet2_side(approaches.values(), exits.values()),
-        origin=project_to_degrees(file_origin, middle),
+        origin=None if held.origin is None else project_to_degrees(held.origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
-        file_origin=file_origin,
+        file_origin=held.origin,
+        lights=tuple(SurveyLight(each - middle) for each in held.lights),
         notes=notes,
     )
 

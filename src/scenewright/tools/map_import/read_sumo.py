@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -14,8 +15,13 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.geometry.geographic import LatLon, is_in_degrees, project_to_degrees
-from scenewright.geometry.polyline import find_point, measure_length
+from scenewright.geometry.geographic import (
+    LatLon,
+    is_in_degrees,
+    project_to_degrees,
+    project_to_metres,
+)
+from scenewright.geometry.polyline import measure_length
 from scenewright.scene.base import Colour, FloatArray
 from scenewright.tools.map_import.check_file import MapFormat
 from scenewright.tools.map_import.driving_side import (
@@ -29,6 +35,11 @@ from scenewright.tools.map_import.junction_choice import (
     JunctionOverview,
     choose_junction,
 )
+from scenewright.tools.map_import.junction_groups import (
+    JunctionGroup,
+    StreetPiece,
+    group_junctions,
+)
 from scenewright.tools.map_import.opendrive_features import (
     list_opendrive_crossings,
     list_opendrive_lights,
@@ -38,6 +49,11 @@ from scenewright.tools.map_import.osm_features import (
     list_osm_crossings,
     list_osm_lights,
     read_osm_file,
+)
+from scenewright.tools.map_import.osm_streets import (
+    cut_out_if_large,
+    describe_group,
+    survey_osm_junctions,
 )
 from scenewright.tools.map_import.survey import (
     DrivingSide,
@@ -52,9 +68,8 @@ _TIME_LIMIT = 60.0
 _LANE_REACH = 120.0
 """Lanes are followed that far out of the junction [m]."""
 _STRAIGHT = math.radians(35.0)
-_SAME_ROAD = math.radians(25.0)
 _COLOURS: Mapping[str, Colour] = {"g": "green", "y": "yellow", "o": "green"}
-_MISSING_SUMO = "importing this map needs SUMO{}: install the extra, scenewright[simulate]"
+_MISSING_SUMO = "importing this map needs SUMO{}: pip install 'scenewright[maps]'"
 _CUT_OUT = "cut out the surroundings of the junction first"
 
 
@@ -66,38 +81,59 @@ def read_sumo(
     center: tuple[float, float] | None,
     junction: str | None,
     left_hand: bool | None,
+    streets: Sequence[str] = (),
 ) -> Survey:
     """One junction of a SUMO network, OpenStreetMap or OpenDRIVE file.
 
     Args:
         scratch: an empty folder for the converted network.
+        streets: names that the junction's streets bear.
 
     Raises:
         InputError: not convertible, no junction in it, or several and none chosen.
     """
-    origin = _find_middle_of_osm(file) if map_format == "osm" else None
-    osm = None if origin is None else read_osm_file(file, origin)
+    origin: LatLon | None = None
+    network, source = file, file
+    listed_one: Junction | None = None
+    if map_format == "osm":
+        # Ids and places come from the file itself, so that no option of the conversion moves them.
+        listed = survey_osm_junctions(file).junctions
+        converted_id = junction if junction and junction not in _list_ids(listed) else None
+        if converted_id is None:
+            chosen = choose_junction(
+                listed, file=file, center=center, junction=junction,
+                origin=listed[0].origin if listed else None, streets=streets,
+            )  # fmt: skip
+            listed_one = chosen
+            center, junction, streets = chosen.degrees, None, ()
+            if chosen.degrees is not None:
+                source = cut_out_if_large(file, scratch, chosen.degrees)
+        origin = _find_middle_of_osm(source)
+    osm = None if origin is None else read_osm_file(source, origin)
     drive = read_opendrive_file(file) if map_format == "opendrive" else None
     side = take_option(left_hand)
     if osm is not None and origin is not None:
         side = side or find_osm_side(osm, origin)
     if drive is not None:
         side = side or find_opendrive_side(drive)
-    network = file
     if map_format != "sumo":
         network = scratch / "converted.net.xml"
-        _convert(file, network, origin=origin, left_hand=side is not None and side.left_hand)
+        _convert(source, network, origin=origin, left_hand=side is not None and side.left_hand)
     side = side or find_sumo_side(_is_left_hand(network))
     net = _read_network(network, file)
-    nodes = {node.getID(): node for node in net.getNodes() if _is_junction(node)}
+    groups = group_network(net)
     chosen = choose_junction(
-        [_describe_junction(node) for node in nodes.values()],
+        [describe_group(group, None) for group in groups],
         file=file,
         center=center,
         junction=junction,
         origin=origin,
+        streets=streets,
     )
-    survey = _survey_junction(net, nodes[chosen.id], origin, side)
+    group = next(each for each in groups if each.nodes == chosen.nodes)
+    if listed_one is not None:
+        _check_is_there(net, group, listed_one, origin, file)
+    survey = _survey_junction(net, group, origin, side)
     middle = np.array(survey.offset)
     if drive is not None:
         own = list_opendrive_crossings(drive, middle)
@@ -114,8 +150,36 @@ def read_sumo(
     return survey
 
 
+_NEAR = 35.0
+"""So far from a listed junction its converted counterpart lies at most [m]."""
+
+
+def _check_is_there(
+    net: Any, group: JunctionGroup, listed: Junction, origin: LatLon | None, file: Path
+) -> None:
+    """Raises InputError where the conversion has no junction of these streets at that place."""
+    nodes = [net.getNode(name) for name in group.nodes]
+    place = project_to_metres(origin, listed.degrees) if origin and listed.degrees else None
+    if place is None:
+        return
+    places = [np.array(node.getCoord()[:2], dtype=float) for node in nodes]
+    away = min(float(np.hypot(*(each - place))) for each in places)
+    edges = [edge for node in nodes for edge in (*node.getIncoming(), *node.getOutgoing())]
+    lacking = sorted({*listed.streets} - {""} - {str(edge.getName() or "") for edge in edges})
+    if away > _NEAR or lacking:
+        why = f"without {', '.join(lacking)}" if lacking else f"{away:.0f} m away"
+        raise InputError(
+            f"junction {listed.id} of {file} ({listed.name}) cannot be imported: converted, the "
+            f"nearest junction is one {why}, as where a street ends at the edge of the file"
+        )
+
+
+def _list_ids(junctions: Sequence[Junction]) -> set[str]:
+    return {name for each in junctions for name in (each.id, *each.nodes)}
+
+
 def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> JunctionOverview:
-    """All junctions of a SUMO network, OpenStreetMap or OpenDRIVE file, and the roads between them.
+    """All junctions of a SUMO network or an OpenDRIVE file, and the roads between them.
 
     Args:
         scratch: an empty folder for the converted network.
@@ -123,16 +187,33 @@ def survey_junctions(file: Path, map_format: MapFormat, scratch: Path) -> Juncti
     Raises:
         InputError: not convertible.
     """
-    origin = _find_middle_of_osm(file) if map_format == "osm" else None
     network = file
     if map_format != "sumo":
         network = scratch / "converted.net.xml"
-        _convert(file, network, origin=origin, left_hand=False)
+        _convert(file, network, origin=None, left_hand=False)
     net = _read_network(network, file)
     return JunctionOverview(
-        tuple(_describe_junction(node) for node in net.getNodes() if _is_junction(node)),
+        tuple(describe_group(each, None) for each in group_network(net)),
         tuple(_get_shape(e) for e in net.getEdges(withInternal=False) if _list_driving_lanes(e)),
     )
+
+
+def group_network(net: Any) -> list[JunctionGroup]:
+    """The junctions of a network as drivers see them."""
+    edges = [each for each in net.getEdges(withInternal=False) if _list_driving_lanes(each)]
+    rings = {name for ring in net.getRoundabouts() for name in ring.getEdges()}
+    places = {each.getID(): np.array(each.getCoord()[:2], dtype=float) for each in net.getNodes()}
+    back = {(edge.getToNode().getID(), edge.getFromNode().getID()) for edge in edges}
+    pieces: list[StreetPiece] = []
+    for edge in sorted(edges, key=lambda each: str(each.getID())):
+        start, end = edge.getFromNode().getID(), edge.getToNode().getID()
+        both = (start, end) in back and edge.getID() not in rings
+        if both and any((each.start, each.end) == (end, start) for each in pieces):
+            continue
+        name, kind = str(edge.getName() or ""), str(edge.getType() or "")
+        is_ring, is_slip = edge.getID() in rings, kind.endswith("_link")
+        pieces.append(StreetPiece(start, end, _get_shape(edge), name, not both, is_ring, is_slip))
+    return group_junctions(places, pieces)
 
 
 def _convert(file: Path, network: Path, *, origin: LatLon | None, left_hand: bool) -> None:
@@ -203,34 +284,8 @@ def _read_network(network: Path, file: Path) -> Any:
         raise InputError(f"cannot read the network in {file}: {str(fault)[:160]}") from None
 
 
-def _list_roads_in(node: Any) -> list[Any]:
-    return [e for e in node.getIncoming() if not e.getFunction() and _list_driving_lanes(e)]
-
-
-def _list_roads_out(node: Any) -> list[Any]:
-    return [e for e in node.getOutgoing() if not e.getFunction() and _list_driving_lanes(e)]
-
-
 def _list_driving_lanes(edge: Any) -> list[Any]:
     return [lane for lane in edge.getLanes() if lane.allows("passenger")]
-
-
-def _is_junction(node: Any) -> bool:
-    roads_in, roads_out = _list_roads_in(node), _list_roads_out(node)
-    return len(_measure_directions(node)) >= 3 and bool(roads_in) and bool(roads_out)
-
-
-def _measure_directions(node: Any) -> list[float]:
-    """Outward directions of a node's roads, those close to one another as one [rad]."""
-    lines = [_get_shape(edge)[::-1] for edge in _list_roads_in(node)]
-    lines += [_get_shape(edge) for edge in _list_roads_out(node)]
-    found: list[float] = []
-    for line in lines:
-        ahead = find_point(line, 15.0) - line[0]
-        angle = math.atan2(ahead[1], ahead[0])
-        if all(abs(math.remainder(angle - other, math.tau)) > _SAME_ROAD for other in found):
-            found.append(angle)
-    return found
 
 
 def _get_shape(part: Any) -> FloatArray:
@@ -238,61 +293,121 @@ def _get_shape(part: Any) -> FloatArray:
     return np.asarray(np.array(part.getShape())[:, :2])
 
 
-def _describe_junction(node: Any) -> Junction:
-    roads = [*_list_roads_in(node), *_list_roads_out(node)]
-    x, y = (float(value) for value in node.getCoord()[:2])
-    return Junction(
-        id=str(node.getID()),
-        xy=(x, y),
-        legs=len(_measure_directions(node)),
-        name=", ".join(sorted({edge.getName() for edge in roads} - {"", None}))[:80],
-        size=len(roads),
-    )
-
-
-def _survey_junction(net: Any, node: Any, origin: LatLon | None, side: DrivingSide) -> Survey:
-    outline = _get_shape(node) if node.getShape() else np.zeros((0, 2))
-    middle = (
-        outline.mean(axis=0) if len(outline) > 2 else np.array(node.getCoord()[:2], dtype=float)
-    )
+def _survey_junction(
+    net: Any, group: JunctionGroup, origin: LatLon | None, side: DrivingSide
+) -> Survey:
+    nodes = [net.getNode(name) for name in sorted(group.nodes)]
+    outlines = [_get_shape(node) for node in nodes if node.getShape()]
+    outlines = [outline for outline in outlines if len(outline) > 2]
+    middle = _find_middle(group, nodes, outlines)
+    roads_in = [edge for node in nodes for edge in node.getIncoming() if _leads_in(edge, group)]
+    roads_out = [edge for node in nodes for edge in node.getOutgoing() if _leads_out(edge, group)]
     approaches, exits = (
         {
             lane.getID(): _build_lane(lane, middle, inwards=inwards)
             for edge in roads
             for lane in _list_driving_lanes(edge)
         }
-        for roads, inwards in ((_list_roads_in(node), True), (_list_roads_out(node), False))
+        for roads, inwards in ((roads_in, True), (roads_out, False))
     )
     connections = [
-        SurveyConnection(
-            name, link.getToLane().getID(), _trace_connection(net, link) - middle, _find_light(link)
-        )
-        for name in approaches
-        for link in net.getLane(name).getOutgoing()
-        if link.getToLane().getID() in exits
+        each for name in approaches for each in _trace_connections(net, name, exits, group, middle)
     ]
     used = {way.approach for way in connections}, {way.exit for way in connections}
-    crossings = tuple(_read_crossings(net, node, middle))
+    names = sorted({edge.getName() for edge in (*roads_in, *roads_out)} - {"", None})
+    crossings = tuple(each for node in nodes for each in _read_crossings(net, node, middle))
     lights = {each.light for each in connections} | {each.light for each in crossings}
     return Survey(
-        title=_describe_junction(node).name or f"junction {node.getID()}",
+        title=", ".join(names)[:80] or f"junction {min(group.nodes)}",
         approaches={name: lane for name, lane in approaches.items() if name in used[0]},
         exits={name: lane for name, lane in exits.items() if name in used[1]},
         connections=tuple(connections),
         crossings=crossings,
-        areas=(outline - middle,) if len(outline) > 2 else (),
+        areas=tuple(outline - middle for outline in outlines),
         phases=_read_phases(net, {light for light in lights if light is not None}),
         side=side,
-        is_signalised=str(node.getType()).startswith("traffic_light"),
+        is_signalised=any(str(node.getType()).startswith("traffic_light") for node in nodes),
         origin=None if origin is None else project_to_degrees(origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
+        is_roundabout=group.is_roundabout,
         file_origin=origin,
         notes=[
-            f"lane {name} leads nowhere and was dropped"
-            for name in approaches
-            if name not in used[0]
+            *_describe_parts(group),
+            *(
+                f"lane {name} leads nowhere and was dropped"
+                for name in approaches
+                if name not in used[0]
+            ),
         ],
     )
+
+
+def _describe_parts(group: JunctionGroup) -> Iterator[str]:
+    if group.is_roundabout:
+        yield (
+            f"a roundabout of {len(group.nodes)} nodes is one intersection: who drives in it keeps "
+            "to its ring, and who enters gives way"
+        )
+    elif len(group.nodes) > 1:
+        yield f"{len(group.nodes)} nodes that lie close together are one intersection"
+
+
+def _find_middle(
+    group: JunctionGroup, nodes: Sequence[Any], outlines: Sequence[FloatArray]
+) -> FloatArray:
+    if len(nodes) == 1 and outlines:
+        return np.asarray(outlines[0].mean(axis=0))
+    if len(nodes) == 1:
+        return np.array(nodes[0].getCoord()[:2], dtype=float)
+    return np.asarray(np.array(group.xy).round(3))
+
+
+def _leads_in(edge: Any, group: JunctionGroup) -> bool:
+    inside = edge.getFromNode().getID() in group.nodes
+    return not edge.getFunction() and bool(_list_driving_lanes(edge)) and not inside
+
+
+def _leads_out(edge: Any, group: JunctionGroup) -> bool:
+    inside = edge.getToNode().getID() in group.nodes
+    return not edge.getFunction() and bool(_list_driving_lanes(edge)) and not inside
+
+
+def _trace_connections(
+    net: Any, approach: str, exits: Mapping[str, Any], group: JunctionGroup, middle: FloatArray
+) -> Iterator[SurveyConnection]:
+    """The shortest way from an approach over lanes inside the junction to every exit lane."""
+    start = net.getLane(approach)
+    todo: list[tuple[float, int, Any, FloatArray, str | None]] = [
+        (0.0, 0, start, np.zeros((0, 2)), None)
+    ]
+    count, done = 0, set[str]()
+    while todo:
+        _, _, lane, line, light = heapq.heappop(todo)
+        if lane.getID() in done:
+            continue
+        done.add(lane.getID())
+        if lane.getID() in exits and lane is not start:
+            yield SurveyConnection(approach, lane.getID(), line - middle, light)
+            continue
+        for link in lane.getOutgoing():
+            after = link.getToLane()
+            if _is_internal(after) or not after.allows("passenger"):
+                continue
+            inner = after.getID() not in exits
+            if inner and not _lies_in(after.getEdge(), group):
+                continue
+            parts = [line, _trace_connection(net, link), *([_get_shape(after)] if inner else [])]
+            longer = np.concatenate(parts)
+            count += 1
+            heapq.heappush(
+                todo,
+                (measure_length(longer), count, after, longer, light or _find_light(link)),
+            )
+
+
+def _lies_in(edge: Any, group: JunctionGroup) -> bool:
+    ends = edge.getFromNode().getID(), edge.getToNode().getID()
+    return set(ends) <= group.nodes
 
 
 def _build_lane(lane: Any, middle: FloatArray, *, inwards: bool) -> SurveyLane:

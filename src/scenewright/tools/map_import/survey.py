@@ -122,6 +122,7 @@ class Survey:
         lights: places of lights, where the file has no programme for them.
         phases: (duration [s], colour by light) of the programme; empty where there is none.
         is_signalised: None where the file does not say.
+        is_roundabout: whether its ways lead round a middle island.
         origin: of the coordinates; None where the file has none.
         offset: of the origin in the coordinates of the file [m].
         file_origin: where the file's coordinates are zero; None where it has no degrees.
@@ -138,6 +139,7 @@ class Survey:
     phases: tuple[tuple[float, Mapping[str, Colour]], ...] = ()
     side: DrivingSide = ASSUMED_SIDE
     is_signalised: bool | None = None
+    is_roundabout: bool = False
     origin: LatLon | None = None
     offset: tuple[float, float] = (0.0, 0.0)
     file_origin: LatLon | None = None

@@ -16,7 +16,9 @@ def _load(module: str) -> Any:
     return import_module(f"google.protobuf.{module}")
 
 
-_SCALARS = ("double", "float", "int64", "uint64", "int32", "bool", "string", "bytes", "uint32")
+_SCALARS = (
+    *("double", "float", "int64", "uint64", "int32", "bool", "string", "bytes", "uint32", "sint64"),
+)
 
 
 def build_messages(package: str, schema: str) -> dict[str, Any]:

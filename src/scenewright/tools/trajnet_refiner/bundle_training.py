@@ -45,8 +45,8 @@ _CLASSES = ("pedestrian", "vehicle")
 _TRIED = 4096
 _SIMULATED = 0.1
 """Weight of simulated pedestrians beside real ones."""
-_OVERLAP = 4
-"""Network steps from one stretch of a recording of walkers to the next: there are few."""
+OVERLAP = 4
+"""Network steps from one stretch of a recording to the next where there are few."""
 
 
 def train_bundle(
@@ -61,6 +61,8 @@ def train_bundle(
     start: Refiner | None = None,
     command: str | None = None,
     walkers: Sequence[Recording] = (),
+    stride: int | None = None,
+    most: int | None = None,
 ) -> Mapping[str, Any]:
     """Trains the refiner of an intersection and writes weights and model card to a folder.
 
@@ -74,6 +76,10 @@ def train_bundle(
         command: that made the recordings, for the card.
         walkers: recordings of real people on foot: how pedestrians move is then learned from those
             to fit, and simulated ones count a tenth; those to test give figures of their own.
+        stride: network steps from one stretch of a recording to the next, `OVERLAP` where there
+            are few; None for stretches that do not overlap in what is predicted.
+        most: stretches of the recordings that are learned from, drawn by the recipe's seed; None
+            for all.
 
     Returns:
         What is kept with the weights: data, recipe, losses, figures.
@@ -91,10 +97,10 @@ def train_bundle(
     if foreign:
         raise InputError(f"the corpus is of another intersection: {foreign[0]!r}, not {name!r}")
     _make(out)
-    windows = _windows(by_split["fit"], config)
+    windows = _drawn(_windows(by_split["fit"], config, stride), most, recipe.seed)
     taught = [each for each in walkers if each.split == "fit"]
     if taught:
-        windows = [*map(_with_few_walkers, windows), *_windows(taught, config, stride=_OVERLAP)]
+        windows = [*map(_with_few_walkers, windows), *_windows(taught, config, OVERLAP)]
     losses: list[float] = []
 
     def keep(epoch: Epoch) -> None:
@@ -117,13 +123,13 @@ def train_bundle(
         "losses": losses,
         "command": command or "scenewright intersections corpus",
         "started": start is not None,
-        "figures": _alone(lambda: figures(net, by_split["test"] or by_split["fit"])),
+        "figures": _alone(lambda: figures(net, by_split["test"] or by_split["fit"], stride=stride)),
     }
     if walkers:
         tried = [each for each in walkers if each.split == "test"]
         about["walkers"] = {split: [each.name for each in walkers if each.split == split]
                             for split in ("fit", "test")}  # fmt: skip
-        about["walkers_figures"] = _alone(lambda: figures(net, tried))
+        about["walkers_figures"] = _alone(lambda: figures(net, tried, stride=OVERLAP))
     save_refiner(net, out / REFINER_WEIGHTS, about=about)
     (out / CARD).write_text(card(net, about), encoding="utf-8")
     sign_bundle(out, REFINER_WEIGHTS, CARD)
@@ -144,14 +150,16 @@ def out_folder(name: str, out: str | None) -> Path:
     return Path("intersections") / name if shipped else folder
 
 
-def figures(net: Refiner, recordings: Sequence[Recording], *, seed: int = 0) -> dict[str, float]:
+def figures(
+    net: Refiner, recordings: Sequence[Recording], *, seed: int = 0, stride: int | None = None
+) -> dict[str, float]:
     """How well the network predicts hours that it never saw, 4.8 s ahead, mean over agents.
 
     Waypoints lie on the agent's way, two to twelve steps apart, the last moment's place not always
     left out. Beside the network stands constant velocity, which has no use for them. The density
     is that of the first 0.8 s. Of a class that nobody was tried of there is its number, 0, alone.
     """
-    windows = _windows(recordings, net.config)
+    windows = _windows(recordings, net.config, stride)
     rng = np.random.default_rng(seed)
     order = rng.permutation(len(windows))[:_TRIED]
     exactly = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=1.0)
@@ -265,6 +273,11 @@ def _windows(
     return recorded_windows(
         recordings, observed=config.observed, predicted=config.predicted, stride=stride
     )
+
+
+def _drawn(windows: list[Window], most: int | None, seed: int) -> list[Window]:
+    order = np.random.default_rng(seed).permutation(len(windows))[:most]
+    return [windows[k] for k in np.sort(order)]
 
 
 def _with_few_walkers(window: Window) -> Window:

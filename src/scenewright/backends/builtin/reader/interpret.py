@@ -226,13 +226,37 @@ def interpret(reading: Reading, site: Site) -> Interpretation:
     change = reading.text.find(SEPARATOR) if reading.kind == "edit" else -1
     result.spans = tuple(sorted(reading.spans, key=lambda each: each.start))
     _introduce(result, reading)
-    for span in sorted(_owned(result, reading), key=lambda each: each.start):
+    for span in _put_headings_last(_owned(result, reading)):
         if 0 <= change < span.start and not result.changing:
             _settle(result)
             result.changing = True
         _apply(result, span)
     _settle(result)
     return result
+
+
+def _put_headings_last(spans: Iterable[ReadSpan]) -> list[ReadSpan]:
+    """The spans in order, but a heading after the words that say where the same road user is from.
+
+    "Heading north, from the east": alone the heading says the entry, beside one it says the exit.
+    """
+    found = sorted(spans, key=lambda each: each.start)
+    for span in [each for each in found if each.tag == "heading"]:
+        own = [
+            n
+            for n, each in enumerate(found)
+            if _says_entry(each, span.subjects) and side_of(each) != side_of(span)
+        ]
+        at = found.index(span)
+        if own and own[-1] > at:
+            found.insert(own[-1], found.pop(at))
+    return found
+
+
+def _says_entry(span: ReadSpan, users: Sequence[int]) -> bool:
+    """Whether the span names the leg that one of the users comes from."""
+    named = span.tag == "from" and not span.negated and span.value not in _RELATIVE
+    return named and bool(set(span.subjects) & set(users))
 
 
 def _owned(result: Interpretation, reading: Reading) -> tuple[ReadSpan, ...]:
@@ -321,8 +345,14 @@ def _read_adjectives(result: Interpretation, number: int, span: ReadSpan) -> Non
             result.enter(span, "movement", (number,), agent.movement)
         return
     if match := _BOUND.search(span.words):
-        agent.entry = OPPOSITE[match[1].lower()]
-        result.enter(span, "entry", (number,), agent.entry)
+        bound = match[1].lower()
+        told = [side_of(each) for each in result.spans if _says_entry(each, (number,))]
+        if told and told[0] not in (None, OPPOSITE[bound], bound):
+            agent.exit = bound
+            result.enter(span, "exit", (number,), bound)
+        else:
+            agent.entry = OPPOSITE[bound]
+            result.enter(span, "entry", (number,), agent.entry)
     turn = _turn_in(result.text[max(0, span.start - 6) : span.start] + span.words)
     if turn is not None:
         agent.movement = turn

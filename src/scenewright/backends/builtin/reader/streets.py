@@ -7,14 +7,8 @@ from collections.abc import Sequence
 
 from rapidfuzz import fuzz
 
-_LONG = {
-    "st": "street", "str": "street", "ave": "avenue", "av": "avenue", "rd": "road", "ln": "lane",
-    "blvd": "boulevard", "dr": "drive", "sq": "square", "pl": "place", "hwy": "highway",
-    "ct": "court", "ter": "terrace", "w": "west", "e": "east", "n": "north", "s": "south",
-}  # fmt: skip
-_TYPES = frozenset(
-    ("street", "avenue", "road", "lane", "boulevard", "drive", "square", "place", "way", "highway")
-)
+from scenewright.scene.streets import TYPES, expand_name
+
 _NAMED = re.compile(
     r"\b(?:street|st|avenue|ave|road|rd|lane|ln|boulevard|blvd|highway|hwy|terrace)\b\.?",
     re.IGNORECASE,
@@ -33,8 +27,8 @@ def legs_named(words: str, roads: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     Args:
         roads: leg and the name of its street.
     """
-    said = _plain(words)
-    return tuple(leg for leg, road in roads if road and _names(said, _plain(road)))
+    said = expand_name(words)
+    return tuple(leg for leg, road in roads if road and _names(said, expand_name(road)))
 
 
 def looks_like_a_street(words: str) -> bool:
@@ -43,14 +37,9 @@ def looks_like_a_street(words: str) -> bool:
 
 
 def _names(said: str, road: str) -> bool:
-    core = " ".join(word for word in road.split() if word not in _TYPES)
+    core = " ".join(word for word in road.split() if word not in TYPES)
     if re.search(rf"\b{re.escape(road)}\b", said):
         return True
     if len(core) > 3 and re.search(rf"\b{re.escape(core)}\b", said):
         return True
     return len(said) > 4 and fuzz.ratio(said, road) >= _ALIKE
-
-
-def _plain(words: str) -> str:
-    found = re.findall(r"\w+", words.casefold())
-    return " ".join(_LONG.get(word, word) for word in found if word != "the")

@@ -1,0 +1,303 @@
+"""Street names in a text, put as the compass names of their legs before the text is read.
+
+Both readers know "from the north" and no street of any town. What they are given is the text with
+"from Marshalsea Road" as "from the west"; what comes back is put in the words of the text again.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice, product
+
+from rapidfuzz import fuzz
+
+from scenewright.backends.builtin.draft import Refused
+from scenewright.scene.account import SaidSpan
+from scenewright.scene.streets import TYPES, expand_name
+
+_MOST_READINGS = 24
+_ALIKE = 88.0
+_COMPASS = r"(?:north|south)(?:east|west)?|east|west"
+_WORD = re.compile(r"[\w'’]+")
+_FROM = frozenset(("from", "off", "along", "down", "up", "via", "on", "in", "leaving", "exiting"))
+_TO = frozenset(("into", "onto", "to", "toward", "towards", "for"))
+_ACROSS = frozenset(("cross", "crosses", "crossing", "crossed", "across", "over"))
+_PART = re.compile(
+    r"(?:'s|’s)?\s+(?:leg|arm|approach|crosswalk|crossing|zebra|side|branch|entrance|exit)s?\b",
+    re.IGNORECASE,
+)
+_BEFORE = re.compile(
+    rf"(?:\bthe\s+)?(?:\b(?P<side>{_COMPASS})(?:ern)?(?:\s+(?:end|part|side) of)?\s+)?"
+    r"(?:\bthe\s+)?$",
+    re.IGNORECASE,
+)
+_PREPOSITION = re.compile(r"(?:\b(out)\s+)?\b(?P<word>[a-z]+)\s+$", re.IGNORECASE)
+_AFTER = re.compile(
+    rf"\s*(?:\(\s*)?\b(?P<side>{_COMPASS})\b(?!\s*(?:bound|leg|crosswalk))\s*\)?", re.IGNORECASE
+)
+_PLACE = re.compile(
+    r"\b(?:at|near)\s+(?:the\s+)?(?:(?:corner|intersection|junction|crossing|crossroads)\s+"
+    r"(?:of|between)\s+)?$",
+    re.IGNORECASE,
+)
+_NAMED = re.compile(
+    r"\b(?:from|off|into|onto|on|along|down|up|crossing|crosses|across|to)\s+(?:the\s+)?"
+    r"(?P<name>(?:[A-Z][\w'’.-]*\s+){1,4}(?:Street|St|Avenue|Ave|Road|Rd|Lane|Ln|Boulevard|Blvd|"
+    r"Drive|Dr|Square|Sq|Place|Way|Highway|Hwy|Terrace|Court))\b(?![’'])"
+)
+_CROSSES_ON_FOOT = re.compile(
+    r"\b(?:pedestrian|person|man|woman|child|boy|girl|kid|walker|jogger|group|couple)\b[^.;]*$",
+    re.IGNORECASE,
+)
+
+
+@dataclass(frozen=True)
+class StreetMention:
+    """Words that name a street, and the legs that bear the name."""
+
+    start: int
+    end: int
+    legs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class CompassText:
+    """A text with compass names for street names.
+
+    Attributes:
+        pieces: (start, end) in this text and (start, end) in the original, of what was replaced.
+    """
+
+    text: str
+    original: str
+    pieces: tuple[tuple[int, int, int, int], ...]
+
+    def find_original(self, start: int, end: int) -> tuple[int, int]:
+        """The characters of the original in which a span of this text lies."""
+        return self._shift(start, ends=False), self._shift(end, ends=True)
+
+    def _shift(self, at: int, *, ends: bool) -> int:
+        moved = 0
+        for new_start, new_end, old_start, old_end in self.pieces:
+            if (
+                new_start < at < new_end
+                or (at == new_start and not ends)
+                or (at == new_end and ends)
+            ):
+                return old_end if ends else old_start
+            if at >= new_end:
+                moved = old_end - new_end
+        return at + moved
+
+    def restore_span(self, entry: SaidSpan) -> SaidSpan:
+        """An entry of the account in the words of the original."""
+        start, end = self.find_original(entry.start, entry.end)
+        return entry.model_copy(
+            update={"start": start, "end": end, "words": self.original[start:end] or entry.words}
+        )
+
+    def restore_words(self, reason: str) -> str:
+        """A reason that quotes this text, quoting the original."""
+        for new_start, new_end, old_start, old_end in self.pieces:
+            new = self.text[new_start:new_end].strip()
+            old = self.original[old_start:old_end]
+            reason = reason.replace(f"'{new}'", f"'{old}'") if new else reason
+        return reason
+
+
+def list_compass_texts(text: str, roads: Sequence[tuple[str, str]]) -> list[CompassText]:
+    """The text with a leg for every street it names, one for each choice of legs; [] if none.
+
+    Args:
+        roads: leg and the name of its street.
+
+    Raises:
+        Refused: a street is named that no leg bears.
+    """
+    found = find_mentions(text, roads)
+    _refuse_unknown(text, found, roads)
+    if not found:
+        return []
+    choices = product(*(mention.legs for mention in found))
+    return [_replace(text, found, legs) for legs in islice(choices, _MOST_READINGS)]
+
+
+def find_mentions(text: str, roads: Sequence[tuple[str, str]]) -> list[StreetMention]:
+    """Where a text names streets of the map, in order; of names within names the longest."""
+    named = [(leg, name) for leg, road in roads for name in _list_names(road) if name]
+    words = [(m.start(), m.end(), m[0]) for m in _WORD.finditer(text)]
+    found: list[StreetMention] = list(_find_unspaced(text, named))
+    longest = max((len(name.split()) for _, name in named), default=0) + 1
+    at = 0
+    while at < len(words):
+        mention = next(_match_at(text, words, at, longest, named), None)
+        if mention is None or any(m.start < mention.end and mention.start < m.end for m in found):
+            at += 1
+            continue
+        found.append(mention)
+        at = next((n for n, word in enumerate(words) if word[0] >= mention.end), len(words))
+    found.sort(key=lambda each: each.start)
+    return [_narrow(text, mention) for mention in found]
+
+
+def _narrow(text: str, mention: StreetMention) -> StreetMention:
+    """The mention with the one leg that a compass word beside it names: "northern High Street"."""
+    before = _BEFORE.search(text, 0, mention.start)
+    if before and before["side"]:
+        side = before["side"].lower()
+        if side not in mention.legs:
+            words = text[mention.start : mention.end]
+            there = " and the ".join(mention.legs)
+            raise Refused("impossible", f"'{words}' is the {there} leg here, not the {side}.")
+        return replace(mention, start=before.start(), legs=(side,))
+    after = _AFTER.match(text, mention.end)
+    if after and after["side"].lower() in mention.legs:
+        return replace(mention, end=after.end(), legs=(after["side"].lower(),))
+    return mention
+
+
+def _list_names(road: str) -> list[str]:
+    """What a street is called: its whole name, each name of several, the name without its type."""
+    parts = [part.strip() for part in re.split(r"[/;,]", road) if part.strip()]
+    return list(dict.fromkeys(expand_name(part) for part in parts))
+
+
+def _find_unspaced(text: str, named: Sequence[tuple[str, str]]) -> Iterator[StreetMention]:
+    """Names in scripts without spaces, anywhere in the text."""
+    taken: list[tuple[int, int]] = []
+    for name in sorted({name for _, name in named if not name.isascii()}, key=len, reverse=True):
+        for match in re.finditer(re.escape(name), text.casefold()):
+            if not any(a < match.end() and match.start() < b for a, b in taken):
+                taken.append(match.span())
+                yield StreetMention(*match.span(), _list_legs(name, named))
+
+
+def _list_legs(name: str, named: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(leg for leg, own in named if own == name))
+
+
+def _match_at(
+    text: str,
+    words: Sequence[tuple[int, int, str]],
+    at: int,
+    longest: int,
+    named: Sequence[tuple[str, str]],
+) -> Iterator[StreetMention]:
+    """The street that is named from a word on, longest wording first."""
+    for many in range(min(longest, len(words) - at), 0, -1):
+        start, end = words[at][0], words[at + many - 1][1]
+        if re.search(r"[.,;:!?]\s", text[start:end].replace("St. ", "St  ")):
+            continue
+        said = expand_name(re.sub(r"['’]s$", "", text[start:end]))
+        if said in TYPES or not said:
+            continue
+        # Exact names first: "10th Street" is like "11th Street".
+        for fits in (_is_name, _is_core, _is_alike):
+            legs = tuple(dict.fromkeys(leg for leg, name in named if fits(said, name)))
+            streets = {name for _, name in named if fits(said, name)}
+            if legs and (len(streets) == 1 or fits is _is_name):
+                stop = end - (2 if re.search(r"['’]s$", text[start:end]) else 0)
+                yield StreetMention(start, stop, legs)
+                return
+
+
+def _is_name(said: str, name: str) -> bool:
+    return said == name
+
+
+def _is_core(said: str, name: str) -> bool:
+    """Whether words are a street's name without its type: "Marshalsea" for Marshalsea Road."""
+    core = [word for word in name.split() if word not in TYPES]
+    short = [word for word in core if not re.fullmatch(_COMPASS, word)]
+    plain = " ".join(core), " ".join(short)
+    typed = " ".join(word for word in name.split() if not re.fullmatch(_COMPASS, word))
+    has_own_word = any(len(word) > 3 or word[0].isdigit() for word in short)
+    return has_own_word and said in (*plain, typed) and not re.fullmatch(_COMPASS, said)
+
+
+def _is_alike(said: str, name: str) -> bool:
+    """Whether words are a name with a slip in its letters; figures must be the same."""
+    figures = [re.findall(r"\d+", each) for each in (said, name)]
+    long = len(said) > 6 and len(said.split()) == len(name.split())
+    return long and figures[0] == figures[1] and fuzz.ratio(said, name) >= _ALIKE
+
+
+def _refuse_unknown(
+    text: str, found: Sequence[StreetMention], roads: Sequence[tuple[str, str]]
+) -> None:
+    if not roads:
+        return
+    for match in _NAMED.finditer(text):
+        start, end = match.span("name")
+        if any(mention.start < end and start < mention.end for mention in found):
+            continue
+        if re.match(
+            rf"(?:The\s+)?(?:{_COMPASS}|Main|Side|Cross|Minor|Major)\b",
+            match["name"],
+            re.IGNORECASE,
+        ):
+            continue
+        raise Refused("impossible", say_no_such_street(match["name"], roads))
+
+
+def say_no_such_street(words: str, roads: Sequence[tuple[str, str]]) -> str:
+    """Why a street cannot be meant, with those that are there."""
+    known = "; ".join(f"{road} ({leg})" for leg, road in roads)
+    return f"No leg here is called '{words}'; the streets are {known}."
+
+
+def _replace(text: str, found: Sequence[StreetMention], legs: Sequence[str]) -> CompassText:
+    out, pieces, at = "", [], 0
+    for number, (mention, leg) in enumerate(zip(found, legs, strict=True)):
+        start, end, words = _word_leg(text, at, mention, leg, found[number + 1 :])
+        out += text[at:start]
+        pieces.append((len(out), len(out) + len(words), start, end))
+        out += words
+        at = end
+    return CompassText(out + text[at:], text, tuple(pieces))
+
+
+def _word_leg(
+    text: str, at: int, mention: StreetMention, leg: str, later: Sequence[StreetMention]
+) -> tuple[int, int, str]:
+    """Which characters are replaced, and by which words."""
+    before = _BEFORE.search(text, at, mention.start)
+    start, end = (before.start() if before else mention.start), mention.end
+    beside = (
+        re.match(r"\s*(?:and|&|/)\s*(?:the\s+)?$", text[end : later[0].start]) if later else None
+    )
+    place = _PLACE.search(text[at:start])
+    joined = re.search(r"(?:and|&|/)\s*(?:the\s+)?$", text[at : mention.start])
+    if place and beside:
+        return at + place.start(), end, ""
+    if joined and at > 0 and not text[at : joined.start()].strip():
+        return at, end, ""
+    if part := _PART.match(text, end):
+        owned = re.match(r"(?:'s|’s)", part[0])
+        return start, end + (owned.end() if owned else 0), f"the {leg}"
+    lead = _PREPOSITION.search(text[at:start])
+    word = lead["word"].lower() if lead else ""
+    if lead and word == "of" and lead[1]:
+        return at + lead.start(), end, f"from the {leg}"
+    if lead and word in _TO:
+        return at + lead.start(), end, f"to the {leg}"
+    on_foot = _CROSSES_ON_FOOT.search(text[:start].rsplit(" by ", 1)[-1]) and word in ("on", "at")
+    if lead and on_foot and _stands_last(text[:start]):
+        return at + lead.start(), end, f"on the {leg} crosswalk"
+    if lead and word in _FROM:
+        return at + lead.start(), end, f"from the {leg}"
+    if lead and word in _ACROSS:
+        return start, end, f"the {leg} leg"
+    return start, end, f"the {leg} leg"
+
+
+def _stands_last(text: str) -> bool:
+    """Whether the last road user told of is on foot."""
+    drives = re.compile(
+        r"\b(?:car|van|truck|bus|taxi|vehicle|motorcycle|cyclist|scooter)\b", re.IGNORECASE
+    )
+    last = max((m.start() for m in drives.finditer(text)), default=-1)
+    found = _CROSSES_ON_FOOT.search(text)
+    return found is not None and found.start() > last

@@ -1,0 +1,215 @@
+"""Nodes of a street network that drivers see as one junction, and the legs of each."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.geometry.polyline import find_point, measure_length
+from scenewright.scene.base import FloatArray
+
+_SHORT = 15.0
+"""Pieces of street so short lie inside a junction [m]."""
+_SHORT_ONE_WAY = 25.0
+"""The same of one-way pieces [m]."""
+_TRIANGLE = 45.0
+"""Three pieces so short that lead round a triangle lie inside one junction [m]."""
+_CARRIAGEWAYS = 45.0
+"""Carriageways of one street lie closer than that where another street crosses them [m]."""
+_LONGEST_SLIP = 70.0
+"""Slip lanes that are longer are streets of their own [m]."""
+_OPPOSITE = math.radians(40.0)
+_SAME_LEG = math.radians(35.0)
+_AHEAD = 25.0
+"""Legs are told apart by their direction so far out [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class StreetPiece:
+    """A piece of street between two nodes of a network, in driving direction where it has one.
+
+    Attributes:
+        line: [P, 2] from the first node to the last [m].
+        is_ring: of a roundabout; is_slip: of a lane for turning that leaves the junction out.
+    """
+
+    start: str
+    end: str
+    line: FloatArray
+    name: str
+    is_one_way: bool = False
+    is_ring: bool = False
+    is_slip: bool = False
+
+
+@dataclass(frozen=True)
+class JunctionLeg:
+    """An arm of a junction: its street and its outward direction [rad, ccw from east]."""
+
+    street: str
+    bearing: float
+
+
+@dataclass(frozen=True)
+class JunctionGroup:
+    """One junction as drivers see it.
+
+    Attributes:
+        nodes: of the network; xy: its middle [m]; is_roundabout: whether it has a ring.
+    """
+
+    nodes: frozenset[str]
+    xy: tuple[float, float]
+    legs: tuple[JunctionLeg, ...]
+    is_roundabout: bool
+
+
+def group_junctions(
+    places: Mapping[str, FloatArray], pieces: Sequence[StreetPiece]
+) -> list[JunctionGroup]:
+    """Every junction of three or more legs.
+
+    Joined to one are the nodes of a roundabout, of the carriageways of a divided street, of slip
+    lanes, and nodes that short pieces of street connect.
+
+    Args:
+        places: [2] by node [m].
+    """
+    pieces = [each for each in pieces if measure_length(each.line) > 0.01]
+    at: dict[str, list[StreetPiece]] = defaultdict(list)
+    for piece in pieces:
+        at[piece.start].append(piece)
+        at[piece.end].append(piece)
+    branching = {node for node, own in at.items() if _count_arms(own) >= 3}
+    joined = _Sets()
+    for piece in pieces:
+        if piece.is_ring or ({piece.start, piece.end} <= branching and _lies_inside(piece, at)):
+            joined.join(piece.start, piece.end)
+    for a, b in _find_sides(pieces, branching, joined):
+        joined.join(a, b)
+    ringed = {joined.find(piece.start) for piece in pieces if piece.is_ring}
+    nodes: dict[str, set[str]] = defaultdict(set)
+    for node in {*branching, *joined.parents}:
+        nodes[joined.find(node)].add(node)
+    found = [
+        _build_group(own, places, at, is_roundabout=root in ringed)
+        for root, own in sorted(nodes.items())
+    ]
+    return [group for group in found if len(group.legs) >= 3]
+
+
+def _count_arms(pieces: Iterable[StreetPiece]) -> int:
+    """Ends of pieces at a node; the two directions of one street count once."""
+    ends = {
+        (frozenset((each.start, each.end)), round(measure_length(each.line))) for each in pieces
+    }
+    return len(ends) + sum(each.start == each.end for each in pieces)
+
+
+def _lies_inside(piece: StreetPiece, at: Mapping[str, Sequence[StreetPiece]]) -> bool:
+    """Whether a piece between two branchings is part of one junction."""
+    length = measure_length(piece.line)
+    if piece.is_slip:
+        return length < _LONGEST_SLIP
+    short = _SHORT_ONE_WAY if piece.is_one_way else _SHORT
+    return length < short or (length < _CARRIAGEWAYS and _joins_carriageways(piece, at))
+
+
+def _find_sides(
+    pieces: Sequence[StreetPiece], branching: set[str], joined: _Sets
+) -> list[tuple[str, str]]:
+    """Sides of small triangles of streets, which as a rule stand round an island."""
+    ends = {node: joined.find(node) for node in branching}
+    sides = {
+        frozenset((ends[each.start], ends[each.end]))
+        for each in pieces
+        if {each.start, each.end} <= branching and measure_length(each.line) < _TRIANGLE
+    }
+    pairs = sorted(tuple(sorted(side)) for side in sides if len(side) == 2)
+    beside: dict[str, set[str]] = defaultdict(set)
+    for a, b in pairs:
+        beside[a].add(b)
+        beside[b].add(a)
+    return [(a, b) for a, b in pairs if beside[a] & beside[b]]
+
+
+def _joins_carriageways(piece: StreetPiece, at: Mapping[str, Sequence[StreetPiece]]) -> bool:
+    """Whether a piece leads from one carriageway of a divided street across to the other."""
+    across = piece.line[-1] - piece.line[0]
+    ways = [
+        [
+            _measure_course(each)
+            for each in at[node]
+            if each.is_one_way and each is not piece and not each.is_slip
+        ]
+        for node in (piece.start, piece.end)
+    ]
+    course = math.atan2(across[1], across[0])
+    return any(
+        abs(_turn(a, b + math.pi)) < _OPPOSITE
+        and math.radians(45) < abs(_turn(a, course)) < math.radians(135)
+        for a in ways[0]
+        for b in ways[1]
+    )
+
+
+def _measure_course(piece: StreetPiece) -> float:
+    step = piece.line[-1] - piece.line[0]
+    return math.atan2(step[1], step[0])
+
+
+def _turn(a: float, b: float) -> float:
+    return math.remainder(a - b, math.tau)
+
+
+class _Sets:
+    """Disjoint sets of nodes."""
+
+    def __init__(self) -> None:
+        self.parents: dict[str, str] = {}
+
+    def find(self, node: str) -> str:
+        while (parent := self.parents.get(node, node)) != node:
+            node = parent
+        return node
+
+    def join(self, a: str, b: str) -> None:
+        first, second = sorted((self.find(a), self.find(b)))
+        self.parents[second] = self.parents[first] = first
+
+
+def _build_group(
+    nodes: set[str],
+    places: Mapping[str, FloatArray],
+    at: Mapping[str, Sequence[StreetPiece]],
+    *,
+    is_roundabout: bool,
+) -> JunctionGroup:
+    arms = []
+    for node in sorted(nodes):
+        for piece in at[node]:
+            if piece.start in nodes and piece.end in nodes:
+                continue
+            line = piece.line if piece.start == node else piece.line[::-1]
+            ahead = find_point(line, _AHEAD) - line[0]
+            arms.append(JunctionLeg(piece.name, math.atan2(ahead[1], ahead[0])))
+    middle = np.mean([places[node] for node in nodes], axis=0)
+    return JunctionGroup(
+        nodes=frozenset(nodes),
+        xy=(float(middle[0]), float(middle[1])),
+        legs=tuple(_merge_arms(arms)),
+        is_roundabout=is_roundabout,
+    )
+
+
+def _merge_arms(arms: Sequence[JunctionLeg]) -> list[JunctionLeg]:
+    """Arms that lead the same way as one leg: the carriageways of a divided street."""
+    found: list[JunctionLeg] = []
+    for arm in sorted(arms, key=lambda each: (not each.street, each.bearing, each.street)):
+        if all(abs(_turn(arm.bearing, other.bearing)) > _SAME_LEG for other in found):
+            found.append(arm)
+    return sorted(found, key=lambda each: each.bearing)

@@ -1,0 +1,141 @@
+"""Which nodes of a street network are one junction, and how one is listed and chosen."""
+
+import gzip
+import importlib.util
+import math
+import zlib
+
+import numpy as np
+import pytest
+
+import map_files
+from scenewright.errors import InputError
+from scenewright.tools.map_import import import_map, list_junctions
+from scenewright.tools.map_import.junction_groups import StreetPiece, group_junctions
+from scenewright.tools.map_import.osm_elements import _messages
+
+needs_sumo = pytest.mark.skipif(
+    importlib.util.find_spec("sumo") is None, reason="SUMO is not installed"
+)
+
+
+def network(places, streets):
+    """Groups of a network of straight pieces: (from, to, name[, flags])."""
+    spots = {name: np.array(xy, dtype=float) for name, xy in places.items()}
+    pieces = [
+        StreetPiece(a, b, np.array([spots[a], spots[b]]), name, **dict.fromkeys(flags, True))
+        for a, b, name, *flags in streets
+    ]
+    return group_junctions(spots, pieces)
+
+
+def test_a_roundabout_is_one_junction_of_its_arms():
+    ring = {
+        f"r{k}": (15 * math.cos(k * math.pi / 2), 15 * math.sin(k * math.pi / 2)) for k in range(4)
+    }
+    arms = {f"a{k}": (6 * x, 6 * y) for k, (x, y) in enumerate(ring.values())}
+    pieces = [(f"r{k}", f"r{(k + 1) % 4}", "", "is_ring", "is_one_way") for k in range(4)]
+    pieces += [(f"r{k}", f"a{k}", f"Arm {k}") for k in range(4)]
+    [found] = network(ring | arms, pieces)
+    assert found.is_roundabout
+    assert found.nodes == set(ring)
+    assert sorted(leg.street for leg in found.legs) == ["Arm 0", "Arm 1", "Arm 2", "Arm 3"]
+    assert found.xy == pytest.approx((0, 0), abs=1e-9)
+
+
+def test_the_carriageways_of_a_divided_street_are_one_leg_each_way():
+    places = {"a": (0, 12), "b": (0, -12), "n": (0, 120), "s": (0, -120)}
+    places |= {"aw": (-150, 12), "ae": (150, 12), "bw": (-150, -12), "be": (150, -12)}
+    one_way = [("ae", "a"), ("a", "aw"), ("bw", "b"), ("b", "be")]
+    pieces = [(*ends, "Main", "is_one_way") for ends in one_way]
+    pieces += [("n", "a", "Side"), ("b", "s", "Side"), ("a", "b", "Side")]
+    [found] = network(places, pieces)
+    assert found.nodes == {"a", "b"}
+    assert [leg.street for leg in found.legs] == ["Side", "Main", "Side", "Main"]
+
+
+def test_two_crossings_a_block_apart_are_two():
+    places = {"a": (0, 0), "b": (60, 0), "w": (-90, 0), "e": (160, 0)}
+    places |= {"an": (0, 90), "as": (0, -90), "bn": (60, 90)}
+    ends = [("w", "a"), ("a", "b"), ("b", "e"), ("a", "an"), ("a", "as"), ("b", "bn")]
+    assert [len(each.legs) for each in network(places, [(*pair, "X") for pair in ends])] == [4, 3]
+
+
+def test_a_bend_is_no_junction():
+    assert (
+        network({"a": (0, 0), "b": (50, 0), "c": (50, 50)}, [("a", "b", "X"), ("b", "c", "X")])
+        == []
+    )
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory):
+    file = tmp_path_factory.mktemp("town") / "town.osm"
+    names = ["Elm Street", "Mill Road", "Elm Street", "Kings Avenue"]
+    return map_files.osm(file, (0, 90, 180, 270), names=names, second=True)
+
+
+def test_all_junctions_are_listed_with_streets_and_places(town):
+    found = list_junctions(town).junctions
+    assert [each.id for each in found] == ["1", "101"]
+    assert set(found[0].streets) == {"Elm Street", "Mill Road", "Kings Avenue"}
+    assert found[0].degrees == pytest.approx(map_files.ORIGIN, abs=1e-6)
+
+
+def test_packed_files_list_the_same(town, tmp_path):
+    packed = tmp_path / "town.osm.gz"
+    packed.write_bytes(gzip.compress(town.read_bytes()))
+    assert list_junctions(packed).junctions == list_junctions(town).junctions
+    packed.write_bytes(gzip.compress(town.read_bytes())[:300])
+    with pytest.raises(InputError, match="damaged"):
+        list_junctions(packed)
+
+
+def pbf(file):
+    """A crossing of two streets as protocol buffers, nodes dense, as public extracts are."""
+    lat, lon = (round(degrees * 1e7) for degrees in map_files.ORIGIN)
+    spots = [(lat, lon), (lat + 9000, lon), (lat - 9000, lon), (lat, lon + 9000), (lat, lon - 9000)]
+    steps = np.diff(np.array([(0, 0), *spots]), axis=0).tolist()
+    block = _messages()["PrimitiveBlock"]()
+    block.stringtable.s.extend(
+        [b"", b"highway", b"residential", b"name", b"Elm Street", b"Mill Road"]
+    )
+    group = block.primitivegroup.add()
+    group.dense.id.extend([1] * 5)
+    group.dense.lat.extend(step[0] for step in steps)
+    group.dense.lon.extend(step[1] for step in steps)
+    for number, (refs, name) in enumerate([((2, -1, 2), 4), ((4, -3, 4), 5)], start=1):
+        way = group.ways.add(id=number)
+        way.keys.extend([1, 3])
+        way.vals.extend([2, name])
+        way.refs.extend(refs)
+    with file.open("wb") as stream:
+        for kind, data in (("OSMHeader", b""), ("OSMData", block.SerializeToString())):
+            blob = _messages()["Blob"](zlib_data=zlib.compress(data), raw_size=len(data))
+            body = blob.SerializeToString()
+            head = _messages()["BlobHeader"](type=kind, datasize=len(body)).SerializeToString()
+            stream.write(len(head).to_bytes(4) + head + body)
+    return file
+
+
+def test_protocol_buffers_are_read(tmp_path):
+    [found] = list_junctions(pbf(tmp_path / "town.osm.pbf")).junctions
+    assert (found.id, found.legs) == ("1", 4)
+    assert set(found.streets) == {"Elm Street", "Mill Road"}
+    cut = tmp_path / "cut.osm.pbf"
+    cut.write_bytes((tmp_path / "town.osm.pbf").read_bytes()[:-9])
+    with pytest.raises(InputError, match="cut off"):
+        list_junctions(cut)
+
+
+@needs_sumo
+def test_a_junction_is_chosen_by_its_streets_and_ids_outlast_the_driving_side(town):
+    with pytest.raises(InputError, match=r"no junction of Oak Lane; its streets are .*Elm Street"):
+        import_map(town, name="x", streets=["Oak Lane"])
+    lon = map_files.ORIGIN[1]
+    for left in (False, True):
+        made = import_map(town, name="x", junction="101", left_hand=left)
+        assert made.origin[1] > lon + 0.01
+        assert {leg.road for leg in made.intersection_map.legs} == {
+            "Elm Street", "Mill Road", "Kings Avenue",
+        }  # fmt: skip
