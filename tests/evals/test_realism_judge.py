@@ -96,6 +96,7 @@ def test_people_set_off_together_within_a_second_and_a_half() -> None:
 
     crowd = stretch(waits(4.0, 0.0), waits(5.0, 1.0), waits(8.0, 2.0), shape=PEDESTRIAN)
     assert common_starts(crowd) == [True, True, False]
+    assert common_starts(stretch(along(TIMES[:6]), shape=PEDESTRIAN)) == []
 
 
 def test_a_number_of_people_is_placed_in_its_hour() -> None:

@@ -69,6 +69,14 @@ def _measure_meridian(latitude: float) -> float:
     return EARTH_RADIUS * sum(terms)
 
 
+def unproject_ellipsoid(origin: LatLon, xy: FloatArray) -> LatLon:
+    """Latitude and longitude of a place [2] that `project_ellipsoid` has there [m]."""
+    place = project_to_degrees(origin, xy)
+    for _ in range(3):
+        place = project_to_degrees(place, np.asarray(xy) - project_ellipsoid(origin, place))
+    return place
+
+
 def is_in_degrees(place: LatLon) -> bool:
     """Whether two numbers can be a latitude and a longitude of a road."""
     return abs(place[0]) <= 85.0 and abs(place[1]) <= 180.0

@@ -182,12 +182,24 @@ class IntersectionMap(Model):
     @cached_property
     def zone_pairs(self) -> frozenset[frozenset[str]]:
         """Ids of the movements and crosswalks whose swept areas overlap, as unordered pairs."""
-        return frozenset(frozenset((zone.first, zone.second)) for zone in self.conflict_zones)
+        from scenewright.scene.uturns import find_conflicts
+
+        listed = {frozenset((zone.first, zone.second)) for zone in self.conflict_zones}
+        return frozenset(listed.union(*(find_conflicts(each, self) for each in self.uturns)))
+
+    @cached_property
+    def uturns(self) -> tuple[VehicleMovement, ...]:
+        """U-turns that there is room for and that `movements` does not list."""
+        from scenewright.scene.uturns import derive_uturns
+
+        return derive_uturns(self)
 
     def signal_group_of(self, route: Route) -> str | None:
         """The signal group that controls a route; None for jaywalkers and unsignalised ways."""
         if self.signals is None or route.movement == "jaywalking":
             return None
+        if (turn := next((e for e in self.uturns if e.id == route.movement_id), None)) is not None:
+            return turn.signal_group
         for group in self.signals.groups:
             if route.zone_key in group.movements or route.zone_key in group.crosswalks:
                 return group.id
@@ -195,4 +207,4 @@ class IntersectionMap(Model):
 
     def movement_of(self, route: Route) -> VehicleMovement | None:
         """The vehicle movement of a route; None for pedestrians."""
-        return next((each for each in self.movements if each.id == route.movement_id), None)
+        return next((e for e in (*self.movements, *self.uturns) if e.id == route.movement_id), None)

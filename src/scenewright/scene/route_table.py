@@ -9,6 +9,7 @@ from typing import Any
 
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
+from scenewright.scene.uturns import make_route
 
 WAY_FIELDS = ("exit", "movement", "entry", "crosswalk")
 """What tells an agent's way; of what was so before, what stands first is let go first."""
@@ -35,7 +36,7 @@ def describe_routes(intersection_map: IntersectionMap) -> tuple[RouteDescription
     """Every way of a map."""
     return tuple(
         RouteDescription(each.type, each.entry, each.exit, each.movement, each.crosswalk)
-        for each in intersection_map.routes
+        for each in (*intersection_map.routes, *map(make_route, intersection_map.uturns))
     )
 
 

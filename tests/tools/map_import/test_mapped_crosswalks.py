@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import map_files
-from scenewright.geometry.geographic import project_ellipsoid
+from scenewright.geometry.geographic import project_ellipsoid, unproject_ellipsoid
 from scenewright.tools.map_import import import_map
 from scenewright.tools.map_import.lanelet2_crosswalks import read_lanelet2_crossings
 from scenewright.tools.map_import.opendrive_features import (
@@ -136,3 +136,13 @@ def test_one_crossing_drawn_as_node_and_way_counts_once(tmp_path):
     [crossing] = list_osm_crossings(osm, np.zeros(2))
     assert (crossing.source, crossing.width, crossing.has_island) == ("node 901", 5.0, True)
     assert sorted(crossing.limits[:, 1]) == pytest.approx([-9.0, 9.0], abs=0.05)
+
+
+def test_places_on_the_ellipsoid_go_there_and_back():
+    origin, xy = (51.5, -0.1), np.array([1234.5, -2345.6])
+    place = unproject_ellipsoid(origin, xy)
+    assert project_ellipsoid(origin, place) == pytest.approx(xy, abs=0.02)
+    north = project_ellipsoid((45.0, 7.0), (45.01, 7.0))
+    assert north == pytest.approx(
+        [0.0, 1111.32], abs=0.02
+    )  # a minute of arc at 45 degrees: 1852.22 m

@@ -132,6 +132,8 @@ def common_starts(stretch: Stretch) -> list[bool]:
 def _starts(user: RoadUser) -> Iterator[tuple[float, FloatArray]]:
     """Times and places at which somebody who stood for a second walks off."""
     done = compute_kinematics(user.track.xy, smoothing=0.3)
+    if not len(done):
+        return
     still = np.convolve(done.speed <= _STANDS, np.ones(10), mode="full")[: len(done)] >= 10
     for k in np.flatnonzero(still[:-1] & ~still[1:]):
         if (done.speed[k : k + 20] > _WALKS).any():

@@ -19,6 +19,7 @@ from scenewright.nodes.scene_planner.reply import (
     order_asked,
     points_asked,
     severity_asked,
+    subtypes_asked,
 )
 from scenewright.nodes.schema import (
     Schema,
@@ -64,7 +65,6 @@ from scenewright.scene.social import (
     RelationEdge,
     RelationType,
     SocialGraph,
-    Subtype,
 )
 
 _MOST_EDITS = 12
@@ -220,7 +220,7 @@ def edits_schema(
     """
     who, side = shared("agent"), shared("side")
     node = {
-        "subtype": one_of(get_args(Subtype)),
+        "subtype": subtypes_asked(words),
         "entry": side,
         "exit": side,
         "movement": one_of(way.movement for way in ways),

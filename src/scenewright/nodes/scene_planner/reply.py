@@ -33,6 +33,7 @@ from scenewright.scene.social import (
     VehicleMotion,
 )
 from scenewright.scene.stems import stem_word
+from scenewright.scene.track import EMERGENCY
 from scenewright.tools.map_grounding.grounding import lies_on_side
 
 _CLOCK = "[0-2][0-9]:[0-5][0-9]"
@@ -177,7 +178,7 @@ def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words
     who, side = shared("id"), shared("side")
     agent = {
         "id": who,
-        "subtype": one_of(get_args(Subtype)),
+        "subtype": subtypes_asked(words),
         "entry": side,
         "exit": side,
         "movement": one_of([*(way.movement for way in ways), "uturn"]),
@@ -234,6 +235,15 @@ def severity_asked(words: str) -> Schema:
     return found
 
 
+_EMERGENCY = re.compile(r"ambulance|fire|police|patrol|squad|emergency|siren", re.IGNORECASE)
+
+
+def subtypes_asked(words: str) -> Schema:
+    """The subtypes of vehicles; those of emergency vehicles where the words may speak of them."""
+    special = bool(_EMERGENCY.search(words))
+    return one_of(each for each in get_args(Subtype) if special or each not in EMERGENCY)
+
+
 def manoeuvres_asked(words: str) -> Schema:
     """How a relation in one lane comes about, where the words may speak of it."""
     return {"manoeuvre": one_of(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
@@ -247,7 +257,7 @@ def objects_asked(words: str, side: Schema) -> Schema:
     node = {
         "id": text(r"object-[1-9]"),
         "kind": one_of(get_args(ObjectKind)),
-        "subtype": one_of(get_args(Subtype)),
+        "subtype": subtypes_asked(words),
         "leg": side,
         "hides": who,
         "hidden_from": who,

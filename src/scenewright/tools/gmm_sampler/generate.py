@@ -35,6 +35,7 @@ from scenewright.tools.gmm_sampler.sample import (
     sample_count,
     sample_waypoints,
 )
+from scenewright.tools.gmm_sampler.uturn_priors import build_uturn_priors
 
 DENSITIES: dict[str, tuple[int, int]] = {"low": (1, 4), "medium": (5, 10), "high": (11, 20)}
 """Background agents by density word (SEMANTICS section 5)."""
@@ -140,6 +141,8 @@ def amplify(
         own = priors
         if node.type in RIDERS:
             own = build_rider_priors(priors, node.type, route, intersection_map=intersection_map)
+        elif route.id not in priors.waypoints:
+            own = build_uturn_priors(priors, route, intersection_map=intersection_map)
         agents[node.id] = _draw_agent(
             node.id, "foreground", route, own, size, rng, subtype=node.subtype, kind=node.type
         )

@@ -15,6 +15,7 @@ from scenewright.scene.map import IntersectionMap, Route
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, Role, get_pattern
 from scenewright.scene.social import AgentNode, EntrySide, EntryTie, RelationEdge, SocialGraph
+from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.hiding import can_hide, refuse_unhidden
 from scenewright.tools.map_grounding.orders import (
     can_be_ordered,
@@ -218,7 +219,10 @@ def _red_at_green(runner: Route, other: Route, *, intersection_map: Intersection
 
 
 def _routes_for(agent: AgentNode, intersection_map: IntersectionMap) -> tuple[Route, ...]:
-    return tuple(route for route in intersection_map.routes if _admits(agent, route))
+    routes = intersection_map.routes
+    if agent.movement == "uturn":
+        routes += tuple(make_route(each) for each in intersection_map.uturns)
+    return tuple(route for route in routes if _admits(agent, route))
 
 
 def _admits(agent: AgentNode, route: Route) -> bool:

@@ -252,9 +252,15 @@ def _collect_stages(seed: LegCrossing, own: Sequence[LegCrossing]) -> list[LegCr
     """A crossing with those of the leg's other lanes that go on in its line."""
     group = [seed]
     for other in sorted(own, key=lambda each: abs(each.distance - seed.distance)):
-        if all(other.lanes.isdisjoint(each.lanes) for each in group) and _goes_on(seed, other):
+        if all(_is_another_stage(each, other) for each in group) and _goes_on(seed, other):
             group.append(other)
     return group
+
+
+def _is_another_stage(a: LegCrossing, b: LegCrossing) -> bool:
+    """Whether two crossings cross other lanes, or the same ones at clearly other places."""
+    apart = float(np.hypot(*(a.middle - b.middle)))
+    return a.lanes.isdisjoint(b.lanes) or apart > _SAME_PLACE
 
 
 def _goes_on(a: LegCrossing, b: LegCrossing) -> bool:

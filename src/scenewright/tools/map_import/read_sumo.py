@@ -18,8 +18,8 @@ from scenewright.errors import InputError
 from scenewright.geometry.geographic import (
     LatLon,
     is_in_degrees,
-    project_to_degrees,
     project_to_metres,
+    unproject_ellipsoid,
 )
 from scenewright.geometry.polyline import measure_length
 from scenewright.scene.base import Colour, FloatArray
@@ -327,7 +327,7 @@ def _survey_junction(
         phases=_read_phases(net, {light for light in lights if light is not None}),
         side=side,
         is_signalised=any(str(node.getType()).startswith("traffic_light") for node in nodes),
-        origin=None if origin is None else project_to_degrees(origin, middle),
+        origin=None if origin is None else unproject_ellipsoid(origin, middle),
         offset=(round(float(middle[0]), 3), round(float(middle[1]), 3)),
         is_roundabout=group.is_roundabout,
         file_origin=origin,

@@ -23,6 +23,8 @@ ASIDE = 2.0
 """How far a track may lie beside the way through the waypoints [m]."""
 UNEVEN = 0.35
 """By which share two neighbouring waypoints may be nearer or further apart than usual."""
+UNEVEN_ROUND = 0.55
+"""The same where a U-turn bends the way between two of them: they are even along that."""
 GOAL = 2.0
 """How far the last waypoint may lie from the goal [m]."""
 LATE = 1.5
@@ -60,7 +62,8 @@ def _check_waypoints(
     points = np.array(agent.waypoints, dtype=np.float64)
     steps = np.hypot(*np.diff(points, axis=0).T)
     usual = float(np.median(steps))
-    if not np.all(np.abs(steps - usual) <= UNEVEN * usual + 0.1):
+    least = UNEVEN_ROUND if agent.movement == "uturn" else UNEVEN
+    if steps.max() > (1 + UNEVEN) * usual + 0.1 or steps.min() < (1 - least) * usual - 0.1:
         yield f"its waypoints are {steps.min():.1f} to {steps.max():.1f} m apart, not evenly spaced"
     off = _find_farthest(track.xy, points)
     if off > usual / 2 + ASIDE:

@@ -105,6 +105,9 @@ def get_ground_raster(intersection_map: IntersectionMap) -> GroundRaster:
     routes = {
         r.id: (r.type, r.entry, r.exit, r.movement, r.crosswalk) for r in intersection_map.routes
     }
+    for leg in {lane.leg for lane in intersection_map.lanelets if lane.kind == "exit"}:
+        if leg is not None:  # a U-turn is of the leg that it comes from and goes back to
+            routes.setdefault(f"vehicle:{leg}>{leg}:uturn", ("vehicle", leg, leg, "uturn", None))
     goals = tuple(
         (g.type, g.leg, _compute_bounds(g.polygon)) for g in intersection_map.goal_regions
     )
