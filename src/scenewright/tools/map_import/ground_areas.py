@@ -145,7 +145,8 @@ def _place_mapped_crosswalk(
     mapped: MappedCrosswalk, leg: SurveyLeg, road: Any
 ) -> CrosswalkPlacement | None:
     """The mapped crosswalk from kerb to kerb; at the file's own ends where no lane lies beyond."""
-    kerbs = _cut_road(leg, road, mapped.middle, across=mapped.across)
+    stages = [stage.middle for stage in mapped.stages]
+    kerbs = _cut_road(leg, road, mapped.middle, across=mapped.across, places=stages)
     if kerbs is None:
         return None
     ends, refuges = kerbs.copy(), []
@@ -184,19 +185,26 @@ def _choose_end(
 
 
 def _cut_road(
-    leg: SurveyLeg, road: Any, middle: FloatArray, *, across: FloatArray | None = None
+    leg: SurveyLeg,
+    road: Any,
+    middle: FloatArray,
+    *,
+    across: FloatArray | None = None,
+    places: Sequence[FloatArray] = (),
 ) -> FloatArray | None:
     """[2, 2] kerbs left and right of a place on the leg, looking outwards; None off the road.
 
     Args:
         across: direction of the line from kerb to kerb; None is at right angles to the leg.
+        places: [2] each, on other carriageways that the line crosses as well.
     """
     left = rotate_left(leg.outwards)
     if across is not None:
         left = across if float(across @ left) > 0 else -across
     cut = geos.LineString([middle + 45.0 * left, middle - 45.0 * left]).intersection(road)
-    lanes = [geos.LineString(line) for line in _extend_into_junction(leg)]
-    own = [p for p in list_lines(cut) if any(p.distance(lane) < 0.5 for lane in lanes)]
+    known = [geos.LineString(line) for line in _extend_into_junction(leg)]
+    known += [geos.Point(place) for place in places]
+    own = [p for p in list_lines(cut) if any(p.distance(each) < 0.5 for each in known)]
     if not own:
         return None
     ends = np.concatenate([np.array(p.coords)[:, :2] for p in own])
