@@ -208,5 +208,8 @@ def yielding_car(n: int = 1) -> RoadUser:
 
 
 def crossing_walker(n: int = 2, *, at: float = 3.0) -> RoadUser:
-    """North along x = -8 from y = -6 at 1.4 m/s."""
-    return walk(n, (-8.0, -6.0), NORTH, distance(1.4, (0.0, 9.0)), at=at)
+    """North along x = -8 at 1.4 m/s, at y = -6 at that time, and in sight for 3 s by then."""
+    early = min(at, 3.0)
+    return walk(
+        n, (-8.0, -6.0 - 1.4 * early), NORTH, distance(1.4, (0.0, 9.0 + early)), at=at - early
+    )

@@ -30,6 +30,7 @@ def summary(scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap)
     lines = [happening(event, scene, intersection_map) for event in proof.events]
     if not lines:
         lines = ["nothing happens: no collision, near miss or yielding"]
+    lines += _describe_unasked_runs(scene, proof)
     lines += [_describe_object(each, scene, proof) for each in scene.objects]
     result = [verdict(proof), *(f"  {line}" for line in lines), f"  {_crowd(scene)}"]
     return [*result, *(f"  {line}" for line in unshown(proof.said))]
@@ -121,6 +122,16 @@ def _to_segment(spot: Point, a: Point, b: Point) -> float:
     t = 0.0 if square == 0 else (offset[0] * along[0] + offset[1] * along[1]) / square
     t = min(1.0, max(0.0, t))
     return math.dist(spot, (a[0] + t * along[0], a[1] + t * along[1]))
+
+
+def _describe_unasked_runs(scene: SceneRecord, proof: Proof) -> list[str]:
+    """Red lights that are run although nobody asked for it."""
+    names = {agent.id: agent.name for agent in scene.agents}
+    return [
+        f"{run['time']:.1f} s: {names.get(run['agent'], run['agent'])} runs a red light, which was "
+        "not asked for: no lawful scene was found"
+        for run in proof.figures.get("unasked_red_light_runs", ())
+    ]
 
 
 def _describe_object(each: ObjectRecord, scene: SceneRecord, proof: Proof) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 from scenewright.compiled import compiled
 from scenewright.geometry.along import sample_poses
 from scenewright.scene.base import FloatArray, frozen
-from scenewright.scene.candidates import Candidate, DrivingProfile, Path
+from scenewright.scene.candidates import PACE_STEP, Candidate, DrivingProfile, Path
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP, Track
 
@@ -136,8 +136,16 @@ def compute_arrival(
 def compute_squared_speed_limit(candidate: Candidate) -> FloatArray:
     """[P] squared free speed: the law's speed, less in curves, reached with its own rates."""
     path, law = candidate.path, candidate.time_law
-    limit = _limit(path.s, path.curvature, law.speed, law.lateral, law.acceleration, law.braking)
+    speeds = law.speed * get_pace(law, path.s)
+    limit = _limit(path.s, path.curvature, speeds, law.lateral, law.acceleration, law.braking)
     return frozen(limit)  # kept, so nobody may write to it
+
+
+def get_pace(law: DrivingProfile, s: FloatArray) -> FloatArray:
+    """[N] share of the free speed at arc lengths [m]."""
+    if not law.pace:
+        return np.ones(len(s))
+    return np.interp(s / PACE_STEP, np.arange(len(law.pace)), law.pace)
 
 
 def sample_track(motion: Motion, *, enters: float, until: float) -> Track | None:
@@ -156,22 +164,22 @@ def sample_track(motion: Motion, *, enters: float, until: float) -> Track | None
     return Track(xy=poses[:, :2].round(3), heading=poses[:, 2], start=start)
 
 
-_NOWHERE = np.empty((0, 4))
+_NOWHERE = np.empty((0, 5))
 
 
 def _table_of_holds(holds: tuple[StopCommand, ...], law: DrivingProfile) -> FloatArray:
-    """[N, 4] place [m], until when [s], braking [m/s^2] and speed there [m/s], by place."""
+    """[N, 5] place [m], until when [s], braking [m/s^2], speed there [m/s] and 0, by place."""
     if not holds:
         return _NOWHERE
-    rows = [(h.s, h.release, h.braking or law.braking, h.speed) for h in holds]
+    rows = [(h.s, h.release, h.braking or law.braking, h.speed, 0.0) for h in holds]
     return np.array(sorted(rows, key=itemgetter(0)))
 
 
 def _table_of(slowings: tuple[Slowing, ...]) -> FloatArray:
-    """[N, 4] as of holds that nobody stands at."""
+    """[N, 5] as of holds that nobody stands at; last, how far the speed is kept [m]."""
     if not slowings:
         return _NOWHERE
-    return np.array([(slow.s, 0.0, slow.braking, slow.speed) for slow in slowings])
+    return np.array([(slow.s, 0.0, slow.braking, slow.speed, slow.kept) for slow in slowings])
 
 
 # ---- as machine code: arrays of arc lengths [m], squared speeds [m^2/s^2] and times [s] ----------
@@ -193,7 +201,7 @@ def _time_at(moved: FloatArray, s: float) -> float:
 def _limit(
     s: FloatArray,
     curvature: FloatArray,
-    speed: float,
+    speeds: FloatArray,
     lateral: float,
     acceleration: float,
     braking: float,
@@ -202,7 +210,7 @@ def _limit(
     w = np.empty(len(s))
     least = np.inf
     for k in range(len(s) - 1, -1, -1):
-        ceiling = min(speed * speed, lateral / max(abs(curvature[k]), 1e-6))
+        ceiling = min(speeds[k] * speeds[k], lateral / max(abs(curvature[k]), 1e-6))
         least = min(least, ceiling + 2.0 * braking * s[k])
         w[k] = least - 2.0 * braking * s[k]
     _reach_forward(s, w, acceleration)
@@ -226,7 +234,7 @@ def _driven(
     slowings: FloatArray,
     acceleration: float,
 ) -> FloatArray:
-    """Arc length every 0.1 s; holds and slowings [N, 4], holds in order of place."""
+    """Arc length every 0.1 s; holds and slowings [N, 5], holds in order of place."""
     holds = holds[: _within(holds, nodes[-1])]
     s, w = _profile(nodes, limit, holds, slowings, acceleration)
     v, times, took = _timed(s, w)
@@ -270,11 +278,13 @@ def _profile(
     for places in (holds, slowings):
         for k in range(len(places)):
             s, w = _with_node(s, w, places[k, 0])
+            if places[k, 4] > 0.0:
+                s, w = _with_node(s, w, places[k, 0] + places[k, 4])
     if len(holds) + len(slowings) > 0:
         w = w.copy()
         for places in (holds, slowings):
             for k in range(len(places)):
-                _approach(s, w, places[k, 0], places[k, 3], places[k, 2])
+                _approach(s, w, places[k])
         _reach_forward(s, w, acceleration)
     return s, w
 
@@ -295,12 +305,13 @@ def _with_node(s: FloatArray, w: FloatArray, at: float) -> tuple[FloatArray, Flo
 
 
 @compiled
-def _approach(s: FloatArray, w: FloatArray, at: float, speed: float, braking: float) -> None:
-    """Slows down in time for a speed at a place."""
+def _approach(s: FloatArray, w: FloatArray, place: FloatArray) -> None:
+    """Slows down in time for a speed at a place, and keeps to it as far as it says."""
+    at, braking, speed, kept = place[0], place[2], place[3], place[4]
     for k in range(len(s)):
-        if s[k] > at + 1e-9:
+        if s[k] > at + kept + 1e-9:
             break
-        w[k] = min(w[k], speed * speed + 2.0 * braking * (at - s[k]))
+        w[k] = min(w[k], speed * speed + 2.0 * braking * max(at - s[k], 0.0))
 
 
 @compiled

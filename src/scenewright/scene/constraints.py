@@ -242,6 +242,13 @@ class Pauses(Model):
     agent: PedestrianId
 
 
+class NoReaction(Model):
+    """The agent does not react to who threatens it."""
+
+    clause: Literal["no_reaction"] = "no_reaction"
+    agent: AgentId
+
+
 class NoInteraction(Model):
     """Clearance >= 0.5 m and PET > 1.5 s between the pair; without `second`: with everybody."""
 
@@ -264,6 +271,7 @@ UnaryClause = (
     | RunsYellow
     | AgentFigure
     | Pauses
+    | NoReaction
 )
 PairClause = (
     Near

@@ -246,7 +246,7 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
         return False
     named = [agents[name] for name in entry.agents]
     match entry.became:
-        case "entry" | "exit" | "movement" | "crosswalk" | "motion":
+        case "entry" | "exit" | "movement" | "crosswalk" | "motion" | "reaction":
             return all(getattr(agent, entry.became) == entry.value for agent in named)
         case "agent":
             kinds = {k for a in named for k in (a.type, a.subtype, f"group of {a.members}")}

@@ -20,6 +20,7 @@ from scenewright.scene.events import EventZone
 from scenewright.scene.measures import MeasureKind
 from scenewright.scene.objects import ObjectRecord, SightRecord
 from scenewright.scene.social import (
+    AskedReaction,
     Cause,
     EntrySide,
     ImpactPoint,
@@ -32,7 +33,12 @@ SegmentStatus = Literal["keep", "stop", "proceed", "terminate"]
 
 
 class SceneMeta(Model):
-    """Listing 1 `meta` with additive keys; `timestamp` is the time of day [s since midnight]."""
+    """Listing 1 `meta` with additive keys; `timestamp` is the time of day [s since midnight].
+
+    Attributes:
+        rules: 2 where yields are to end in time and reactions are proven (SEMANTICS 8); older
+            scenes have none and are held to the rules that they were made by.
+    """
 
     scene_id: str
     map_id: int
@@ -45,6 +51,7 @@ class SceneMeta(Model):
     time_of_day: str
     density: str | None = None
     seed: int
+    rules: Literal[2] | None = Field(default=None, exclude_if=is_left_out)
 
 
 class SegmentRecord(Model):
@@ -64,6 +71,7 @@ class AgentRecord(Model):
         heading: [rad], one per position.
         waypoints: K = 10 points at equal arc length of the candidate that was selected.
         motion: how a pedestrian is to cross; written only where the request says so.
+        reaction: how it is to react to a threat; written only where the request says so.
         group: id of the pedestrian whose group it belongs to, if that is another one.
     """
 
@@ -86,6 +94,7 @@ class AgentRecord(Model):
     segments: tuple[SegmentRecord, ...] = ()
     waypoints: tuple[Point, ...] = ()
     violates_signal: bool = False
+    reaction: AskedReaction | None = Field(default=None, exclude_if=is_left_out)
     motion: PedestrianMotion | VehicleMotion | None = Field(default=None, exclude_if=is_left_out)
     group: int | None = Field(default=None, exclude_if=is_left_out)
 

@@ -48,11 +48,16 @@ class Stop:
 
 @dataclass(frozen=True)
 class Slowing:
-    """A speed [m/s] to have come down to at arc length `s` [m], braking at `braking` [m/s^2]."""
+    """A speed [m/s] to have come down to at arc length `s` [m], braking at `braking` [m/s^2].
+
+    Attributes:
+        kept: for how long it is not exceeded after that [m].
+    """
 
     s: float
     speed: float
     braking: float
+    kept: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

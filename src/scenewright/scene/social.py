@@ -31,6 +31,8 @@ Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane"]
 PedestrianMotion = Literal["runs", "darts_out", "stops_midway"]
 """How a pedestrian crosses: it runs, runs onto the road at once, or stands still on the way."""
 
+AskedReaction = Literal["none"]
+"""How a threatened agent is to react: not at all. Braking hard is a cause of its relation."""
 VehicleMotion = Literal["passes_yellow"]
 """How a vehicle drives: over its stop line while the light is yellow."""
 
@@ -61,6 +63,7 @@ class AgentNode(Model):
     movement: Movement | None = None
     crosswalk: Compass | None = Field(default=None, description="leg that a pedestrian crosses")
     runs_red: bool = Field(default=False, description="the text says it ignores a red light")
+    reaction: AskedReaction | None = Field(default=None, exclude_if=is_left_out)
     motion: PedestrianMotion | VehicleMotion | None = Field(default=None, exclude_if=is_left_out)
     members: int | None = Field(
         default=None, ge=2, le=8, exclude_if=is_left_out, description="of a group that walks as one"

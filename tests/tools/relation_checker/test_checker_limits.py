@@ -105,7 +105,7 @@ class TestYields:
                 10.0, (0.0, 2.0), (-3.0, 3.0), (-1.0, 1.0), (0.0, hold), (2.0, 4.0), (0.0, 4.0)
             )
             car = line(1, (ZONE - 3.0 - 2.3 - 37.0, -1.75), EAST, s)
-            (event,) = events(car, crossing_walker(at=1.3))
+            (event,) = events(car, crossing_walker(at=1.8))
             assert event.type == "yielding"
             assert event.time == pytest.approx(6.0 - early, abs=0.11)
 

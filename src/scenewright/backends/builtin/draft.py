@@ -10,6 +10,7 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.measures import Measure, MeasureKind
 from scenewright.scene.route_table import FOUR_LEGS, RouteDescription, describe_routes
 from scenewright.scene.social import (
+    AskedReaction,
     ImpactPoint,
     Manoeuvre,
     PedestrianMotion,
@@ -81,6 +82,7 @@ class AgentDraft:
         generic: introduced by a bare plural.
         words: plain words it was described with, such as colours.
         motion: how a pedestrian crosses, where the text says so; members: of a group on foot.
+        reaction: how it reacts to a threat, where the text says so.
         role: leader or follower, where the text calls it so.
         marked: its crosswalk was called a crosswalk, not just a leg.
     """
@@ -99,6 +101,7 @@ class AgentDraft:
     generic: bool = False
     announced: bool = False
     words: frozenset[str] = frozenset()
+    reaction: AskedReaction | None = None
     motion: PedestrianMotion | VehicleMotion | None = None
     members: int | None = None
     role: str | None = None

@@ -182,6 +182,7 @@ def make_node(agent: AgentDraft, name: str) -> AgentNode:
             "crosswalk": agent.crosswalk,
             "runs_red": agent.runs_red,
             "motion": agent.motion,
+            "reaction": agent.reaction,
             "members": agent.members,
         }
     )

@@ -84,7 +84,7 @@ def _fill_values(entry: SaidSpan, plan: SocialGraph) -> Iterator[SaidSpan]:
     match entry.became:
         case _ if entry.value is not None:
             found = [(entry.agents, entry.value)]
-        case "entry" | "exit" | "movement" | "crosswalk" | "motion":
+        case "entry" | "exit" | "movement" | "crosswalk" | "motion" | "reaction":
             told = [each for each in agents if getattr(each, entry.became) is not None]
             found = [((each.id,), getattr(each, entry.became)) for each in told]
         case "runs_red":

@@ -17,6 +17,7 @@ from scenewright.scene.social import (
     MOST_BACKGROUND,
     MOST_OBJECTS,
     AgentNode,
+    AskedReaction,
     Cause,
     CollisionKind,
     Density,
@@ -62,6 +63,11 @@ _IN_ORDER = re.compile(
 _ON_FOOT = re.compile(
     r"\bruns?\b(?! (?:a |the )?red|s? over)|running|sprint|dash|dart|rush(?:es|ed|ing)|bolt|"
     r"\bjog|freez|paus|half-?way|mid-?(?:way|cross)|in the middle",
+    re.IGNORECASE,
+)
+_UNREACTING = re.compile(
+    r"\breact|\brespond|\bnotic|\bwithout (?:brak|slow)|\bnot (?:brak|slow)|n['’]t (?:brak|slow)|"
+    r"distract|inattent|asleep|attention|\bphone\b|texting",
     re.IGNORECASE,
 )
 _IN_GROUPS = re.compile(
@@ -287,6 +293,7 @@ def motions_asked(words: str) -> Schema:
     known = get_args(PedestrianMotion) if _ON_FOOT.search(words) else ()
     known += get_args(VehicleMotion) if _YELLOW.search(words) else ()
     motion = {"motion": one_of(known)} if known else {}
+    motion |= {"reaction": one_of(get_args(AskedReaction))} if _UNREACTING.search(words) else {}
     return motion | ({"members": whole(2, 8)} if _IN_GROUPS.search(words) else {})
 
 

@@ -28,6 +28,7 @@ from scenewright.scene.relations import get_pattern
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.social import (
     DEFAULT_LEAD,
+    AskedReaction,
     PedestrianMotion,
     RelationEdge,
     SocialGraph,
@@ -58,6 +59,7 @@ def assemble(
     numbers = {name: number for number, name in enumerate(names, start=1)}
     numbers = numbers if pins is None else pins.numbers(names)
     motions = {agent.id: agent.motion for agent in graph.agents}
+    reactions = {agent.id: agent.reaction for agent in graph.agents}
     agents = tuple(
         _agent(
             numbers[name],
@@ -65,6 +67,7 @@ def assemble(
             tracks[name],
             behavior,
             motion=motions.get(selection.agents[name].group or name),
+            reaction=reactions.get(name),
             group=numbers.get(selection.agents[name].group or ""),
         )
         for name in numbers
@@ -124,6 +127,7 @@ def _meta(
         time_of_day=f"{minutes // 60:02d}:{minutes % 60:02d}",
         density=graph.context.density,
         seed=seed,
+        rules=2,
     )
 
 
@@ -139,6 +143,7 @@ def _agent(
     track: Track,
     behavior: BehaviorProgram,
     *,
+    reaction: AskedReaction | None,
     motion: PedestrianMotion | VehicleMotion | None,
     group: int | None,
 ) -> AgentRecord:
@@ -169,6 +174,7 @@ def _agent(
         waypoints=_points(candidate.waypoints),
         violates_signal=agent.violates,
         motion=motion,
+        reaction=reaction,
         group=group,
     )
 

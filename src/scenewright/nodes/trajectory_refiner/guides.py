@@ -24,6 +24,8 @@ STANDING = 0.3
 """At most this speed [m/s] is standing (SEMANTICS section 4)."""
 BEFORE, AFTER = 3.0, 2.0
 """How long around a contact or a near miss the prior is kept [s]."""
+REACTING = 5.0
+"""The same before an event to which one of the two reacts [s]."""
 YIELDING = ("gives_way(", "headway(")
 """Clauses whose events last: these leave more room, as waiting itself is kept anyway."""
 BEFORE_YIELDING, AFTER_YIELDING = 1.0, 0.5
@@ -79,6 +81,8 @@ def _about(event: PlannedEvent, selection: Selection) -> tuple[float, float]:
     rolls = any(stop.rolls for name in event.agents for stop in selection.agents[name].stops)
     lasts = event.clause.startswith(YIELDING) and not rolls
     before, after = (BEFORE_YIELDING, AFTER_YIELDING) if lasts else (BEFORE, AFTER)
+    if any(selection.agents[name].slowings for name in event.agents):
+        before = REACTING
     waits = [
         stop.until
         for name in event.agents

@@ -188,6 +188,7 @@ def _facts(state: FilterReads) -> dict[str, Any]:
         "motions": [
             {"id": agent.id, "motion": agent.motion} for agent in graph.agents if agent.motion
         ],
+        "unreacting": [agent.id for agent in graph.agents if agent.reaction == "none"],
         "measures": [each.model_dump() for each in graph.measures],
         "violators": sorted(
             {each.violator for each in played if each.violator}

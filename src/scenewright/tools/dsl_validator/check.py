@@ -10,6 +10,7 @@ from scenewright.scene.candidates import Candidate
 from scenewright.scene.constraints import (
     AgentFigure,
     MinLength,
+    NoReaction,
     OnRoad,
     OnWalkable,
     PassesThrough,
@@ -74,6 +75,8 @@ def _problem(
             return None  # of the motion in the scene, which the solver measures
         case RunsRed() | RunsYellow():
             return None if landmarks.group else "there is no red light on its way to run"
+        case NoReaction():
+            return None  # of the motion in the scene, which the checker looks at
         case Pauses():
             return None if landmarks.line is not None else "does not cross the road"
 

@@ -59,6 +59,7 @@ def _lines(facts: Mapping[str, Any]) -> str:
             walks = agent["movement"] == "crossing"
             lines.append(f"{'on_walkable' if walks else 'on_road'}({name})")
     lines += [_MOTIONS[each["motion"]].format(each["id"]) for each in facts.get("motions", ())]
+    lines += [f"no_reaction({name})" for name in facts.get("unreacting", ())]
     for agent in facts["violators"]:
         lines.append(f"runs_red({agent})")
     return "\n".join(dict.fromkeys(lines))

@@ -20,7 +20,10 @@ from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.objects import describe_object
 from scenewright.tools.relation_checker.passing_order import find_passing_order
-from scenewright.tools.relation_checker.pedestrian_motions import describe_motion
+from scenewright.tools.relation_checker.pedestrian_motions import (
+    describe_motion,
+)
+from scenewright.tools.relation_checker.reactions import describe_reaction
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
@@ -40,16 +43,17 @@ def check_account(
     intersection_map: IntersectionMap | None,
     *,
     sights: Sequence[Mapping[str, Any]] = (),
+    reactions: Sequence[Mapping[str, Any]] = (),
 ) -> tuple[tuple[SaidRecord, ...], tuple[Finding, ...]]:
     """The account with evidence, and a finding for every entry that the scene does not bear out.
 
     Args:
         events: all that the tracks show, incidental ones included.
-        sights: what was measured of blocked lines of sight.
+        sights: what was measured of blocked lines of sight; reactions: of reactions to threats.
     """
     account: list[SaidRecord] = []
     findings: list[Finding] = []
-    finder = _EvidenceFinder(scene, events, observed, intersection_map, sights)
+    finder = _EvidenceFinder(scene, events, observed, intersection_map, sights, reactions)
     for entry in scene.said:
         if entry.became in ("manner", "nothing"):
             status = "manner" if entry.became == "manner" else "unrealised"
@@ -84,8 +88,9 @@ class _EvidenceFinder:
         observed: SceneObservation,
         intersection_map: IntersectionMap | None,
         sights: Sequence[Mapping[str, Any]],
+        reactions: Sequence[Mapping[str, Any]],
     ) -> None:
-        self._sights = sights
+        self._sights, self._reactions = sights, reactions
         self._scene, self._events, self._seen = scene, events, observed
         self._map = intersection_map
         self._agents = {agent.id: agent for agent in scene.agents}
@@ -103,6 +108,7 @@ class _EvidenceFinder:
             "order": self._find_order,
             "manoeuvre": self._find_manoeuvre,
             "motion": self._find_motion,
+            "reaction": self._find_reaction,
             "object": self._find_object,
             "sight": self._find_sight,
         }
@@ -250,6 +256,17 @@ class _EvidenceFinder:
             return "the ground was not checked"
         found = [
             describe_motion(entry.value, self._tracks[number], self._seen, self._map)
+            for number in entry.agents
+        ]
+        told = [each for each in found if each is not None]
+        return "; ".join(told) if len(told) == len(found) > 0 else None
+
+    def _find_reaction(self, entry: SaidRecord) -> str | None:
+        """Of every agent that it is said of."""
+        found = [
+            describe_reaction(
+                entry.value or "", [row for row in self._reactions if row["agent"] == number]
+            )
             for number in entry.agents
         ]
         told = [each for each in found if each is not None]

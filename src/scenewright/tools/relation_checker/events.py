@@ -146,6 +146,7 @@ def observe(
     detailed: Collection[int] | None = None,
     until: float | None = None,
     near_only: bool = False,
+    timely: bool = True,
 ) -> SceneObservation:
     """Measures all pairs and finds all events.
 
@@ -155,6 +156,8 @@ def observe(
         detailed: ids whose events carry TTC and DRAC as evidence; None means all.
         until: end of the scene [s], which may cut a wait short; None means the last sample.
         near_only: measure no gaps of pairs that are never near one another.
+        timely: giving way to somebody who is not there yet, or has gone, is none (SEMANTICS 8);
+            scenes made before there was that rule are held to the earlier one.
     """
     grid = build_pair_grid(build_trajectories(list(users)), near_only=near_only)
     near = measure_pair_gaps(grid)
@@ -163,7 +166,9 @@ def observe(
     lights = SignalPlan(signals, intersection_map)
     lights.find_all_crossings(grid.tracks)
     until = float(grid.times[-1]) if until is None and len(grid.times) else until or 0.0
-    search = _EventSearch(grid, near, encounters, intersection_map, lights, frozenset(asked), until)
+    search = _EventSearch(
+        grid, near, encounters, intersection_map, lights, frozenset(asked), until, timely
+    )
     wanted = {m.id for m in grid.tracks} if detailed is None else set(detailed)
     events = [*search.events(wanted), *_build_follow_events(grid.tracks, lanes)]
     events.sort(key=lambda e: (e.time, e.from_, e.to))
@@ -211,6 +216,7 @@ class _EventSearch:
     lights: SignalPlan
     asked: frozenset[Pair]
     until: float
+    timely: bool
 
     @cached_property
     def by_pair(self) -> dict[Pair, list[Encounter]]:
@@ -323,7 +329,8 @@ class _EventSearch:
         if stay is None or passing is None:
             return None
         around = self._build_context(zone, giver, other, stay)
-        return find_yield(ZonePassage(giver, stay, passing, around, real_end))
+        since = other.start if self.timely else None
+        return find_yield(ZonePassage(giver, stay, passing, around, real_end, since))
 
     def _build_context(
         self, zone: PathConflictZone, giver: Trajectory, other: Trajectory, stay: ZoneOccupancy

@@ -60,6 +60,7 @@ from scenewright.tools.relation_checker.plausibility import (
     check_vanishing,
     find_extremes,
 )
+from scenewright.tools.relation_checker.reactions import find_false_reactions, find_reactions
 from scenewright.tools.relation_checker.signals import check_signal_plan
 from scenewright.tools.relation_checker.trajectory import FARTHEST, RoadUser, Trajectory
 
@@ -105,6 +106,7 @@ def check(
     observed = observe(
         users, intersection_map=intersection_map, signals=scene.signals, asked=bound,
         detailed=frozenset(n for pair in bound for n in pair), until=scene.meta.duration,
+        timely=scene.meta.rules is not None,
     )  # fmt: skip
     asked_for = (
         scene.relations
@@ -135,7 +137,10 @@ def _build_proof(
     matching = [observed.events[k] for k in sorted(matched)]
     left_hand = intersection_map is not None and intersection_map.left_hand_traffic
     sights, unhidden = check_sights(scene, matching, observed, left_hand=left_hand)
-    said, unsaid = check_account(scene, observed.events, observed, intersection_map, sights=sights)
+    reactions = _find_reactions(scene, matching, observed, left_hand=left_hand)
+    said, unsaid = check_account(
+        scene, observed.events, observed, intersection_map, sights=sights, reactions=reactions
+    )
     lit = bool(intersection_map and scene.signals)
     missing = (
         *missing,
@@ -154,6 +159,7 @@ def _build_proof(
         *_check_asked_red_runs(scene, observed, intersection_map, roles),
         *check_pedestrian_motions(scene.agents, observed, intersection_map),
         *check_groups(scene.agents, observed),
+        *find_false_reactions(scene, reactions),
     )
     unasked = (
         *check_interference(observed, roles, expected=matched),
@@ -173,8 +179,17 @@ def _build_proof(
         missing=missing, interference=unasked, implausible=motion, signal_violations=red,
         said=said,
         figures=_collect_figures(scene, observed, intersection_map)
-        | ({"first_visible": sights} if sights else {}),
+        | ({"first_visible": sights} if sights else {})
+        | ({"reactions": reactions} if reactions else {}),
     )  # fmt: skip
+
+
+def _find_reactions(
+    scene: SceneRecord, events: Sequence[Event], observed: SceneObservation, *, left_hand: bool
+) -> list[dict[str, Any]]:
+    """What was measured of reactions; nothing of scenes that were made without any."""
+    asked = scene.meta.rules is not None or any(a.reaction for a in scene.agents)
+    return find_reactions(scene, events, observed, left_hand=left_hand) if asked else []
 
 
 def read_users(scene: SceneRecord) -> tuple[RoadUser, ...]:
@@ -476,15 +491,23 @@ def _list_red_runs(observed: SceneObservation) -> list[dict[str, Any]]:
     ]
 
 
+def _list_unasked_red_runs(scene: SceneRecord, observed: SceneObservation) -> list[dict[str, Any]]:
+    """Red lights run by who is licensed to, although no word of the request asks for it."""
+    asked = any(each.became == "runs_red" for each in scene.said)
+    asked |= any(relation.cause == "red_light_run" for relation in scene.relations)
+    return [] if asked or scene.meta.rules is None else _list_red_runs(observed)
+
+
 def _collect_figures(
     scene: SceneRecord, observed: SceneObservation, intersection_map: IntersectionMap | None
 ) -> dict[str, Any]:
     pairs = [(r.from_, r.to) for r in scene.relations]
     pet = {f"{a}-{b}": observed.pet((a, b)) for a, b in pairs}
+    unasked = _list_unasked_red_runs(scene, observed)
     return {
         "agents": len(scene.agents),
         "map_checked": intersection_map is not None,
         "pet": {k: round(v, 3) for k, v in pet.items() if v is not None},
         "red_light_runs": _list_red_runs(observed),
         "extremes": find_extremes(observed.tracks),
-    }
+    } | ({"unasked_red_light_runs": unasked} if unasked else {})

@@ -23,6 +23,8 @@ RESUME_WITHIN = 4.0
 STANDING = 0.3
 STANDING_TIME = 0.5
 MARGIN = 2.0
+LATE = 0.5
+"""How long after the other has left the zone who gives way may be slowest [s]."""
 
 
 @dataclass(frozen=True)
@@ -160,6 +162,8 @@ class ZonePassage:
         stay, other: when the giver and the other are in the zone.
         around: what else could hold the giver.
         real_end: end of the giver's own track [s], if what follows is a guess.
+        other_start: when the other's track begins [s]: nobody slows for who is not there; None
+            where that, and who brakes for somebody who has gone, is not looked at.
     """
 
     giver: Trajectory
@@ -167,6 +171,7 @@ class ZonePassage:
     other: ZoneOccupancy
     around: YieldContext
     real_end: float | None = None
+    other_start: float | None = None
 
     @property
     def until(self) -> float:
@@ -260,10 +265,21 @@ def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
     caused = arrival <= other.leave + MARGIN and leaving >= other.enter - MARGIN
     if not (caused or passage.around.on_crosswalk(float(giver.times[begin]))):
         return None
+    if _is_out_of_time(passage, begin, low):
+        return None
     yield_event = _build_yield(passage, begin, low, arrival)
     if not _resumes(passage, low) or _is_held_otherwise(yield_event, passage.around):
         return None
     return yield_event
+
+
+def _is_out_of_time(passage: ZonePassage, begin: int, low: int) -> bool:
+    """Whether it slows for somebody who is not there yet, or is slowest once the other has gone."""
+    times = passage.giver.times
+    if passage.other_start is None:
+        return False
+    early = times[begin] < passage.other_start - STEP / 2
+    return bool(early or times[low] > passage.other.leave + LATE + 1e-6)
 
 
 def _find_slow_moment(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from scenewright.tools.solver.impact import FirstContact, find_first_contact
 from scenewright.tools.solver.lead_braking import plan_lead_braking
 from scenewright.tools.solver.nearest_miss import FailureStage
 from scenewright.tools.solver.path_conflict import Intervals
+from scenewright.tools.solver.reacted_collision import draw_braking_to, react_in_vain
+from scenewright.tools.solver.reactions import SEEN_BEFORE, find_threat
 from scenewright.tools.solver.rear_end import (
     compute_passing_time,
     draw_rear_end_offsets,
@@ -26,9 +28,6 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 _TRIES = 6
 _SMOOTHED = 0.4
 """By how much the smoothing of motion keeps a short slowing above its speed [m/s]."""
-
-_BRAKES = 0.65
-"""Share of striking drivers who brake before the impact."""
 
 _LATE = (0.4, 0.7)
 """What speed is left at the impact of who brakes late, as a share."""
@@ -76,11 +75,16 @@ def _touching(
 ) -> Generator[PartialSchedule, None, bool]:
     """Those of the offsets that will do; returns whether none did, one but for who strikes."""
     staged = turned_round = False
+    # Drawn once: who is drawn anew for every offset would be slow in the end, as that one collides.
+    drawn = (
+        context.reactions.draw(pair[0], context.rng),
+        context.reactions.draw(pair[1], context.rng),
+    )
     for delta in deltas:
         a, b = schedule.placed(clause, *pair, delta)
         found = find_first_contact(a, b, left_hand=context.left_hand)
         if found is not None and clause.speed is not None and not a.slowings:
-            a, found = _down_to(clause.speed, a, b, found, context)
+            a, found = _down_to(clause, a, b, found, context)
         if found is None:
             continue
         fault = _fault(found, clause, a, b)
@@ -96,9 +100,17 @@ def _touching(
             words = f"{clause.first} would no longer hit {clause.second} so if it braked hard"
             context.note_miss(clause, FailureStage.COMPANY, words)
             continue
-        end_a, end_b = a.ended(found.time), b.ended(found.time)
+        reacted = react_in_vain(clause, context, (a, b), drawn, found, _make_test(clause))
+        if reacted is None and not context.lenient:
+            words = f"{clause.first} and {clause.second} would not touch so if they reacted"
+            context.note_miss(clause, FailureStage.COMPANY, words)
+            continue
+        threat = find_threat(context.find_path_conflict(clause), a, b, until=found.time)
+        a, b_hit, found = reacted or (a, b, found)
+        end_a, end_b = a.ended(found.time), b_hit.ended(found.time)
         time = found.time
-        event = ScheduledEvent(clause, time, time - 3.0, time, time, found.location)
+        begins = min(time - 3.0, time if threat is None else threat[0] - SEEN_BEFORE)
+        event = ScheduledEvent(clause, time, begins, time, time, found.location)
         staged = True
         yield schedule.with_event(event, end_a, end_b)
     return turned_round and not staged
@@ -159,13 +171,11 @@ def _startled(
     found: FirstContact,
     context: SolverContext,
 ) -> tuple[ScheduledAgent, FirstContact]:
-    """The striking vehicle brakes in the last moment, as drivers do, if it still strikes."""
+    """The striking vehicle brakes hard in the last moment where that is asked for."""
     kind, asked, rng = a.candidate.shape.type, clause.cause == "late_brake", context.rng
-    if kind != "vehicle" or a.slowings or (rng.random() > _BRAKES and not asked):
+    if kind != "vehicle" or a.slowings or not asked:
         return a, found
-    if context.wants_impact_point(clause) and not asked:
-        return a, found
-    speed = found.speed * float(rng.uniform(*(_LATE if asked else (0.55, 0.85))))
+    speed = found.speed * float(rng.uniform(*_LATE))
     braked, again = _braked(a, b, found, speed, context)
     if (
         again is None
@@ -177,22 +187,46 @@ def _startled(
 
 
 def _down_to(
-    speed: float, a: ScheduledAgent, b: ScheduledAgent, found: FirstContact, context: SolverContext
+    clause: Contact,
+    a: ScheduledAgent,
+    b: ScheduledAgent,
+    found: FirstContact,
+    context: SolverContext,
 ) -> tuple[ScheduledAgent, FirstContact | None]:
-    """The striking vehicle braked to the speed asked for, if it would be faster."""
+    """The striking vehicle braked to the speed asked for, if it would be faster.
+
+    It reacts to the other, where the reaction time leaves as much braking as that takes.
+    """
+    speed = clause.speed or 0.0
     if found.speed < speed + _SMOOTHED or a.candidate.shape.type in RIDERS:
         return a, found
-    return _braked(a, b, found, max(speed - _SMOOTHED, 0.5), context)
+    aim = max(speed - _SMOOTHED, 0.5)
+    braking = draw_braking_to(clause, context, (a, b), found, aim)
+    return _braked(a, b, found, aim, context, braking)
 
 
 def _braked(
-    a: ScheduledAgent, b: ScheduledAgent, found: FirstContact, speed: float, context: SolverContext
+    a: ScheduledAgent,
+    b: ScheduledAgent,
+    found: FirstContact,
+    speed: float,
+    context: SolverContext,
+    braking: float | None = None,
 ) -> tuple[ScheduledAgent, FirstContact | None]:
     """`a` braking late to `speed` where it would have touched, and its contact then."""
     at = float(a.motion.compute_positions(np.array([found.time - a.enters]))[0])
-    slow = Slowing(at, speed, float(context.rng.uniform(4.0, 6.0)))
+    slow = Slowing(at, speed, braking or float(context.rng.uniform(4.0, 6.0)))
     braked = a.edited(stops=a.stops, slowings=(slow,))
     return braked, find_first_contact(braked, b, left_hand=context.left_hand)
+
+
+def _make_test(clause: Contact) -> Callable[[ScheduledAgent, ScheduledAgent, FirstContact], bool]:
+    """Whether a contact of two placed agents is the one that the clause asks for."""
+
+    def is_wanted(a: ScheduledAgent, b: ScheduledAgent, found: FirstContact) -> bool:
+        return _fault(found, clause, a, b) is None
+
+    return is_wanted
 
 
 def _fault(

@@ -18,6 +18,7 @@ from scenewright.tools.solver.path_conflict import (
     find_conflict_intervals,
     find_path_conflict,
 )
+from scenewright.tools.solver.reactions import ReactionRequests
 from scenewright.tools.solver.schedule import Pairing, PartialSchedule, get_pair
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
@@ -39,6 +40,7 @@ class SolverContext:
         yielding_model: how agents give way here; without one they stand a while near the zone.
         red_light_starts: the agents that wait at red before anything happens.
         figures: what is asked for of the agents' motion and of what happens between them.
+        reactions: what is asked for of reactions to threats.
     """
 
     def __init__(
@@ -52,8 +54,10 @@ class SolverContext:
         yielding_model: YieldingModel | None = None,
         red_light_starts: Mapping[str, ScheduledAgent] | None = None,
         figures: tuple[AgentFigure | PairFigure, ...] = (),
+        reactions: ReactionRequests | None = None,
     ) -> None:
         self.figures = figures
+        self.reactions = reactions or ReactionRequests(frozenset(), {})
         self.red_light_starts = red_light_starts or {}
         self.yielding_model: YieldingModel = {} if yielding_model is None else yielding_model
         self.busy: frozenset[str] = frozenset()

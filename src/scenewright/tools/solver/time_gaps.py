@@ -19,6 +19,10 @@ from scenewright.tools.solver.path_conflict import (
     compute_gap,
     find_conflict_intervals,
 )
+from scenewright.tools.solver.reacted_near_miss import (
+    can_react,
+    schedule_reacted_time_gaps,
+)
 from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_point
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent, get_shared_times
 
@@ -45,6 +49,11 @@ def schedule_time_gaps(
     if schedule.binds(clause):
         if _pet_fits(clause, meetings, b.enters - a.enters, context):
             yield schedule
+        return
+    yield from schedule_reacted_time_gaps(clause, schedule, context, (a, b), meetings)
+    if not context.lenient and can_react(clause, schedule, context, (a, b), meetings):
+        words = "nobody who reacts brings it about"
+        context.note_miss(clause, FailureStage.COMPANY, words)
         return
     for delta in _outside(meetings, clause.low, clause.high, context.rng):
         placed_a, placed_b = schedule.placed(clause, a, b, delta)

@@ -64,6 +64,11 @@ _ON = 0.4
 _BEFORE = 0.5
 """How long before it slows a vehicle must be seen [s]."""
 
+_NO_LATER, _AWAITED, _THERE = 0.15, 4.0, 0.3
+"""How long after the other has left the slowest moment may be (SEMANTICS 8: 0.5 s), how long
+before the other comes to the zone one stands at the earliest (stated), and how long the other is in
+the scene by then when it is slowed for [s]."""
+
 _CAUSE, _CAUSE_SEEN = 1.2, 1.7
 """How far [s] from the other's time in the zone it would have been there unheld (2 s): where nobody
 was seen, and where it was seen how long people stand."""
@@ -72,7 +77,7 @@ _SETS_OFF = 4.5
 """Least way [m] from a red light to where who set off there gives way: it must have been moving at
 2 m/s (SEMANTICS)."""
 
-_FREE = {"acceleration": 2.0, "braking": 2.0, "lateral": 3.0}
+_FREE = DrivingProfile(1.0, acceleration=2.0, braking=2.0, lateral=3.0)
 """Free speed as SEMANTICS section 4 defines it."""
 
 _CLEARANCE, _PETS = 0.4, (0.6, 7.0)
@@ -126,6 +131,7 @@ def _held(
     _, b_out = compute_passage(b.motion, zone.s_b[zone.j])
     for seen, lasts in _tempers(clause, a, hold, stands, zone, context):
         low, high = _reasons(clause, b, unheld, zone, context)
+        low, high = _in_company(b, unheld, stands, zone, within=(low, high))
         react = seen
         if lasts is not None:
             # Who could not have come so early stands as long by starting later.
@@ -204,6 +210,32 @@ def _reasons(
     return unheld.enters - _CAUSE - b_out, high
 
 
+def _in_company(
+    b: ScheduledAgent,
+    unheld: _UnheldMotion,
+    slowest: float,
+    zone: PathConflict,
+    *,
+    within: tuple[float, float],
+) -> tuple[float, float]:
+    """Of differences of entry times [s] those at which the other is there to give way to.
+
+    It is in the scene when `first` begins to slow, has not long left the zone when that is slowest,
+    and is no longer away from it then than people wait for; or is on its crosswalk before.
+
+    Args:
+        slowest: local time of the standstill's beginning, or of the lowest speed [s].
+        within: differences that are possible otherwise.
+    """
+    b_in, b_out = compute_passage(b.motion, zone.s_b[zone.j])
+    soonest = slowest + _AWAITED - b_in
+    if b.candidate.route.type == "pedestrian" and b.landmarks.line is not None:
+        on = b.motion.find_time_at(b.landmarks.line)
+        soonest = max(soonest, unheld.begins - on - _ON)
+    low, high = within
+    return max(low, slowest - b_out - _NO_LATER), min(high, soonest, unheld.begins - _THERE)
+
+
 def _no_reason(
     clause: GivesWay, low: float, high: float, by_standing: float, context: SolverContext
 ) -> None:
@@ -263,6 +295,8 @@ def _rolling(
             continue
         rolling, unheld = found
         low, high = _reasons(clause, b, unheld, zone, context)
+        slowest = rolling.stops[-1].start - rolling.enters
+        low, high = _in_company(b, unheld, slowest, zone, within=(low, high))
         enters = rolling.motion.find_time_at(float(nodes.min()))
         delta = min(max(enters - b_out - margin, low), high)
         if low > high or not np.isfinite(delta) or enters - b_out - delta < _PETS[0]:
@@ -423,7 +457,7 @@ def _unheld(
     since = max([hold.s - 1.5 * reach, *(each.s + 0.1 for each in earlier)])
     approach = float(speed[s >= since].max())
     begin = int(np.nonzero(speed >= approach - min(0.3, 0.3 * approach))[0][-1])
-    law = DrivingProfile(speed=approach, **_FREE)
+    law = replace(_FREE, speed=approach)
     free = compute_motion(replace(a.candidate, time_law=law), holds=earlier)
     shift = STEP * begin - free.find_time_at(float(s[begin]))
     first, last = compute_passage(free, nodes)

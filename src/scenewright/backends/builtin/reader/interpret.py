@@ -730,6 +730,15 @@ def _move_so(result: Interpretation, span: ReadSpan) -> None:
             result.enter(span, "motion", (number,), span.value)
 
 
+def _do_not_react(result: Interpretation, span: ReadSpan) -> None:
+    """Who does not react to the threat."""
+    for number in span.subjects:
+        agent = result.users.get(number)
+        if agent is not None:
+            agent.reaction = "none"
+            result.enter(span, "reaction", (number,), "none")
+
+
 def _with_implied(result: Interpretation, span: ReadSpan) -> list[tuple[int, int]]:
     """The pair of an event of which the text names but one party, or none: "pedestrian strike".
 
@@ -1178,6 +1187,7 @@ _RULES: dict[str, Rule] = {
     "time": _set_time,
     "first": _keep_order,
     "motion": _move_so,
+    "reaction": _do_not_react,
     "red": _run_red,
     "brake": _brake,
     "cond": _refuse_condition,

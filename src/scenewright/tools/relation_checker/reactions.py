@@ -1,0 +1,294 @@
+"""Who reacts to a threat, when, how and how strongly, or why not (SEMANTICS section 8).
+
+A conflict is perceptible to a road user while the other is in sight, not behind it, and the path
+TTC of the two is below 3 s. What it does from then on is compared with what it did at that moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenewright.scene.base import FloatArray
+from scenewright.scene.events import Event, Finding
+from scenewright.scene.record import SceneRecord
+from scenewright.scene.track import STEP
+from scenewright.tools.relation_checker.contact import find_common_times
+from scenewright.tools.relation_checker.events import SceneObservation
+from scenewright.tools.relation_checker.footprints import BoolArray
+from scenewright.tools.relation_checker.line_of_sight import find_blocked_views
+from scenewright.tools.relation_checker.surrogates import compute_path_ttc
+from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.yielding import compute_free_speed_profile
+
+NEAR = 3.0
+"""Path TTC [s] below which a conflict is perceptible."""
+LASTS = 0.3
+"""How long it must stay perceptible to count [s]."""
+LATEST = 1.8
+"""Within this time [s] 95 % of people react; who has less may be too late."""
+LOOK_BACK = 6.0
+"""How long before an event a threat is looked for [s]."""
+SOONEST = 0.25
+"""Nobody reacts sooner to what it perceives [s]."""
+BEHIND = np.deg2rad(110.0)
+"""Who comes from further round than this is not seen from a seat or saddle [rad]."""
+STANDING = 0.3
+"""Who is this slow already has nothing to brake [m/s]."""
+HARSH = 3.4
+"""A yield with more braking is one of necessity [m/s^2]."""
+
+
+@dataclass(frozen=True)
+class _Threshold:
+    """From what on a change counts as a reaction: of acceleration [m/s^2] and of speed [m/s]."""
+
+    acceleration: float
+    speed: float
+
+
+THRESHOLDS = {
+    "vehicle": _Threshold(0.8, 0.5),
+    "cyclist": _Threshold(0.8, 0.4),
+    "scooter": _Threshold(0.8, 0.4),
+    "pedestrian": _Threshold(0.5, 0.2),
+}
+ASIDE, ASIDE_ACCELERATION = 0.2, 0.7
+"""Offset to a side [m] and lateral acceleration [m/s^2] from which somebody swerves."""
+TURNS = np.deg2rad(2.0)
+"""Who swerves within its lane turns by more than this, and has turned back in the end [rad]."""
+
+
+def find_reactions(
+    scene: SceneRecord,
+    events: Sequence[Event],
+    observed: SceneObservation,
+    *,
+    left_hand: bool = False,
+) -> list[dict[str, Any]]:
+    """One row for every party of a collision, a near miss, or a yield that came late.
+
+    Returns:
+        Rows with `agent`, `of` (the other), `event`, `time` [s] and either `perceptible_from`,
+        `reacted_at` [s], `how` and `strength` [m/s^2], or `why_not`.
+    """
+    tracks = {track.id: track for track in observed.tracks}
+    excluded = {each.id for each in scene.agents if each.reaction == "none"}
+    rows = []
+    for event in events:
+        for agent, other in _list_threatened(event):
+            others = [t for t in observed.tracks if t.id not in (agent, other) and _blocks(t)]
+            blocked = _Sight(scene, others, left_hand)
+            row = _measure(tracks[agent], tracks[other], event, blocked)
+            if agent in excluded and "reacted_at" not in row and "perceptible_from" in row:
+                row["why_not"] = "the text says that it does not"
+            rows.append(
+                {"agent": agent, "of": other, "event": event.type, "time": event.time} | row
+            )
+    return rows
+
+
+def _list_threatened(event: Event) -> list[tuple[int, int]]:
+    """Pairs of who is threatened and by whom; in a yield it is who gives way."""
+    both = [(event.from_, event.to), (event.to, event.from_)]
+    if event.type in ("collision", "near_miss"):
+        return both
+    late = event.type == "yielding" and float(event.evidence.get("braking", 0.0)) > HARSH
+    ran = event.type == "yielding" and event.evidence.get("cause_agent") == event.to
+    return both[:1] if late or ran else []
+
+
+def _blocks(track: Trajectory) -> bool:
+    return track.type == "vehicle"
+
+
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """What may block a line of sight."""
+
+    scene: SceneRecord
+    vehicles: list[Trajectory]
+    left_hand: bool
+
+    def is_free(self, observer: Trajectory, subject: Trajectory, times: FloatArray) -> BoolArray:
+        """[T] whether the observer sees the subject, which is not behind it."""
+        blocked = find_blocked_views(
+            observer, subject, times, objects=self.scene.objects, vehicles=self.vehicles,
+            left_hand=self.left_hand,
+        )  # fmt: skip
+        return np.asarray(~blocked)
+
+
+def _measure(agent: Trajectory, other: Trajectory, event: Event, sight: _Sight) -> dict[str, Any]:
+    """The part of a row that says what was perceptible and what was done."""
+    common = find_common_times(agent, other)
+    times = common[(common >= event.time - LOOK_BACK) & (common <= event.time + 1e-6)]
+    if not len(times):
+        return {"why_not": "not there"}
+    near = np.asarray(compute_path_ttc(agent, other, times=times, horizon=NEAR) < NEAR)
+    if not near.any():
+        return {"why_not": "no conflict on present courses"}
+    seen = sight.is_free(agent, other, times)
+    ahead = ~_is_behind(agent, other, times)
+    begin = _find_first_lasting(near & seen & ahead)
+    if begin is None:
+        if _find_first_lasting(near & seen) is not None:
+            return {"why_not": "comes from behind"}
+        hidden = _find_first_lasting(near) is not None
+        return {"why_not": "no line of sight" if hidden else "too late"}
+    known = {"perceptible_from": round(float(times[begin]), 3)}
+    if event.type == "yielding":
+        return known | _describe_giving_way(event)
+    ends = _find_last(near & seen & ahead, begin)
+    lasts = float(times[min(ends + 1, len(times) - 1)] - times[begin])
+    found = _find_reaction(agent, float(times[begin]), event)
+    if found is not None:
+        return known | found
+    return known | {"why_not": _say_why_not(agent, float(times[begin]), lasts, event)}
+
+
+def _describe_giving_way(event: Event) -> dict[str, Any]:
+    """Who gives way reacts by that, and may have begun before it was urgent."""
+    return {
+        "reacted_at": event.evidence["begins_to_slow"],
+        "how": "gives_way",
+        "strength": event.evidence["braking"],
+    }
+
+
+def _say_why_not(agent: Trajectory, begin: float, lasts: float, event: Event) -> str:
+    if agent.speed[agent.index(begin)] <= STANDING:
+        return "stands already"
+    if lasts < LATEST and begin + lasts < event.time - 2 * STEP:
+        return "over before it could react"
+    return "too late" if event.time - begin < LATEST else "none seen"
+
+
+def _is_behind(agent: Trajectory, other: Trajectory, times: FloatArray) -> BoolArray:
+    """[T] whether the other is out of view from the seat; who walks hears and turns round."""
+    if not agent.is_vehicle:
+        return np.zeros(len(times), dtype=np.bool_)
+    (xy, heading), (place, _) = agent.at(times), other.at(times)
+    away = place - xy
+    bearing = np.arctan2(away[:, 1], away[:, 0]) - heading
+    return np.asarray(np.abs(np.angle(np.exp(1j * bearing))) > BEHIND)
+
+
+def _find_first_lasting(holds: BoolArray) -> int | None:
+    """First sample from which something holds for 0.3 s; None if it never does."""
+    need = round(LASTS / STEP) + 1
+    run = 0
+    for k, each in enumerate(holds.tolist()):
+        run = run + 1 if each else 0
+        if run == need:
+            return k - need + 1
+    return None
+
+
+def _find_last(holds: BoolArray, begin: int) -> int:
+    """Last sample at which something still holds, gaps aside."""
+    return begin + int(np.flatnonzero(holds[begin:])[-1])
+
+
+def _find_reaction(agent: Trajectory, begin: float, event: Event) -> dict[str, Any] | None:
+    """When and how it departs from what it did when the conflict became perceptible."""
+    first, last = agent.index(begin), agent.index(event.time)
+    window = slice(first + round(SOONEST / STEP), last + 1)
+    change = agent.acceleration[window]
+    if not len(change):
+        return None
+    limit = THRESHOLDS[agent.type]
+    usual = float(agent.acceleration[first])
+    found = _find_slowing(agent, change, window.start, _expect(agent, first, window), limit)
+    if agent.type == "pedestrian":
+        found = found or _find_hurry(agent, change, window.start, max(usual, 0.0), limit)
+    return found or _find_swerve(agent, first, window)
+
+
+def _expect(agent: Trajectory, first: int, window: slice) -> FloatArray:
+    """[W] how it would have braked anyway [m/s^2]: as it does, or for the bends of its way."""
+    usual = min(float(agent.acceleration[first]), 0.0)
+    if not agent.is_vehicle or agent.speed[first] <= STANDING:
+        return np.full(len(agent.speed[window]), usual)
+    free = compute_free_speed_profile(agent, begin=first)
+    along = np.gradient(free.speed**2, free.s) / 2.0 if len(free.s) > 1 else np.zeros(1)
+    bends = np.interp(agent.s[window], free.s, along)
+    return np.asarray(np.minimum(usual, bends))
+
+
+def _find_slowing(
+    agent: Trajectory, change: FloatArray, start: int, usual: FloatArray, limit: _Threshold
+) -> dict[str, Any] | None:
+    below = np.flatnonzero(change < usual - limit.acceleration)
+    if not len(below):
+        return None
+    onset = start + int(below[0])
+    after = agent.speed[onset : start + len(change)]
+    if float(agent.speed[onset - 2 : onset + 1].max() - after.min()) < limit.speed:
+        return None
+    how = "stops" if agent.type == "pedestrian" else "brakes"
+    return _row(agent, onset, how, float(-change[below[0] :].min()))
+
+
+def _find_hurry(
+    agent: Trajectory, change: FloatArray, start: int, usual: float, limit: _Threshold
+) -> dict[str, Any] | None:
+    above = np.flatnonzero(change > usual + limit.acceleration)
+    if not len(above):
+        return None
+    onset = start + int(above[0])
+    after = agent.speed[onset : start + len(change)]
+    if float(after.max() - agent.speed[onset - 2 : onset + 1].min()) < limit.speed:
+        return None
+    return _row(agent, onset, "runs", float(change[above[0] :].max()))
+
+
+def _find_swerve(agent: Trajectory, first: int, window: slice) -> dict[str, Any] | None:
+    """To a side of a straight way and back along it, as nothing can be told in a curve."""
+    ahead = np.array((np.cos(agent.heading[first]), np.sin(agent.heading[first])))
+    aside = np.abs((agent.xy[window] - agent.xy[first]) @ np.array((-ahead[1], ahead[0])))
+    turned = np.abs(agent.heading[window] - agent.heading[first])
+    pushed = agent.lateral_acceleration[window] > ASIDE_ACCELERATION
+    goes_on = turned.max(initial=0.0) < TURNS or not len(turned) or turned[-1] > TURNS
+    if agent.type == "pedestrian" or goes_on or not pushed.any():
+        return None
+    if aside.max(initial=0.0) < ASIDE or agent.lateral_acceleration[first] > ASIDE_ACCELERATION:
+        return None
+    onset = window.start + int(np.argmax(pushed))
+    return _row(agent, onset, "swerves", float(agent.lateral_acceleration[window].max()))
+
+
+def _row(agent: Trajectory, onset: int, how: str, strength: float) -> dict[str, Any]:
+    return {
+        "reacted_at": round(float(agent.times[onset]), 3),
+        "how": how,
+        "strength": round(strength, 3),
+    }
+
+
+def find_false_reactions(
+    scene: SceneRecord, rows: Sequence[Mapping[str, Any]]
+) -> tuple[Finding, ...]:
+    """Agents of whom the text says how they react, and who do not react so."""
+    found = []
+    for agent in scene.agents:
+        own = [row for row in rows if row["agent"] == agent.id]
+        if agent.reaction is not None and describe_reaction(agent.reaction, own) is None:
+            found.append(
+                Finding(
+                    rule="reaction_not_seen", agents=(agent.id,),
+                    detail=f"agent {agent.id} was to react as {agent.reaction}",
+                )
+            )  # fmt: skip
+    return tuple(found)
+
+
+def describe_reaction(asked: str, rows: Sequence[Mapping[str, Any]]) -> str | None:
+    """What bears out the way of reacting that was asked for, in words; None if nothing does."""
+    if not rows:
+        return None
+    reacted = any("reacted_at" in row for row in rows)
+    return None if reacted or asked != "none" else f"agent {rows[0]['agent']} does not react"

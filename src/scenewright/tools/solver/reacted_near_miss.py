@@ -1,0 +1,223 @@
+"""Near misses in which somebody reacts: on present courses the two would touch (SEMANTICS 8).
+
+One of the two answers the threat a reaction time after it is perceptible; what it loses or gains by
+that is why they miss. When they come is shifted so that the PET asked for comes about with the
+reaction in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenewright.scene.constraints import TimeGap
+from scenewright.scene.reaction_behavior import Reaction
+from scenewright.scene.track import STEP
+from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.impact import find_least_clearance
+from scenewright.tools.solver.path_conflict import Intervals, find_conflict_intervals
+from scenewright.tools.solver.reactions import (
+    SEEN_BEFORE,
+    find_threat,
+    run_on,
+    sees,
+    slow_down,
+)
+from scenewright.tools.solver.schedule import PartialSchedule, ScheduledEvent, get_pair
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+
+_TRIES, _STEPS, _MOST = 20, 4, 2
+"""Reactions that are drawn; steps towards the PET with each; and stagings that are offered."""
+
+_KEEPS, _KEEPS_LITTLE = (0.58, 0.75), (0.25, 0.55)
+"""What share of its speed who slows down keeps: with less than half it would have given way,"""
+
+_HARSH, _NARROW = 5.3, 0.44
+"""but for braking harder than this [m/s^2], or a PET shorter than this [s] (SEMANTICS 4)."""
+
+_LEAST_CLEARANCE = 0.05
+"""Between two that pass without touching [m]."""
+
+_IN_TIME = 1.7
+"""Within what time [s] a reaction must have ended the threat, or the other had to react, too."""
+
+_CLOSEST = 0.3
+"""Time left to the meeting at which a reaction changes nothing any more [s]."""
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """One way of reacting: who of the two (0 or 1), how, down to which share of its speed."""
+
+    by: int
+    how: Reaction
+    keeps: float
+
+    @property
+    def first(self) -> int:
+        """Who of the two passes first: the other one, unless who reacts runs."""
+        return self.by if self.how.kind == "runs" else 1 - self.by
+
+    def get_longest_pet(self, most: float) -> float:
+        """The longest PET [s], up to `most`, with which this is no giving way."""
+        gives_way = self.keeps < _KEEPS[0] and self.how.strength < _HARSH
+        return min(most, _NARROW) if gives_way and self.how.kind != "runs" else most
+
+
+def can_react(
+    clause: TimeGap,
+    schedule: PartialSchedule,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    meetings: Intervals,
+) -> bool:
+    """Whether one of the two may react, and would have time to."""
+    names = get_pair(clause)
+    free = [k for k in (0, 1) if context.reactions.may_react(names[k])]
+    return bool(len(meetings)) and any(
+        names[k] not in schedule.actors and not pair[k].slowings for k in free
+    )
+
+
+def schedule_reacted_time_gaps(
+    clause: TimeGap,
+    schedule: PartialSchedule,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    meetings: Intervals,
+) -> Iterator[PartialSchedule]:
+    """Stagings (lazily) with that PET in which one of the two reacts.
+
+    Args:
+        meetings: differences of entry times [s] at which the two would touch if nobody reacted.
+    """
+    names = get_pair(clause)
+    willing = [k for k in (0, 1) if context.reactions.may_react(names[k])]
+    if not can_react(clause, schedule, context, pair, meetings):
+        return
+    offered = 0
+    for _ in range(_TRIES):
+        attempt = _draw(willing, pair, context)
+        if names[attempt.by] in schedule.actors:
+            continue  # it is bound already by what it does to others
+        staged = _stage(clause, schedule, context, pair, meetings, attempt)
+        if staged is not None:
+            yield staged
+            offered += 1
+        if offered == _MOST:
+            return
+
+
+def _draw(
+    willing: list[int],
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    context: SolverContext,
+) -> _Attempt:
+    by = willing[int(context.rng.integers(len(willing)))]
+    how = context.reactions.draw(pair[by], context.rng)
+    keeps = _KEEPS if context.rng.random() < 0.5 else _KEEPS_LITTLE
+    return _Attempt(by, how, float(context.rng.uniform(*keeps)))
+
+
+def _stage(
+    clause: TimeGap,
+    schedule: PartialSchedule,
+    context: SolverContext,
+    pair: tuple[ScheduledAgent, ScheduledAgent],
+    meetings: Intervals,
+    attempt: _Attempt,
+) -> PartialSchedule | None:
+    """The two with that reaction and the PET asked for; None if the two do not go together."""
+    low, high = float(meetings[:, 0].min()), float(meetings[:, 1].max())
+    most = attempt.get_longest_pet(clause.high)
+    delta = float(context.rng.uniform(low, high))
+    for _ in range(_STEPS):
+        placed = schedule.placed(clause, *pair, delta)
+        delta = placed[1].enters - placed[0].enters
+        reacted = _react(clause, context, placed, attempt)
+        after = None if reacted is None else _find_meetings(clause, context, reacted)
+        if reacted is None or after is None or not len(after):
+            return None
+        # How far the reaction moves the two apart, and how long a PET that leaves room for.
+        first, last = float(after[:, 0].min()), float(after[:, 1].max())
+        pet, gained = (first - delta, first - low) if attempt.first else (delta - last, high - last)
+        longest = min(most, gained - STEP)
+        if longest < clause.low:
+            return None  # on present courses they would not meet, so that nobody had to react
+        if clause.low - 1e-6 <= pet <= longest + 1e-6:
+            return _finish(clause, schedule, context, reacted)
+        wanted = float(context.rng.uniform(clause.low, longest))
+        delta = round(delta + (pet - wanted if attempt.first else wanted - pet), 1)
+    return None
+
+
+def _find_meetings(
+    clause: TimeGap, context: SolverContext, pair: tuple[ScheduledAgent, ScheduledAgent]
+) -> Intervals:
+    conflict = context.find_path_conflict(clause)
+    return find_conflict_intervals(conflict, pair[0].motion, pair[1].motion, c=0.0, exact=True)
+
+
+def _react(
+    clause: TimeGap,
+    context: SolverContext,
+    placed: tuple[ScheduledAgent, ScheduledAgent],
+    attempt: _Attempt,
+) -> tuple[ScheduledAgent, ScheduledAgent] | None:
+    """The two, one of them reacting; None if it perceives nothing in time."""
+    conflict = context.find_path_conflict(clause)
+    meets = find_least_clearance(*placed)[1]
+    lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
+    threat = find_threat(conflict, *placed, until=meets, lead=lead)
+    of, other = placed[attempt.by], placed[1 - attempt.by]
+    if threat is None or not sees(of, other, threat[0]):
+        return None
+    onset = threat[0] + attempt.how.after
+    if onset > meets - _CLOSEST:
+        return None
+    changed = _change(clause, context, of, attempt, onset)
+    if changed is None:
+        return None
+    return (changed, other) if attempt.by == 0 else (other, changed)
+
+
+def _change(
+    clause: TimeGap,
+    context: SolverContext,
+    of: ScheduledAgent,
+    attempt: _Attempt,
+    onset: float,
+) -> ScheduledAgent | None:
+    conflict, how = context.find_path_conflict(clause), attempt.how
+    nodes = (conflict.s_a[conflict.i], conflict.s_b[conflict.j])[attempt.by]
+    if how.kind == "runs":
+        beyond = float(nodes.max()) + 1.0
+        return run_on(of, onset=onset, acceleration=how.strength, until=beyond)
+    local = onset - of.enters
+    here = float(of.motion.compute_positions(np.array([local]))[0])
+    clock = 0.1 * np.arange(len(of.motion.s))
+    speed = attempt.keeps * float(np.interp(local, clock, of.motion.speed))
+    # It stays slow until the other's way begins.
+    kept = max(float(nodes.min()) - here, 1.0)
+    return slow_down(of, onset=onset, braking=how.strength, speed=speed, kept=kept)
+
+
+def _finish(
+    clause: TimeGap,
+    schedule: PartialSchedule,
+    context: SolverContext,
+    reacted: tuple[ScheduledAgent, ScheduledAgent],
+) -> PartialSchedule | None:
+    clearance, time, place = find_least_clearance(*reacted)
+    if clearance <= _LEAST_CLEARANCE or schedule.too_soon(time, clause):
+        return None
+    conflict = context.find_path_conflict(clause)
+    lead = context.reactions.hidden.get(frozenset(get_pair(clause)))
+    threat = find_threat(conflict, *reacted, until=time, lead=lead)
+    if threat is None or threat[1] - threat[0] > _IN_TIME:
+        return None
+    begins = min(time - 4.0, threat[0] - SEEN_BEFORE)
+    event = ScheduledEvent(clause, time, begins, time + 1.0, time + 1.0, place)
+    return schedule.with_event(event, *reacted)

@@ -1,0 +1,145 @@
+"""Threatened agents that react: from when a conflict is perceptible, and how (SEMANTICS 8).
+
+A reaction is an edit of the agent's motion from a moment on: a vehicle or rider brakes, a
+pedestrian slows down or runs. So it is solved for like a standstill: what comes of it decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scenewright.scene.reaction_behavior import PERCEPTIBLE_TTC, Reaction, sample_reaction
+from scenewright.scene.selection import Slowing
+from scenewright.scene.track import STEP
+from scenewright.tools.solver.path_conflict import PathConflict
+from scenewright.tools.solver.path_ttc import compute_path_ttc
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+
+SEEN_BEFORE = 0.6
+"""How long before a conflict is perceptible the two are seen at least [s]."""
+
+_LASTS = 0.3
+"""How long a conflict must stay perceptible to count [s] (SEMANTICS 8)."""
+
+_LOOK_BACK = 6.0
+"""How long before an event a threat is looked for [s]."""
+
+_SMOOTHED = 0.15
+"""By how much the smoothing of motion makes a braking begin earlier than it is meant to [s]."""
+
+_LEAST_TIME = 0.4
+"""A braking shorter than this [s] is smoothed away."""
+
+_BEHIND = np.deg2rad(105.0)
+"""Who comes from further round than this is not seen from a seat or saddle [rad]."""
+
+_RUNS, _WALKS_ON = 2.8, 40.0
+"""How fast a pedestrian runs out of the way [m/s], and how far it walks before and after [m]."""
+
+
+@dataclass(frozen=True)
+class ReactionRequests:
+    """What is asked for of reactions, and who is hidden until when.
+
+    Attributes:
+        excluded: agents that do not react, as the text says.
+        hidden: of pairs of which one is hidden: least and most time from the first line of sight
+            to the event [s].
+    """
+
+    excluded: frozenset[str]
+    hidden: Mapping[frozenset[str], tuple[float, float]]
+
+    def may_react(self, name: str) -> bool:
+        """Whether the text leaves the agent to react."""
+        return name not in self.excluded
+
+    @staticmethod
+    def draw(of: ScheduledAgent, rng: np.random.Generator) -> Reaction:
+        """A reaction of the agent; of those that a motion along its path can show."""
+        drawn = sample_reaction(of.candidate.shape.type, rng)
+        if of.candidate.shape.type != "pedestrian":
+            drawn = replace(drawn, kind="brakes")
+        elif drawn.kind == "steps_back":
+            drawn = replace(drawn, kind="stops")
+        return drawn
+
+
+def find_threat(
+    pair: PathConflict,
+    a: ScheduledAgent,
+    b: ScheduledAgent,
+    *,
+    until: float,
+    lead: tuple[float, float] | None = None,
+) -> tuple[float, float] | None:
+    """From when to when [s] a conflict of the two is perceptible; None if it never is.
+
+    Args:
+        until: the event [s]; lead: how long before it the line of sight is free [s], if not always.
+    """
+    near = compute_path_ttc(pair, a, b, horizon=PERCEPTIBLE_TTC)
+    seen = (near.times >= until - _LOOK_BACK) & (near.times <= until + 1e-6)
+    if lead is not None:
+        seen &= near.times >= until - sum(lead) / 2
+    holds = np.flatnonzero(seen & (near.ttc < PERCEPTIBLE_TTC))
+    need = round(_LASTS / STEP)
+    lasting = np.flatnonzero(holds[need:] == holds[: max(len(holds) - need, 0)] + need)
+    if not len(lasting):
+        return None
+    return float(near.times[holds[lasting[0]]]), float(near.times[holds[-1]]) + STEP
+
+
+def sees(of: ScheduledAgent, other: ScheduledAgent, time: float) -> bool:
+    """Whether the other is not behind it at a time [s]; who walks hears and turns round."""
+    if of.candidate.shape.type == "pedestrian":
+        return True
+    at = np.array([time])
+    (x, y, heading), (u, v, _) = of.at(at)[0].tolist(), other.at(at)[0].tolist()
+    bearing = np.arctan2(v - y, u - x) - heading
+    return bool(abs(np.angle(np.exp(1j * bearing))) < _BEHIND)
+
+
+def slow_down(
+    of: ScheduledAgent, *, onset: float, braking: float, speed: float, kept: float
+) -> ScheduledAgent | None:
+    """The agent braking from a moment [s] on to a speed [m/s], which it keeps for a way [m].
+
+    None where it is hardly faster than that then.
+    """
+    s, before = _find_state(of, onset + _SMOOTHED)
+    if before - speed < _LEAST_TIME * braking:
+        return None
+    at = s + (before**2 - speed**2) / (2.0 * braking)
+    slowing = Slowing(at, speed, braking, kept)
+    return of.edited(stops=of.stops, slowings=(*of.slowings, slowing))
+
+
+def run_on(
+    of: ScheduledAgent, *, onset: float, acceleration: float, until: float
+) -> ScheduledAgent | None:
+    """The pedestrian running from a moment [s] on, up to an arc length [m]; None if it stands."""
+    s, before = _find_state(of, onset + _SMOOTHED)
+    if before < 0.6 or before > _RUNS - 0.4 or until - s < 0.5:
+        return None
+    law = of.candidate.time_law
+    hurried = replace(law, speed=_RUNS, acceleration=acceleration, braking=law.braking)
+    walked = (
+        Slowing(0.0, law.speed, law.braking, s),
+        Slowing(until, law.speed, law.braking, of.candidate.path.length),
+    )
+    runner = replace(of, candidate=replace(of.candidate, time_law=hurried))
+    return runner.edited(stops=of.stops, slowings=(*of.slowings, *walked))
+
+
+def _find_state(of: ScheduledAgent, time: float) -> tuple[float, float]:
+    """Arc length [m] and speed [m/s] at a scene time."""
+    local = time - of.enters
+    clock = STEP * np.arange(len(of.motion.s))
+    return (
+        float(of.motion.compute_positions(np.array([local]))[0]),
+        float(np.interp(local, clock, of.motion.speed)),
+    )
