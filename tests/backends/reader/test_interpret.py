@@ -439,6 +439,7 @@ def test_right_on_red_is_a_turn_and_a_red_light() -> None:
     ("line", "motion"),
     [
         ("[veh:1 A car] [red:1 runs a yellow light]", "passes_yellow"),
+        ("[veh:1 A car] [red:1 blows through a yellow light]", "passes_yellow"),
         ("[veh:1 A van] goes through on [thing amber] and [near:1>2 just misses] [veh:2 a bus]",
          "passes_yellow"),
         ("[veh:1 A yellow cab] [near:1>2 just misses] [veh:2 a bus]", None),

@@ -339,7 +339,9 @@ def _play(
     found = _draw(find_patterns(edge, graph), rng)
     asked = any(graph.agent(name).runs_red for name in (edge.from_, edge.to))
     # Who is to run red does so, if it can be, where the other one has green.
-    for apart in (True, False) if asked else (None,):
+    # Who passes on yellow meets those who had green with it; nobody else runs red for that.
+    yellow = any(graph.agent(n).motion == "passes_yellow" for n in (edge.from_, edge.to))
+    for apart in (False,) if yellow else (True, False) if asked else (None,):
         for pattern in found:
             mirrored = _mirrored(pattern, intersection_map)
             for first, second in _role_orders(edge, pattern):

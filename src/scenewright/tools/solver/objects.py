@@ -70,15 +70,34 @@ class ObjectPlacer:
     def place(self, schedule: PartialSchedule) -> tuple[ObjectRecord, ...] | str:
         """The objects, in the plan's order; or which of them finds no place, in words."""
         placed: list[ObjectRecord] = []
-        paths = [actor.candidate for actor in schedule.actors.values()]
         for node in self._nodes:
-            free = (each for each in self._list_places(node, schedule, placed)
-                    if not any(is_in_way(path, (each,)) for path in paths))  # fmt: skip
-            found = next(free, None)
-            if found is None:
+            if node.id in {each.id for each in placed}:
+                continue
+            partner = next((each for each in self._nodes if each.beyond == node.id), None)
+            found = self._find_free(node, schedule, placed, partner)
+            if not found:
                 return _describe_failure(node)
-            placed.append(found)
+            placed += found
         return tuple(sorted(placed, key=lambda each: each.id))
+
+    def _find_free(
+        self,
+        node: ObjectNode,
+        schedule: PartialSchedule,
+        placed: Sequence[ObjectRecord],
+        partner: ObjectNode | None,
+    ) -> tuple[ObjectRecord, ...]:
+        """The object at a place out of everybody's way, and its partner; empty if there is none."""
+        paths = [actor.candidate for actor in schedule.actors.values()]
+        for each in self._list_places(node, schedule, placed):
+            if any(is_in_way(path, (each,)) for path in paths):
+                continue
+            if partner is None:
+                return (each,)
+            second = self._find_free(partner, schedule, (*placed, each), None)
+            if second:
+                return each, *second
+        return ()
 
     @property
     def hides_anybody(self) -> bool:

@@ -188,7 +188,7 @@ class Search:
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
-        runners = [c.agent for c in program.clauses if isinstance(c, RunsRed)]
+        runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
         self._bound = list(dict.fromkeys((*bound, *runners)))
         self._reactions = ReactionRequests(
             frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),

@@ -84,6 +84,7 @@ _MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion | VehicleMotion], ...] =
     (_RUNS, "runs"),
     (_YELLOW, "passes_yellow"),
 )
+_CALLED_YELLOW = re.compile(r"^(?!.*\bred\b).*\b(?:yellow|amber)\b", re.IGNORECASE)
 _RIGHT_ON_RED = re.compile(
     r"\b(?:right(?:[- ]turn\w*)?|turn(?:s|ing)?) (?P<red>(?:on|against|through) (?:a |the )?red"
     r"(?: (?:light|signal))?)\b",
@@ -117,8 +118,16 @@ def sharpen_manoeuvres(reading: Reading) -> Reading:
             spans[n] = replace(span, tag="manner", confidence=_KNOWN)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
+    _tell_yellow_from_red(spans)
     _read_right_on_red(reading, spans)
     return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
+
+
+def _tell_yellow_from_red(spans: list[ReadSpan]) -> None:
+    """Who runs a light that the words call yellow runs no red one."""
+    for n, span in enumerate(spans):
+        if span.tag == "red" and _CALLED_YELLOW.search(span.words) and not span.negated:
+            spans[n] = replace(span, tag="motion", value="passes_yellow")
 
 
 def _read_right_on_red(reading: Reading, spans: list[ReadSpan]) -> None:
