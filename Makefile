@@ -9,6 +9,7 @@ ENGINE := $(VENV)/vllm
 SMALL := $(VENV)/small
 SITE := $(VENV)-docs
 CONSUMERS := $(VENV)/exports
+BROWSER := $(VENV)/page
 
 INSTRUCTION ?= A vehicle yields to a pedestrian at 8 am
 SEED ?= 7
@@ -19,7 +20,7 @@ CASES ?= 100000
 TESTERS ?= 2
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test lint format bench check crosscheck exports fuzz ray test-vllm test-small-weights docs
+.PHONY: page-tests demo test lint format bench check crosscheck exports fuzz ray test-vllm test-small-weights docs
 
 demo: $(INSTALLED)
 	$(BIN)/scenewright make "$(INSTRUCTION)" --seed $(SEED) --out $(OUT)
@@ -54,6 +55,15 @@ exports: $(CONSUMERS)/.installed
 # Damaged input of every kind into everything that reads; CI's nightly part. An hour or two.
 fuzz: $(INSTALLED)
 	cd benchmarks && $(abspath $(BIN))/python fuzz.py --cases $(CASES)
+
+# The page of `serve` in a headless Chromium (CHROMIUM names it), at two sizes; not part of check.
+page-tests: $(INSTALLED) $(BROWSER)/.installed
+	SCENEWRIGHT_PYTHON=$(abspath $(BIN)/python) $(BROWSER)/bin/python -m pytest -p no:cacheprovider --confcutdir=tests/page tests/page
+
+$(BROWSER)/.installed: tests/page/requirements.txt
+	test -x $(BROWSER)/bin/python || $(PYTHON) -m venv $(BROWSER)
+	$(BROWSER)/bin/python -m pip install -qq --disable-pip-version-check -r tests/page/requirements.txt
+	touch $@
 
 # Batches on a Ray cluster (extra `ray`), and their tests. About 250 MB more.
 ray: $(INSTALLED)

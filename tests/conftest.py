@@ -12,6 +12,9 @@ from hypothesis import settings
 # Most tests are about what comes before the refiner, which takes longer than all of it.
 os.environ["SCENEWRIGHT_REFINER"] = "none"
 
+# Nor are most about full streets, whose every agent is solved for and checked.
+os.environ["SCENEWRIGHT_MAX_AGENTS"] = "12"
+
 # Matrices here are small: threads spin while they wait for each other, which costs the tests of
 # the planner seven times the processor time. Read when numpy and torch are loaded.
 os.environ |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}

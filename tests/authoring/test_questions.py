@@ -73,7 +73,7 @@ def test_steps_back_an_ordinary_morning_and_her(session: Session) -> None:
     assert session.state["versions"][-1]["edits"][0]["agent"] == "pedestrian-1"
     assert session.say("go back two steps")["version"] == 1
     assert session.say("start over")["kind"] == "nothing"
-    assert session.say("what happens?") == {
-        "kind": "nothing", "reason": "there is no scene yet; say what shall happen"
-    }  # fmt: skip
+    unknown = session.say("what happens?")
+    assert unknown["kind"] == "nothing"
+    assert unknown["reason"].startswith("there is no scene yet")
     assert session.say("the second version")["version"] == 2

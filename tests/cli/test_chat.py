@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -114,7 +115,10 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
     server = mcp.StdioServerParameters(
         command=sys.executable,
         args=["-m", "scenewright", "mcp", "--seed", "1", "--out", str(tmp_path / "kept")],
-        env={"SCENEWRIGHT_DATA": str(tmp_path / "data")},
+        env={
+            "SCENEWRIGHT_DATA": str(tmp_path / "data"),
+            "PYTHONPATH": os.environ.get("PYTHONPATH", ""),
+        },
     )
 
     async def session() -> None:
@@ -139,6 +143,14 @@ def test_a_client_of_the_protocol_makes_and_changes_a_scene(tmp_path: Path) -> N
             assert not (await call("verify_scene", scene=scene))["verified"]
             assert not (await call("verify_scene", scene={"meta": 1}))["ok"]
             assert (await call("undo"))["version"] == 1
+            picture = await client.read_resource("scene://version/2/picture.png")
+            assert picture.contents[0].mime_type == "image/png"
+            later = [{"edit": "come_later", "agent": "nobody-1", "seconds": 1}]
+            assert not (await call("edit_by_hand", edits=later))["ok"]
+            assert len((await call("list_versions"))["versions"]) == 2
+            assert (await call("open_thread", thread="other"))["current"] is None
+            assert set((await call("list_threads"))["threads"]) == {"mcp"}
+            assert (await call("open_thread", thread="mcp"))["current"] == 1
             assert Path((await call("save_scene"))["folder"]).is_dir()
             assert "start_scene first" in (await call("solve"))["detail"]
             assert (await call("start_scene", instruction=YIELD, seed=1))["ok"]

@@ -50,7 +50,7 @@ def shown(page: Path) -> list[Talk]:
 def said(command: str, typed: list[str], folder: Path) -> list[str]:
     """What the command answers to these lines, told in that folder."""
     words = shlex.split(command)
-    hidden = ("API_KEY", "BASE_URL", "TOKEN", "SCENEWRIGHT_REFINER")
+    hidden = ("API_KEY", "BASE_URL", "TOKEN", "SCENEWRIGHT_REFINER", "SCENEWRIGHT_MAX_AGENTS")
     kept = {key: value for key, value in os.environ.items() if not key.endswith(hidden)}
     done = subprocess.run(
         [str(Path(sys.executable).parent / words[0]), *words[1:]],

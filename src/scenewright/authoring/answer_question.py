@@ -72,6 +72,8 @@ def answer_question(
     for pattern, answer in _TOPICS:
         if re.search(rf"\b(?:{pattern})", plain):
             return answer(scene, about)
+    if set(re.findall(r"[a-z]+", plain)) <= {*_NOUNS, "the", "and", "a"}:
+        return [*_tell_ways(scene, about), *_tell_speeds(scene, about), *_tell_lights(scene, about)]
     return ["That is nothing that the scene can tell.", TELLS]
 
 
@@ -264,6 +266,36 @@ def _tell_danger(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     return [first, *_tell_closeness(scene, about)]
 
 
+def _tell_speed_limit(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    limits = sorted({lane.speed_limit for lane in scene.intersection_map.lanelets})
+    limit = " to ".join(_format_speed(each) for each in (limits[0], limits[-1])[: len(limits)])
+    return [f"The speed limit here is {limit}.", *_tell_speeds(scene, about)]
+
+
+def _tell_no_weather(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    return ["There is no weather here: the road is dry and everybody sees equally far."]
+
+
+def _tell_no_age(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    return [
+        "Pedestrians have no age or sex here; all are about as wide.",
+        *_tell_counts(scene, about),
+    ]
+
+
+def _tell_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]:
+    kinds = [f"{each.name} is a {each.subtype or each.type}." for each in about]
+    return [*kinds, *_tell_ways(scene, about)]
+
+
+def _define_figures(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
+    return [
+        "PET is the time from one leaving a place to the other coming to it [s]: less is closer.",
+        "TTC is the time until they would touch if both went on as they do [s].",
+        "DRAC is the braking that just avoids the collision [m/s²].",
+    ]
+
+
 def _tell_help(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
     return [
         TELLS,
@@ -272,18 +304,28 @@ def _tell_help(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:
 
 
 _TOPICS: tuple[tuple[str, _Answer], ...] = (
-    (r"what can (?:i|you|we)\b|what (?:could|should) i (?:say|ask)\b|how do i\b", _tell_help),
+    (r"(?:what(?:'s| is| does| are)|explain) (?:an? |the )?(?:pet|ttc|drac)\b", _define_figures),
+    (r"speed limit|allowed to (?:go|drive)", _tell_speed_limit),
+    (r"rain|snow|weather|wet\b|fog|icy?\b|slippery", _tell_no_weather),
+    (r"(?:are|is) (?:there|any).*\b(?:kids?|child(?:ren)?|wom[ae]n|m[ae]n|old|elderly)\b|how "
+     r"old", _tell_no_age),
+    (r"(?:who|what)(?:'s| is| are) (?:she|he|her|him|it|they|them)$|(?:is|are) (?:that|it|this|"
+     r"he|she|the \w+) "
+     r"(?:really )?an? \w+", _tell_kinds),
+    (r"what (?:else )?can (?:i|you|we)\b|what (?:could|should) i (?:say|ask)\b|how do i\b",
+     _tell_help),
     (r"fault|blame|right of way|priority|had to (?:yield|give way)|guilty", _tell_fault),
     (r"lights?\b|signals?\b|green\b|red\b|yellow\b", _tell_lights),
-    (r"danger|safe\b|risk|serious|severe|critical", _tell_danger),
+    (r"danger|safe\b|risk|serious|severe|critical|how bad", _tell_danger),
     (r"(?:how|too) (?:fast|slow)\b|speed|km/?h\b|m/s\b|mph\b", _tell_speeds),
     (r"brak|stops?\b|stopped\b|slow|decelerat|stand|wait", _tell_braking),
     (r"how close|distance|apart\b|gap\b|pet\b|ttc\b|headway|near\b|close\b|far\b", _tell_closeness),
     (r"how many|(?:is|are) there|who else\b|how much traffic|busy\b|who(?:'s| is| are) in\b",
      _tell_counts),
-    (r"where (?:does|do|did|is|are) .*\b(?:comes?|coming|from|go|goes|going|head|heading)\b|"
+    (r"where(?: (?:does|do|did|is|are)|'s) .*\b(?:comes?|coming|from|go|goes|going|head|heading)\b|"
      r"which way|turn(?:s|ing)?\b|direction", _tell_ways),
-    (r"when\b|what time|how long|what hour|day or night\b|time of day", _tell_time),
+    (r"when\b|what time|how long|take so long|take that long|what hour|day or night\b|time of "
+     r"day", _tell_time),
     (r"hit|touch|collid|crash|happen|where\b|miss|yield|give way|follow|whom?\b", _tell_events),
     (r"what is (?:this|that|there|it)\b|what do we have|what do i see|what's", _tell_all),
 )  # fmt: skip

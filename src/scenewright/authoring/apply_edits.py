@@ -32,8 +32,8 @@ from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.scene.selection import SelectedAgent
 from scenewright.scene.social import SocialGraph
+from scenewright.tools.gmm_sampler.background_counts import DENSITIES
 from scenewright.tools.gmm_sampler.frozen_agents import scale_speed
-from scenewright.tools.gmm_sampler.generate import DENSITIES
 from scenewright.tools.map_grounding.grounding import ground_graph
 
 
@@ -108,7 +108,7 @@ def revised(
         grounding=grounding,
         background=_background(earlier, before, graph, edits),
         hour=_hour(earlier, edits),
-        named=frozenset(_named(edits)),
+        named=frozenset(list_concerned(edits)),
         touched=touched,
         amended=amended,
         other=other,
@@ -160,7 +160,7 @@ def _is_changed(name: str, before: SocialGraph, graph: SocialGraph) -> bool:
     return before.agent(name) != graph.agent(name)
 
 
-def _named(edits: tuple[Edit, ...]) -> set[str]:
+def list_concerned(edits: tuple[Edit, ...]) -> set[str]:
     """Whom the edits speak of."""
     names: set[str] = set()
     for edit in edits:

@@ -22,7 +22,9 @@ from langgraph.runtime import Runtime
 from pydantic import TypeAdapter
 
 from scenewright.authoring.answer_question import answer_question
+from scenewright.authoring.apply_edits import list_concerned
 from scenewright.authoring.direct_edits import list_handles, read_direct_edits
+from scenewright.authoring.everyday_words import Talk, check_reading, read_everyday
 from scenewright.authoring.read_turn import (
     SENTENCE,
     ask_what_is_meant,
@@ -33,7 +35,7 @@ from scenewright.authoring.thread_state import Heading, Pending, Refused, Thread
 from scenewright.authoring.turn_kind import TurnKind, classify_turn
 from scenewright.authoring.versions import Made, Setting, begin, change
 from scenewright.backends import Account, Backend, Call, speaker
-from scenewright.backends.offline import answered
+from scenewright.backends.offline import answered, begins_anew
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
     Scene,
@@ -56,6 +58,7 @@ from scenewright.scene.edits import (
     Edits,
     NewScene,
     Reading,
+    Situation,
 )
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
@@ -68,7 +71,17 @@ _EDITS: TypeAdapter[tuple[Edit, ...]] = TypeAdapter(tuple[Edit, ...])
 _OPENING = re.compile(
     r"^\s*(?:a )?(?:new scene|start over|from scratch)\s*[:;,.]?\s*(?=\S)", re.IGNORECASE
 )
+_ABOUT_VERSION = re.compile(
+    r"(?:which|what) version|what (?:did (?:you|i|we)|have (?:you|i|we)|was|has been|is) "
+    r"(?:just )?(?:change|different)"
+)
+_NOTHING_YET = (
+    "there is no scene yet; say what shall happen at an intersection, such as "
+    "'a car from the north yields to a pedestrian'"
+)
 _SAY_MORE = "Say what shall happen, or what shall be different; /help says more."
+_SHORT_ANSWER = 3
+"""Words of what may be meant as an answer to a question, though it is none of its answers."""
 _LONGEST_TEXT = 1900
 """Of what was said, as much as a scene's prompt keeps."""
 
@@ -324,7 +337,7 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     words = turn.words
     calls: list[Call] = []
     reading = _read(words, chosen, state, runtime.context, account=calls.append)
-    pending = state.get("pending")
+    pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None
     if isinstance(reading, NewScene) and speaker(runtime.context.backend, "plan").deterministic:
         intersection_map = load_map(state["heading"]["intersection"])
         reading = ask_what_is_meant(words, intersection_map) or reading
@@ -363,14 +376,46 @@ def _read(
     *,
     account: Account,
 ) -> Reading:
+    version = _found(state, None)
+    if version is None:
+        return _read_with(words, None, chosen, state, context, account=account)
+    situation = situation_of(
+        SocialGraph.model_validate(version["graph"]),
+        SceneRecord.model_validate_json(context.threads.kept(version["scene"])),
+        deserialize_version(context.threads.kept(version["earlier"])),
+    )
+    if chosen or begins_anew(words) or not speaker(context.backend, "plan").deterministic:
+        return _read_with(words, situation, chosen, state, context, account=account)
+    proof = Proof.model_validate_json(context.threads.kept(version["proof"]))
+    talk = Talk(situation, _list_touched(state), proof.events)
+    reading = read_everyday(words, talk)
+    if reading is None:
+        found = _read_with(words, situation, chosen, state, context, account=account)
+        reading = check_reading(words, found, talk)
+    return reading
+
+
+def _list_touched(state: ThreadState) -> list[str]:
+    """Agents that earlier words were about, the last first, back to the first version."""
+    versions = {each["number"]: each for each in state.get("versions", [])}
+    version, names = _found(state, None), list[str]()
+    while version is not None:
+        edits = _EDITS.validate_python(version["edits"])
+        names += sorted(list_concerned(edits), reverse=True)
+        version = versions.get(version["parent"] or 0)
+    return list(dict.fromkeys(names))
+
+
+def _read_with(
+    words: str,
+    situation: Situation | None,
+    chosen: dict[str, str],
+    state: ThreadState,
+    context: SessionContext,
+    *,
+    account: Account,
+) -> Reading:
     version, heading = _found(state, None), state["heading"]
-    situation = None
-    if version is not None:
-        situation = situation_of(
-            SocialGraph.model_validate(version["graph"]),
-            SceneRecord.model_validate_json(context.threads.kept(version["scene"])),
-            deserialize_version(context.threads.kept(version["earlier"])),
-        )
     return read_words(
         words,
         situation,
@@ -407,12 +452,27 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             text = _joined(version["text"], state["words"])
             made = _apart(setting, _changed, text, reading.edits, version, setting, context)
         else:
-            text = _OPENING.sub("", state["words"])
+            text = _keep_hour(_OPENING.sub("", state["words"]), version)
             made = _apart(setting, begin, text, setting, tell=context.tell)
     except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
         return _refusal(state, error)
     edits = reading.edits if isinstance(reading, Edits) else ()
     return _entered(state, text, edits, made, context)
+
+
+_ADDED = re.compile(r"^\s*(?:(?:and|now|then|ok|please) )*(?:add|put in)\s+", re.IGNORECASE)
+_HOUR = re.compile(r"\b(?:at \d|\d ?[ap]m|morning|noon|afternoon|evening|night|rush|o'clock)")
+
+
+def _keep_hour(words: str, version: Version | None) -> str:
+    """Words that add something to a scene in which nothing happened: at its hour, if none is said.
+
+    Such words are a scene of their own, as there is nobody that an edit could be about.
+    """
+    told = None if version is None else (version["graph"].get("context") or {}).get("time_of_day")
+    if told is None or not _ADDED.match(words) or _HOUR.search(words.lower()):
+        return words
+    return f"{_ADDED.sub('', words).rstrip('.! ')}, at {str(told)[:5]}"
 
 
 def _apart(setting: Setting, make: Callable[..., Made], *args: Any, **named: Any) -> Made:
@@ -572,7 +632,13 @@ def _steered(state: ThreadState, turn: TurnKind, context: SessionContext) -> Thr
 def _answered_question(state: ThreadState, words: str, context: SessionContext) -> dict[str, Any]:
     version = _found(state, None)
     if version is None:
-        return {"kind": "nothing", "reason": "there is no scene yet; say what shall happen"}
+        return {"kind": "nothing", "reason": _NOTHING_YET}
+    if _ABOUT_VERSION.search(words.lower()):
+        came = "" if version["parent"] is None else f", made from version {version['parent']}"
+        return {
+            "kind": "answer",
+            "lines": [f"Version {version['number']}{came}: {version['words']}"],
+        }
     record = SceneRecord.model_validate_json(context.threads.kept(version["scene"]))
     proof = Proof.model_validate_json(context.threads.kept(version["proof"]))
     lines = answer_question(words, record, proof, load_map(record.meta.intersection))

@@ -12,7 +12,22 @@ from typing import Literal, cast
 from scenewright.scene.base import Model
 
 Kind = Literal[
-    "question", "undo", "redo", "version", "restart", "show", "why", "help", "quit", "talk", "words"
+    "question",
+    "undo",
+    "redo",
+    "version",
+    "restart",
+    "show",
+    "why",
+    "help",
+    "quit",
+    "play",
+    "gif",
+    "mp4",
+    "html",
+    "save",
+    "talk",
+    "words",
 ]
 
 _NUMBERS = {
@@ -21,19 +36,29 @@ _NUMBERS = {
 }  # fmt: skip
 _COUNT = rf"(?P<count>\d{{1,3}}|{'|'.join(_NUMBERS)})"
 _NTH = _COUNT.replace("count", "nth")
-_POLITE = re.compile(r"^(?:please|ok(?:ay)?|so|well|hey|hi|now|and|but|no|wait)[ ,!]+")
+_POLITE = re.compile(
+    r"^(?:please|pls|ok(?:ay)?|so|well|hey|hi|hello|now|and|but|no|nah|nope|wait|yes|yeah|yep|oh|"
+    r"h+m+|w(?:oah|hoa|ow)|uh|um+|sorry|actually|alright|fine|great|good|cool|nice|too close|"
+    r"thanks?|lol|haha)\b[ ,!.…]*"
+)
+_AFTER = re.compile(r"[ ,]+(?:please|pls|then|thanks|now|though)[ .!]*$")
 _ASKS_TO_ACT = re.compile(
     r"^(?:can|could|would|will)(?: you| we| i)?(?: please)? "
-    r"(?:make|add|remove|delete|drop|slow|speed|stop|put|set|move|change|turn|delay|replace|have|let|"
+    r"(?:make|add|remove|delete|drop|slow|speed|stop|put|set|move|change|turn|delay|replace|have|"
+    r"let|"
     r"give|get|show|create|generate|do|try|redo|undo|go)\b|^(?:how|what) about\b|^what if\b|"
-    r"^why (?:not|don't|do not)\b|^(?:can|could|would|will) (?:the|it|he|she|they|a|an)\b"
+    r"^why (?:not|don't|do not)\b|"
+    r"^(?:can|could|would|will) (?:the(?: [a-z-]+){1,3}|it|he|she|they|a|an) (?!have\b)"
 )
 _ASKING = (
     r"how|whom?|whose|what|what's|when|where|which|why|is|are|isn't|aren't|does|do|did|doesn't|"
     r"didn't|was|were|has|had"
 )
 _QUESTION = re.compile(
-    rf"^(?:{_ASKING}|have you|"
+    rf"^(?:{_ASKING}|have you|what if it (?:was|were|is|had been) (?:rain|snow|wet)|"
+    r"(?:by|at|in|on|from|to|for|with|under) (?:how|what|which|whose|whom)\b|"
+    r"(?:can|could|would|will|should|did) (?:the(?: [a-z-]+){1,3}|it|he|she|they) have\b|"
+    r"(?:can|could|may) i\b|any(?:body|one)? \w+.*\?$|"
     r"tell me (?:how|who|what|when|where|which|why|if|whether|about))\b"
 )
 _WHY_REFUSED = (
@@ -45,8 +70,16 @@ _STEPS = r"(?: (?:steps?|times|versions?|changes?|turns?))?"
 _THANKS = r"thanks?(?: you)?(?: (?:so|very) much| a lot)?"
 _GREETING = r"hello(?: there)?|hi(?: there)?|hey|good (?:morning|evening|afternoon|day)"
 _PRAISE = (
-    r"(?:very |that's |looks )?(?:great|nice|cool|perfect|awesome|wow|fine|good(?: job)?|it)|"
-    r"well done|ok(?:ay)?|lol|haha|hm+|i see"
+    r"(?:(?:that'?s|thats|it'?s|this is|that is|looks|very|really|so|pretty|quite|super|not|too|"
+    r"all) )*"
+    r"(?:great|nice|cool|perfect|awesome|wow|fine|good(?: job)?|it|unrealistic|realistic|weird|"
+    r"odd|strange|"
+    r"stupid|wrong|bad|boring|funny|better|interesting|right|brilliant|amazing|ok(?:ay)?)(?: "
+    r"enough)?|"
+    r"well done|lol|haha|h+m+|i see|got it|i (?:really )?(?:do ?n[o']?t|do) (?:like|want|get|"
+    r"understand) (?:it|that|this)|"
+    r"(?:the|that|this|never ?mind)(?: [a-z]+)? obviously|never ?mind|w(?:oah|hoa|ow)|no|yes|"
+    r"nope|yeah"
 )
 _SIMPLE: tuple[tuple[Kind, re.Pattern[str]], ...] = tuple(
     (cast(Kind, kind), re.compile(rf"^(?:{pattern})[ .!?]*$"))
@@ -54,13 +87,33 @@ _SIMPLE: tuple[tuple[Kind, re.Pattern[str]], ...] = tuple(
         ("why", _WHY_REFUSED),
         ("version", r"(?:go |take me |return |switch )?(?:back )?(?:to )?(?:the )?"
                     rf"(?:version (?:number )?{_COUNT}|{_NTH} (?:version|one|scene))"),
+        ("undo", rf"(?:(?:go )?back to )?(?:as|how|what|like) it was(?: {_COUNT} (?:steps?|"
+                 rf"versions?|changes?) "
+                 r"ago| before)?|(?:the )?(?:previous|last) (?:version|one)"),
         ("undo", r"(?:undo|revert|go back|step back|back|take (?:that|it|this) back)"
                  rf"(?: (?:by |the last |that |it |this )*(?:{_COUNT}{_STEPS}|"
-                 r"(?:step|version|change|turn|that|it|this))?)?"),
+                 r"(?:step|version|change|turn|that|it|this|one))?)?|"
+                 r"undo (?:it|that|this) all"),
         ("redo", r"(?:redo|go forward|forward|again forward)(?: (?:that|it))?"),
         ("restart", r"(?:let's |let us )?(?:start|begin) (?:over|again|anew|afresh|from scratch)|"
                     r"from scratch|new scene|(?:a )?clean slate|"
-                    r"forget (?:it|that|everything|the scene)|reset"),
+                    r"forget (?:it|that|everything|the scene)|reset|"
+                    r"(?:delete|remove|clear|erase) (?:everything|all|it all|the (?:whole )"
+                    r"?scene)"),
+        ("play", r"(?:(?:can|could|may) (?:i|we|you) )?(?:play|watch|open|see|view)(?: (?:it|"
+                 r"this|that|the (?:scene|"
+                 r"video|animation)))?(?: again| from above| in (?:the|my) browser)*"),
+        ("gif", r"(?:(?:can|could) (?:you|i) )?(?:save|export|make|write|get)(?: me)? (?:it|this|"
+                r"that|a|an?)?(?: ?as)?"
+                r"(?: an?)? ?(?:gif|animation)(?: of (?:it|this|that))?"),
+        ("mp4", r"(?:(?:can|could) (?:you|i) )?(?:save|export|make|write|get)(?: me)? (?:it|this|"
+                r"that|an?)?(?: ?as)?"
+                r"(?: an?)? ?(?:mp4|video|movie|film)(?: of (?:it|this|that))?"),
+        ("html", r"(?:(?:can|could) (?:you|i) )?(?:save|export|share|send|write)(?: me)? (?:it|"
+                 r"this|that)"
+                 r"(?: as an? (?:html|page|web ?page|link|file)| with .{1,40}| to .{1,40})"),
+        ("save", r"(?:(?:can|could) (?:you|i|we) )?(?:save|export|download|keep)(?: (?:it|this|"
+                 r"that|the scene))?"),
         ("show", r"(?:show|describe|summari[sz]e|display)(?: me)?"
                  r"(?: (?:it|this|that|the (?:scene|version|result)))?(?: again)?"),
         ("help", r"help|help me|commands"),
@@ -86,17 +139,18 @@ class TurnKind(Model):
 
 def classify_turn(words: str) -> TurnKind:
     """The kind of the words, by their form."""
-    plain = " ".join(words.lower().split())
-    while (bare := _POLITE.sub("", plain)) != plain:
+    whole = " ".join(words.lower().replace("’", "'").split())
+    plain = whole
+    while (bare := _POLITE.sub("", _AFTER.sub("", plain), count=1)) != plain and bare:
         plain = bare
-    for candidate in (" ".join(words.lower().split()), plain):
+    for candidate in (whole, plain):
         for kind, pattern in _SIMPLE:
             found = pattern.match(candidate)
             if found is not None:
                 return _describe(kind, words, found)
     if _ASKS_TO_ACT.match(plain):
         return TurnKind(kind="words", words=_drop_frame(words))
-    if _QUESTION.match(plain):
+    if _QUESTION.match(plain) or re.match(r"the [a-z-]+ ?\?$", plain):
         return TurnKind(kind="question", words=words)
     return TurnKind(kind="words", words=_drop_frame(words))
 

@@ -33,6 +33,16 @@ Timeout = Annotated[
     float | None, typer.Option(metavar="S", help="Longest wait for one reply of a model [s].")
 ]
 
+MaxAgents = Annotated[
+    int | None,
+    typer.Option(
+        "--max-agents",
+        metavar="N",
+        envvar="SCENEWRIGHT_MAX_AGENTS",
+        help="Most agents that a scene may hold; without it as many as the time of day has.",
+    ),
+]
+
 TimeLimit = Annotated[
     float,
     typer.Option(

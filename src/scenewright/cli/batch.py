@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from scenewright.cli.backend_options import BackendNames, BaseUrl, Record, TimeLimit, Timeout
+from scenewright.cli.backend_options import (
+    BackendNames,
+    BaseUrl,
+    MaxAgents,
+    Record,
+    TimeLimit,
+    Timeout,
+)
 from scenewright.cli.console import is_terminal, one_line, put, put_json, say
 from scenewright.cli.interruption import keep
 from scenewright.cli.interrupts import stop_if_asked
@@ -80,6 +87,7 @@ def batch(
         bool,
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
+    max_agents: MaxAgents = None,
     exports: Annotated[
         list[str] | None,
         typer.Option(
@@ -114,6 +122,7 @@ def batch(
             seed=seed,
             base_url=base_url,
             lenient=lenient,
+            max_agents=max_agents,
             time_limit=time_limit,
         ),
         workers=workers or cores(),
@@ -173,12 +182,13 @@ def options_of(
     base_url: str | None,
     selection: Literal["draw", "map"] = "draw",
     lenient: bool = False,
+    max_agents: int | None = None,
     time_limit: float = DEFAULT_LIMIT,
 ) -> Options:
     """What all rows share, as the command line says it."""
     from scenewright.dataset.batch.answering import BUILTIN
     from scenewright.dataset.batch.worker import Options
-    from scenewright.graph.run import find_refiner_gap, refiner_or_default
+    from scenewright.graph.run import find_refiner_gap, max_agents_or_default, refiner_or_default
 
     refiner = refiner_or_default(refiner)
     gap = find_refiner_gap(intersection, refiner)
@@ -192,6 +202,7 @@ def options_of(
         seed=seed,
         base_url=base_url,
         lenient=lenient,
+        max_agents=max_agents_or_default(max_agents),
         time_limit=time_limit,
     )
 

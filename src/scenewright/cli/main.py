@@ -23,6 +23,7 @@ from scenewright.cli.author import author
 from scenewright.cli.backend_options import (
     BackendNames,
     BaseUrl,
+    MaxAgents,
     Record,
     TimeLimit,
     Timeout,
@@ -144,6 +145,7 @@ def make(
         bool,
         typer.Option("--lenient", help="Leave out words that cannot be realised, and list them."),
     ] = False,
+    max_agents: MaxAgents = None,
     gif: Annotated[bool, typer.Option("--gif", help="Add an animation, scene.gif.")] = False,
     html: Annotated[
         bool, typer.Option("--html", help="Add a page that plays and explains it, scene.html.")
@@ -171,6 +173,7 @@ def make(
         gif=gif,
         html=html,
         lenient=lenient,
+        max_agents=max_agents,
         time_limit=time_limit,
     )
     with progress(quiet=quiet) as tell:

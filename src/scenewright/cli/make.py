@@ -45,6 +45,7 @@ class Request:
     gif: bool
     html: bool = False
     lenient: bool = False
+    max_agents: int | None = None
     time_limit: float = DEFAULT_LIMIT
 
 
@@ -141,6 +142,7 @@ def _synthesize(request: Request, tell: Tell) -> Scene:
         refiner=request.refiner,
         selection=request.selection,
         lenient=request.lenient,
+        max_agents=request.max_agents,
         time_limit=request.time_limit,
         tell=tell,
     )

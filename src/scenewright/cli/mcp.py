@@ -1,12 +1,14 @@
 """`scenewright mcp`: scenes made, changed and checked over the Model Context Protocol.
 
 Two kinds of tools. `make_scene`, `edit_scene`, `undo`, `show_scene`, `explain_refusal`,
-`verify_scene` and `scene_json` work on a conversation, as `scenewright chat` does. `start_scene`
+`verify_scene`, `scene_json` and those about versions and threads work on a conversation, as
+`scenewright chat` does; pictures, pages and files of its versions are resources. `start_scene`
 and the tools of `nodes/toolbox.py` make one step by step.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +21,9 @@ from scenewright.time_limit import DEFAULT_LIMIT, TimeLimitReachedError, limit_t
 if TYPE_CHECKING:
     from mcp.server import MCPServer
 
-    from scenewright.authoring.session import Session
+    from scenewright.authoring.session import Session, Shown
     from scenewright.backends import Backend
+    from scenewright.cli.views import ViewKind
     from scenewright.nodes.toolbox import Workbench
 
 _GUIDE = """\
@@ -67,12 +70,20 @@ def server_of(served: Served) -> MCPServer[Any]:
     server: MCPServer[Any] = MCPServer("scenewright", instructions=_GUIDE, log_level="WARNING")
     desk = _Desk(served)
     for tool in (
-        desk.make_scene, desk.edit_scene, desk.undo, desk.redo, desk.show_scene,
+        desk.make_scene, desk.edit_scene, desk.edit_by_hand, desk.undo, desk.redo, desk.branch,
+        desk.show_scene, desk.list_versions, desk.list_threads, desk.open_thread,
         desk.explain_refusal, desk.verify_scene, desk.scene_json, desk.save_scene,
         desk.start_scene, desk.ground_plan, desk.draw_candidates, desk.check_program, desk.solve,
         desk.edit_segments, desk.refine, desk.check_scene, desk.record_scene,
     ):  # fmt: skip
         server.add_tool(tool, structured_output=True)
+    for uri, read, kind in (
+        ("scene://version/{version}/picture.png", desk.read_picture, "image/png"),
+        ("scene://version/{version}/page.html", desk.read_page, "text/html"),
+        ("scene://version/{version}/scene.json", desk.read_scene, "application/json"),
+        ("scene://version/{version}/proof.json", desk.read_proof, "application/json"),
+    ):
+        server.resource(uri, mime_type=kind)(read)
     return server
 
 
@@ -80,18 +91,27 @@ class _Desk:
     """What one client works at: a conversation and a workbench."""
 
     def __init__(self, served: Served) -> None:
+        self._served = served
+        self._bench: Workbench | None = None
+        self._open(served.thread)
+
+    def _open(self, thread: str) -> None:
+        """The session of a thread, held by this process alone; InputError if another has it."""
         from scenewright.authoring.session import Session
         from scenewright.cli.user_folders import threads_file
+        from scenewright.graph.run import refiner_or_default
         from scenewright.memory.threads import Threads
 
-        self._served = served
-        from scenewright.graph.run import refiner_or_default
-
-        threads = Threads(threads_file(served.threads))
-        threads.hold(served.thread)
+        served, threads = self._served, Threads(threads_file(self._served.threads))
+        try:
+            threads.hold(thread)
+        except InputError:
+            threads.close()
+            raise
+        self._threads = threads
         self._session: Session = Session(
             threads,
-            served.thread,
+            thread,
             backend=served.backend,
             setting={
                 "intersection": served.intersection,
@@ -100,7 +120,6 @@ class _Desk:
             },
             time_limit=served.time_limit,
         )
-        self._bench: Workbench | None = None
 
     def make_scene(self, instruction: str) -> dict[str, Any]:
         """A new scene from an instruction, such as "A car yields to a pedestrian at 8 am"."""
@@ -109,6 +128,81 @@ class _Desk:
     def edit_scene(self, words: str) -> dict[str, Any]:
         """Changes the scene as the words say, such as "now have it be a collision"."""
         return self._reply(self._session.say(words))
+
+    def edit_by_hand(self, edits: list[dict[str, Any]]) -> dict[str, Any]:
+        """Typed changes, such as {"edit": "move_stop", "agent": "vehicle-1", "metres": -1.5}.
+
+        The others are come_later and wait_longer (seconds), set_pace (factor) and choose_way
+        (entry, exit, movement, crosswalk).
+        """
+        try:
+            return self._reply(self._session.edit(edits))
+        except InputError as error:
+            return _no("unusable_input", str(error))
+
+    def branch(self, name: str) -> dict[str, Any]:
+        """A branch from the current version; or over to the one of that name."""
+        return self._reply(self._session.branch(name))
+
+    def list_versions(self) -> dict[str, Any]:
+        """All versions with their words; scene://version/N/picture.png shows one."""
+        state = self._session.state
+        rows = [
+            {"version": each["number"], "from": each["parent"], "words": each["words"]}
+            for each in state.get("versions", [])
+        ]
+        return {"ok": True, "versions": rows, "current": state.get("current")}
+
+    def list_threads(self) -> dict[str, Any]:
+        """The names of all conversations, last used first, and which one is open."""
+        names = list(self._threads.names())
+        return {"ok": True, "threads": names, "open": self._session.thread}
+
+    def open_thread(self, thread: str) -> dict[str, Any]:
+        """Goes over to a conversation; one that is not there begins empty."""
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", thread):
+            return _no("unusable_input", "a thread's name has up to 64 letters, digits, ., - and _")
+        before = self._threads
+        try:
+            if thread != self._session.thread:
+                self._open(thread)
+                before.close()
+        except InputError as error:
+            return _no("unusable_input", str(error))
+        return {"ok": True, "thread": thread, "current": self._session.state.get("current")}
+
+    def read_picture(self, version: str) -> bytes:
+        """The picture of a version, a number or `current`."""
+        return self._view(version, "png")
+
+    def read_page(self, version: str) -> str:
+        """The self-contained page of a version."""
+        return self._view(version, "html").decode()
+
+    def read_scene(self, version: str) -> str:
+        """scene.json of a version."""
+        return self._find(version).scene_json.decode()
+
+    def read_proof(self, version: str) -> str:
+        """proof.json of a version."""
+        return self._find(version).proof_json.decode()
+
+    def _view(self, version: str, kind: ViewKind) -> bytes:
+        import tempfile
+
+        from scenewright.cli.views import write_view
+
+        shown = self._find(version)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "view"
+            write_view(kind, path, shown.record, shown.proof)
+            return path.read_bytes()
+
+    def _find(self, version: str) -> Shown:
+        shown = self._session.shown(None if version == "current" else version)
+        if shown is None:
+            raise InputError("there is no scene yet; call make_scene first")
+        return shown
 
     def undo(self) -> dict[str, Any]:
         """Back to the version before."""

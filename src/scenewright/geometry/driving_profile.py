@@ -22,7 +22,7 @@ import numpy as np
 from scenewright.compiled import compiled
 from scenewright.geometry.along import sample_poses
 from scenewright.scene.base import FloatArray, frozen
-from scenewright.scene.candidates import Candidate, DrivingProfile, Path
+from scenewright.scene.candidates import PACE_STEP, Candidate, DrivingProfile, Path
 from scenewright.scene.selection import Slowing
 from scenewright.scene.track import STEP, Track
 
@@ -136,8 +136,16 @@ def compute_arrival(
 def compute_squared_speed_limit(candidate: Candidate) -> FloatArray:
     """[P] squared free speed: the law's speed, less in curves, reached with its own rates."""
     path, law = candidate.path, candidate.time_law
-    limit = _limit(path.s, path.curvature, law.speed, law.lateral, law.acceleration, law.braking)
+    speeds = law.speed * get_pace(law, path.s)
+    limit = _limit(path.s, path.curvature, speeds, law.lateral, law.acceleration, law.braking)
     return frozen(limit)  # kept, so nobody may write to it
+
+
+def get_pace(law: DrivingProfile, s: FloatArray) -> FloatArray:
+    """[N] share of the free speed at arc lengths [m]."""
+    if not law.pace:
+        return np.ones(len(s))
+    return np.interp(s / PACE_STEP, np.arange(len(law.pace)), law.pace)
 
 
 def sample_track(motion: Motion, *, enters: float, until: float) -> Track | None:
@@ -193,7 +201,7 @@ def _time_at(moved: FloatArray, s: float) -> float:
 def _limit(
     s: FloatArray,
     curvature: FloatArray,
-    speed: float,
+    speeds: FloatArray,
     lateral: float,
     acceleration: float,
     braking: float,
@@ -202,7 +210,7 @@ def _limit(
     w = np.empty(len(s))
     least = np.inf
     for k in range(len(s) - 1, -1, -1):
-        ceiling = min(speed * speed, lateral / max(abs(curvature[k]), 1e-6))
+        ceiling = min(speeds[k] * speeds[k], lateral / max(abs(curvature[k]), 1e-6))
         least = min(least, ceiling + 2.0 * braking * s[k])
         w[k] = least - 2.0 * braking * s[k]
     _reach_forward(s, w, acceleration)

@@ -125,6 +125,7 @@ def synthesize(
     budgets: Budgets | None = None,
     recall: Recall | None = None,
     lenient: bool = False,
+    max_agents: int | None = None,
     time_limit: float | None = DEFAULT_LIMIT,
     tell: Tell | None = None,
 ) -> Scene:
@@ -146,6 +147,8 @@ def synthesize(
         budgets: how often each retry edge may be taken.
         recall: finds accepted answers to requests like this one, for prompts.
         lenient: leave out words that cannot be realised, and list them, instead of refusing.
+        max_agents: most agents that the scene may hold; None is what the environment variable
+            SCENEWRIGHT_MAX_AGENTS says, else as many as the time of day has.
         time_limit: longest that the stages may compute [s], without what models take to answer;
             None for as long as their budgets of attempts last. It never changes a scene: a run
             that reaches it is refused (OutOfTime).
@@ -180,6 +183,7 @@ def synthesize(
         budgets=budgets or Budgets(),
         recall=recall or nothing_recalled,
         lenient=lenient,
+        max_agents=max_agents_or_default(max_agents),
         tell=note,
         account=calls.append,
     )
@@ -439,6 +443,20 @@ def find_refiner_gap(intersection: str, refiner: str) -> str | None:
 def refiner_or_default(name: str | None) -> str:
     """The refiner that is named, else what SCENEWRIGHT_REFINER says, else `trajnet`."""
     return name or os.environ.get("SCENEWRIGHT_REFINER") or DEFAULT_REFINER
+
+
+def max_agents_or_default(most: int | None) -> int | None:
+    """The most agents of a scene that are named, else what SCENEWRIGHT_MAX_AGENTS says, else None.
+
+    Raises:
+        InputError: it is no whole number from 1.
+    """
+    told = os.environ.get("SCENEWRIGHT_MAX_AGENTS") if most is None else str(most)
+    if not told:
+        return None
+    if not told.isdecimal() or int(told) < 1:
+        raise InputError(f"the most agents of a scene is a whole number from 1, got {told}")
+    return int(told)
 
 
 def check_arguments(seed: int, refiner: str) -> None:

@@ -100,7 +100,7 @@ def _agent(each: PreviousAgent) -> dict[str, Any]:
             "waypoints": _array(candidate.waypoints),
             "path": [_array(a) for a in (path.xy, path.s, path.heading, path.curvature)],
             "nll": candidate.nll,
-            "time_law": asdict(candidate.time_law),
+            "time_law": _write_profile(candidate.time_law),
             "time_nll": candidate.time_nll,
             "shape": asdict(candidate.shape),
             "subtype": candidate.subtype,
@@ -137,11 +137,21 @@ def _read_candidate(value: Mapping[str, Any]) -> Candidate:
         waypoints=_read_array(value["waypoints"]),
         path=Path(xy, s, heading, curvature),
         nll=float(value["nll"]),
-        time_law=DrivingProfile(**value["time_law"]),
+        time_law=_read_profile(value["time_law"]),
         time_nll=float(value["time_nll"]),
         shape=Shape(**value["shape"]),
         subtype=value["subtype"],
     )
+
+
+def _write_profile(profile: DrivingProfile) -> dict[str, Any]:
+    """As plain values; without a pace as before there was one."""
+    values = asdict(profile)
+    return values if profile.pace else {k: v for k, v in values.items() if k != "pace"}
+
+
+def _read_profile(value: Mapping[str, Any]) -> DrivingProfile:
+    return DrivingProfile(**{**value, "pace": tuple(value.get("pace", ()))})
 
 
 def _read_event(value: Mapping[str, Any]) -> PlannedEvent:

@@ -13,7 +13,7 @@ from scenewright.backends import Backend, Call
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.nodes.wording import Recall, nothing_recalled
 from scenewright.scene.map import IntersectionMap
-from scenewright.scene.rejection import Rejection, Stage
+from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import Priors
 from scenewright.tools.solver.select import Mode
 
@@ -53,6 +53,7 @@ class RunContext:
         account: called with what every answer of a model has cost.
         recall: finds accepted answers to requests like this one, for prompts.
         lenient: words that cannot be realised are left out and listed, not refused.
+        max_agents: most agents that a scene may hold; None for as many as p_tod gives.
     """
 
     backend: Backend
@@ -69,13 +70,14 @@ class RunContext:
     account: Callable[[Call], None] = lambda _call: None
     recall: Recall = nothing_recalled
     lenient: bool = False
+    max_agents: int | None = None
 
     @property
     def intersection(self) -> IntersectionMap:
         """The map."""
         return self.ground.intersection_map
 
-    def rng(self, stage: Stage, rejections: list[Rejection]) -> np.random.Generator:
-        """A generator of this stage's own, fresh at every attempt, the same for the same run."""
+    def rng(self, stage: str, rejections: list[Rejection]) -> np.random.Generator:
+        """A generator of a stage (or part of one), fresh at every attempt, the same for a run."""
         key = (self.seed, self.entropy, zlib.crc32(stage.encode()), len(rejections))
         return np.random.default_rng(np.random.SeedSequence(key))

@@ -19,6 +19,10 @@ K = 10
 """Waypoints per candidate, at equal arc length (SEMANTICS section 6)."""
 
 
+PACE_STEP = 1.0
+"""Distance between the places at which `DrivingProfile.pace` says how fast somebody goes [m]."""
+
+
 @dataclass(frozen=True)
 class DrivingProfile:
     """How an agent drives or walks its path when nothing holds it.
@@ -27,12 +31,15 @@ class DrivingProfile:
         speed: free speed on a straight [m/s].
         acceleration, braking: comfortable, along the path [m/s^2, both positive].
         lateral: comfortable lateral acceleration in curves [m/s^2].
+        pace: share of the free speed at every `PACE_STEP` of the way; the last for what is beyond,
+            and none where the speed does not wander.
     """
 
     speed: float
     acceleration: float
     braking: float
     lateral: float
+    pace: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +124,7 @@ class AgentCandidates:
         chance: which of all moments at which it would be seen it comes at, 0 to 1; None where
             `arrival` alone says when.
         reserve: drawn beyond the number wanted, for when another agent finds no room.
+        beside: with whom it walks, in the background.
     """
 
     name: str
@@ -129,6 +137,7 @@ class AgentCandidates:
     arrival: float | None = None
     chance: float | None = None
     reserve: bool = False
+    beside: str | None = None
 
     @property
     def drawn(self) -> DrawnWaypoints:
@@ -154,6 +163,8 @@ class CandidateSet:
         cast: routes and patterns of the foreground.
         hour: time of day [h] that the numbers were drawn for.
         background: how many background agents of each class the scene shall have.
+        least: how many of each suffice where the rest finds no room: fewer only where the time of
+            day, and no words, set the number.
         yielding_model: how agents yield at this intersection.
         groups: who walks with a pedestrian of the social graph, by its name.
     """
@@ -164,3 +175,4 @@ class CandidateSet:
     background: Mapping[AgentClass, int]
     yielding_model: YieldingModel = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    least: Mapping[AgentClass, int] = field(default_factory=dict)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenewright.errors import InputError
 from scenewright.intersections import load_map
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import (
@@ -17,19 +18,20 @@ from scenewright.scene.social import (
     SocialGraph,
 )
 from scenewright.tools.gmm_sampler import load_priors
+from scenewright.tools.gmm_sampler.background_counts import draw_background_counts
 from scenewright.tools.gmm_sampler.generate import (
     amplify,
     assign_foreground,
     choose_hour,
-    draw_background_counts,
 )
 from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
+from scenewright.tools.gmm_sampler.sample import compute_total_mass
 from scenewright.tools.map_grounding.grounding import ground_graph
 
 ON = load_map("amsterdam_120")
 PRIORS = load_priors("amsterdam_120")
 SEEDS = st.integers(0, 10_000)
-WORDS = {"low": (1, 4), "medium": (5, 10), "high": (11, 20)}
+WORDS = {"low": (1, 4), "medium": (5, 10), "high": (11, 90)}
 
 
 def graph_of(relation="near_miss", *, kind=None, **context) -> SocialGraph:
@@ -56,8 +58,9 @@ def pool_of(graph, *, seed=0, hour=12.0, size=6):
     return amplify(graph, cast, PRIORS, intersection_map=ON, hour=hour, size=size, rng=rng)
 
 
-def counts(graph, seed, hour=12.0):
-    return draw_background_counts(graph, PRIORS, hour=hour, rng=np.random.default_rng(seed))
+def counts(graph, seed, hour=12.0, **options):
+    rng = np.random.default_rng(seed)
+    return draw_background_counts(graph, PRIORS, hour=hour, rng=rng, **options)
 
 
 @given(st.sampled_from(sorted(WORDS)), SEEDS, st.floats(0.0, 23.9))
@@ -90,6 +93,34 @@ def test_without_a_word_noon_is_busier_than_night():
         for hour in (12.0, 3.0)
     )
     assert noon > night
+
+
+def test_everybody_in_the_scene_follows_the_hour():
+    """The mean of what is drawn, the two named vehicles included, is p_tod's own."""
+    mass = PRIORS.counts[12].mass
+    expected = mass.sum(axis=1) @ np.arange(mass.shape[0])
+    drawn = [2 + counts(graph_of(), seed)["vehicle"] for seed in range(400)]
+    assert np.mean(drawn) == pytest.approx(expected, rel=0.05)
+
+
+def test_high_density_is_the_busiest_third_of_the_hour():
+    totals = compute_total_mass(PRIORS, hour=12).cumsum()
+    for seed in range(40):
+        here = 2 + sum(counts(graph_of(density="high"), seed).values())
+        assert totals[here - 1] >= 2 / 3
+
+
+@given(st.integers(2, 40), SEEDS, st.sampled_from([None, "high"]))
+def test_no_scene_holds_more_than_the_most_agents(most, seed, density):
+    found = counts(graph_of(density=density), seed, max_agents=most)
+    whole = counts(graph_of(density=density), seed)
+    assert 2 + sum(found.values()) == min(most, 2 + sum(whole.values()))
+
+
+def test_numbers_beyond_the_most_agents_are_refused():
+    asked = graph_of(background=Background(vehicles=9))
+    with pytest.raises(InputError, match="11 agents, more than --max-agents 10"):
+        counts(asked, 0, max_agents=10)
 
 
 @given(SEEDS)
@@ -126,7 +157,7 @@ def test_arrivals_are_spread_evenly_over_the_scene():
     arrivals = np.array(
         [
             each.arrival
-            for seed in range(12)
+            for seed in range(40)
             for each in pool_of(graph_of(background=asked), seed=seed, size=1).agents.values()
             if each.arrival is not None
         ]
@@ -135,9 +166,25 @@ def test_arrivals_are_spread_evenly_over_the_scene():
     assert shares == pytest.approx([1 / 3] * 3, abs=0.1)
 
 
+def test_some_walk_with_another_at_its_pace_on_its_route():
+    asked = graph_of(background=Background(vehicles=0, pedestrians=20))
+    found = 0
+    for seed in range(4):
+        pool = pool_of(asked, seed=seed)
+        for other in (each for each in pool.agents.values() if each.beside is not None):
+            leader = pool.agents[other.beside]
+            ours, theirs = other.build(0), leader.build(0)
+            assert (other.route, ours.time_law) == (leader.route, theirs.time_law)
+            assert 0.7 < np.hypot(*(ours.path.xy - theirs.path.xy).T).mean() < 1.3
+            assert leader.beside is None
+            found += 1
+    assert 3 <= found <= 18  # 11 % of 80
+
+
 def test_candidates_are_built_from_what_was_drawn():
     pool = pool_of(graph_of())
-    for name, agent in pool.agents.items():
+    alone = {name: agent for name, agent in pool.agents.items() if agent.beside is None}
+    for name, agent in alone.items():
         assert agent.drawn.waypoints.shape == (6, 10, 2)
         candidate = agent.build(3)
         assert candidate.route == agent.route

@@ -70,7 +70,7 @@ class Conversation:
     def _report(self, reply: dict[str, Any]) -> dict[str, Any]:
         shown = self.session.shown() if reply["kind"] in ("made", "moved_to") else None
         if reply["kind"] == "wish":
-            reply = {"kind": "nothing", "reason": f"use the button for {reply['wish']}"}
+            reply = {"kind": "nothing", "reason": _WISHES[reply["wish"]]}
         if shown is not None:
             reply = {**reply, **facts(shown)}
         lines = [line for _, line in told(reply, shown)]
@@ -126,6 +126,20 @@ class Conversation:
         found = compared(one.record, one.proof, other.record, other.proof)
         numbers = {"first": one.version["number"], "second": other.version["number"]}
         return [line for _, line in told({"kind": "compared", **numbers, **found}, None)]
+
+
+_WISHES = {
+    "show": "The scene is beside the conversation; its proof is under the picture.",
+    "play": "Press play under the picture, or the space bar.",
+    "why": "The reason is under the refusal, at Why.",
+    "help": "Say what shall happen, then what shall be different; or ask about the scene.",
+    "quit": "Close the window when you like; the conversation is kept.",
+    "html": "Save page, above the picture, gives one file to send to anybody.",
+    "save": "Save page, scene.json and proof.json are above the picture.",
+    "gif": "scenewright show FOLDER --gif and /gif in scenewright chat write an animation.",
+    "mp4": "scenewright show FOLDER --mp4 and /mp4 in scenewright chat write a video.",
+}
+"""What the page answers to what it has buttons for."""
 
 
 def _read_json(text: str) -> Any:

@@ -32,6 +32,7 @@ class Options:
         backend: who answers, as the command line names it.
         base_url: of the endpoint that serves the backend's model, where it has one.
         lenient: words that cannot be realised are left out and listed, not refused.
+        max_agents: most agents of a scene; None for as many as its time of day has.
         time_limit: longest that a scene may be computed [s]; it may change from run to run, as it
             never changes a scene.
     """
@@ -43,6 +44,7 @@ class Options:
     seed: int = 0
     base_url: str | None = None
     lenient: bool = False
+    max_agents: int | None = None
     time_limit: float = DEFAULT_LIMIT
 
     def settings(self) -> dict[str, Any]:
@@ -51,6 +53,8 @@ class Options:
         del found["time_limit"]
         if not self.lenient:  # a dataset begun before there was this option must go on
             del found["lenient"]
+        if self.max_agents is None:
+            del found["max_agents"]
         return found
 
 
@@ -80,6 +84,7 @@ class Job:
     voice: str | None = None
     base_url: str | None = None
     lenient: bool = False
+    max_agents: int | None = None
     time_limit: float = DEFAULT_LIMIT
     asking: Asking = PLAINLY
 
@@ -122,6 +127,7 @@ def job_of(named: Named, options: Options, asking: Asking) -> Job:
         voice=row.voice,
         base_url=options.base_url,
         lenient=options.lenient,
+        max_agents=options.max_agents,
         time_limit=options.time_limit,
         asking=asking,
     )
@@ -173,6 +179,7 @@ def _made(job: Job) -> Outcome:
         refiner=job.refiner,
         selection=job.selection,
         lenient=job.lenient,
+        max_agents=job.max_agents,
         time_limit=job.time_limit,
     )
     # What differs from run to run would make every file differ; the journal has it.

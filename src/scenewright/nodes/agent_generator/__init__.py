@@ -15,6 +15,8 @@ from scenewright.scene.social import SocialGraph
 from scenewright.tools.gmm_sampler.frozen_agents import build_candidates_with_frozen
 from scenewright.tools.gmm_sampler.generate import amplify, assign_foreground, choose_hour
 
+_KEEPS = 6
+"""Samples for which the numbers of background agents stay as drawn."""
 _CROWD_DRAWS = 4
 """Candidates of a background agent where the first that has room is taken (`draw`)."""
 
@@ -43,8 +45,11 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
     graph, pins = state["social_graph"], state.get("pinned")
     if pins is not None:
         return _around(pins, state, context)
-    rng = context.rng("agent_generator", state.get("rejections", []))
+    rejections = state.get("rejections", [])
+    rng = context.rng("agent_generator", rejections)
     hour = choose_hour(graph.context, context.priors, context.rng("agent_generator", []))
+    # Fresh numbers after every failure would leave thin streets, where all find room.
+    kept = rejections[: len(rejections) // _KEEPS * _KEEPS]
     cast = assign_foreground(
         graph,
         state["grounding"],
@@ -62,6 +67,8 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
         hour=hour,
         size=context.draws,
         background_size=_CROWD_DRAWS if context.selection == "draw" else None,
+        numbers=context.rng("background_numbers", kept),
+        max_agents=context.max_agents,
         rng=rng,
     )
     wanted = sum(pool.background.values())

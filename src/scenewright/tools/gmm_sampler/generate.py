@@ -20,32 +20,32 @@ from scenewright.scene.relations import get_pattern
 from scenewright.scene.social import SceneContext, SocialGraph
 from scenewright.scene.track import PEDESTRIAN, Shape, rider_shape, vehicle_shape
 from scenewright.tools.gmm_sampler.asked_profiles import apply_measures, count_slow_routes
+from scenewright.tools.gmm_sampler.background_counts import (
+    draw_background_counts,
+    find_least_counts,
+)
 from scenewright.tools.gmm_sampler.beside_riders import keep_pace, make_room
 from scenewright.tools.gmm_sampler.driving_profile_prior import (
     compute_profile_nll,
     sample_driving_profiles,
 )
-from scenewright.tools.gmm_sampler.groups import form_group
+from scenewright.tools.gmm_sampler.groups import form_group, walk_beside
 from scenewright.tools.gmm_sampler.lane_departure import sample_lane_departures
 from scenewright.tools.gmm_sampler.priors import HOURS, Priors, WaypointPrior
 from scenewright.tools.gmm_sampler.rider_priors import build_rider_priors
 from scenewright.tools.gmm_sampler.sample import (
     build_path,
     compute_nll_and_component,
-    sample_count,
     sample_waypoints,
 )
+from scenewright.tools.gmm_sampler.speed_wander import sample_pace
 from scenewright.tools.gmm_sampler.uturn_priors import build_uturn_priors
 
-DENSITIES: dict[str, tuple[int, int]] = {"low": (1, 4), "medium": (5, 10), "high": (11, 20)}
-"""Background agents by density word (SEMANTICS section 5)."""
-
-_MAX_BACKGROUND = 20
-_VEHICLE_SHARE = (0.55, 0.8)
-"""Of the background where the text names a traffic density."""
 _QUEUES = 28.0
 """In the corpus 1 - exp(-v / 28) of the standing vehicles stand behind another, where v vehicles
 are seen in 30 s: 0.19 of them at v = 5.9, 0.34 at 11.3, 0.48 at 18.1, 0.55 at 20.0."""
+_SECOND_OF_TWO = 0.11
+"""Of the pedestrians in the background: 22 % have a companion in the corpus."""
 _HEADWAY = (1.0, 4.0)
 """Of a vehicle that arrives close to another [s]."""
 _SECONDS = 30.0
@@ -146,11 +146,15 @@ def amplify(
     size: int,
     rng: np.random.Generator,
     background_size: int | None = None,
+    numbers: np.random.Generator | None = None,
+    max_agents: int | None = None,
 ) -> CandidateSet:
     """Candidates of every agent: those of the social graph, then the background and spares.
 
     Args:
         size: M, candidates of each agent; background_size: of each in the background, if fewer.
+        numbers: draws how many there are, if not `rng`.
+        max_agents: most agents that the scene may hold; None for as many as p_tod gives.
     """
     agents = {}
     for node in graph.agents:
@@ -169,7 +173,9 @@ def amplify(
     _draw_lane_departures(agents, assignment, priors, rng=rng)
     _fit_to_riders(agents, assignment, priors, rng=rng)
     apply_measures(agents, graph, rng)
-    counts = draw_background_counts(graph, priors, hour=hour, rng=rng)
+    counts = draw_background_counts(
+        graph, priors, hour=hour, rng=numbers or rng, max_agents=max_agents
+    )
     for kind, count in counts.items():
         spares = 2 + count // 2 if count else 0
         routes, arrivals = _draw_background(
@@ -181,32 +187,26 @@ def amplify(
                 name, "background", route, priors, background_size or size, rng,
                 arrival=arrival, reserve=n >= count,
             )  # fmt: skip
+        if kind == "pedestrian":
+            _pair_up(agents, names[:count], rng)
     return CandidateSet(
         agents=agents, cast=assignment, hour=hour, background=counts,
         yielding_model=priors.yielding_model, groups=groups,
+        least=find_least_counts(graph, counts),
     )  # fmt: skip
 
 
-def draw_background_counts(
-    graph: SocialGraph, priors: Priors, *, hour: float, rng: np.random.Generator
-) -> dict[AgentClass, int]:
-    """How many background agents of each class: as asked, by density, or N - |V| of p_tod."""
-    vehicles, pedestrians = sample_count(priors, rng, hour=int(hour) % HOURS, instant=True)
-    share = (vehicles + 1.0) / (vehicles + pedestrians + 2.0)
-    if graph.context.density is not None:
-        low, high = DENSITIES[graph.context.density]
-        total = int(rng.integers(low, high + 1))
-        share = float(np.clip(share, *_VEHICLE_SHARE))
-    else:
-        total = int(np.clip(vehicles + pedestrians - len(graph.agents), 0, _MAX_BACKGROUND))
-    drawn = int(np.clip(round(total * share), 0, total))
-    asked = graph.context.background
-    if asked is None:
-        return {"vehicle": drawn, "pedestrian": total - drawn}
-    return {
-        "vehicle": drawn if asked.vehicles is None else asked.vehicles,
-        "pedestrian": total - drawn if asked.pedestrians is None else asked.pedestrians,
-    }
+def _pair_up(
+    agents: dict[str, AgentCandidates], names: Sequence[str], rng: np.random.Generator
+) -> None:
+    """Let some pedestrians walk with the one before them, as often as in the corpus, in place."""
+    alone = list(names)
+    while len(alone) > 1:
+        leader, other = alone[0], alone[1]
+        pair = rng.random() < _SECOND_OF_TWO / (1.0 - _SECOND_OF_TWO)
+        if pair:
+            agents[other] = walk_beside(agents[leader], other, rng)
+        alone = alone[2:] if pair else alone[1:]
 
 
 def _draw_agent(
@@ -233,6 +233,8 @@ def _draw_agent(
         own_rng = np.random.default_rng(own)
         waypoints = sample_waypoints(prior, own_rng, size=size)
         profiles = sample_driving_profiles(priors, route.id, own_rng, size=size)
+        paces = sample_pace(shape.type, prior.length, own_rng, size=size)
+        profiles = [replace(p, pace=each) for p, each in zip(profiles, paces, strict=True)]
         profile_nll = compute_profile_nll(priors, route.id, profiles)
         nll, component = compute_nll_and_component(prior, waypoints)
         return DrawnWaypoints(waypoints, nll, component, tuple(profiles), profile_nll)

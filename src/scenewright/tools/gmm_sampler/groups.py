@@ -14,6 +14,10 @@ _BESIDE, _BEHIND = 0.75, 0.8
 """From one member to the next: beside it, and in the row behind [m]; discs of 0.6 m."""
 
 
+_COMPANION, _HALF_A_STEP = (0.85, 1.1), 0.35
+"""Two who walk together: how far apart, and how far one is behind at most [m]."""
+
+
 def form_group(leader: AgentCandidates, names: list[str]) -> dict[str, AgentCandidates]:
     """The other members of a group, by name: rows of two, the first beside the leader."""
     return {
@@ -28,6 +32,14 @@ def _draw_places() -> Iterator[tuple[float, float]]:
     for row in range(1, 4):
         yield 0.0, row * _BEHIND
         yield _BESIDE, row * _BEHIND
+
+
+def walk_beside(leader: AgentCandidates, name: str, rng: np.random.Generator) -> AgentCandidates:
+    """Somebody who walks with another in the background, on either side of it."""
+    aside = float(rng.uniform(*_COMPANION)) * float(rng.choice((-1.0, 1.0)))
+    behind = float(rng.uniform(0.0, _HALF_A_STEP))
+    build = _Shifted(leader, aside, behind)
+    return replace(leader, name=name, build=build, beside=leader.name)
 
 
 class _Shifted:

@@ -72,6 +72,11 @@ class WaypointPrior:
         return np.asarray(total / total[-1])
 
     @cached_property
+    def length(self) -> float:
+        """Of the longest mean path [m]."""
+        return float(np.hypot(*np.diff(self.base, axis=1).transpose(2, 0, 1)).sum(axis=1).max())
+
+    @cached_property
     def whitening(self) -> FloatArray:
         """[C, 20, 20] inverses of the Cholesky factors [1/m]."""
         return np.asarray(np.linalg.inv(self.cholesky))

@@ -10,7 +10,7 @@ At once, at least cost: see `assignment`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +30,7 @@ class Option:
         starts: [N] allowed entry times in steps of 0.1 s, ascending.
         cost: -log density of it [nats].
         drawn_time: entry time [steps] that it was drawn for.
+        follows: it drives behind who is ahead of it.
     """
 
     make: Callable[[], ScheduledAgent]
@@ -37,11 +38,26 @@ class Option:
     starts: Steps
     cost: float
     drawn_time: int = 0
+    follows: bool = False
 
     @cached_property
     def actor(self) -> ScheduledAgent:
         """The agent as this option has it; its entry time is a placeholder."""
         return self.make()
+
+
+@dataclass(eq=False)
+class Seated:
+    """Who has a place already, in scene time.
+
+    Attributes:
+        standing: everybody; present: the same as reservations; None where all are seated at once.
+        chosen: option and entry time [steps] of those in the background, by name.
+    """
+
+    standing: list[ScheduledAgent] = field(default_factory=list)
+    present: ReservationTable | None = None
+    chosen: dict[str, tuple[Option, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +66,7 @@ class BackgroundAgent:
 
     Attributes:
         make: builds its options, lazily, the likeliest of a candidate first, given those in whose
-            way or behind whom it may come to stand (in scene time).
+            way or behind whom it may come to stand, or whom it walks with.
         foreground: keeps the stricter distance to all, and must take part.
         reserve: drawn beyond the number wanted; takes part only if another agent cannot.
     """
@@ -58,13 +74,13 @@ class BackgroundAgent:
     name: str
     type: AgentClass
     foreground: bool
-    make: Callable[[Sequence[ScheduledAgent]], Iterable[Option]]
+    make: Callable[[Seated], Iterable[Option]]
     reserve: bool = False
 
     @cached_property
     def options(self) -> tuple[Option, ...]:
         """The ways in which it may take part, if nobody stands anywhere."""
-        return tuple(self.make(()))
+        return tuple(self.make(Seated()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,34 +94,44 @@ class Assignment:
 
 
 def assign_in_turn(
-    agents: Sequence[BackgroundAgent], table: ConflictTable, wanted: Mapping[AgentClass, int]
+    agents: Sequence[BackgroundAgent],
+    table: ConflictTable,
+    wanted: Mapping[AgentClass, int],
+    least: Mapping[AgentClass, int] | None = None,
 ) -> Assignment | str:
-    """Guests seated in the order given until every class has as many as wanted."""
+    """Guests seated in the order given until every class has as many as wanted.
+
+    Args:
+        least: how many of each class suffice where no more find room; None for as many as wanted.
+    """
     left = dict(wanted)
-    chosen: dict[str, tuple[Option, int]] = {}
-    present, standing = ReservationTable(table.fixed), list(table.fixed)
+    present = ReservationTable(table.fixed)
+    seated = Seated(list(table.fixed), present)
     for agent in sorted(agents, key=lambda each: not each.foreground):
         if not agent.foreground and left[agent.type] <= 0:
             continue
-        found = _first_room(agent, present, standing)
+        found = _first_room(agent, present, seated)
         if found is not None:
-            option, start = chosen[agent.name] = found
-            standing.append(option.actor.shifted(STEP * start))
-            present.add(standing[-1], foreground=agent.foreground)
+            option, start = seated.chosen[agent.name] = found
+            seated.standing.append(option.actor.shifted(STEP * start))
+            present.add(seated.standing[-1], foreground=agent.foreground)
             left[agent.type] -= not agent.foreground
         elif agent.foreground:
             return f"{agent.name} finds no moment at which it would not interact"
-    if any(left.values()):
+    enough = wanted if least is None else least
+    if any(wanted[kind] - left[kind] < enough.get(kind, wanted[kind]) for kind in wanted):
         return f"no room for {sum(left.values())} of {sum(wanted.values())} further agents"
-    return Assignment(chosen, optimal=False, rounds=1, pairs=len(chosen))
+    return Assignment(seated.chosen, optimal=False, rounds=1, pairs=len(seated.chosen))
 
 
 def _first_room(
-    agent: BackgroundAgent, present: ReservationTable, standing: Sequence[ScheduledAgent]
+    agent: BackgroundAgent, present: ReservationTable, seated: Seated
 ) -> tuple[Option, int] | None:
     """The guest's first way with room, and its entry time nearest to the one wished for."""
-    for option in agent.make(standing):
-        free = present.find_free_times(option.actor, option.starts, foreground=agent.foreground)
+    for option in agent.make(seated):
+        free = present.find_free_times(
+            option.actor, option.starts, foreground=agent.foreground, follows=option.follows
+        )
         if len(free):
             return option, int(free[np.argmin(np.abs(free - option.drawn_time))])
     return None

@@ -30,6 +30,9 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 LINE_GAP, QUEUE_GAP = (0.3, 1.5), (1.4, 2.6)
 """Waiting vehicles: to the line and to the next ahead [m]."""
 
+KERB_GAP, KERB_ROW = 0.45, (0.7, 1.0)
+"""Waiting pedestrians: from the kerb, and from one row of them to the next [m]."""
+
 START_LAG, FOLLOW_LAG, STOP_LAG = (0.8, 1.5), (1.05, 1.7), (1.2, 4.0)
 """From green to the first one's start, from the next ahead's start to one's own, and from its
 standing to one's own [s]: whoever follows sooner than that comes too near on the way."""
@@ -63,7 +66,7 @@ class RedLightWait:
     """An agent that comes upon red, first in its lane, and waits.
 
     Attributes:
-        gap: from its front to the line [m].
+        gap: from its front, or on foot its middle, to the line [m].
         lag: from green to its start [s].
         stays: a wreck ahead keeps it there for good.
     """
@@ -78,8 +81,7 @@ class RedLightWait:
     @property
     def s(self) -> float:
         """Arc length at which it stands [m]."""
-        walks = self.free.candidate.route.type == "pedestrian"
-        return (self.free.landmarks.line or 0.0) - (0.3 if walks else self.gap)
+        return (self.free.landmarks.line or 0.0) - self.gap
 
     @cached_property
     def reaches(self) -> float:
@@ -129,7 +131,26 @@ def find_entry_times(actor: ScheduledAgent, moment: SceneTiming) -> NDArray[np.i
         return steps
     crosses = STEP * steps + actor.motion.find_time_at(line) + clock.offset
     green = is_showing(clock.program, group, np.stack([crosses - 0.3, crosses + 0.3]), ("green",))
-    return steps[green.all(axis=0)]
+    allowed = green.all(axis=0)
+    if actor.candidate.route.type == "pedestrian" and clock.colour(group, 0.0) == "red":
+        allowed &= ~_is_on_crosswalk(actor, np.asarray(-STEP * steps, dtype=np.float64))
+    return steps[allowed]
+
+
+def _is_on_crosswalk(actor: ScheduledAgent, times: FloatArray) -> NDArray[np.bool_]:
+    """[N] whether a pedestrian is on its crosswalk at local times [s]."""
+    own = [each for each in actor.landmarks.crosswalks if each[0] == actor.landmarks.own_crosswalk]
+    s = np.where(times > 0.0, actor.motion.compute_positions(times), -np.inf)
+    inside = [(begin - 0.5 < s) & (s < end + 0.5) for _, begin, end in own]
+    return np.logical_or.reduce(inside) if inside else np.zeros(len(times), np.bool_)
+
+
+def starts_on_red(actor: ScheduledAgent, moment: SceneTiming, enters: float) -> bool:
+    """Whether a pedestrian is on its crosswalk when the scene begins, and its light is red then."""
+    group, clock = actor.landmarks.group, moment.clock
+    if clock is None or group is None or clock.colour(group, 0.0) != "red":
+        return False
+    return bool(_is_on_crosswalk(actor, np.array([-enters]))[0])
 
 
 def compute_arrival_entry(free: ScheduledAgent, moment: SceneTiming, chance: float) -> float:

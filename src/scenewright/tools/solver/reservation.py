@@ -61,6 +61,11 @@ WALKERS = SafetyMargin(clearance=0.15, gap=0.0)
 AFTER_YIELD = SafetyMargin(clearance=0.0, gap=2.4)
 """Around where a yielding agent would have been unheld: no second cause for its stop."""
 
+IN_LANE = 0.95
+"""Between two of the background in one lane [s], rear to front: the checker asks for 0.8 s."""
+_ALONG = 0.87
+"""Cosine of the most by which headings in one lane differ."""
+
 _WIDEST, _WALKERS_APART = FOREGROUND.clearance, WALKERS.clearance
 
 _BESIDE_RIDERS = 0.75
@@ -114,16 +119,17 @@ class _Reservation:
             the node [s].
         keeping: [`_KEEPING`] what is the same at all nodes: half length and half width, half
             diagonal, distance between nodes [m]; whether it walks; clearance [m] and gap [s] to
-            others in the background, gap to those in the foreground; and how long before its own
-            coming nobody else crosses [s], where that is more than the gap.
+            others in the background, gap to those in the foreground; how long before its own
+            coming nobody else crosses [s], where that is more than the gap; and whether it is of
+            the background.
     """
 
     nodes: FloatArray
     keeping: FloatArray
 
 
-_KEEPING = 9
-_LONG, _WIDE, _REACH, _SPACING, _WALKS, _CLEARANCE, _INNER, _OUTER, _AHEAD = range(_KEEPING)
+_KEEPING = 10
+_LONG, _WIDE, _REACH, _SPACING, _WALKS, _CLEARANCE, _INNER, _OUTER, _AHEAD, _CROWD = range(_KEEPING)
 
 
 class ReservationTable:
@@ -150,12 +156,18 @@ class ReservationTable:
             touch = SafetyMargin(clearance=0.0, gap=0.0)
             self._stays.append(_stay(actor, actor.motion, touch, touch, ahead=WALKER_AHEAD))
 
-    def find_free_times(self, actor: ScheduledAgent, starts: Steps, *, foreground: bool) -> Steps:
-        """Of the entry times [steps], those at which the actor would meet nobody."""
+    def find_free_times(
+        self, actor: ScheduledAgent, starts: Steps, *, foreground: bool, follows: bool = False
+    ) -> Steps:
+        """Of the entry times [steps], those at which the actor would meet nobody.
+
+        Args:
+            follows: it drives behind who is ahead in its lane, so that `IN_LANE` will do there.
+        """
         if not self._stays or not len(starts):
             return starts
         if len(starts) == 1:
-            return starts[:0] if self._meets(actor, int(starts[0]), foreground) else starts
+            return starts[:0] if self._meets(actor, int(starts[0]), foreground, follows) else starts
         return _unmet(starts, *self.find_blocked_intervals(actor, foreground=foreground))
 
     def find_blocked_intervals(
@@ -169,13 +181,31 @@ class ReservationTable:
         met = self._meetings(corridor)
         return _barred(met, come, leave, corridor.walks, foreground, nodes, keeping)
 
-    def _meets(self, actor: ScheduledAgent, start: int, foreground: bool) -> bool:
+    def list_bars(
+        self, corridor: Corridor, *, in_lane: float
+    ) -> tuple[IntArray, FloatArray, FloatArray, IntArray, IntArray]:
+        """[N] node of a background vehicle that is barred, from when until when [s], by whom, how.
+
+        Args:
+            in_lane: how long after the one ahead in its lane it comes at least [s].
+
+        Returns:
+            How: 0 the clearance alone; 1 it drives ahead in the lane; 2 it crosses; 3 it crosses
+            and is of the foreground.
+        """
+        if not self._stays:
+            none = np.empty(0, dtype=np.intp)
+            return none, np.empty(0), np.empty(0), none, none
+        nodes, keeping, _ = self._gathered()
+        return _list_bars(corridor.pose, self._meetings(corridor), nodes, keeping, in_lane)
+
+    def _meets(self, actor: ScheduledAgent, start: int, foreground: bool, follows: bool) -> bool:
         """Whether it would meet anybody if it entered at one time [steps]: quicker than all."""
         corridor = get_corridor(actor.candidate)
         come, leave = compute_occupancy(corridor.s, actor.motion, 0.5)
         return _meets(
             start, corridor.pose, corridor.half, corridor.reach, corridor.walks, come, leave,
-            foreground, *self._gathered(),
+            foreground, follows, *self._gathered(),
         )  # fmt: skip
 
     def _gathered(self) -> _Table:
@@ -222,7 +252,7 @@ def _stay(
     come, leave = compute_occupancy(corridor.s, motion, 0.5)
     nodes = _in_scene_time(corridor.pose, come, leave, actor.enters)
     keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
-               inner.clearance, inner.gap, outer.gap, ahead)  # fmt: skip
+               inner.clearance, inner.gap, outer.gap, ahead, inner is BACKGROUND)  # fmt: skip
     return _Reservation(nodes, np.array(keeping, dtype=np.float64))
 
 
@@ -265,6 +295,49 @@ def _apart(keeping: FloatArray, walks: bool) -> tuple[bool, float]:
     both = walks and keeping[_WALKS] > 0.0
     least = _WALKERS_APART if both else keeping[_CLEARANCE]
     return both, least if keeping[_CLEARANCE] > 0.0 else -np.inf
+
+
+@compiled
+def _is_in_lane(
+    pose: FloatArray, i: int, nodes: FloatArray, j: int, keeping: FloatArray, foreground: bool
+) -> bool:
+    """Whether two vehicles of the background drive in one lane where they touch."""
+    if foreground or keeping[_CROWD] == 0.0 or keeping[_WALKS] > 0.0:
+        return False
+    return bool(pose[2, i] * nodes[2, j] + pose[3, i] * nodes[3, j] > _ALONG)
+
+
+@compiled
+def _list_bars(
+    pose: FloatArray, met: ConflictRuns, nodes: FloatArray, keeping: FloatArray, in_lane: float
+) -> tuple[IntArray, FloatArray, FloatArray, IntArray, IntArray]:
+    """What bars nodes of a vehicle's path, see `list_bars`."""
+    near, touching = met
+    room = len(near) + len(touching)
+    rows, who, kind = np.empty(room, np.intp), np.empty(room, np.intp), np.empty(room, np.intp)
+    low, high = np.empty(room), np.empty(room)
+    count = 0
+    for runs, touch in ((near, False), (touching, True)):
+        for k in range(len(runs)):
+            row, first, last, other = runs[k, 0], runs[k, 1], runs[k, 2], runs[k, 3]
+            own = keeping[other]
+            along = (
+                own[_WALKS] == 0.0
+                and pose[2, row] * nodes[2, first] + pose[3, row] * nodes[3, first] > _ALONG
+            )
+            begin, end = nodes[4, first], nodes[5, last]
+            if not np.isfinite(begin):
+                continue
+            if touch:
+                crowd = own[_CROWD] > 0.0
+                before, after = own[_INNER], own[_INNER] + 0.1
+                if along:
+                    before, after = (IN_LANE, in_lane) if crowd else (before, after)
+                begin, end = begin - before, end + after
+            rows[count], low[count], high[count], who[count] = row, begin, end, other
+            kind[count] = 1 if along else (2 if own[_CROWD] > 0.0 else 3)
+            count += 1
+    return rows[:count], low[:count], high[:count], who[:count], kind[:count]
 
 
 @compiled
@@ -371,6 +444,7 @@ def _meets(
     come: FloatArray,
     leave: FloatArray,
     foreground: bool,
+    follows: bool,
     nodes: FloatArray,
     keeping: FloatArray,
     ends: IntArray,
@@ -403,7 +477,9 @@ def _meets(
                 if gap <= least and _bars(begin, end, start):
                     return True
                 if gap <= 0.0 and not both and _bars(begin - before, end + after, start):
-                    return True
+                    lane = follows and _is_in_lane(pose, i, nodes, j, keeping[who], foreground)
+                    if not lane or _bars(begin - IN_LANE, end + IN_LANE, start):
+                        return True
                 j += 1
     return False
 

@@ -57,11 +57,15 @@ from scenewright.tools.solver.background_assignment import (
     BackgroundAgent,
     ConflictTable,
     Option,
+    Seated,
     assign_in_turn,
 )
+from scenewright.tools.solver.car_following import follow_traffic
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.entry_times import (
     FOLLOW_LAG,
+    KERB_GAP,
+    KERB_ROW,
     LINE_GAP,
     QUEUE_GAP,
     START_LAG,
@@ -78,6 +82,7 @@ from scenewright.tools.solver.entry_times import (
     find_queue_tail,
     limit_to_leader,
     passes_on_green,
+    starts_on_red,
 )
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
@@ -88,7 +93,11 @@ from scenewright.tools.solver.pauses import draw_pauses
 from scenewright.tools.solver.reactions import ReactionRequests
 from scenewright.tools.solver.red_light_run import add_red_light_runners, runs_first, runs_in_time
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
-from scenewright.tools.solver.reservation import Steps, find_blocked_offsets
+from scenewright.tools.solver.reservation import (
+    ReservationTable,
+    Steps,
+    find_blocked_offsets,
+)
 from scenewright.tools.solver.schedule import PartialSchedule
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
@@ -124,6 +133,13 @@ WAITING_ALREADY = 4.0
 _WINDOW, _FAR_COST = 6.0, 2.0
 """How far from its drawn arrival an agent may be moved to keep out of others' way [s]; and what
 it costs [nats] to have it come at another time altogether."""
+
+_LATER, _LEAST_SEEN = (0.0, 1.2, 2.6, 4.5, 7.0), 4.0
+"""By how much later than drawn a vehicle comes among others [s], and how long it is seen at least.
+Vehicles are seated in the order in which they come, so that who finds no room delays the next."""
+
+_OFF_KERB = 0.4
+"""Who waits with another keeps at least so far from the kerb [m]."""
 
 _PATIENCE = 3
 """Candidates on which one who comes on red looks for room to wait."""
@@ -550,7 +566,7 @@ class Search:
         actors = timed.schedule.actors
         table = ConflictTable(actor.until(timed.duration) for actor in actors.values())
         agents = self._guests(timed, placed=actors)
-        return assign_in_turn(agents, table, self._pool.background)
+        return assign_in_turn(agents, table, self._pool.background, self._pool.least)
 
     def _guests(self, timed: TimedSchedule, *, placed: Container[str]) -> list[BackgroundAgent]:
         """All but those who have their place already."""
@@ -572,12 +588,13 @@ class Search:
         draws: AgentCandidates,
         moment: SceneTiming,
         objects: Sequence[ObjectRecord],
-        standing: Sequence[ScheduledAgent],
+        seated: Seated,
     ) -> Iterator[Option]:
         """The ways in which an agent may take part: of its first candidate that has any.
 
         Who comes on red looks for room to wait on a few candidates before it comes at other times.
         """
+        yield from self._beside(draws, moment, seated)
         later: list[Option] = []
         tried = 0
         for m in range(len(draws.nll)):
@@ -585,7 +602,7 @@ class Search:
             built = self._candidate(draws.name, m)
             if built is None or is_in_way(built[0], objects):
                 continue
-            ways = self._ways(draws, m, built, moment, standing, later)
+            ways = self._ways(draws, m, built, moment, seated, later)
             first = next(ways, None)
             if first is not None:
                 yield first
@@ -601,13 +618,13 @@ class Search:
         m: int,
         built: tuple[Candidate, Landmarks],
         moment: SceneTiming,
-        standing: Sequence[ScheduledAgent],
+        seated: Seated,
         later: list[Option],
     ) -> Iterator[Option]:
         """Passing on green near the time drawn; waiting; passing at any other moment.
 
         Args:
-            standing: behind whom it may wait.
+            seated: behind whom it may wait, and among whom it may drive.
             later: gets what is left to one who comes on red and finds no room to wait.
         """
         actor = ScheduledAgent.unplaced(*built)
@@ -616,6 +633,8 @@ class Search:
         cost, around = self._cost(draws.name, m), arrives - half
         if draws.chance is not None:
             around = compute_arrival_entry(actor, moment, draws.chance)
+        if seated.present is not None and _follows(draws):
+            yield from self._among(actor, m, cost, around, seated.present, moment)
         waits = draws.chance is not None and not passes_on_green(actor, moment, around)
         far: list[Option] = []
         if not waits:
@@ -623,7 +642,7 @@ class Search:
             yield from near
         drives = draws.route.type == "vehicle"
         span = compute_red_span(actor, moment, around)
-        last = find_queue_tail(built[0], standing, span) if drives else None
+        last = find_queue_tail(built[0], seated.standing, span) if drives else None
         waiting: list[tuple[RedLightWait, Steps]] = []
         if last is not None and draws.arrival is not None:
             yield from self._behind(actor, m, cost, around, moment, last)
@@ -642,13 +661,53 @@ class Search:
         else:
             yield from (*far, *stuck)
 
+    def _beside(
+        self, draws: AgentCandidates, moment: SceneTiming, seated: Seated
+    ) -> Iterator[Option]:
+        """Walking with another who has a place, if both keep off the crosswalk at red."""
+        if draws.beside not in seated.chosen:
+            return
+        option, start = seated.chosen[draws.beside]
+        built = self._candidate(draws.name, option.index)
+        if built is None:
+            return
+        actor, line = option.actor.led(*built), built[1].line or np.inf
+        kerb = option.actor.landmarks.line or np.inf
+        beyond = any(stop.s < kerb and stop.s > line - _OFF_KERB for stop in actor.stops)
+        lawful = passes_on_green(actor, moment, start * STEP)
+        if lawful and not beyond and not starts_on_red(actor, moment, start * STEP):
+            steps = np.array([start], dtype=np.int64)
+            cost = self._cost(draws.name, option.index)
+            yield Option(partial(_get, actor), option.index, steps, cost)
+
+    def _among(
+        self,
+        actor: ScheduledAgent,
+        m: int,
+        cost: float,
+        around: float,
+        present: ReservationTable,
+        moment: SceneTiming,
+    ) -> Iterator[Option]:
+        """Driving behind and among those present, about the time drawn."""
+        for late in _LATER:
+            each = late * float(self._rng.uniform(0.8, 1.2))
+            enters = round(min(around + each, moment.duration - _LEAST_SEEN), 1)
+            driven = follow_traffic(actor, enters, present, moment, self._rng)
+            if driven is not None and enters + STEP * len(driven.motion.s) >= _LEAST_SEEN:
+                step = np.array([round(enters / STEP)], dtype=np.int64)
+                yield Option(partial(_get, driven), m, step, cost, follows=True)
+
     def _reds(
         self, actor: ScheduledAgent, moment: SceneTiming, around: float, waiting: float
     ) -> Iterator[RedLightWait]:
         """Waiting first in its lane: come about the time drawn, or before the scene began."""
         late = self._rng.uniform(-_WINDOW, _WINDOW, 2).tolist()
-        for enters in (around, *(around + each for each in late), waiting):
+        walks = actor.candidate.route.type == "pedestrian"
+        for n, enters in enumerate((around, *(around + each for each in late), waiting)):
             gap, lag = (float(self._rng.uniform(*each)) for each in (LINE_GAP, START_LAG))
+            if walks:  # behind those who stand at the kerb already
+                gap = KERB_GAP + n * float(self._rng.uniform(*KERB_ROW))
             red = RedLightWait(actor, moment, round(enters, 1), gap, lag)
             if red.holds:
                 yield red
@@ -741,6 +800,16 @@ class Search:
             detail=f"no combination of candidates survives: {detail or 'none was drawn'}",
             missed=None if culprit is None else (-culprit.reached, culprit.off),
         )
+
+
+def _get(actor: ScheduledAgent) -> ScheduledAgent:
+    return actor
+
+
+def _follows(draws: AgentCandidates) -> bool:
+    """Whether it is a vehicle of the background that comes by chance."""
+    vehicle = draws.shape.type == "vehicle" and draws.role == "background"
+    return vehicle and draws.chance is not None
 
 
 def _passing(

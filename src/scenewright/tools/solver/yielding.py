@@ -77,7 +77,7 @@ _SETS_OFF = 4.5
 """Least way [m] from a red light to where who set off there gives way: it must have been moving at
 2 m/s (SEMANTICS)."""
 
-_FREE = {"acceleration": 2.0, "braking": 2.0, "lateral": 3.0}
+_FREE = DrivingProfile(1.0, acceleration=2.0, braking=2.0, lateral=3.0)
 """Free speed as SEMANTICS section 4 defines it."""
 
 _CLEARANCE, _PETS = 0.4, (0.6, 7.0)
@@ -457,7 +457,7 @@ def _unheld(
     since = max([hold.s - 1.5 * reach, *(each.s + 0.1 for each in earlier)])
     approach = float(speed[s >= since].max())
     begin = int(np.nonzero(speed >= approach - min(0.3, 0.3 * approach))[0][-1])
-    law = DrivingProfile(speed=approach, **_FREE)
+    law = replace(_FREE, speed=approach)
     free = compute_motion(replace(a.candidate, time_law=law), holds=earlier)
     shift = STEP * begin - free.find_time_at(float(s[begin]))
     first, last = compute_passage(free, nodes)

@@ -1,0 +1,508 @@
+"""Everyday phrasings of a change, read against the scene before the planner's grammar is asked.
+
+Each rule is a form of words and what it amounts to. Whom the words mean is decided here as well:
+"her", "the truck", "the other one". Words that fit no rule are left to the planner; what the
+planner makes of words is refused where it passes over somebody whom they name.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from scenewright.scene.base import Compass, Movement
+from scenewright.scene.edits import (
+    AddAgent,
+    ChangeAgent,
+    DeclinedTurn,
+    Edit,
+    Edits,
+    NewScene,
+    Reading,
+    Relate,
+    RemoveAgent,
+    SetBackground,
+    SetMeasure,
+    SetPace,
+    Situation,
+    WaitLonger,
+)
+from scenewright.scene.events import Event
+from scenewright.scene.measures import UNITS, Measure, MeasureKind
+from scenewright.scene.social import MOST_BACKGROUND, AgentNode, RelationEdge
+
+_WEATHER = re.compile(
+    r"\b(?:rain(?:s|ing|y)?|snow(?:s|ing|y)?|fog(?:gy)?|mist|ice|icy|wet|slippery|storm(?:y)?|"
+    r"wind(?:y)?|sunny|weather|hail)\b"
+)
+WEATHER = (
+    "There is no weather here: the road is dry and everybody sees equally far. What can be had "
+    'instead: "make it night", "slow the car down", "have her step out from behind a parked van".'
+)
+_LENGTH = re.compile(
+    r"^(?:make|let|have) (?:it|the scene|the (?:video|clip)) (?:a bit |much )?(?:last )?"
+    r"(?:longer|shorter)$|^(?:a )?(?:longer|shorter)(?: scene)?$"
+)
+LENGTH = (
+    "How long a scene lasts follows from what happens in it, 30 s at the most. To have it happen "
+    'at another time, say "let it happen 12 s into the scene".'
+)
+_CLASSES: dict[str, tuple[str, str | None]] = {
+    "car": ("vehicle", "car"), "taxi": ("vehicle", "car"), "cab": ("vehicle", "car"),
+    "van": ("vehicle", "truck"), "truck": ("vehicle", "truck"), "lorry": ("vehicle", "truck"),
+    "bus": ("vehicle", "bus"), "coach": ("vehicle", "bus"), "motorcycle": ("vehicle", "motorcycle"),
+    "motorbike": ("vehicle", "motorcycle"), "vehicle": ("vehicle", None),
+    "driver": ("vehicle", None), "cyclist": ("cyclist", None), "bike": ("cyclist", None),
+    "bicycle": ("cyclist", None), "biker": ("cyclist", None), "scooter": ("scooter", None),
+    "e-scooter": ("scooter", None), "pedestrian": ("pedestrian", None),
+    "walker": ("pedestrian", None), "man": ("pedestrian", None), "woman": ("pedestrian", None),
+    "child": ("pedestrian", None), "kid": ("pedestrian", None), "guy": ("pedestrian", None),
+    "boy": ("pedestrian", None), "girl": ("pedestrian", None), "person": ("pedestrian", None),
+    "lady": ("pedestrian", None),
+}  # fmt: skip
+"""Noun -> class and subtype."""
+_NOUN = "|".join(sorted(_CLASSES, key=len, reverse=True))
+_WHO = (
+    rf"(?P<who>it|him|her|them|he|she|they|that(?: one)?|(?:the |that |this )?other one|"
+    rf"(?:the|that|this|my) (?:other )?(?:old |young |little |delivery |e-)*(?:{_NOUN})(?: rider)?|"
+    rf"(?:{_NOUN}|(?:vehicle|pedestrian|cyclist|scooter)-\d+))"
+)
+_ADVERB = (
+    r"(?P<much>a (?:lot|bit|little|tad|touch)|much|way|far|slightly|even|really|very|more|too)"
+)
+_SIDE = r"(?P<{}>north|east|south|west)"
+_GOES = (
+    r"(?:go|goes|going|walk|walks|drive|drives|ride|rides|move|moves|be|is|come in|comes in|cross)"
+)
+_OPPOSITE: dict[str, Compass] = {
+    "north": "south", "south": "north", "east": "west", "west": "east",
+}  # fmt: skip
+_SLOW, _FAST = 0.8, 1.25
+_EARLIER, KMH = 3.0, 3.6
+_VERY = 0.6
+_CLOSER = 0.6
+
+
+@dataclass(frozen=True)
+class Talk:
+    """What everyday words are read against.
+
+    Attributes:
+        touched: agents that were spoken of, the last first; events: of the current version.
+    """
+
+    situation: Situation
+    touched: Sequence[str]
+    events: Sequence[Event]
+
+    def list_named(self) -> list[AgentNode]:
+        """The agents of the instruction, those spoken of last first."""
+        place = {name: n for n, name in enumerate(self.touched)}
+        return sorted(self.situation.graph.agents, key=lambda a: place.get(a.id, len(place)))
+
+    def keep_way(self, node: AgentNode) -> AgentNode:
+        """The node with the way that its agent takes now, where the graph leaves that open."""
+        view = next((each for each in self.situation.present if each.id == node.id), None)
+        if view is None:
+            return node
+        now = {key: getattr(view, key) for key in ("entry", "exit", "movement", "crosswalk")}
+        return node.model_copy(
+            update={key: value for key, value in now.items() if getattr(node, key) is None}
+        )
+
+    def find(self, who: str) -> AgentNode | None:
+        """Whom the words mean; None where that is nobody, or several equally."""
+        words = re.sub(r"^(?:the|that|this|my) ", "", who)
+        named = self.list_named()
+        if words in {each.id for each in named}:
+            return self.situation.graph.agent(words)
+        if words in ("other one", "that one"):
+            return self._find_other() if words == "other one" else (named[0] if named else None)
+        other = words.startswith("other ")
+        if words in ("him", "her", "he", "she"):
+            found = [each for each in named if each.type != "vehicle"]
+        elif words in ("it", "that", "them", "they"):
+            found = [each for each in named if each.type == "vehicle"] or named
+        else:
+            kind, subtype = _CLASSES[re.sub(r" rider$", "", words).split()[-1]]
+            found = [each for each in named if each.type == kind]
+            exact = [each for each in found if subtype is None or each.subtype in (subtype, None)]
+            found = exact or ([] if subtype not in (None, "car") else found)
+        if other:
+            found = [each for each in found if each.id not in self.touched[:1]]
+        spoken = [each for each in found if each.id in self.touched]
+        if len(found) == 1 or (spoken and words in _PRONOUNS):
+            return found[0]
+        return None
+
+    def _find_other(self) -> AgentNode | None:
+        """Of two that were spoken of or take part, the one that was not meant last."""
+        named = self.list_named()
+        last = next((each for each in named if each.id in self.touched), None)
+        if last is None:
+            return None
+        rest = [each for each in named if each.id != last.id]
+        alike = [each for each in rest if each.type == last.type]
+        return rest[0] if len(rest) == 1 else alike[0] if len(alike) == 1 else None
+
+
+_PRONOUNS = ("him", "her", "he", "she", "it", "that", "them", "they")
+_Rule = Callable[[re.Match[str], Talk], Reading | None]
+
+
+def read_everyday(words: str, talk: Talk) -> Reading | None:
+    """What the words amount to; None where no rule knows them.
+
+    Words of several parts are read only where every part is known.
+    """
+    plain = _simplify(words)
+    whole = _read_part(plain, talk)
+    if whole is not None:
+        return whole
+    parts = [each for each in re.split(r"\s*(?:[.;,!]|\band (?:then )?)\s*", plain) if each]
+    edits: list[Edit] = []
+    for part in parts if len(parts) > 1 else ():
+        found = _read_part(part, talk)
+        if not isinstance(found, Edits):
+            return None
+        edits += found.edits
+    return Edits(edits=tuple(edits)) if edits else None
+
+
+_FILLER = re.compile(
+    r"^(?:(?:and|now|then|so|ok|okay|oh|no|nah|nope|ye(?:s|ah|p)|hmm?|well|but|actually|please|"
+    r"pls|wait|maybe|"
+    r"just|also|fine|alright|great|good|cool|nice|w(?:oah|hoa|ow)|uh|um|sorry|hey|"
+    r"i mean|can you|could you|would you|let's)\b[ ,.!]*)+|[ ,]*\b(?:please|pls|instead|then|now|"
+    r"though|i mean|again)\b[.! ]*$"
+)
+
+
+def _simplify(words: str) -> str:
+    plain = " ".join(words.lower().replace("’", "'").split()).rstrip(" .!?")
+    while (bare := _FILLER.sub("", plain).strip(" ,.!")) != plain and bare:
+        plain = bare
+    return plain
+
+
+def _read_part(plain: str, talk: Talk) -> Reading | None:
+    for pattern, rule in _RULES:
+        found = pattern.search(plain)
+        if found is not None and (reading := rule(found, talk)) is not None:
+            return reading
+    return None
+
+
+def _edit(*edits: Edit) -> Edits:
+    return Edits(edits=edits)
+
+
+def _decline(reason: str) -> DeclinedTurn:
+    return DeclinedTurn(code="impossible", reason=reason)
+
+
+def _change_pace(found: re.Match[str], talk: Talk) -> Reading | None:
+    groups = found.groupdict()
+    spoken = [each for each in talk.list_named() if each.id in talk.touched]
+    node = spoken[0] if spoken and not groups.get("who") else talk.find(groups.get("who") or "it")
+    if node is None:
+        return None
+    slower = groups["pace"] in ("slower", "slowly", "slow", "less fast", "down")
+    if groups.get("toofast"):
+        slower = groups["pace"] == "fast"
+    very = groups.get("much") in ("a lot", "much", "way", "far", "really", "very")
+    strong = _VERY if slower else 1 / _VERY
+    return _edit(SetPace(agent=node.id, factor=strong if very else _SLOW if slower else _FAST))
+
+
+def _run(found: re.Match[str], talk: Talk) -> Reading | None:
+    node = talk.find(found["who"])
+    if node is None or node.type != "pedestrian" or node.motion == "runs":
+        return None
+    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update={"motion": "runs"})))
+
+
+def _remove(found: re.Match[str], talk: Talk) -> Reading | None:
+    node = talk.find(found["who"])
+    return None if node is None else _edit(RemoveAgent(agent=node.id))
+
+
+def _become(found: re.Match[str], talk: Talk) -> Reading | None:
+    node, noun = talk.find(found["who"]), found["what"]
+    if node is None:
+        return None
+    kind, subtype = _CLASSES[noun]
+    if kind != node.type:
+        return _decline(
+            f"{node.id} stays a {node.type}: those of another class move in other ways. Say what "
+            f'the {noun} does instead, such as "new scene: a {noun} ...".'
+        )
+    if kind != "vehicle" or subtype in (None, node.subtype):
+        return None
+    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update={"subtype": subtype})))
+
+
+def _reverse(found: re.Match[str], talk: Talk) -> Reading | None:
+    node = talk.find(found["who"])
+    view = next((e for e in talk.situation.present if node is not None and e.id == node.id), None)
+    if node is None or view is None or (node.type == "vehicle" and view.movement != "straight"):
+        return None
+    way = {"entry": view.exit, "exit": view.entry}
+    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update=way)))
+
+
+def _come_from(found: re.Match[str], talk: Talk) -> Reading | None:
+    """Riders alone: the planner's grammar reads this of everybody else."""
+    node = talk.find(found["who"])
+    if node is None or node.type not in ("cyclist", "scooter"):
+        return None
+    groups = found.groupdict()
+    way: dict[str, Compass | Movement | None] = {"exit": None}
+    if groups.get("entry"):
+        way["entry"] = _OPPOSITE[_OPPOSITE[groups["entry"]]]
+    if groups.get("turn"):
+        turn: Movement = "straight" if groups["turn"].startswith("straight") else "left"
+        way["movement"] = "right" if groups["turn"] == "right" else turn
+    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update=way)))
+
+
+def _wait(found: re.Match[str], talk: Talk) -> Reading | None:
+    node = talk.find(found["who"])
+    if node is None:
+        return None
+    seconds = float(found["seconds"]) if found["seconds"] else 2.0
+    return _edit(WaitLonger(agent=node.id, seconds=min(seconds, 20.0)))
+
+
+def _change_numbers(found: re.Match[str], talk: Talk) -> Reading | None:
+    """Half of the others, or twice as many."""
+    groups = found.groupdict()
+    factor = 0.5 if groups["share"] == "half" else 2.0
+    noun = groups.get("noun") or "cars"
+    counts = {
+        kind: sum(e.role == "background" and (e.type == "pedestrian") == (kind == "pedestrians")
+                  for e in talk.situation.present)
+        for kind in ("vehicles", "pedestrians")
+    }  # fmt: skip
+    kinds = ["pedestrians"] if noun in ("pedestrians", "people", "walkers") else ["vehicles"]
+    if noun in ("traffic", "agents", "others", "everybody"):
+        kinds = ["vehicles", "pedestrians"]
+    wanted = {kind: min(round(counts[kind] * factor), MOST_BACKGROUND) for kind in kinds}
+    return _edit(SetBackground.model_validate(wanted))
+
+
+def _change_gap(found: re.Match[str], talk: Talk) -> Reading | None:
+    """A near miss or a yield closer, or less close, than it is."""
+    event = next((e for e in talk.events if isinstance(e.evidence.get("pet"), float)), None)
+    edge = _find_edge(talk, ("near_miss", "yield_to"))
+    if event is None or edge is None:
+        return None
+    closer = not re.search(
+        r"bigger|larger|wider|less close|further|farther|more (?:space|room)", found[0]
+    )
+    pet = float(event.evidence["pet"]) * (_CLOSER if closer else 1 / _CLOSER)
+    wanted = edge.model_copy(update={"target_pet": round(min(max(pet, 0.3), 8.0), 1)})
+    return _edit(Relate(edge=wanted))
+
+
+def _change_impact(found: re.Match[str], talk: Talk) -> Reading | None:
+    event = next((e for e in talk.events if "relative_speed" in e.evidence), None)
+    edge = _find_edge(talk, ("collide_at",))
+    if event is None or edge is None:
+        return None
+    softer = re.search(r"less|softer|lighter|gentler|milder|slower", found[0]) is not None
+    speed = float(event.evidence["relative_speed"]) * (_CLOSER if softer else 1 / _CLOSER)
+    return _edit(Relate(edge=edge.model_copy(update={"impact_speed": round(min(speed, 20.0), 1)})))
+
+
+def _shift_event(found: re.Match[str], talk: Talk) -> Reading | None:
+    """What happens, earlier or later in the scene."""
+    edge = talk.situation.graph.relations
+    if len(edge) != 1 or not talk.events or talk.events[0].time is None:
+        return None
+    seconds = float(found["seconds"]) if found["seconds"] else _EARLIER
+    time = talk.events[0].time + (seconds if found["when"] == "later" else -seconds)
+    low, high = UNITS["time"].least, UNITS["time"].most
+    return _set_measure("time", min(max(time, low), high), edge[0].from_, edge[0].to)
+
+
+def _ride_at(found: re.Match[str], talk: Talk) -> Reading | None:
+    """A speed of a rider; the planner's grammar reads this of everybody else."""
+    node = talk.find(found["who"])
+    if node is None or node.type not in ("cyclist", "scooter"):
+        return None
+    value = float(found["value"]) / (KMH if found["unit"].startswith("k") else 1.0)
+    unit = UNITS["speed"]
+    if not unit.least <= value <= unit.most:
+        return None
+    return _set_measure("speed", value, node.id)
+
+
+def _set_measure(kind: MeasureKind, value: float, agent: str, other: str | None = None) -> Edits:
+    tolerance = UNITS[kind].tolerance
+    bounds = {"low": round(max(value - tolerance, 0.0), 2), "high": round(value + tolerance, 2)}
+    measure = Measure.model_validate({"kind": kind, "agent": agent, "other": other, **bounds})
+    return _edit(SetMeasure(measure=measure))
+
+
+def _ask_who(_found: re.Match[str], _talk: Talk) -> Reading | None:
+    return _decline('Say who does that, such as "the car from the west follows the bus".')
+
+
+def _find_edge(talk: Talk, kinds: tuple[str, ...]) -> RelationEdge | None:
+    found = [each for each in talk.situation.graph.relations if each.type in kinds]
+    return found[0] if len(found) == 1 else None
+
+
+def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
+    groups = found.groupdict()
+    kind = _CLASSES[groups["what"]][0]
+    taken = {each.id for each in talk.situation.present} | {
+        each.id for each in talk.situation.graph.agents
+    }
+    number = next(n for n in range(1, 99) if f"{kind}-{n}" not in taken)
+    node = AgentNode.model_validate(
+        {"id": f"{kind}-{number}", "type": kind, "entry": groups.get("entry"),
+         "exit": groups.get("exit")}
+    )  # fmt: skip
+    if not groups.get("who"):
+        return _edit(AddAgent(node=node))
+    ahead = talk.find(groups["who"])
+    if ahead is None:
+        return None
+    edge = RelationEdge.model_validate({"type": "follow", "from": node.id, "to": ahead.id})
+    return _edit(AddAgent(node=node), Relate(edge=edge))
+
+
+def _say_no_weather(_found: re.Match[str], _talk: Talk) -> Reading | None:
+    return _decline(WEATHER)
+
+
+def _say_length(_found: re.Match[str], _talk: Talk) -> Reading | None:
+    return _decline(LENGTH)
+
+
+_PACE = r"(?P<pace>slower|faster|slowly|quicker|quickly|slow|fast|less fast)"
+_MAKE = r"(?:make|let|have|get|change|turn)"
+_RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
+    (re.compile(pattern), rule)
+    for pattern, rule in (
+        (rf"^(?:{_MAKE} (?:it|there be)|with(?:out)?|add|in|no|and|it)"
+         rf"?.{{0,12}}{_WEATHER.pattern}.{{0,25}}$",
+         _say_no_weather),
+        (_LENGTH.pattern, _say_length),
+        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must| needs? to| has to)? {_GOES} "
+         rf"(?:{_ADVERB} )?{_PACE}$", _change_pace),
+        (rf"^{_MAKE} {_WHO} (?:{_ADVERB} )?{_PACE}$", _change_pace),
+        (r"^(?P<much>a (?:bit|little|lot)|much|even)? ?(?P<pace>slower|faster)$", _change_pace),
+        (rf"^(?P<toofast>(?:that'?s|{_WHO}(?: is|'s)|too)) ?(?:a bit |way |much )?(?:too )?"
+         r"(?P<pace>fast|slow)$", _change_pace),
+        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must)? (?:runs?|be running|is running)"
+         r"(?: across| over)?(?: the (?:street|road|crosswalk))?$", _run),
+        (rf"^(?:remove|delete|drop|get rid of|take out|kick out|lose) {_WHO}(?: altogether)"
+         rf"?$", _remove),
+        (rf"^{_MAKE} {_WHO} (?:into |to |be )?an? (?:delivery )?(?P<what>{_NOUN})$", _become),
+        (rf"^{_WHO} (?:should|shall|must|could) be an? (?:delivery )?(?P<what>{_NOUN})$", _become),
+        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| is| are)? (?:cross(?:es|ing)?|go(?:es|ing)?|"
+         rf"walk(?:s|ing)?|"
+         r"com(?:e|es|ing)|run(?:s|ning)?|driv(?:e|es|ing)) (?:in |from )?the (?:other|opposite) "
+         r"(?:way|direction|side)(?: round| around)?$", _reverse),
+        (rf"^(?:reverse|turn around|flip) {_WHO}$", _reverse),
+        (r"^(?:from the |from |to the |follows |behind |in front of )\b", _ask_who),
+        (rf"^(?:{_MAKE} (?:it|this|that|them|the \w+) (?:to )?happen )?(?:a (?:bit|little) |much )?"
+         r"(?:(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|secs?|seconds?) )?(?P<when>earlier|later)$",
+         _shift_event),
+        (rf"^(?:{_MAKE} )?{_WHO}(?: should)? {_GOES} (?:at )?(?P<value>\d{{1,2}}(?:\.\d)?) ?"
+         r"(?P<unit>km/?h|kmh|kph|m/s)$", _ride_at),
+        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall)? ?(?:go(?:es)? |be |is |ride(?:s)? |turn(?:s)"
+         rf"? )?"
+         rf"(?P<turn>straight(?: on| ahead)?|left|right)?,? ?(?:com(?:e|es|ing) )?"
+         rf"(?:from the {_SIDE.format('entry')})?$", _come_from),
+        (rf"^(?:{_MAKE} )?{_WHO}(?: should)? waits? (?:a (?:bit|little|while)|for a (?:bit|"
+         rf"moment)|longer|"
+         r"(?:for )?(?P<seconds>\d{1,2}(?:\.\d)?) ?(?:s|sec|seconds?))(?: longer| more)?"
+         r"(?: before .{1,30})?$", _wait),
+        (r"^(?:that'?s too many[ ,]+|too many[ ,]+)?(?P<share>half|twice|double)(?: as (?:many|"
+         r"much)| of)?"
+         r"(?: of)?(?: the| it| them| as many)? ?(?P<noun>cars|vehicles|traffic|pedestrians|"
+         r"people|others|"
+         r"walkers|everybody)?$", _change_numbers),
+        (rf"^(?:{_MAKE} (?:it|them|that) |get |come |{_MAKE} them (?:get|come|pass) )?(?:a "
+         rf"(?:bit|little|lot) |"
+         r"much |even |still )?(?:closer|tighter|less close|further apart|farther apart)$",
+         _change_gap),
+        (rf"^(?:{_MAKE} |with )(?:the|a) (?:gap|distance|space|pet) (?:between them )?"
+         rf"(?:be )?(?:a (?:bit|little) |"
+         r"much |even )?(?:smaller|shorter|tighter|bigger|larger|wider)$", _change_gap),
+        (rf"^(?:{_MAKE} (?:it|them|the (?:crash|collision|impact)) )?(?:be |hit )?(?:a (?:bit|"
+         rf"little) |much |even )?"
+         r"(?:less severe|less bad|softer|lighter|gentler|milder|more severe|worse|harder)"
+         r"$", _change_impact),
+        (rf"^(?:add|put|place) (?:in )?(?:an?|one|another) (?P<what>cyclist|bike|bicycle|scooter|"
+         rf"e-scooter)"
+         rf"(?: in)?(?:,? (?:coming )?from (?:the )?{_SIDE.format('entry')}(?: to (?:the )"
+         rf"?{_SIDE.format('exit')})?)?"
+         rf"(?:,? (?:that |who |which )?(?:follow(?:s|ing)|behind) {_WHO})?$", _add_rider),
+    )
+)  # fmt: skip
+
+
+def check_reading(words: str, reading: Reading, talk: Talk) -> Reading:
+    """The planner's reading, unless it passes over what the words plainly say.
+
+    Refused are a scene of its own made of words that change this one, an addition that takes away
+    what happens now, and a change that leaves out the rider whom the words name.
+    """
+    plain = _simplify(words)
+    graph = talk.situation.graph
+    if isinstance(reading, NewScene) and graph.agents and _SPEAKS_OF_THIS.match(plain):
+        return _decline(
+            'I cannot tell what shall be different. Say one change at a time, or "new scene: ..." '
+            "to begin another one."
+        )
+    if not isinstance(reading, Edits):
+        return reading
+    pairs = {frozenset((each.from_, each.to)) for each in graph.relations}
+    if re.match(r"(?:add|put|place)\b", plain) and any(
+        _takes_away(e, pairs) for e in reading.edits
+    ):
+        return _decline(
+            "That would take away what happens now. Say whom to add and what it does, such as "
+            '"add a car that follows the bus".'
+        )
+    if passed := _find_passed_over(plain, reading.edits):
+        return _decline(
+            f"I cannot tell what shall become of the {passed}. Say it by its id, such as "
+            f'"{_CLASSES[passed][0]}-1 goes slower", or "add a {passed} from the south".'
+        )
+    return Edits(edits=tuple(_keep_entry(each, talk) for each in reading.edits))
+
+
+def _keep_entry(edit: Edit, talk: Talk) -> Edit:
+    """A turn that leaves open where an agent comes from: it still comes from where it did."""
+    if not isinstance(edit, ChangeAgent) or edit.node.entry is not None:
+        return edit
+    view = next((each for each in talk.situation.present if each.id == edit.node.id), None)
+    if view is None or edit.node.movement in (None, view.movement):
+        return edit
+    return ChangeAgent(node=edit.node.model_copy(update={"entry": view.entry}))
+
+
+_SPEAKS_OF_THIS = re.compile(
+    r"(?:make|let|have|change|turn|set|move|put) (?:the|it|him|her|them|that|vehicle-|pedestrian-|"
+    r"cyclist-|scooter-)"
+)
+
+
+def _takes_away(edit: Edit, pairs: set[frozenset[str]]) -> bool:
+    if isinstance(edit, Relate):
+        return frozenset((edit.edge.from_, edit.edge.to)) in pairs
+    return edit.edit in ("remove_agent", "unrelate")
+
+
+def _find_passed_over(plain: str, edits: Sequence[Edit]) -> str | None:
+    """A rider's noun for which no edit speaks of a rider."""
+    nouns = re.findall(r"\b(?:cyclist|bike|bicycle|e-scooter|scooter)\b", plain)
+    named = " ".join(edit.model_dump_json(by_alias=True) for edit in edits)
+    return next((each for each in nouns if f'"{_CLASSES[each][0]}-' not in named), None)

@@ -1,0 +1,356 @@
+"""How a background vehicle drives among those who are there already.
+
+It enters when it was drawn to, follows whoever is ahead in its lane, stops at red and behind
+queues, and turning it lets pedestrians and others pass; it neither crosses the way of the
+foreground near it in time nor gives way to it. Whom it meets bars nodes of its path for a time;
+those bars that it would run into become walls, behind which it drives by the intelligent driver
+model (Treiber, Hennecke, Helbing 2000). The motion is kept as a pace and standstills.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenewright.compiled import compiled
+from scenewright.geometry.driving_profile import (
+    StopCommand,
+    compute_arrival,
+    compute_squared_speed_limit,
+)
+from scenewright.scene.base import FloatArray
+from scenewright.scene.candidates import PACE_STEP, DrivingProfile
+from scenewright.scene.selection import Stop
+from scenewright.scene.track import STEP
+from scenewright.tools.segment_editor import to_stop_command
+from scenewright.tools.solver.entry_times import START_LAG, SceneTiming
+from scenewright.tools.solver.path_conflict import IntArray
+from scenewright.tools.solver.reservation import IN_LANE, ReservationTable, get_corridor
+from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+
+_HEADWAY, _HEADWAY_SPREAD = 1.1, 0.25
+"""From the rear ahead to one's own front [s]: median and spread of the logarithm. At 9 m/s that is
+about 2 s from front to front with the gap at standstill, as queues discharge."""
+_GAP = (0.9, 1.8)
+"""At standstill, on top of the clearance of 0.8 m [m]."""
+_LINE = (0.4, 1.6)
+"""From the front of who stops first to the line [m]."""
+_ROUNDS = 12
+_HARDEST = 3.6
+"""Who would brake harder [m/s^2] than this for others comes at another time."""
+_FORESEES = 1.5
+"""How far ahead drivers see how others will go on, by brake lights and those further ahead [s]."""
+_AFTER = 4.0
+"""How long beyond the scene's end the way is looked at [s]."""
+_STANDS, _SHORTEST = 0.3, 0.8
+"""Slower than this [m/s] for at least that long [s] is a standstill."""
+_CREEPS = 1.0
+"""Who moves up by less [m] between two standstills stands once."""
+_LEAST = 0.7
+"""Least speed of a pace [m/s]: standstills are edits of their own."""
+
+
+@dataclass(frozen=True)
+class _Style:
+    """How one drives behind others: time headway [s], gap at standstill and to a line [m]."""
+
+    headway: float
+    gap: float
+    line: float
+    lag: float
+
+
+def follow_traffic(
+    actor: ScheduledAgent,
+    enters: float,
+    present: ReservationTable,
+    moment: SceneTiming,
+    rng: np.random.Generator,
+) -> ScheduledAgent | None:
+    """The actor as it drives among those present if it enters at scene time `enters` [s].
+
+    Returns:
+        It in motion, entering at local time 0; None where it could not drive like that.
+    """
+    style = _Style(
+        min(_HEADWAY * math.exp(_HEADWAY_SPREAD * rng.standard_normal()), 2.6),
+        float(rng.uniform(*_GAP)), float(rng.uniform(*_LINE)), float(rng.uniform(*START_LAG)),
+    )  # fmt: skip
+    moved = _drive(actor, enters, present, moment, style)
+    if moved is None:
+        return None
+    driven = _as_scheduled(actor, moved, moment.duration - enters)
+    return driven if _passes_on_green(driven, enters, moment) else None
+
+
+def _drive(
+    actor: ScheduledAgent,
+    enters: float,
+    present: ReservationTable,
+    moment: SceneTiming,
+    style: _Style,
+) -> FloatArray | None:
+    """[T] arc length every 0.1 s from the entry on; None if it cannot be driven."""
+    candidate, law = actor.candidate, actor.candidate.time_law
+    corridor = get_corridor(candidate)
+    rows, low, high, who, kind = present.list_bars(corridor, in_lane=IN_LANE)
+    low, high = low - enters, high - enters
+    turns = candidate.route.movement != "straight"
+    free = np.sqrt(compute_squared_speed_limit(candidate))
+    walls = np.full(len(corridor.s), -np.inf)
+    line = actor.landmarks.line
+    stop = np.inf if line is None else line - style.line
+    steps = int((moment.duration + _AFTER - enters) / STEP)
+    release = -np.inf
+    for _ in range(_ROUNDS):
+        moved, hardest = _follow(
+            corridor.s, walls, stop, release, candidate.path.s, free, law.acceleration,
+            law.braking, max(style.headway - IN_LANE, 0.1), style.gap, steps,
+        )  # fmt: skip
+        if hardest > _HARDEST:
+            return None
+        red = _find_red(actor, moved, enters, moment, style)
+        if red > release:
+            release = red
+            continue
+        met = _find_met(corridor.s, moved, rows, low, high, moment.duration + _AFTER - enters)
+        if met < 0:
+            return moved
+        if not _may_wait(int(kind[met]), turns):
+            return None
+        if not _raise_walls(walls, rows, high, who, kind, met):
+            return None
+    return None
+
+
+def _passes_on_green(driven: ScheduledAgent, enters: float, moment: SceneTiming) -> bool:
+    """Whether its light is green when it passes it; what a pace says is exact to about 0.1 s."""
+    line, group, clock = driven.landmarks.line, driven.landmarks.group, moment.clock
+    crosses = np.inf if line is None else enters + driven.motion.find_time_at(line)
+    if group is None or clock is None or math.isinf(crosses):
+        return True
+    return all(clock.colour(group, crosses + near) == "green" for near in (-0.15, 0.0, 0.15))
+
+
+def _find_red(
+    actor: ScheduledAgent,
+    moved: FloatArray,
+    enters: float,
+    moment: SceneTiming,
+    style: _Style,
+) -> float:
+    """Local time [s] until which its light holds one who moves like that; -inf if not at all."""
+    line, group, clock = actor.landmarks.line, actor.landmarks.group, moment.clock
+    if line is None or group is None or clock is None or moved[-1] < line:
+        return -np.inf
+    crosses = enters + STEP * float(np.searchsorted(moved, line))
+    if all(clock.colour(group, crosses + near) == "green" for near in (-0.35, 0.0, 0.35)):
+        return -np.inf
+    if clock.colour(group, crosses - 0.35) != "green" and (
+        clock.colour(group, crosses + 0.35) == "green"
+    ):
+        return crosses - enters + 0.5
+    return clock.next_green(group, crosses) + style.lag - enters
+
+
+BESIDE, AHEAD, CROSSING, UNTOUCHABLE = range(4)
+"""What bars a node: the clearance to a follower of the same lane or to anybody; who drives ahead in
+the lane; who crosses; and who of the foreground crosses."""
+
+
+def _may_wait(kind: int, turns: bool) -> bool:
+    return kind == AHEAD or (kind == CROSSING and turns)
+
+
+def _raise_walls(
+    walls: FloatArray, rows: IntArray, high: FloatArray, who: IntArray, kind: IntArray, met: int
+) -> bool:
+    """Wall off what the one met bars: all of its way in the lane, or the crossing from there on.
+
+    Returns:
+        Whether that changes anything.
+    """
+    same = (who == who[met]) & (kind == kind[met])
+    if kind[met] != AHEAD:
+        same &= rows >= rows[met]
+    before = walls[rows[same]].copy()
+    np.maximum.at(walls, rows[same], high[same])
+    return bool((walls[rows[same]] > before + 1e-6).any())
+
+
+def _as_scheduled(actor: ScheduledAgent, moved: FloatArray, until: float) -> ScheduledAgent:
+    """The motion as a pace and standstills of the actor."""
+    candidate, law = actor.candidate, actor.candidate.time_law
+    speed = np.gradient(moved, STEP)
+    stops = _list_stops(actor, moved, speed)
+    places = np.arange(0.0, candidate.path.length + PACE_STEP, PACE_STEP)
+    free = np.sqrt(np.interp(places, candidate.path.s, compute_squared_speed_limit(candidate)))
+    way = moved + 1e-6 * np.arange(len(moved))
+    passed = np.where(places <= moved[-1], np.interp(places, way, speed), free)
+    pace = np.clip(passed, _LEAST, free.clip(_LEAST)) / law.speed
+    rates = np.diff(speed) / STEP
+    own = DrivingProfile(
+        law.speed,
+        max(law.acceleration, float(rates.max(initial=0.0))) * 1.05,
+        max(law.braking, -float(rates.min(initial=0.0))) * 1.05,
+        law.lateral,
+        tuple(pace.round(4).tolist()),
+    )
+    driven = ScheduledAgent.unplaced(replace(candidate, time_law=own), actor.landmarks)
+    # Who comes behind must see how it goes on after the scene.
+    return driven.edited(stops=_time_stops(driven, stops)).until(until + _AFTER)
+
+
+def _time_stops(driven: ScheduledAgent, stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
+    """The standstills, each from when one of that pace comes to stand there."""
+    timed: list[Stop] = []
+    for stop in stops:
+        held = tuple(to_stop_command(each, 0.0) for each in timed)
+        start = compute_arrival(driven.candidate, StopCommand(stop.s, 0.0), held)
+        timed.append(replace(stop, start=start, until=max(stop.until, start)))
+    return tuple(timed)
+
+
+def _list_stops(actor: ScheduledAgent, moved: FloatArray, speed: FloatArray) -> tuple[Stop, ...]:
+    """Where and when [local s] one who moves like that stands."""
+    stands = np.concatenate(([False], speed < _STANDS, [False]))
+    edges = np.flatnonzero(np.diff(stands))
+    found: list[Stop] = []
+    for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
+        if STEP * (last - first) < _SHORTEST:
+            continue
+        # Who still creeps up a little stands where it first has all but stopped.
+        s, line = float(moved[min(first + 4, last)]), actor.landmarks.line
+        at_line = line is not None and 0.0 <= line - s < _LINE[1] + 0.5
+        anchor = "stop_line" if at_line else "queue"
+        until = STEP * last + (100.0 if last == len(moved) - 1 else 0.0)
+        if found and s < found[-1].s + _CREEPS:
+            found[-1] = replace(found[-1], until=until)
+        else:
+            found.append(Stop(anchor, s, STEP * first, until, "red_light"))
+    return tuple(found)
+
+
+# ---- as machine code ----------------------------------------------------------------------------
+
+
+@compiled
+def _follow(
+    nodes: FloatArray,
+    walls: FloatArray,
+    line: float,
+    release: float,
+    places: FloatArray,
+    free: FloatArray,
+    acceleration: float,
+    braking: float,
+    headway: float,
+    gap: float,
+    steps: int,
+) -> tuple[FloatArray, float]:
+    """[T] arc length every 0.1 s behind walls, and the hardest braking [m/s^2].
+
+    Args:
+        nodes, walls: arc lengths [N] and until when each may not be reached [s].
+        line, release: where it stands until then, too.
+        places, free: arc lengths [P] and free speed there.
+    """
+    moved, s, v, hardest = np.empty(steps + 1), 0.0, free[0], 0.0
+    cell = 0
+    for k in range(steps + 1):
+        moved[k] = s
+        if s >= nodes[-1]:
+            return moved[: k + 1], hardest
+        t = STEP * k
+        at = _find_wall(nodes, walls, t)
+        later = _find_wall(nodes, walls, t + _FORESEES)
+        speed = v if later == np.inf else (later - at) / _FORESEES
+        if t < release and line < at and s < line + gap:
+            at, speed = line + gap, 0.0
+        while cell < len(places) - 2 and places[cell + 1] <= s:
+            cell += 1
+        share = (s - places[cell]) / (places[cell + 1] - places[cell])
+        limit = max(free[cell] + (free[cell + 1] - free[cell]) * share, 0.5)
+        if at < s - 0.3:
+            return moved[: k + 1], np.inf
+        rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, gap)
+        while k == 0 and rate < -0.8 * braking and v > speed + 0.3:
+            v *= 0.95  # it has seen the one ahead before it came
+            rate = _accelerate(v, limit, at - s, speed, acceleration, braking, headway, gap)
+        rate = max(rate, -9.0)
+        after = min(max(v + rate * STEP, 0.0), max(limit, v - braking * STEP))
+        if after < 0.02 and rate < 0.0:
+            after = 0.0
+        if at < np.inf:
+            hardest = max(hardest, (v - after) / STEP)
+        s += 0.5 * (v + after) * STEP
+        v = after
+    return moved, hardest
+
+
+@compiled
+def _find_wall(nodes: FloatArray, walls: FloatArray, t: float) -> float:
+    """How far [m] one may have come at a time [s]; between nodes as one ahead would go on."""
+    for n in range(len(nodes)):
+        if walls[n] > t:
+            spacing = float(nodes[1] - nodes[0])
+            at = float(nodes[n]) - spacing
+            if n > 0 and walls[n - 1] > -np.inf and walls[n] - walls[n - 1] < 4.0:
+                took = max(walls[n] - walls[n - 1], 0.02)
+                at += spacing * min(max((t - walls[n - 1]) / took, 0.0), 1.0)
+            return at
+    return np.inf
+
+
+@compiled
+def _accelerate(
+    v: float,
+    limit: float,
+    room: float,
+    speed: float,
+    acceleration: float,
+    braking: float,
+    headway: float,
+    gap: float,
+) -> float:
+    """Acceleration [m/s^2] at speed `v` behind a wall that is `room` [m] away and moves, too."""
+    rate = float(acceleration * (1.0 - (v / limit) ** 4))
+    if room == np.inf:
+        return rate
+    closing = v * (v - speed) / (2.0 * np.sqrt(acceleration * braking))
+    wanted = gap + max(0.0, v * headway + closing)
+    return rate - float(acceleration * (wanted / max(room, 0.05)) ** 2)
+
+
+@compiled
+def _find_met(
+    nodes: FloatArray,
+    moved: FloatArray,
+    rows: NDArray[np.intp],
+    low: FloatArray,
+    high: FloatArray,
+    until: float,
+) -> int:
+    """The bar [index] that one who moves like that meets first along its way; -1 if none."""
+    reach = 0.5 * (nodes[1] - nodes[0])
+    come, leave = np.full(len(nodes), np.inf), np.full(len(nodes), np.inf)
+    k = 0
+    for n in range(len(nodes)):
+        while k < len(moved) and moved[k] < nodes[n] - reach:
+            k += 1
+        if k == len(moved):
+            break
+        come[n] = STEP * k
+        j = k
+        while j < len(moved) and moved[j] <= nodes[n] + reach:
+            j += 1
+        leave[n] = STEP * j
+    met, first = -1, np.inf
+    for b in range(len(rows)):
+        n = rows[b]
+        if come[n] < min(high[b] - 0.05, until) and leave[n] > low[b] + 0.05 and n < first:
+            met, first = b, n
+    return met

@@ -1,0 +1,145 @@
+"""Everyday phrasings: whom they mean, what they become, and what is rather asked or refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from scenewright.authoring.everyday_words import Talk, check_reading, read_everyday
+from scenewright.authoring.turn_kind import classify_turn
+from scenewright.scene.edits import (
+    AddAgent,
+    AgentView,
+    ChangeAgent,
+    DeclinedTurn,
+    Edits,
+    NewScene,
+    Relate,
+    RemoveAgent,
+    SetBackground,
+    SetPace,
+    Situation,
+)
+from scenewright.scene.events import Event
+from scenewright.scene.social import SocialGraph
+
+CAR = {"id": "vehicle-1", "type": "vehicle", "subtype": "car", "entry": "north"}
+BUS = {"id": "vehicle-2", "type": "vehicle", "subtype": "bus"}
+WALKER = {"id": "pedestrian-1", "type": "pedestrian", "crosswalk": "east"}
+
+
+def talk_of(*agents: dict[str, Any], touched: tuple[str, ...] = (), background: int = 0) -> Talk:
+    """A near miss of the first two with a PET of 1 s, and some cars besides."""
+    first, second = agents[0]["id"], agents[1]["id"]
+    edge = {"type": "near_miss", "from": first, "to": second}
+    graph = SocialGraph.model_validate({"agents": agents, "relations": [edge]})
+    views = [{**each, "entry": "north", "role": "foreground"} for each in agents]
+    others = [{"id": f"vehicle-{n}", "type": "vehicle", "entry": "west", "role": "background"}
+              for n in range(10, 10 + background)]  # fmt: skip
+    present = [
+        AgentView.model_validate(
+            {"number": n, "exit": "south", "speed": 5.0, **each,
+             "movement": "crossing" if each["type"] == "pedestrian" else "straight"}
+        )
+        for n, each in enumerate([*views, *others], start=1)
+    ]  # fmt: skip
+    event = {"type": "near_miss", "from": 1, "to": 2, "time": 9.0, "location": (0, 0),
+             "evidence": {"pet": 1.0}}  # fmt: skip
+    situation = Situation(graph=graph, present=tuple(present))
+    return Talk(situation, touched, [Event.model_validate(event)])
+
+
+def read_one(words: str, talk: Talk) -> Any:
+    reading = read_everyday(words, talk)
+    assert isinstance(reading, Edits), reading
+    (edit,) = reading.edits
+    return edit
+
+
+@pytest.mark.parametrize(
+    ("words", "agent"),
+    [("make her walk slowly", "pedestrian-1"), ("no wait, she should walk slower", "pedestrian-1"),
+     ("slower", "vehicle-1"), ("thats too fast", "vehicle-1"),
+     ("let the car go much slower please", "vehicle-1")],
+)  # fmt: skip
+def test_who_is_slower(words: str, agent: str) -> None:
+    edit = read_one(words, talk_of(CAR, WALKER))
+    assert isinstance(edit, SetPace)
+    assert (edit.agent, edit.factor < 1) == (agent, True)
+
+
+def test_the_other_one_is_the_one_that_was_not_meant_last() -> None:
+    edit = read_one("the other one should be a truck", talk_of(CAR, BUS, touched=("vehicle-2",)))
+    assert isinstance(edit, ChangeAgent)
+    assert (edit.node.id, edit.node.subtype) == ("vehicle-1", "truck")
+    assert read_everyday("the other one should be a truck", talk_of(CAR, BUS)) is None
+
+
+def test_a_change_keeps_the_way_that_is_taken() -> None:
+    edit = read_one("make vehicle-1 a truck", talk_of(CAR, WALKER))
+    assert isinstance(edit, ChangeAgent)
+    assert (edit.node.entry, edit.node.exit, edit.node.movement) == ("north", "south", "straight")
+
+
+def test_closer_is_a_smaller_gap_of_the_same_event() -> None:
+    for words in ("closer", "even closer please", "make the gap smaller"):
+        edit = read_one(words, talk_of(CAR, WALKER))
+        assert isinstance(edit, Relate)
+        assert (edit.edge.type, edit.edge.target_pet) == ("near_miss", 0.6)
+
+
+def test_half_of_the_others() -> None:
+    edit = read_one("that's too many, half of it", talk_of(CAR, WALKER, background=8))
+    assert edit == SetBackground(vehicles=4)
+
+
+def test_several_changes_in_one_line_are_all_read_or_none() -> None:
+    both = read_everyday("delete her. and make it a bus", talk_of(CAR, WALKER))
+    assert isinstance(both, Edits)
+    assert both.edits[0] == RemoveAgent(agent="pedestrian-1")
+    assert isinstance(both.edits[1], ChangeAgent)
+    assert read_everyday("delete her and paint it green", talk_of(CAR, WALKER)) is None
+
+
+@pytest.mark.parametrize("words", ["make it rain", "ok fine without rain", "in the snow"])
+def test_weather_is_explained_with_what_can_be_had(words: str) -> None:
+    reading = read_everyday(words, talk_of(CAR, WALKER))
+    assert isinstance(reading, DeclinedTurn)
+    assert "make it night" in reading.reason
+
+
+def test_a_rider_is_added_as_one() -> None:
+    reading = read_everyday(
+        "put a cyclist in from west to east that follows the car", talk_of(CAR, WALKER)
+    )
+    assert isinstance(reading, Edits)
+    added, related = reading.edits
+    assert isinstance(added, AddAgent)
+    assert isinstance(related, Relate)
+    assert (added.node.type, added.node.entry, related.edge.to) == ("cyclist", "west", "vehicle-1")
+
+
+def test_a_reading_that_passes_over_what_the_words_say_is_refused() -> None:
+    talk = talk_of(CAR, BUS)
+    lost = Edits(edits=(Relate(edge=talk.situation.graph.relations[0]),))
+    for words, reading in (
+        ("make vehicle-1 something else", NewScene()),
+        ("add a queue behind the bus", lost),
+        ("the cyclist turns left", Edits(edits=(SetPace(agent="vehicle-1", factor=0.8),))),
+    ):
+        assert isinstance(check_reading(words, reading, talk), DeclinedTurn), words
+    assert check_reading("a truck hits a bus", NewScene(), talk) == NewScene()
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [("woah. go back one step", "undo"), ("nah undo that", "undo"), ("too close, back one", "undo"),
+     ("the second version please", "version"), ("as it was two versions ago", "undo"),
+     ("could it have stopped?", "question"), ("by how much does he miss it", "question"),
+     ("can i see it from above?", "play"), ("save that as a gif", "gif"), ("play it", "play"),
+     ("thanks thats great", "talk"), ("i dont like it", "talk"), ("delete everything", "restart"),
+     ("could the car stop a bit later?", "words"), ("ok good. how long is the scene", "question")],
+)  # fmt: skip
+def test_the_kind_of_messy_words(words: str, kind: str) -> None:
+    assert classify_turn(words).kind == kind
