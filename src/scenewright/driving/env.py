@@ -59,8 +59,8 @@ class DriveEnv(gymnasium.Env[Observation, FloatArray]):
         self._others, self._mode, self._seed = others, mode, seed
         self._observer = Observer(scenario, raster=raster)
         low, high = (bound.astype(np.float32) for bound in find_action_bounds(mode))
-        self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
-        self.observation_space = _make_observation_space(raster=raster)
+        self.action_space: Any = gymnasium.spaces.Box(low, high, dtype=np.float32)
+        self.observation_space: Any = _make_observation_space(raster=raster)
         self.world: World | None = None
 
     def reset(

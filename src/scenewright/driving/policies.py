@@ -247,11 +247,18 @@ AGGRESSIVE = replace(
 )  # fmt: skip
 
 
+def _load_learned() -> Policy:
+    from scenewright.driving.learned_policy import LearnedPolicy
+
+    return LearnedPolicy()
+
+
 BUILT_IN: dict[str, Callable[[], Policy]] = {
     "replay": ReplayPolicy,
     "constant": ConstantSpeedPolicy,
     "idm": RuleBasedPolicy,
     "cautious": lambda: RuleBasedPolicy(CAUTIOUS),
     "aggressive": lambda: RuleBasedPolicy(AGGRESSIVE),
+    "learned": _load_learned,
 }
 """Egos by the name that `--policy` takes."""

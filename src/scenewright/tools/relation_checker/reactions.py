@@ -204,7 +204,10 @@ def _find_reaction(agent: Trajectory, begin: float, event: Event) -> dict[str, A
     usual = float(agent.acceleration[first])
     found = _find_slowing(agent, change, window.start, _expect(agent, first, window), limit)
     if agent.type == "pedestrian":
-        found = found or _find_hurry(agent, change, window.start, max(usual, 0.0), limit)
+        hurry = _find_hurry(agent, change, window.start, max(usual, 0.0), limit)
+        # Who has run slows down again, and who has stopped walks on: what came first counts.
+        known = [each for each in (found, hurry) if each is not None]
+        found = min(known, key=lambda each: float(each["reacted_at"]), default=None)
     return found or _find_swerve(agent, first, window)
 
 

@@ -1,0 +1,190 @@
+"""Is it worth it: one simple policy, tuned on our scenes, against the same policy without them.
+
+python benchmarks/driving_experiment.py --train 60 --test 100 --taf-bw FOLDER [--scenes DIR]
+
+The policy is the rule-based driver; tuned are seven of its parameters, by random search, to the
+fewest collisions at an equal share of the way. Both are then driven through scenes held out and
+through real near misses (TAF-BW, Karlsruhe), everybody else replaying. Without `--scenes` the
+scenes are made here, one for every instruction and seed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+from scenewright.driving.api import load_scenario
+from scenewright.driving.policies import NORMAL, DriverParameters, ReplayPolicy, RuleBasedPolicy
+from scenewright.driving.run_drive import run_drive
+from scenewright.driving.scenario import build_scenario_from_tracks
+from scenewright.driving.summary import describe_rate
+from scenewright.errors import InputError, Unsatisfiable
+from scenewright.tools.relation_checker import RoadUser, find_events
+from scenewright.tools.relation_checker.external_events import ExternalTracks
+from scenewright.tools.track_io.taf_bw import read_taf_bw
+
+INSTRUCTIONS = (
+    "A car from the north turning left narrowly misses a pedestrian on the east crosswalk at 8 am",
+    "A car hits a pedestrian on the north crosswalk at noon",
+    "A car turning left collides with an oncoming car at 5 pm",
+    "A van from the south narrowly misses a cyclist in the evening",
+    "A vehicle yields to a pedestrian at 8 am",
+    "A car turning right hits a cyclist going straight at 9 am",
+    "Two cars collide at 6 pm",
+    "A car narrowly misses a pedestrian who runs across the east crosswalk at 3 pm",
+)
+BEFORE, AFTER = 8.0, 4.0
+"""Stretch driven around a real near miss [s]."""
+STOPPED = 0.5
+"""Weight of the share of the way that is lost, against a collision."""
+
+
+def make_scenarios(count: int, first_seed: int):
+    """Scenes made here, until there are enough."""
+    found, seed = [], first_seed
+    while len(found) < count:
+        text = INSTRUCTIONS[seed % len(INSTRUCTIONS)]
+        try:
+            found.append(load_scenario(text, seed=seed))
+        except (InputError, Unsatisfiable) as error:
+            print(f"{text} ({seed}): {error}", file=sys.stderr)
+        seed += 1
+    return found
+
+
+def read_scenarios(folder: Path, count: int, part: int):
+    """Every second scene of a folder in which the ego takes part in a relation."""
+    found = []
+    for file in sorted(folder.glob("*/scene.json"))[part::2]:
+        if len(found) == count:
+            break
+        try:
+            scenario = load_scenario(file)
+        except InputError:
+            continue
+        if scenario.partner:
+            found.append(scenario)
+    return found
+
+
+def find_real_near_misses(folder: Path):
+    """Near misses and collisions of real vehicles, with the vehicle as ego."""
+    found = []
+    for recording in read_taf_bw(folder).recordings:
+        users = tuple(RoadUser(k, a.track, a.shape) for k, a in enumerate(recording.agents))
+        tracks = ExternalTracks(users, {u.id: str(u.id) for u in users}, {}, 0.1)
+        for event in find_events(users):
+            if event.type != "near_miss":
+                continue
+            for ego in (event.from_, event.to):
+                scenario = _cut(tracks, ego, event.time, f"{recording.name} {event.time:.0f} s")
+                if scenario is not None:
+                    found.append(scenario)
+                    break
+    return found
+
+
+def _cut(tracks, ego, time_of, name):
+    """The stretch around a near miss; None unless the vehicle moves and its replay is clear."""
+    user = tracks.users[ego]
+    if user.shape.type != "vehicle":
+        return None
+    start = max(time_of - BEFORE, user.track.start)
+    span = (start, min(time_of + AFTER, user.track.end))
+    try:
+        scenario = build_scenario_from_tracks(tracks, ego=ego, span=span, name=name)
+    except InputError:
+        return None
+    path = scenario.paths[scenario.ego]
+    if path.length < 10.0 or run_drive(scenario, ReplayPolicy()).world.hit is not None:
+        return None
+    return scenario
+
+
+def measure(parameters: DriverParameters, scenarios):
+    """Whether each drive ended in a collision, and the share of the recorded way that was made."""
+    hits, shares = [], []
+    for scenario in scenarios:
+        world = run_drive(scenario, RuleBasedPolicy(parameters)).world
+        recorded = scenario.paths[scenario.ego].progress
+        way = recorded[min(world.step, len(recorded) - 1)] - recorded[scenario.start]
+        made = world.ego.progress - world.history[0].progress
+        hits.append(world.hit is not None)
+        shares.append(min(made / max(way, 1.0), 1.0))
+    return np.array(hits), np.array(shares)
+
+
+def draw(rng: np.random.Generator, base: DriverParameters) -> DriverParameters:
+    """Parameters near others."""
+    factor = np.exp(rng.normal(0.0, 0.35, 7))
+    names = ("speed", "acceleration", "braking", "headway", "gap", "margin", "horizon")
+    values = {n: float(getattr(base, n) * f) for n, f in zip(names, factor, strict=True)}
+    values["speed"] = min(values["speed"], 1.0)
+    values["horizon"] = min(values["horizon"], 7.0)
+    return replace(base, **values, yields_always=bool(rng.random() < 0.5))
+
+
+def tune(scenarios, candidates: int, seed: int) -> DriverParameters:
+    """The best of as many candidates, the later half drawn around the best of the earlier."""
+    rng, best, least = np.random.default_rng(seed), NORMAL, np.inf
+    for k in range(candidates):
+        tried = NORMAL if k == 0 else draw(rng, NORMAL if k < candidates // 2 else best)
+        hits, shares = measure(tried, scenarios)
+        cost = hits.mean() + STOPPED * (1 - shares.mean())
+        print(f"{k}: {hits.mean():.3f} {shares.mean():.3f} {cost:.3f}", file=sys.stderr, flush=True)
+        if cost < least:
+            best, least = tried, cost
+    return best
+
+
+def compare(name: str, tuned: DriverParameters, scenarios) -> dict:
+    """Both policies on the same drives; the interval of the difference by resampling drives."""
+    if not scenarios:
+        return {"on": name, "n": 0}
+    (before, way), (after, way_after) = (measure(p, scenarios) for p in (NORMAL, tuned))
+    rng, n = np.random.default_rng(0), len(scenarios)
+    picks = rng.integers(0, n, (2000, n))
+    change = before[picks].mean(axis=1) - after[picks].mean(axis=1)
+    return {
+        "on": name, "n": n,
+        "untuned": describe_rate(int(before.sum()), n), "untuned_way": round(float(way.mean()), 3),
+        "tuned": describe_rate(int(after.sum()), n),
+        "tuned_way": round(float(way_after.mean()), 3),
+        "fewer": round(1 - float(after.sum()) / max(float(before.sum()), 1.0), 3),
+        "difference_95": [round(float(q), 4) for q in np.quantile(change, (0.025, 0.975))],
+    }  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--train", type=int, default=60)
+    parser.add_argument("--test", type=int, default=100)
+    parser.add_argument("--candidates", type=int, default=12)
+    parser.add_argument("--taf-bw", type=Path)
+    parser.add_argument("--scenes", type=Path)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    began = time.monotonic()
+    if given.scenes is None:
+        train, test = make_scenarios(given.train, 0), make_scenarios(given.test, 100_000)
+    else:
+        train = read_scenarios(given.scenes, given.train, 0)
+        test = read_scenarios(given.scenes, given.test, 1)
+    tuned = tune(train, given.candidates, given.seed)
+    rows = [compare("held-out scenes", tuned, test)]
+    if given.taf_bw is not None:
+        rows.append(compare("real near misses", tuned, find_real_near_misses(given.taf_bw)))
+    print(json.dumps({
+        "train": len(train), "candidates": given.candidates, "tuned": asdict(tuned),
+        "results": rows, "seconds": round(time.monotonic() - began),
+    }, indent=1))  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
