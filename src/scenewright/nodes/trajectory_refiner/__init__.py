@@ -2,7 +2,7 @@
 
 Refined tracks that the verifier refuses come back here. Whoever it named is then supervised more
 strongly, then drawn anew, and last left on the edited prior, which the solver's proof holds for.
-On the last attempt of the budget everybody is.
+On the last attempt of the budget everybody is, and as soon as one figure is refused twice.
 """
 
 from __future__ import annotations
@@ -72,13 +72,14 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) ->
             "edited": edited, "refined": _with_earlier(edited, state), "rolled": {},
             "refinement": Refinement(refiner="none", note=note),
         }  # fmt: skip
-    before = _before(state)
-    agents, rolled, refined = _refined(motions, edited, before, state, runtime.context)
+    before, most = _before(state), runtime.context.budgets.refiner
+    last = before is not None and (before.attempt >= most or _recurs(state))
+    agents, rolled, refined = _refined(motions, edited, before, state, runtime.context, last=last)
     ran = Refinement(
         refiner="trajnet",
         note=_told(agents) + _borrowed(refiner, runtime.context),
         weights=refiner.digest,
-        attempt=1 if before is None else before.attempt + 1,
+        attempt=1 if before is None else most + 1 if last else before.attempt + 1,
         retries=_retries(state, before),
         agents=agents,
     )
@@ -126,6 +127,12 @@ def _before(state: RefinerReads) -> Refinement | None:
     return state.get("refinement") if state.get("refused") is not None else None
 
 
+def _recurs(state: RefinerReads) -> bool:
+    """Whether another refinement was refused for the very same figure: the prior has the fault."""
+    details = [each.detail for each in state["rejections"][-2:]]
+    return len(details) == 2 and details[0] == details[1]
+
+
 def _retries(state: RefinerReads, before: Refinement | None) -> int:
     earlier = state.get("refinement")
     return (0 if earlier is None else earlier.retries) + (before is not None)
@@ -137,12 +144,13 @@ def _refined(
     before: Refinement | None,
     state: RefinerReads,
     context: RunContext,
+    *,
+    last: bool,
 ) -> tuple[dict[str, AgentRefinement], dict[str, FloatArray], dict[str, Track]]:
     """What is done to everybody, the deviations proposed, and the tracks that come of it."""
     from scenewright.tools.trajnet_refiner.kinematic_layer import feasible
 
     refusals = _refusals(motions, before, state)
-    last = before is not None and before.attempt >= context.budgets.refiner
     guides = guides_of(motions, state["selection"], state["behavior"])
     rolled = _rolled(guides, refusals, before, state, context)
     agents: dict[str, AgentRefinement] = {}

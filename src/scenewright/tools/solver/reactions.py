@@ -36,7 +36,7 @@ _LEAST_TIME = 0.4
 _BEHIND = np.deg2rad(105.0)
 """Who comes from further round than this is not seen from a seat or saddle [rad]."""
 
-_RUNS, _WALKS_ON = 2.8, 40.0
+_RUNS, _WALKS_ON = 2.5, 40.0
 """How fast a pedestrian runs out of the way [m/s], and how far it walks before and after [m]."""
 
 
