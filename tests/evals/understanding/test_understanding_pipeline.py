@@ -41,7 +41,10 @@ def all_north(question: Question, *relations: tuple[str, str, str]) -> dict[str,
 
 @pytest.fixture
 def row(cases: dict[str, SceneCase]) -> ObservationRow:
-    return observe(cases["struck"].record, scene="struck", window=5.0)
+    """A car and the pedestrian whom it will hit, both in sight."""
+    record = cases["struck"].record
+    begun = max(record.agents[k].spawn_time for k in (0, 1))
+    return observe(record, scene="struck", window=begun + 2.0)
 
 
 def test_the_answer_is_converted_to_ids(row: ObservationRow) -> None:
