@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from typing import Any
 
@@ -43,8 +44,8 @@ def all_north(question: Question, *relations: tuple[str, str, str]) -> dict[str,
 def row(cases: dict[str, SceneCase]) -> ObservationRow:
     """A car and the pedestrian whom it will hit, both in sight."""
     record = cases["struck"].record
-    begun = max(record.agents[k].spawn_time for k in (0, 1))
-    return observe(record, scene="struck", window=begun + 2.0)
+    begun = max(agent.spawn_time for agent in record.agents[:2])
+    return observe(record, scene="struck", window=math.ceil(begun) + 2.0)
 
 
 def test_the_answer_is_converted_to_ids(row: ObservationRow) -> None:
