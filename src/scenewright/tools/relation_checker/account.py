@@ -15,7 +15,7 @@ from scenewright.scene.track import VEHICLE_SIZES
 from scenewright.tools.relation_checker.asked import AskedFor
 from scenewright.tools.relation_checker.events import SceneObservation
 from scenewright.tools.relation_checker.groups import list_groups
-from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg
+from scenewright.tools.relation_checker.legs import find_entry_leg, find_exit_leg, is_crossed
 from scenewright.tools.relation_checker.manoeuvres import describe_manoeuvre
 from scenewright.tools.relation_checker.measured import MeasuredFigures
 from scenewright.tools.relation_checker.objects import describe_object
@@ -182,9 +182,29 @@ class _EvidenceFinder:
         observed = [self._find_observed_leg(agent, entry.became) for agent in agents]
         if any(side not in (None, entry.value) for side in observed):
             return None
+        if entry.became != "entry" and not all(map(self._goes_its_way, agents)):
+            return None
         return f"{entry.became} {entry.value} on the track of " + ", ".join(
             f"agent {agent.id}" for agent in agents
         )
+
+    def _goes_its_way(self, agent: AgentRecord) -> bool:
+        """Whether one to whom nothing else happens is seen to go where it is said to go.
+
+        Events decide how far their parties come, and words of a standstill may hold an agent.
+        """
+        bound = {n for each in self._scene.relations for n in (each.from_, each.to)}
+        struck = {n for each in self._events for n in (each.from_, each.to)}
+        held = {
+            n for each in self._scene.said for n in each.agents
+            if each.became in ("behavior", "constraint", "measure", "motion", "manoeuvre")
+        }  # fmt: skip
+        if self._map is None or self._scene.meta.rules is None or agent.id in bound | struck | held:
+            return True
+        track = self._tracks[agent.id]
+        if agent.type == "pedestrian":
+            return agent.crosswalk is None or is_crossed(track.xy, agent.crosswalk, self._map)
+        return agent.crosswalk is not None or find_exit_leg(track, self._map) is not None
 
     def _find_observed_leg(self, agent: AgentRecord, field: str) -> str | None:
         """The leg that the track itself shows, where it can be told."""
