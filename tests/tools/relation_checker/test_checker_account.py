@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from checker_tracks import crossing_walker, plus_map, scene, yielding_car
@@ -9,6 +10,7 @@ from scenewright.scene.account import SaidRecord
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.tools.relation_checker import check
+from scenewright.tools.relation_checker.legs import is_crossed
 
 MAP = plus_map()
 
@@ -122,3 +124,13 @@ def test_those_that_the_tracks_lack_break_the_proof(became: str, value: str, wor
 
 def test_clauses_that_say_nothing_are_not_realised() -> None:
     assert not proof_of(entry("constraint", 1), entry("behavior", 1)).verified
+
+
+def test_a_walk_that_ends_before_the_middle_is_no_crossing() -> None:
+    place = plus_map()
+    crosswalk = place.crosswalks[0]
+    a, b = (np.array(end) for end in crosswalk.centreline)
+    walked = np.linspace(a - 0.5 * (b - a), b, 40)
+    assert is_crossed(walked, crosswalk.leg, place)
+    assert is_crossed(walked[::-1], crosswalk.leg, place)
+    assert not is_crossed(walked[:20], crosswalk.leg, place)

@@ -194,7 +194,8 @@ class _EvidenceFinder:
         Events decide how far their parties come, and words of a standstill may hold an agent.
         """
         bound = {n for each in self._scene.relations for n in (each.from_, each.to)}
-        struck = {n for each in self._events for n in (each.from_, each.to)}
+        hits = (each for each in self._events if each.type == "collision")
+        struck = {n for each in hits for n in (each.from_, each.to)}
         held = {
             n for each in self._scene.said for n in each.agents
             if each.became in ("behavior", "constraint", "measure", "motion", "manoeuvre")
