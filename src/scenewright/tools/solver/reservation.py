@@ -256,6 +256,9 @@ def _stay(
     corridor = get_corridor(actor.candidate)
     come, leave = compute_occupancy(corridor.s, motion, 0.5)
     nodes = _in_scene_time(corridor.pose, come, leave, actor.enters)
+    # What it never reaches bars nothing.
+    reached = np.flatnonzero(np.isfinite(come))
+    nodes = nodes[:, : reached[-1] + 1 if len(reached) else 1]
     keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
                inner.clearance, inner.gap, outer.gap, ahead, inner is BACKGROUND)  # fmt: skip
     return _Reservation(nodes, np.array(keeping, dtype=np.float64))
@@ -367,7 +370,7 @@ def _runs(
 ) -> tuple[int, int]:
     """Writes runs into `near` and `touching`; how many. If it is all of them, some have no room."""
     found, touched, room = 0, 0, len(near)
-    far_until = np.zeros(len(keeping), np.intp)
+    far_until, was_near = np.zeros(len(keeping), np.intp), np.zeros(len(keeping), np.bool_)
     for i in range(pose.shape[1]):
         for who in range(len(keeping)):
             if i < far_until[who]:
@@ -377,16 +380,21 @@ def _runs(
             radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
             most = max(least, 0.0)
             beside = against = False
-            nearest, j = np.inf, ends[who]
+            nearest, j, guessed = np.inf, ends[who], was_near[who]
+            per_metre = 1.0 / keeping[who, _SPACING]
             while j < ends[who + 1]:
                 dx, dy = pose[0, i] - nodes[0, j], pose[1, i] - nodes[1, j]
                 beyond = np.sqrt(dx * dx + dy * dy) - radius
                 if beyond > 0.0:
                     # No path comes nearer faster than it goes on: half of what is between may be
-                    # skipped here, and as much of the newcomer's own path.
+                    # skipped here, and as much of the newcomer's own path; or all of it here, if
+                    # the newcomer is near at this node, or was at the last.
                     beside = against = False
-                    nearest = min(nearest, 0.5 * beyond)
-                    j += 1 + int(0.5 * beyond / keeping[who, _SPACING])
+                    if guessed or nearest == 0.0:
+                        j += 1 + int(beyond * per_metre)
+                    else:
+                        nearest = min(nearest, 0.5 * beyond)
+                        j += 1 + int(0.5 * beyond * per_metre)
                     continue
                 nearest = 0.0
                 # Most are told apart along the newcomer's own axis already.
@@ -407,7 +415,8 @@ def _runs(
                 if max(found, touched) == room:
                     return found, touched
                 j += 1
-            far_until[who] = i + 1 + int(nearest / spacing)
+            was_near[who] = nearest == 0.0
+            far_until[who] = i + 1 + (0 if guessed else int(nearest / spacing))
     return found, touched
 
 
