@@ -158,7 +158,8 @@ def _soften(plan: Plan, learned: Plan) -> Plan:
     """A collision's phrase beside "nearly hit", of which only the learned reading sees both."""
     if isinstance(plan, Refusal) or isinstance(learned, Refusal):
         return plan
-    missed = [{e.from_, e.to} for e in learned.relations if e.type == "near_miss"]
+    # Not every one that it has: of a braking alone it makes one, too.
+    missed = [set(e.agents) for e in learned.said if e.value == "near_miss"]
     known = {each.id for each in load_patterns()}
 
     def soften(edge: RelationEdge) -> RelationEdge:
@@ -248,7 +249,12 @@ def _with_account(plan: Plan, learned: LearnedPlan) -> Plan:
     if isinstance(plan, SocialGraph) and isinstance(learned.plan, SocialGraph):
         said = learned.plan.said
         edges = tuple(_fill_order(edge, learned.plan.relations) for edge in plan.relations)
-        plan = plan.model_copy(update={"relations": edges})
+        reactions = {(a.id, a.subtype, a.entry): a.reaction for a in learned.plan.agents}
+        nodes = tuple(
+            a.model_copy(update={"reaction": reactions.get((a.id, a.subtype, a.entry))})
+            for a in plan.agents
+        )
+        plan = plan.model_copy(update={"agents": nodes, "relations": edges})
         plan = plan.model_copy(update={"measures": learned.plan.measures})
         held = tuple(e for e in said if e.became != "nothing" and still_holds(e, plan))
         return plan.model_copy(update={"said": held})
