@@ -36,7 +36,8 @@ from scenewright.dataset.tables.splits import SPLITS, choose_split
 from scenewright.errors import InputError
 from scenewright.intersections import load_map
 
-OPTIONS = Options("amsterdam_120")
+OPTIONS = Options("amsterdam_120", max_agents=12)
+"""What the command has here: `tests/conftest.py` names 12 agents for all tests."""
 TEXTS = {
     "follow": "A car follows a bus at 5 am",
     "calm": "Light traffic at dawn, no incidents.",

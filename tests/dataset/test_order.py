@@ -68,6 +68,9 @@ def test_patterns_times_and_context_of_an_order() -> None:
     rush = read_order("5 yields at rush hour")
     assert rush.windows == ((390, 600), (930, 1170))
     assert len(read_order("2 of each pattern").quotas) == len(load_patterns())
+    leaves = read_order("5 near misses").quotas[0].leaves
+    assert not {"uturn_near_miss", "paths_cross_near_miss", "merge_near_miss"} & set(leaves)
+    assert read_order("5 U-turn near misses").quotas[0].leaves == ("uturn_near_miss",)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +96,8 @@ def test_patterns_are_dealt_out_evenly() -> None:
 
 def test_every_pattern_can_be_worded_in_many_voices() -> None:
     rng, writer, voices = np.random.default_rng(0), Builtin(ON), set()
-    for turn, pattern in enumerate(each for each in load_patterns() if each.is_common):
+    asked = [each for each in load_patterns() if each.is_common or each.subtype == "U-turn"]
+    for turn, pattern in enumerate(asked):
         event = EVENT_OF_RELATION[pattern.relation]
         # Not every way that a pattern allows is on this map; the agent thinks up another story.
         for _ in range(12):

@@ -146,7 +146,7 @@ def test_the_planner_asks_with_the_maps_legs_and_earlier_faults():
         ({"code": "impossible", "reason": "no such leg"}, "impossible"),
         ({"agents": [{"id": "car", "type": "vehicle"}]}, "malformed_reply"),
         (
-            {"agents": [{"id": CAR, "type": "vehicle", "entry": "north", "exit": "north"}]},
+            {"agents": [{"id": CAR, "type": "vehicle", "entry": "east", "exit": "east"}]},
             "ungroundable",
         ),
     ],

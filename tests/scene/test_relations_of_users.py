@@ -228,6 +228,19 @@ def test_every_phrase_asks_for_its_pattern_and_roles(name: str, phrase: str) -> 
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "A car swings round into the way of a bus and nearly hits it.",
+        "A car nearly swings round into the way of a bus.",
+        "A cyclist is right-hooked by a car and nearly hit.",
+    ],
+)
+def test_a_phrase_of_a_collision_that_nearly_happens_is_a_near_miss(text: str) -> None:
+    (edge,) = planned(text).relations
+    assert edge.type == "near_miss"
+
+
+@pytest.mark.parametrize(
     ("text", "pair"),
     [
         ("A car is nosing out in front of a bus.", ("car", "bus")),

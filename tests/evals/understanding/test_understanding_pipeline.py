@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from typing import Any
 
@@ -41,7 +42,10 @@ def all_north(question: Question, *relations: tuple[str, str, str]) -> dict[str,
 
 @pytest.fixture
 def row(cases: dict[str, SceneCase]) -> ObservationRow:
-    return observe(cases["struck"].record, scene="struck", window=5.0)
+    """A car and the pedestrian whom it will hit, both in sight."""
+    record = cases["struck"].record
+    begun = max(agent.spawn_time for agent in record.agents[:2])
+    return observe(record, scene="struck", window=math.ceil(begun) + 2.0)
 
 
 def test_the_answer_is_converted_to_ids(row: ObservationRow) -> None:

@@ -13,6 +13,7 @@ from scenewright.intersections import load_map
 from scenewright.scene.map import Route
 from scenewright.scene.relations import load_patterns
 from scenewright.scene.social import AgentNode, RelationEdge, SocialGraph
+from scenewright.scene.uturns import make_route
 from scenewright.tools.map_grounding.grounding import (
     can_serve,
     find_assignments,
@@ -242,9 +243,8 @@ def test_patterns_fit_relation_and_classes():
 
 @pytest.mark.parametrize("pattern", load_patterns(), ids=lambda pattern: pattern.id)
 def test_every_pattern_can_be_played_on_the_shipped_map(pattern):
-    assert any(
-        can_serve(pattern, a, b, intersection_map=ON) for a, b in product(ON.routes, repeat=2)
-    )
+    ways = (*ON.routes, *map(make_route, ON.uturns))
+    assert any(can_serve(pattern, a, b, intersection_map=ON) for a, b in product(ways, repeat=2))
 
 
 @pytest.mark.parametrize(

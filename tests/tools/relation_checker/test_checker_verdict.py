@@ -317,8 +317,7 @@ def test_a_shrunken_footprint_is_found_out() -> None:
 def test_a_yield_that_the_end_of_the_scene_cuts_short() -> None:
     car, walker = yielding_car(), crossing_walker()
     cut = RoadUser(1, Track(car.track.xy[:80], car.track.heading[:80], 0.0), car.shape)
-    record = scene([cut, walker], ("yielding", 1, 2), duration=8.0)
-    walker = RoadUser(2, Track(walker.track.xy[:51], walker.track.heading[:51], 3.0), walker.shape)
+    walker = RoadUser(2, Track(walker.track.xy[:81], walker.track.heading[:81], 0.0), walker.shape)
     record = scene([cut, walker], ("yielding", 1, 2), duration=8.0)
     assert check(record, MAP).verified
 

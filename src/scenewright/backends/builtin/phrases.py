@@ -53,6 +53,17 @@ def says_a_phrase(text: str) -> bool:
     )
 
 
+def is_of_phrase(words: str, pattern: str) -> bool:
+    """Whether words are part of a phrase that asks for a pattern."""
+    part = f" {' '.join(expand(clean(words)).split())} "
+    return any(
+        part in f" {spelling} "
+        for phrase in all_phrases()
+        if read_pattern(dict(phrase.tags)["PATTERN"])[0] == pattern
+        for spelling in phrase.spellings
+    )
+
+
 _SPOKEN: RecentCache[None, tuple[Phrase, ...]] = RecentCache(most=1)
 
 

@@ -11,7 +11,7 @@ from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.draft import Refused, Site
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.normalise import clean, tokenise
-from scenewright.backends.builtin.phrases import says_a_phrase
+from scenewright.backends.builtin.phrases import is_of_phrase, says_a_phrase
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
 from scenewright.backends.builtin.reader.coverage import find_passed_over, passes_over_order
 from scenewright.backends.builtin.reader.learned_plan import (
@@ -155,15 +155,20 @@ def decide(readings: Readings, site: Site) -> Plan:
 
 
 def _soften(plan: Plan, learned: Plan) -> Plan:
-    """A collision's phrase beside "nearly hit", of which only the learned reading sees both."""
+    """A collision's phrase beside "nearly hit", of which only the learned reading sees both.
+
+    What it makes of the phrase itself counts for nothing: it does not know the relation files.
+    """
     if isinstance(plan, Refusal) or isinstance(learned, Refusal):
         return plan
-    # Not every one that it has: of a braking alone it makes one, too.
-    missed = [set(e.agents) for e in learned.said if e.value == "near_miss"]
+    misses = [e for e in learned.said if (e.became, e.value) == ("relation", "near_miss")]
     known = {each.id for each in load_patterns()}
 
     def soften(edge: RelationEdge) -> RelationEdge:
-        if edge.type != "collide_at" or not edge.pattern or {edge.from_, edge.to} not in missed:
+        if edge.type != "collide_at" or not edge.pattern:
+            return edge
+        said = [each.words for each in misses if set(each.agents) == {edge.from_, edge.to}]
+        if all(is_of_phrase(words, edge.pattern) for words in said):
             return edge
         name = edge.pattern.replace("_collision", "_near_miss")
         pattern = name if name in known and name != edge.pattern else None

@@ -146,7 +146,8 @@ def _pairs(pattern: Pattern, intersection_map: IntersectionMap) -> Iterator[tupl
 
 
 def _ways(role: Role, intersection_map: IntersectionMap) -> list[VehicleMovement]:
-    return [way for way in intersection_map.movements if way.turn in role.movements]
+    ways = (*intersection_map.movements, *intersection_map.uturns)
+    return [way for way in ways if way.turn in role.movements]
 
 
 def _lie_right(pattern: Pattern, one: VehicleMovement, other: VehicleMovement) -> bool:

@@ -217,6 +217,8 @@ def _named(party: Party, name: str, rng: np.random.Generator) -> str:
         before, after = turns[party.movement]
         front = party.side is None and party.tie is None and rng.random() < 0.5
         words = f"{before} {name}" if front else f"{name} {after}"
+    elif party.movement == "uturn":
+        words = f"{name} making a U-turn"
     else:
         words = f"{name} going straight" if rng.random() < 0.9 else name
     if party.tie == "oncoming":

@@ -148,8 +148,13 @@ class Pattern(Model):
 
     @property
     def is_common(self) -> bool:
-        """Whether an order that names no manoeuvre and no riders may be filled with it."""
-        return self.manoeuvre is None and "rider" not in (self.from_.type, self.to.type)
+        """Whether an order may be filled with it that names no manoeuvre, riders or U-turns.
+
+        A last resort is played only where the routes fit nothing else, so no order counts on it.
+        """
+        roles = (self.from_, self.to)
+        named = any(role.type == "rider" or role.movements == ("uturn",) for role in roles)
+        return not (self.manoeuvre or self.is_last_resort or named)
 
     @field_validator("phrases")
     @classmethod

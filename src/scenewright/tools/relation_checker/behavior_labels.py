@@ -10,13 +10,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from scenewright.compiled import compiled
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Finding
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.record import AgentRecord, SceneRecord, SegmentRecord
 from scenewright.tools.relation_checker.ground_raster import get_ground_raster
 from scenewright.tools.relation_checker.planar import geos
-from scenewright.tools.relation_checker.trajectory import Trajectory
+from scenewright.tools.relation_checker.trajectory import IntArray, Trajectory
 from scenewright.tools.relation_checker.yielding import STANDING
 
 ASIDE = 2.0
@@ -87,14 +88,29 @@ def _measure_along(xy: FloatArray, points: FloatArray, steps: FloatArray) -> Flo
     Beyond the ends of the track the straight distances stay.
     """
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
-    apart = np.hypot(*(points[:, None] - xy[None]).transpose(2, 0, 1))
-    along = s[apart.argmin(axis=1)]
+    along = s[_find_nearest(points, xy)[0]]
     return np.asarray(np.maximum(np.diff(along), steps), dtype=np.float64)
 
 
 def _find_farthest(xy: FloatArray, points: FloatArray) -> float:
     """How far any position [n, 2] is from the nearest point [m]."""
-    return float(np.hypot(*(xy[:, None] - points).transpose(2, 0, 1)).min(axis=1).max())
+    return float(_find_nearest(xy, points)[1].max())
+
+
+@compiled
+def _find_nearest(from_: FloatArray, to: FloatArray) -> tuple[IntArray, FloatArray]:
+    """[N] which of `to` [M, 2] is nearest to each of `from_` [N, 2], the first of them, and how far
+    away it is [m].
+    """
+    nearest, away = np.zeros(len(from_), np.intp), np.empty(len(from_))
+    for n in range(len(from_)):
+        least = np.inf
+        for m in range(len(to)):
+            apart = np.hypot(from_[n, 0] - to[m, 0], from_[n, 1] - to[m, 1])
+            if apart < least:
+                least, nearest[n] = apart, m
+        away[n] = least
+    return nearest, away
 
 
 def _check_crosswalk(

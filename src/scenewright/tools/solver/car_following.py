@@ -165,22 +165,6 @@ def _may_wait(kind: int, turns: bool) -> bool:
     return kind == AHEAD or (kind == CROSSING and turns)
 
 
-def _raise_walls(
-    walls: FloatArray, rows: IntArray, high: FloatArray, who: IntArray, kind: IntArray, met: int
-) -> bool:
-    """Wall off what the one met bars: all of its way in the lane, or the crossing from there on.
-
-    Returns:
-        Whether that changes anything.
-    """
-    same = (who == who[met]) & (kind == kind[met])
-    if kind[met] != AHEAD:
-        same &= rows >= rows[met]
-    before = walls[rows[same]].copy()
-    np.maximum.at(walls, rows[same], high[same])
-    return bool((walls[rows[same]] > before + 1e-6).any())
-
-
 def _as_scheduled(actor: ScheduledAgent, moved: FloatArray, until: float) -> ScheduledAgent:
     """The motion as a pace and standstills of the actor."""
     candidate, law = actor.candidate, actor.candidate.time_law
@@ -253,20 +237,26 @@ def _follow(
 ) -> tuple[FloatArray, float]:
     """[T] arc length every 0.1 s behind walls, and the hardest braking [m/s^2].
 
+    It ends where somebody would brake too hard.
+
     Args:
         nodes, walls: arc lengths [N] and until when each may not be reached [s].
         line, release: where it stands until then, too.
         places, free: arc lengths [P] and free speed there.
     """
     moved, s, v, hardest = np.empty(steps + 1), 0.0, free[0], 0.0
-    cell = 0
+    cell = near = far = 0
     for k in range(steps + 1):
         moved[k] = s
         if s >= nodes[-1]:
             return moved[: k + 1], hardest
         t = STEP * k
-        at = _find_wall(nodes, walls, t)
-        later = _find_wall(nodes, walls, t + _FORESEES)
+        while near < len(nodes) and walls[near] <= t:
+            near += 1
+        while far < len(nodes) and walls[far] <= t + _FORESEES:
+            far += 1
+        at = _find_wall(nodes, walls, near, t)
+        later = _find_wall(nodes, walls, far, t + _FORESEES)
         speed = v if later == np.inf else (later - at) / _FORESEES
         if t < release and line < at and s < line + gap:
             at, speed = line + gap, 0.0
@@ -286,23 +276,28 @@ def _follow(
             after = 0.0
         if at < np.inf:
             hardest = max(hardest, (v - after) / STEP)
+            if hardest > _HARDEST:
+                return moved[: k + 1], hardest
         s += 0.5 * (v + after) * STEP
         v = after
     return moved, hardest
 
 
 @compiled
-def _find_wall(nodes: FloatArray, walls: FloatArray, t: float) -> float:
-    """How far [m] one may have come at a time [s]; between nodes as one ahead would go on."""
-    for n in range(len(nodes)):
-        if walls[n] > t:
-            spacing = float(nodes[1] - nodes[0])
-            at = float(nodes[n]) - spacing
-            if n > 0 and walls[n - 1] > -np.inf and walls[n] - walls[n - 1] < 4.0:
-                took = max(walls[n] - walls[n - 1], 0.02)
-                at += spacing * min(max((t - walls[n - 1]) / took, 0.0), 1.0)
-            return at
-    return np.inf
+def _find_wall(nodes: FloatArray, walls: FloatArray, n: int, t: float) -> float:
+    """How far [m] one may have come at a time [s]; between nodes as one ahead would go on.
+
+    Args:
+        n: the first node that may not be reached then; `len(nodes)` for none.
+    """
+    if n == len(nodes):
+        return np.inf
+    spacing = float(nodes[1] - nodes[0])
+    at = float(nodes[n]) - spacing
+    if n > 0 and walls[n - 1] > -np.inf and walls[n] - walls[n - 1] < 4.0:
+        took = max(walls[n] - walls[n - 1], 0.02)
+        at += spacing * min(max((t - walls[n - 1]) / took, 0.0), 1.0)
+    return at
 
 
 @compiled
@@ -323,6 +318,29 @@ def _accelerate(
     closing = v * (v - speed) / (2.0 * np.sqrt(acceleration * braking))
     wanted = gap + max(0.0, v * headway + closing)
     return rate - float(acceleration * (wanted / max(room, 0.05)) ** 2)
+
+
+@compiled
+def _raise_walls(
+    walls: FloatArray, rows: IntArray, high: FloatArray, who: IntArray, kind: IntArray, met: int
+) -> bool:
+    """Wall off what the one met bars: all of its way in the lane, or the crossing from there on.
+
+    Returns:
+        Whether that changes anything.
+    """
+    raised, whole = False, kind[met] == AHEAD
+    for change in (False, True):
+        for b in range(len(rows)):
+            if who[b] != who[met] or kind[b] != kind[met]:
+                continue
+            if not whole and rows[b] < rows[met]:
+                continue
+            if change:
+                walls[rows[b]] = max(walls[rows[b]], high[b])
+            elif high[b] > walls[rows[b]] + 1e-6:
+                raised = True
+    return raised
 
 
 @compiled

@@ -40,6 +40,8 @@ Steps = NDArray[np.int64]
 ConflictRuns = tuple[IntArray, IntArray]
 """Runs of consecutive nodes of one agent present that a node of a newcomer meets, within the
 clearance and in touch: [N, 4] node of the newcomer, first and last of the run, whose it is."""
+Bars = tuple[IntArray, FloatArray, FloatArray, IntArray, IntArray]
+"""What `ReservationTable.list_bars` gives."""
 _Table = tuple[FloatArray, FloatArray, IntArray]
 """Nodes [6, N] and keeping [M, _KEEPING] of all present, and where each one's nodes end [M + 1]."""
 
@@ -139,12 +141,13 @@ class ReservationTable:
         self._stays: list[_Reservation] = []
         self._table: _Table | None = None
         self._met: dict[int, tuple[Corridor, ConflictRuns]] = {}
+        self._bars: dict[tuple[int, float], Bars] = {}
         for actor in actors:
             self.add(actor, foreground=foreground)
 
     def add(self, actor: ScheduledAgent, *, foreground: bool) -> None:
         """One more, at its own scene times."""
-        self._table, self._met = None, {}
+        self._table, self._met, self._bars = None, {}, {}
         inner = FOREGROUND if foreground else BACKGROUND
         self._stays.append(_stay(actor, actor.motion, inner, FOREGROUND))
         waits = any(stop.reason == "gives_way" for stop in actor.stops)
@@ -181,9 +184,7 @@ class ReservationTable:
         met = self._meetings(corridor)
         return _barred(met, come, leave, corridor.walks, foreground, nodes, keeping)
 
-    def list_bars(
-        self, corridor: Corridor, *, in_lane: float
-    ) -> tuple[IntArray, FloatArray, FloatArray, IntArray, IntArray]:
+    def list_bars(self, corridor: Corridor, *, in_lane: float) -> Bars:
         """[N] node of a background vehicle that is barred, from when until when [s], by whom, how.
 
         Args:
@@ -196,8 +197,12 @@ class ReservationTable:
         if not self._stays:
             none = np.empty(0, dtype=np.intp)
             return none, np.empty(0), np.empty(0), none, none
-        nodes, keeping, _ = self._gathered()
-        return _list_bars(corridor.pose, self._meetings(corridor), nodes, keeping, in_lane)
+        key = (id(corridor), in_lane)  # the meetings keep the corridor alive
+        if key not in self._bars:
+            nodes, keeping, _ = self._gathered()
+            met = self._meetings(corridor)
+            self._bars[key] = _list_bars(corridor.pose, met, nodes, keeping, in_lane)
+        return self._bars[key]
 
     def _meets(self, actor: ScheduledAgent, start: int, foreground: bool, follows: bool) -> bool:
         """Whether it would meet anybody if it entered at one time [steps]: quicker than all."""
@@ -251,6 +256,9 @@ def _stay(
     corridor = get_corridor(actor.candidate)
     come, leave = compute_occupancy(corridor.s, motion, 0.5)
     nodes = _in_scene_time(corridor.pose, come, leave, actor.enters)
+    # What it never reaches bars nothing.
+    reached = np.flatnonzero(np.isfinite(come))
+    nodes = nodes[:, : reached[-1] + 1 if len(reached) else 1]
     keeping = (*corridor.half, corridor.reach, corridor.s[1], corridor.walks,
                inner.clearance, inner.gap, outer.gap, ahead, inner is BACKGROUND)  # fmt: skip
     return _Reservation(nodes, np.array(keeping, dtype=np.float64))
@@ -258,7 +266,7 @@ def _stay(
 
 def _meet(corridor: Corridor, table: _Table) -> ConflictRuns:
     """Runs within the clearance, and runs in touch, of a newcomer with all present."""
-    room = 4 * len(corridor.s)
+    room = 64 * len(corridor.s)  # hardly ever too little: what is not written costs nothing
     while True:
         near, touching = np.empty((room, 4), np.intp), np.empty((room, 4), np.intp)
         found, touched = _runs(
@@ -266,7 +274,7 @@ def _meet(corridor: Corridor, table: _Table) -> ConflictRuns:
             *table, near, touching,
         )  # fmt: skip
         if max(found, touched) < room:
-            return near[:found], touching[:touched]
+            return near[:found].copy(), touching[:touched].copy()
         room *= 2
 
 
@@ -362,7 +370,7 @@ def _runs(
 ) -> tuple[int, int]:
     """Writes runs into `near` and `touching`; how many. If it is all of them, some have no room."""
     found, touched, room = 0, 0, len(near)
-    far_until = np.zeros(len(keeping), np.intp)
+    far_until, was_near = np.zeros(len(keeping), np.intp), np.zeros(len(keeping), np.bool_)
     for i in range(pose.shape[1]):
         for who in range(len(keeping)):
             if i < far_until[who]:
@@ -370,19 +378,33 @@ def _runs(
             own = (keeping[who, _LONG], keeping[who, _WIDE])
             both, least = _apart(keeping[who], walks)
             radius = reach + keeping[who, _REACH] + _WIDEST + SLACK
+            most = max(least, 0.0)
             beside = against = False
-            nearest, j = np.inf, ends[who]
+            nearest, j, guessed = np.inf, ends[who], was_near[who]
+            per_metre = 1.0 / keeping[who, _SPACING]
             while j < ends[who + 1]:
                 dx, dy = pose[0, i] - nodes[0, j], pose[1, i] - nodes[1, j]
                 beyond = np.sqrt(dx * dx + dy * dy) - radius
                 if beyond > 0.0:
                     # No path comes nearer faster than it goes on: half of what is between may be
-                    # skipped here, and as much of the newcomer's own path.
+                    # skipped here, and as much of the newcomer's own path; or all of it here, if
+                    # the newcomer is near at this node, or was at the last.
                     beside = against = False
-                    nearest = min(nearest, 0.5 * beyond)
-                    j += 1 + int(0.5 * beyond / keeping[who, _SPACING])
+                    if guessed or nearest == 0.0:
+                        j += 1 + int(beyond * per_metre)
+                    else:
+                        nearest = min(nearest, 0.5 * beyond)
+                        j += 1 + int(0.5 * beyond * per_metre)
                     continue
                 nearest = 0.0
+                # Most are told apart along the newcomer's own axis already.
+                cos = abs(pose[2, i] * nodes[2, j] + pose[3, i] * nodes[3, j])
+                sin = abs(pose[2, i] * nodes[3, j] - pose[3, i] * nodes[2, j])
+                ahead = abs(dx * pose[2, i] + dy * pose[3, i])
+                if ahead - half[0] - own[0] * cos - own[1] * sin > most:
+                    beside = against = False
+                    j += 1
+                    continue
                 gap = compute_axis_gap(pose[0, i], pose[1, i], pose[2, i], pose[3, i], half,
                                nodes[0, j], nodes[1, j], nodes[2, j], nodes[3, j], own)  # fmt: skip
                 if gap <= least:
@@ -393,7 +415,8 @@ def _runs(
                 if max(found, touched) == room:
                     return found, touched
                 j += 1
-            far_until[who] = i + 1 + int(nearest / spacing)
+            was_near[who] = nearest == 0.0
+            far_until[who] = i + 1 + (0 if guessed else int(nearest / spacing))
     return found, touched
 
 
