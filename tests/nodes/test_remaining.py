@@ -146,7 +146,7 @@ def test_who_hesitates_gives_way_when_it_was_to(seed: int) -> None:
 
 def test_after_a_failed_sample_nobody_is_asked_again() -> None:
     """Free speeds in so narrow a range are drawn by few samples."""
-    narrow = {**SPEED, "low": 8.2, "high": 8.5}
+    narrow = {**SPEED, "low": 8.0, "high": 8.4}
     failed = 0
     for seed in range(4):
         backend = speeding({"clauses": [narrow], "cannot": []})
@@ -154,7 +154,7 @@ def test_after_a_failed_sample_nobody_is_asked_again() -> None:
         refused = scene.provenance["rejections"]
         failed += any(each["code"] == "no_surviving_combination" for each in refused)
         assert backend.tasks == ["plan", "constraints"]
-        assert 8.2 <= scene.state["selection"].agents[CAR].candidate.time_law.speed <= 8.5
+        assert 8.0 <= scene.state["selection"].agents[CAR].candidate.time_law.speed <= 8.4
     assert failed > 0
 
 

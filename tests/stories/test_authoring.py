@@ -49,7 +49,7 @@ def fastest(shown: Shown, name: str) -> float:
 
 
 def test_a_stop_is_moved_and_lengthened() -> None:
-    talk = Conversation(seed=4)  # drawn so that two seconds more are still a yield
+    talk = Conversation(seed=12)  # drawn so that two seconds more are still a yield
     first = talk.made(YIELD)
     later = talk.made("stop one metre later")
     assert np.hypot(*np.subtract(lowest(first, "vehicle-1"), lowest(later, "vehicle-1"))) == (
@@ -85,7 +85,7 @@ def test_who_came_from_a_red_light_still_does() -> None:
 
 def test_who_came_from_a_red_light_can_come_at_another_time() -> None:
     """On green then, as its light is not its own; and to stand there is nothing to be moved."""
-    talk = Conversation(seed=3)
+    talk = Conversation(seed=5)
     before = talk.made("A car turns left and yields to a pedestrian on the crosswalk.")
     assert len(stays(before)) == 2
     (gives_way,) = stays(talk.made("the car comes 1 second earlier"))
@@ -272,7 +272,7 @@ def test_words_that_the_grammar_does_not_know_go_to_the_planner_that_is_a_model(
     )
     builtin = load_backend("builtin")
     others: dict[Task, Backend] = dict.fromkeys(TASKS, builtin)
-    talk = Conversation(backend=Staged({**others, "plan": model}))
+    talk = Conversation(seed=5, backend=Staged({**others, "plan": model}))
     first = talk.made("Someone lets someone walk")
     assert events(first) == ["yielding"]
     tragic = talk.made("give it a tragic ending")

@@ -93,7 +93,9 @@ def test_the_one_named_first_passes_first(seed: int) -> None:
     ],
 )
 def test_the_gate_looks_for_all_that_the_file_demands(change: dict[str, object], why: str) -> None:
-    scene = synthesize("A car noses out in front of a bus. Nobody else is around.", seed=1)
+    text = "A car noses out in front of a bus, which does not react. Nobody else is around."
+    scene = synthesize(text, seed=1)
+    assert [a.reaction for a in scene.state["social_graph"].agents] == [None, "none"]
     assert check(scene.record, MAP).verified
     proof = check(demanding(scene.record, change), MAP)
     assert not proof.verified

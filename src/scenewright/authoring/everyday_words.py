@@ -124,8 +124,10 @@ class Talk:
             found = [each for each in named if each.type != "vehicle"]
         elif words in ("it", "that", "them", "they"):
             found = [each for each in named if each.type == "vehicle"] or named
+        elif (noun := re.sub(r" rider$", "", words).split()[-1]) not in _CLASSES:
+            return None  # the name of one of the others
         else:
-            kind, subtype = _CLASSES[re.sub(r" rider$", "", words).split()[-1]]
+            kind, subtype = _CLASSES[noun]
             found = [each for each in named if each.type == kind]
             exact = [each for each in found if subtype is None or each.subtype in (subtype, None)]
             found = exact or ([] if subtype not in (None, "car") else found)

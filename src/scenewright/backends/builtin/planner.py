@@ -254,7 +254,12 @@ def _with_account(plan: Plan, learned: LearnedPlan) -> Plan:
     if isinstance(plan, SocialGraph) and isinstance(learned.plan, SocialGraph):
         said = learned.plan.said
         edges = tuple(_fill_order(edge, learned.plan.relations) for edge in plan.relations)
-        plan = plan.model_copy(update={"relations": edges})
+        reactions = {(a.id, a.subtype, a.entry): a.reaction for a in learned.plan.agents}
+        nodes = tuple(
+            a.model_copy(update={"reaction": reactions.get((a.id, a.subtype, a.entry))})
+            for a in plan.agents
+        )
+        plan = plan.model_copy(update={"agents": nodes, "relations": edges})
         plan = plan.model_copy(update={"measures": learned.plan.measures})
         held = tuple(e for e in said if e.became != "nothing" and still_holds(e, plan))
         return plan.model_copy(update={"said": held})
