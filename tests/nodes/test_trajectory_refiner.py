@@ -60,7 +60,10 @@ def refused(*names: str) -> Rejection:
 
 def again(state: dict[str, Any], learned: Learned, *names: str) -> dict[str, Any]:
     """The same after the verifier has named somebody."""
-    state = state | {"refused": refused(*names)}
+    told = refused(*names)
+    # Another figure each time, as after another refinement.
+    detail = f"{told.detail} ({len(state['rejections'])})"
+    state = state | {"refused": told.model_copy(update={"detail": detail})}
     state["rejections"] = [*state["rejections"], state["refused"]]
     return state | refine_trajectories(state, runtime=runtime(learned))
 
@@ -125,6 +128,16 @@ def test_who_is_named_again_and_again_keeps_the_edited_prior_and_the_reason_is_t
     assert kept.share == 0.0
     assert "too close" in kept.reason
     assert moved(state, TAKER) == moved(first(run, learned), TAKER)
+
+
+def test_a_figure_that_no_refinement_changes_is_a_fault_of_the_prior(run, learned):
+    state = again(first(run, learned), learned, GIVER)
+    for kept in ((GIVER,), (GIVER, TAKER)):
+        state["rejections"] = [*state["rejections"], state["refused"]]
+        state = state | refine_trajectories(state, runtime=runtime(learned))
+        for name in kept:
+            assert moved(state, name) == 0.0
+    assert state["refinement"].attempt == 6
 
 
 def test_on_the_last_attempt_everybody_keeps_the_edited_prior(run, learned):

@@ -2,7 +2,8 @@
 
 Refined tracks that the verifier refuses come back here. Whoever it named is then supervised more
 strongly, then drawn anew, and last left on the edited prior, which the solver's proof holds for.
-On the last attempt of the budget everybody is, and as soon as one figure is refused twice.
+A figure that is refused twice leaves the agents that it names on their priors at once; refused a
+third time, or on the last attempt of the budget, everybody is.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) ->
             "refinement": Refinement(refiner="none", note=note),
         }  # fmt: skip
     before, most = _before(state), runtime.context.budgets.refiner
-    last = before is not None and (before.attempt >= most or _recurs(state))
+    last = before is not None and (before.attempt >= most or _recurs(state, 3))
     agents, rolled, refined = _refined(motions, edited, before, state, runtime.context, last=last)
     ran = Refinement(
         refiner="trajnet",
@@ -127,10 +128,10 @@ def _before(state: RefinerReads) -> Refinement | None:
     return state.get("refinement") if state.get("refused") is not None else None
 
 
-def _recurs(state: RefinerReads) -> bool:
-    """Whether another refinement was refused for the very same figure: the prior has the fault."""
-    details = [each.detail for each in state["rejections"][-2:]]
-    return len(details) == 2 and details[0] == details[1]
+def _recurs(state: RefinerReads, times: int) -> bool:
+    """Whether so many refinements were refused for one figure: then the prior has the fault."""
+    details = [each.detail for each in state["rejections"][-times:]]
+    return len(details) == times and len({*details}) == 1
 
 
 def _retries(state: RefinerReads, before: Refinement | None) -> int:
@@ -151,12 +152,14 @@ def _refined(
     from scenewright.tools.trajnet_refiner.kinematic_layer import feasible
 
     refusals = _refusals(motions, before, state)
+    named, recurs = _named(state), before is not None and _recurs(state, 2)
     guides = guides_of(motions, state["selection"], state["behavior"])
     rolled = _rolled(guides, refusals, before, state, context)
     agents: dict[str, AgentRefinement] = {}
     tracks: dict[str, Track] = {}
     for name, guide in guides.items():
-        most = 0.0 if last else SHARES[min(refusals[name], len(SHARES) - 1)]
+        settled = last or (name in named and recurs)
+        most = 0.0 if settled else SHARES[min(refusals[name], len(SHARES) - 1)]
         s, share = feasible(
             guide.s, rolled[name], kept=guide.kept, path=guide.path, kind=guide.kind, most=most
         )
