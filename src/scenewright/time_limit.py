@@ -10,6 +10,8 @@ for what these leave too long. It stands still while models are asked and code i
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -91,3 +93,26 @@ def stopped_clock() -> Iterator[None]:
     finally:
         if clock is not None:
             clock.extend(time.monotonic() - since)
+
+
+@contextmanager
+def raise_after(seconds: float, error: BaseException) -> Iterator[None]:
+    """Raises the error in the block after so long, by an alarm of the system.
+
+    Only where the system has alarms and in the main thread; elsewhere the block is not limited.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    if not main or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def ring(*_: object) -> None:
+        raise error
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

@@ -12,6 +12,7 @@ from scenewright.driving.passing_order import find_passing_order
 from scenewright.driving.scenario import COLOURS, KINDS, BoolArray, IntArray, Scenario
 from scenewright.driving.world import OtherStates, compute_recorded_speeds
 from scenewright.scene.base import FloatArray
+from scenewright.scene.reaction_behavior import REACTION_TIME
 
 AHEAD = np.array([0.0, 0.4, 0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 8.0])
 """Times at which everybody's place is looked at in advance [s]."""
@@ -21,8 +22,6 @@ SPEEDING_UP = np.array([2.0, 1.0, 1.5, 1.5, 2.0])
 """Braking and acceleration [m/s^2] by kind."""
 STRENGTH_MEDIAN = np.array([5.0, 2.5, 3.0, 3.0, 5.0])
 STRENGTH_SPREAD = 0.25
-REACTION_MEDIAN, REACTION_SPREAD = 1.0, 0.334
-"""Lognormal: 5 to 95 % lie between 0.58 and 1.73 s (SEMANTICS section 8)."""
 PERCEPTIBLE = 3.0
 """A conflict is perceptible this long before either is there [s]."""
 MARGIN = 0.8
@@ -54,7 +53,7 @@ class _Clocks:
 
 
 class Reactive:
-    """Everybody goes through its recorded motion, more slowly where somebody is in the way.
+    """Each agent goes through its recorded motion, more slowly where another is in the way.
 
     Each has a clock of its own, which slows down to brake and stops to wait. Everybody keeps the
     order of the recorded scene (`passing_order`) and its red lights. The ego is given way to: by
@@ -82,7 +81,7 @@ class Reactive:
         self._spacing = np.array([max(path.spacing, 1e-6) for path in scenario.paths])
         self._points = np.array([len(path.xy) for path in scenario.paths])
         self._cruise = np.maximum(compute_recorded_speeds(scenario).max(axis=1), 0.8)
-        self.reaction = rng.lognormal(np.log(REACTION_MEDIAN), REACTION_SPREAD, n)
+        self.reaction = rng.lognormal(np.log(REACTION_TIME.median), REACTION_TIME.spread, n)
         drawn = rng.lognormal(np.log(STRENGTH_MEDIAN[scenario.kinds]), STRENGTH_SPREAD)
         self.strength = np.minimum(drawn, HARDEST[scenario.kinds])
         self._swapped = np.zeros((n, n), dtype=bool)
@@ -293,7 +292,7 @@ class Reactive:
         state.gone |= active & over
 
     def _enter(self, emergency: FloatArray, step: int) -> None:
-        """Who is due enters, unless somebody stands in the way."""
+        """An agent that is due enters, unless another stands in the way."""
         state, one = self._state, self._one
         due = ~state.entered & (self._first <= step) & one.moves
         for j in np.flatnonzero(due):

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +17,7 @@ from scenewright.driving.traffic import OthersMode, make_traffic
 from scenewright.driving.world import World, list_ego_points, start_world
 from scenewright.errors import InputError
 from scenewright.scene.base import FloatArray
+from scenewright.time_limit import raise_after
 
 DEFAULT_STEP_LIMIT = 5.0
 """Longest that a policy may take for one answer [s]."""
@@ -105,33 +103,13 @@ def _ask(call: Callable[[], Any], limit: float, method: str) -> Any:
         PolicyError: it raised or took too long.
     """
     try:
-        with _alarm(limit, method):
+        with raise_after(limit, PolicyError(f"{method} took more than {limit:g} s")):
             return call()
     except PolicyError:
         raise
     except Exception as error:
         words = " ".join(str(error).split())[:200]
         raise PolicyError(f"{method} raised {type(error).__name__}: {words}") from error
-
-
-@contextmanager
-def _alarm(seconds: float, method: str) -> Iterator[None]:
-    """Raises PolicyError in the block once the time is over."""
-    usable = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
-    if not usable:
-        yield
-        return
-
-    def ring(*_: object) -> None:
-        raise PolicyError(f"{method} took more than {seconds:g} s")
-
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def _check(action: Any, shape: tuple[int, ...]) -> FloatArray:

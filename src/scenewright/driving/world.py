@@ -14,7 +14,7 @@ from scenewright.driving.scenario import BoolArray, Scenario
 from scenewright.scene.base import FloatArray
 
 End = Literal["collision", "arrived", "over", "policy_failed"]
-"""Why a drive ended: the ego hit somebody, reached the end of its route, the scene ran out, or
+"""Why a drive ended: the ego hit an agent, reached the end of its route, the scene ran out, or
 the policy failed."""
 
 PARTS = np.linspace(0.25, 1.0, 4)

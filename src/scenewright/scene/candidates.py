@@ -20,7 +20,7 @@ K = 10
 
 
 PACE_STEP = 1.0
-"""Distance between the places at which `DrivingProfile.pace` says how fast somebody goes [m]."""
+"""Distance between the places at which `DrivingProfile.pace` says how fast an agent goes [m]."""
 
 
 @dataclass(frozen=True)

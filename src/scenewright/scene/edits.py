@@ -283,7 +283,7 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
 
 
 def _stands(entry: SaidSpan, graph: SocialGraph) -> bool:
-    """Whether an object is in the graph and, if that is said, hides somebody."""
+    """Whether an object is in the graph and, if that is said, hides an agent."""
     name = (entry.value or "").split(" ", maxsplit=1)[0]
     kept = (each for each in graph.objects if each.id == name)
     return any(entry.became == "object" or each.hides is not None for each in kept)

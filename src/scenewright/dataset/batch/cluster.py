@@ -6,18 +6,15 @@ Tasks compute and hand the files back; only the driver writes, so the machines n
 from __future__ import annotations
 
 import os
-import signal
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
-from types import FrameType
 from typing import Any, TypeVar
 
 from scenewright.dataset.batch.pool import TRIES, WARM_UP, Died, Overdue
 from scenewright.errors import InputError
+from scenewright.time_limit import raise_after
 
 JobT = TypeVar("JobT")
 ResultT = TypeVar("ResultT")
@@ -129,33 +126,9 @@ def within(limit: float | None, task: Callable[[Any], Any], job: Any) -> Any:
     if limit is None:
         return task(job)
     try:
-        with _alarm(limit if _WARM else limit + WARM_UP):
+        with raise_after(limit if _WARM else limit + WARM_UP, _TimeIsUp()):
             return task(job)
     except _TimeIsUp:
         return Overdue(limit)
     finally:
         _WARM[:] = [True]
-
-
-@contextmanager
-def _alarm(seconds: float) -> Iterator[None]:
-    """Raises _TimeIsUp after so long, where the system has alarms and this is the main thread."""
-    if not hasattr(signal, "setitimer") or threading.current_thread() is not _main():
-        yield
-        return
-
-    def ring(number: int, frame: FrameType | None) -> None:
-        del number, frame
-        raise _TimeIsUp
-
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
-
-
-def _main() -> threading.Thread:
-    return threading.main_thread()

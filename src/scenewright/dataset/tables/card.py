@@ -45,7 +45,7 @@ def card(contents: Contents) -> str:
     where, how = contents.pictures
     parts = [
         _front_matter(contents),
-        f"# {_plain(contents.title)}",
+        f"# {escape_markdown(contents.title)}",
         ABSTRACT,
         f"![Where and when events happen, and how many agents there are]({where})",
         _counts("In figures", contents.figures, "figure", "value"),
@@ -96,7 +96,7 @@ def _front_matter(contents: Contents) -> str:
     lines = [
         "---",
         f"license: {LICENCE}",
-        f"pretty_name: {json.dumps(_plain(contents.title), ensure_ascii=False)}",
+        f"pretty_name: {json.dumps(escape_markdown(contents.title), ensure_ascii=False)}",
         "language: [en]",
         f"size_categories: [{json.dumps(size)}]",
         "tags: [traffic, trajectories, synthetic, safety-critical events]",
@@ -116,7 +116,9 @@ def _counts(title: str, counts: Mapping[str, Any], name: str, value: str) -> str
     ordered = sorted(counts.items()) if all(isinstance(v, int) for v in counts.values()) else [
         *counts.items()
     ]  # fmt: skip
-    lines += [f"| {_plain(str(key))} | {_plain(str(count))} |" for key, count in ordered]
+    lines += [
+        f"| {escape_markdown(str(key))} | {escape_markdown(str(count))} |" for key, count in ordered
+    ]
     return "\n".join(lines)
 
 
@@ -124,7 +126,7 @@ def _statistics(rows: Sequence[tuple[str, str, str]]) -> str:
     if not rows:
         return ""
     lines = ["## What the scenes show", "", "| figure | values | 5 % / median / 95 % |"]
-    lines += ["|---|---|---|", *(f"| {_plain(a)} | {b} | {c} |" for a, b, c in rows)]
+    lines += ["|---|---|---|", *(f"| {escape_markdown(a)} | {b} | {c} |" for a, b, c in rows)]
     return "\n".join(lines)
 
 
@@ -147,7 +149,7 @@ def _flat(about: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _plain(text: str) -> str:
-    """Text from anywhere on one line, without what would become markup."""
-    line = " ".join(text.split())[:200]
+def escape_markdown(text: str, *, longest: int = 200) -> str:
+    """Text from anywhere on one line of at most so many characters, without active markup."""
+    line = " ".join(text.split())[:longest]
     return "".join(f"\\{char}" if char in "|<>[]`*_\\" else char for char in line)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.tables.parquet import TABLES, arrow_schema, parquet
-from scenewright.dataset.tables.splits import SPLITS, Split, choose_split
+from scenewright.dataset.tables.splits import SPLITS, Split
 from scenewright.errors import InputError
 
 _AT_ONCE = 50_000
@@ -54,13 +54,10 @@ def _assign_rows(folder: Path) -> tuple[dict[str, Split], Counter[Split]]:
     """The split of every row, and how many scenes each has."""
     belongs: dict[str, Split] = {}
     counts: Counter[Split] = Counter()
-    for batch in _read(
-        folder, "scenes", columns=["row", "status", "intersection", "text", "voice"]
-    ):
+    for batch in _read(folder, "scenes", columns=["row", "status", "split"]):
         for row in batch.to_pylist():
-            split = choose_split(row["intersection"], row["text"], row["voice"])
-            belongs[row["row"]] = split
-            counts[split] += row["status"] == "made"
+            belongs[row["row"]] = row["split"]
+            counts[row["split"]] += row["status"] == "made"
     return belongs, counts
 
 

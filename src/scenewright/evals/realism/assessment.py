@@ -194,7 +194,7 @@ def _reaction_measures(source: Source, seed: int) -> Iterator[Measure]:
         pairs = [[pair for pair in own if pair[0].event == event] for own in found]
         word = event.replace("_", " ")
         either = [[one.reacts or two.reacts for one, two in own] for own in pairs]
-        yield Measure(source.name, f"{word}: somebody reacts", "all", share_of(either, seed=seed))
+        yield Measure(source.name, f"{word}: a party reacts", "all", share_of(either, seed=seed))
         for kind in CLASSES:
             own = [[p.reacts for pair in each for p in pair if p.kind == kind] for each in pairs]
             name = f"{word}: {kind}s that react"

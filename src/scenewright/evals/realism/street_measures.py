@@ -35,9 +35,9 @@ _STANDS, _WALKS = 0.3, 0.5
 BEFORE_EVENT = 3.0
 """How long before an event a reaction is looked for [s]."""
 REACTS = 0.3
-"""A change of speed from which somebody reacts [m/s]."""
+"""Change of speed from which a party counts as reacting [m/s]."""
 _TURNS_AWAY = 0.3
-"""A change of course from which somebody reacts [rad]."""
+"""Change of course from which a party counts as reacting [rad]."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def common_starts(stretch: Stretch) -> list[bool]:
 
 
 def _starts(user: RoadUser) -> Iterator[tuple[float, FloatArray]]:
-    """Times and places at which somebody who stood for a second walks off."""
+    """Times and places at which a pedestrian who stood for a second walks off."""
     done = compute_kinematics(user.track.xy, smoothing=0.3)
     if not len(done):
         return

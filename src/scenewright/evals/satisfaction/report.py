@@ -1,4 +1,4 @@
-"""Instruction satisfaction as figures, and a leaderboard of whoever was judged."""
+"""Instruction satisfaction as figures, and a leaderboard of submissions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from scenewright.dataset.tables.card import escape_markdown
 from scenewright.errors import InputError
 from scenewright.evals.markdown import format_table
 from scenewright.evals.planning import Share
@@ -40,15 +41,16 @@ def count_verdicts(
 
 def to_json(shares: Mapping[str, Share]) -> dict[str, Any]:
     """Plain JSON of the figures."""
-    return {
-        name: {"right": share.right, "n": share.n, "rate": share.rate, "interval": share.interval}
-        for name, share in shares.items()
-    }
+    return {name: _to_figure(share) for name, share in shares.items()}
+
+
+def _to_figure(share: Share) -> dict[str, Any]:
+    return {"right": share.right, "n": share.n, "rate": share.rate, "interval": share.interval}
 
 
 def to_markdown(shares: Mapping[str, Share], verdicts: Sequence[Verdict]) -> str:
     """The figures, and why scenes are wrong."""
-    rows = [[RATES[name], f"{s.right} / {s.n}", _percent(to_json({name: s})[name])]
+    rows = [[RATES[name], f"{s.right} / {s.n}", _percent(_to_figure(s))]
             for name, s in shares.items()]  # fmt: skip
     reasons = Counter(_sort_of(each.reason) for each in verdicts if each.outcome == "wrong")
     parts = [format_table(["figure", "count", "share [95 %]"], rows)]
@@ -100,13 +102,10 @@ def _read_board(board: Path) -> dict[str, Any]:
 
 def _draw_page(entries: Mapping[str, Any]) -> str:
     ordered = sorted(entries.items(), key=lambda each: -(each[1]["satisfied"]["rate"] or 0.0))
-    rows = [[_plain(name), *(_percent(each[key]) for key in RATES)] for name, each in ordered]
+    rows = [
+        [escape_markdown(name, longest=80), *(_percent(each[key]) for key in RATES)]
+        for name, each in ordered
+    ]
     told = "\n".join(f"- *{key}*: {meaning}" for key, meaning in RATES.items())
     table = format_table(["submission", *RATES], rows)
     return f"# Leaderboard: instructions satisfied\n\n{table}\n\n{told}\n"
-
-
-def _plain(text: str) -> str:
-    """A name on one line, without what would become markup."""
-    line = " ".join(text.split())[:80]
-    return "".join(f"\\{char}" if char in "|<>[]`*_\\" else char for char in line)

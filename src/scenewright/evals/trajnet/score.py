@@ -70,9 +70,9 @@ def predict_scenes(
 ) -> list[PredictedScene]:
     """Every scene of a recording, predicted from its first nine steps.
 
-    Everybody seen at the ninth step is predicted, scenes that begin together at once. Whoever was
-    seen before and is gone goes on evenly: the official evaluator refuses Col-I of a file that
-    leaves one of them out.
+    Every pedestrian seen at the ninth step is predicted, scenes that begin together at once. One
+    that was seen before and is gone goes on evenly: the official evaluator refuses Col-I of a file
+    that leaves one of them out.
     """
     starts = sorted({row.start for row in recording.scenes})
     places, pasts, given, gone = [], [], [], []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, get_args
 
 from scenewright.scene.account import SaidRecord
@@ -26,6 +27,8 @@ from scenewright.tools.relation_checker.pedestrian_motions import (
 from scenewright.tools.relation_checker.reactions import describe_reaction
 
 _ROUTE_WORDS = ("entry", "exit", "movement", "crosswalk")
+_HOLDING = ("behavior", "constraint", "measure", "motion", "manoeuvre")
+"""Words that may keep an agent from going all of its way."""
 _WORDS_ALONE = ("signals", "road", "retracted", "impact_point", "measure", "tie")
 """Checked elsewhere, as conditions on relations, ties and lights, or saying nothing of tracks."""
 
@@ -188,19 +191,21 @@ class _EvidenceFinder:
             f"agent {agent.id}" for agent in agents
         )
 
+    @cached_property
+    def _occupied(self) -> frozenset[int]:
+        """Parties of relations and collisions, and agents with words of a way of moving."""
+        bound = {n for each in self._scene.relations for n in (each.from_, each.to)}
+        hits = (each for each in self._events if each.type == "collision")
+        struck = {n for each in hits for n in (each.from_, each.to)}
+        held = {n for each in self._scene.said if each.became in _HOLDING for n in each.agents}
+        return frozenset(bound | struck | held)
+
     def _goes_its_way(self, agent: AgentRecord) -> bool:
         """Whether one to whom nothing else happens is seen to go where it is said to go.
 
         Events decide how far their parties come, and words of a standstill may hold an agent.
         """
-        bound = {n for each in self._scene.relations for n in (each.from_, each.to)}
-        hits = (each for each in self._events if each.type == "collision")
-        struck = {n for each in hits for n in (each.from_, each.to)}
-        held = {
-            n for each in self._scene.said for n in each.agents
-            if each.became in ("behavior", "constraint", "measure", "motion", "manoeuvre")
-        }  # fmt: skip
-        if self._map is None or self._scene.meta.rules is None or agent.id in bound | struck | held:
+        if self._map is None or self._scene.meta.rules is None or agent.id in self._occupied:
             return True
         track = self._tracks[agent.id]
         if agent.type == "pedestrian":

@@ -57,7 +57,7 @@ THRESHOLDS = {
     "pedestrian": _Threshold(0.5, 0.2),
 }
 ASIDE, ASIDE_ACCELERATION = 0.2, 0.7
-"""Offset to a side [m] and lateral acceleration [m/s^2] from which somebody swerves."""
+"""Offset to a side [m] and lateral acceleration [m/s^2] from which a vehicle swerves."""
 TURNS = np.deg2rad(2.0)
 """Who swerves within its lane turns by more than this, and has turned back in the end [rad]."""
 

@@ -274,7 +274,7 @@ def _check_slowing(passage: ZonePassage, lowest: int) -> YieldEvent | None:
 
 
 def _is_out_of_time(passage: ZonePassage, begin: int, low: int) -> bool:
-    """Whether it slows for somebody who is not there yet, or is slowest once the other has gone."""
+    """Whether it slows for an agent not there yet, or is slowest once the other has gone."""
     times = passage.giver.times
     if passage.other_start is None:
         return False

@@ -1,6 +1,6 @@
 """How a background vehicle drives among those who are there already.
 
-It enters when it was drawn to, follows whoever is ahead in its lane, stops at red and behind
+It enters when it was drawn to, follows the vehicle ahead in its lane, stops at red and behind
 queues, and turning it lets pedestrians and others pass; it neither crosses the way of the
 foreground near it in time nor gives way to it. Whom it meets bars nodes of its path for a time;
 those bars that it would run into become walls, behind which it drives by the intelligent driver
@@ -237,7 +237,7 @@ def _follow(
 ) -> tuple[FloatArray, float]:
     """[T] arc length every 0.1 s behind walls, and the hardest braking [m/s^2].
 
-    It ends where somebody would brake too hard.
+    It ends where a vehicle would brake too hard.
 
     Args:
         nodes, walls: arc lengths [N] and until when each may not be reached [s].

@@ -1,4 +1,4 @@
-"""Near misses in which somebody reacts: on present courses the two would touch (SEMANTICS 8).
+"""Near misses in which a party reacts: on present courses the two would touch (SEMANTICS 8).
 
 One of the two answers the threat a reaction time after it is perceptible; what it loses or gains by
 that is why they miss. When they come is shifted so that the PET asked for comes about with the

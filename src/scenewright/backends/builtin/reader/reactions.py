@@ -25,7 +25,7 @@ _UNREACTING = re.compile(
 )
 _IN_TIME = re.compile(r"\s*(?:in time|(?:hard|early|quickly|soon|fast) enough)", re.IGNORECASE)
 _OF_REACTING = ("brake", "decel", "manner", "act", "sight", "thing", "pace", "yield")
-"""Tags of spans whose words say no more than that somebody does not react."""
+"""Tags of spans whose words say no more than that an agent does not react."""
 
 
 def read_reactions(reading: Reading) -> Reading:
