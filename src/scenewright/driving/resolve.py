@@ -19,8 +19,8 @@ Status = Literal["open", "committed", "over"]
 
 EVERY = 5
 """Steps between two re-timings."""
-COMMITTED = 1.5
-"""So long before the conflict nobody is re-timed any more [s]."""
+COMMITTED = np.array([1.5, 0.7, 1.0, 1.0])
+"""So long before the conflict an agent is not re-timed any more [s], by kind."""
 GAIN, LOSS = np.array([2.5, 1.2, 1.8, 1.8]), np.array([3.0, 1.5, 2.5, 2.5])
 """Acceleration and braking with which one is re-timed [m/s^2], by kind."""
 FASTEST = np.array([16.0, 2.4, 7.0, 6.0])
@@ -30,8 +30,8 @@ LONGEST_LAG = 1.2
 """Between the two at the place of a near miss [s]."""
 YIELD_LAG = 0.3
 """By which who is to be given way to comes before the other would [s]."""
-PATIENCE = 1.5
-"""After which an agent goes first where the ego stands without a red light [s]."""
+NEAR, SLOW = 14.0, 2.0
+"""An ego whose front is so near to the place [m] and so slow [m/s] gives way to who is coming."""
 FORESIGHT = 40.0
 """So far ahead one takes precedence over others [m]."""
 CLEAR = np.array([14.0, 5.0, 8.0, 8.0])
@@ -65,7 +65,6 @@ class Meeting:
     left: float = np.inf
     time: float | None = None
     reason: str | None = None
-    waited: float = 0.0
 
     def explain(self) -> str:
         """Why a meeting that did not come about did not."""
@@ -115,8 +114,12 @@ class Resolve(Reactive):
         mine = min(int(state.s[k] / self._spacing[k]), self._points[k] - 1)
         for i in np.flatnonzero(one.moves & ~state.gone & ~self._swapped[k]):
             at = min(int(state.s[i] / self._spacing[i]), self._points[i] - 1)
-            begin, room = order.limits[i, at, k], order.regardless[k, mine, i] - state.s[i]
+            limits = order.regardless if self._swapped[i, k] else order.limits
+            begin, room = limits[i, at, k], order.regardless[k, mine, i] - state.s[i]
             if i == k or not state.s[k] - 0.3 <= begin < state.s[k] + FORESIGHT:
+                continue
+            if not state.entered[i]:
+                self._swapped[k, i], self._swapped[i, k] = True, False
                 continue
             if order.standing[i, at, k] or not np.isfinite(room):
                 continue
@@ -161,15 +164,25 @@ class Resolve(Reactive):
             return
         if meeting.status == "committed":
             return
+        if self._gives_way(ego, way, j, step):
+            meeting.target, meeting.status = None, "committed"
+            return
         ego_in = self._predict_ego(ego, way, step)
         if not np.isfinite(ego_in):
-            self._wait_for_ego(meeting, left, step, ego)
+            self._wait_for_ego(meeting, left)
             return
-        meeting.waited = 0.0
         time = max(ego_in + meeting.lag, 0.1)
         meeting.target = self._find_target(j, left, time)
-        if min(time, ego_in) <= COMMITTED:
+        if min(time, ego_in) <= COMMITTED[self._one.kinds[j]]:
             meeting.status = "committed"
+
+    def _gives_way(self, ego: EgoState, way: float, j: int, step: int) -> bool:
+        """Whether the ego, near the place, has slowed down for an agent that is coming."""
+        one = self._one
+        near = way - float(one.sizes[one.ego, 0]) / 2 < NEAR
+        slow = ego.speed < SLOW and ego.acceleration < 0.3
+        coming = float(self._state.speed[j]) > 0.4
+        return near and slow and coming and not self._ego_faces_red(ego, way, step)
 
     def _close(self, meeting: Meeting, way: float, left: float, step: int) -> None:
         """One of the two has passed the place: say how far off the other still is."""
@@ -205,17 +218,12 @@ class Resolve(Reactive):
             for light, s in one.paths[one.ego].stops
         )
 
-    def _wait_for_ego(self, meeting: Meeting, left: float, step: int, ego: EgoState) -> None:
-        """Where the ego stands for a light the agent waits for it, else it goes first."""
-        meeting.waited += EVERY * self._one.step
-        way = meeting.ego_at - ego.progress
-        held = self._ego_faces_red(ego, way, step)
-        if meeting.waited > PATIENCE and not held and way < 40.0:
-            meeting.target, meeting.status = None, "committed"
-            return
+    def _wait_for_ego(self, meeting: Meeting, left: float) -> None:
+        """Where the ego stands the agent waits for it: before the place, or at its stop line."""
         j = meeting.agent
-        kind = int(self._one.kinds[j])
-        room = left - HOLD[kind]
+        kind, s = int(self._one.kinds[j]), float(self._state.s[j])
+        line = [at - s for _, at in self._one.paths[j].stops if at > s - 0.3]
+        room = min([left - HOLD[kind], *(each for each in line if each < left)])
         meeting.target = float(np.sqrt(2 * LOSS[kind] * 0.6 * room)) if room > 0 else 0.0
         meeting.target = min(meeting.target, float(self._cruise[j]))
 
