@@ -2,10 +2,10 @@
 
 python benchmarks/driving_others.py --scenes DIR --others resolve [--n 100] [--egos idm cautious]
 
-DIR holds folders of scenes, such as `scenewright batch` writes. Each scene in which the ego is bound to another by a
-relation is driven by each ego. Printed are the encounters that came about, of all and of those that
-physics allowed (docs/driving.md), and collisions without the ego; one line for each run with
-`--list`.
+DIR holds folders of scenes, such as `scenewright batch` writes. Each scene is driven by each ego,
+with `resolve` each in which the ego is bound to another by a relation. Printed are the encounters
+that came about, of all and of those that physics allowed (docs/driving.md), and collisions without
+the ego; one line for each run with `--list`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 from scenewright.driving.api import load_policy, load_scenario
+from scenewright.driving.reachability import find_obstacles
 from scenewright.driving.report import report_drive
 from scenewright.driving.run_drive import run_drive
 from scenewright.driving.summary import describe_rate
@@ -43,7 +44,9 @@ def find_scenarios(folder: Path, count: int, *, bound: bool):
 def run(scenario, ego: str, others: str, seed: int) -> dict:
     """One drive: its report, without the events."""
     policy = load_policy(ego)
-    told = report_drive(run_drive(scenario, policy, name=ego, others=others, seed=seed)).to_json()
+    drive = run_drive(scenario, policy, name=ego, others=others, seed=seed)
+    obstacles = find_obstacles(drive, policy) if others == "resolve" else None
+    told = report_drive(drive, obstacles=obstacles).to_json()
     return {
         "scene": scenario.name, "ego": ego, "end": told["end"], "time": told["time"],
         "resolved": told.get("resolved", []), "background": told["background_collisions"],

@@ -30,13 +30,15 @@ LONGEST_LAG = 1.2
 """Between the two at the place of a near miss [s]."""
 YIELD_LAG = 0.3
 """By which who is to be given way to comes before the other would [s]."""
+QUICKEST = 3.0
+"""At which an ego is taken to set off at most [m/s^2]."""
 NEAR, SLOW = 14.0, 2.0
 """An ego whose front is so near to the place [m] and so slow [m/s] gives way to who is coming."""
 FORESIGHT = 40.0
 """So far ahead one takes precedence over others [m]."""
 CLEAR = np.array([14.0, 5.0, 8.0, 8.0])
 """Way through a place where two ways meet [m], by kind."""
-HOLD = np.array([18.0, 2.5, 8.0, 8.0])
+HOLD = np.array([12.0, 2.5, 5.0, 5.0])
 """Before the place at which one waits for an ego that stands [m], by kind."""
 
 
@@ -92,7 +94,7 @@ class Resolve(Reactive):
     def start(self, scenario: Scenario, rng: np.random.Generator) -> OtherStates:
         """The others at the first step, and the places where conflicts are to be."""
         shown = super().start(scenario, rng)
-        self.meetings = tuple(_list_meetings(scenario))
+        self.meetings = tuple(list_meetings(scenario))
         for meeting in self.meetings:
             self._retimed[meeting.agent] = True
         return shown
@@ -164,8 +166,10 @@ class Resolve(Reactive):
             return
         if meeting.status == "committed":
             return
-        if self._gives_way(ego, way, j, step):
+        if self._gives_way(ego, way, meeting, step):
             meeting.target, meeting.status = None, "committed"
+            return
+        if self._is_too_late(meeting, ego, way, step):
             return
         ego_in = self._predict_ego(ego, way, step)
         if not np.isfinite(ego_in):
@@ -176,12 +180,13 @@ class Resolve(Reactive):
         if min(time, ego_in) <= COMMITTED[self._one.kinds[j]]:
             meeting.status = "committed"
 
-    def _gives_way(self, ego: EgoState, way: float, j: int, step: int) -> bool:
+    def _gives_way(self, ego: EgoState, way: float, meeting: Meeting, step: int) -> bool:
         """Whether the ego, near the place, has slowed down for an agent that is coming."""
-        one = self._one
+        one, j, at = self._one, meeting.agent, meeting.agent_at
         near = way - float(one.sizes[one.ego, 0]) / 2 < NEAR
         slow = ego.speed < SLOW and ego.acceleration < 0.3
-        coming = float(self._state.speed[j]) > 0.4
+        left = at - float(self._state.s[j])
+        coming = float(self._state.speed[j]) > 0.4 or left < HOLD[one.kinds[j]] + 1.5
         return near and slow and coming and not self._ego_faces_red(ego, way, step)
 
     def _close(self, meeting: Meeting, way: float, left: float, step: int) -> None:
@@ -194,6 +199,30 @@ class Resolve(Reactive):
             if left > 0
             else f"{name} passed the place when the ego was {max(way, 0.0):.0f} m short of it"
         )
+
+    def _is_too_late(self, meeting: Meeting, ego: EgoState, way: float, step: int) -> bool:
+        """Whether an ego that stands at a red light is kept there until it is too late; say so."""
+        one = self._one
+        if ego.speed > 0.5 or not self._ego_faces_red(ego, way, step):
+            return False
+        left = (one.steps - 1 - step) * one.step
+        needed = float(np.sqrt(2 * way / QUICKEST))
+        green = min(self._find_next_green(light, step) for light, _ in one.paths[one.ego].stops)
+        if green + needed < left:
+            return False
+        meeting.target, meeting.status = None, "over"
+        meeting.time = round(step * one.step, 2)
+        when = f"for {green:.1f} s more" if np.isfinite(green) else "until the scene ends"
+        meeting.reason = (
+            f"the ego stands at a light that is red {when}, {way:.0f} m before the place, "
+            f"and the scene ends in {left:.1f} s"
+        )
+        return True
+
+    def _find_next_green(self, light: int, step: int) -> float:
+        """Until a light shows green [s]; inf if it does not before the scene ends."""
+        green = np.flatnonzero(self._one.colours[light, step:] == COLOURS.index("green"))
+        return float(green[0]) * self._one.step if len(green) else float(np.inf)
 
     def _predict_ego(self, ego: EgoState, way: float, step: int) -> float:
         """Until the ego is there [s]; inf if it stands, or stops before as it brakes now."""
@@ -244,7 +273,7 @@ class Resolve(Reactive):
         return float(np.clip(wanted, 0.0, top))
 
 
-def _list_meetings(scenario: Scenario) -> list[Meeting]:
+def list_meetings(scenario: Scenario) -> list[Meeting]:
     """The relations between the ego and others, as meetings at a place with a lag."""
     record = scenario.record
     if record is None:
