@@ -146,11 +146,11 @@ def tune(scenarios, candidates: int, seed: int) -> DriverParameters:
 
 def rank(field: list[DriverParameters], scenarios) -> list[DriverParameters]:
     """Candidates by their collisions, those that make too little way last."""
-    _, ways = measure(NORMAL, scenarios)
-    least = KEPT * ways.mean()
-    costs = []
+    field = [NORMAL, *(each for each in field if each != NORMAL)]
+    least, costs = None, []
     for tried in field:
         hits, shares = measure(tried, scenarios)
+        least = KEPT * shares.mean() if least is None else least
         costs.append(hits.mean() + 10.0 * max(least - shares.mean(), 0.0))
         print(
             f"{len(scenarios)} scenes: {hits.mean():.3f} {shares.mean():.3f}, cost {costs[-1]:.3f}",

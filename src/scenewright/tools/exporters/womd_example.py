@@ -149,7 +149,7 @@ def _describe_lights(scene: ExportedScene, lights: list[dict[str, Any]]) -> Feat
     away = np.hypot(*(stops[:, None] - scene.ego.xy[None]).transpose(2, 0, 1)).min(axis=1)
     chosen = np.argsort(away, kind="stable")[:LIGHTS]
     steps, k = PARTS["future"].stop, len(chosen)
-    whole = {
+    whole: Features = {
         name: np.full((steps, LIGHTS), _NOTHING, kind)
         for name, kind in (
             ("state", np.int64), ("id", np.int64),
