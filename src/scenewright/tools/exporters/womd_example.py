@@ -64,7 +64,7 @@ def _describe_objects(scene: ExportedScene) -> Features:
     found["state/type"] = _fill([a.names.womd for a in agents], _NOTHING).astype(np.float32)
     steps = PARTS["future"].stop
     for name in STATES:
-        whole = np.full((OBJECTS, steps), _NOTHING, _find_dtype(name))
+        whole: np.ndarray[Any, Any] = np.full((OBJECTS, steps), _NOTHING, _find_dtype(name))
         if name == "valid":
             whole[:] = 0
         for row, agent in zip(whole, agents, strict=False):
