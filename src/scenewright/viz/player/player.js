@@ -771,6 +771,7 @@ function listenToPage() {
   window.addEventListener("message", (event) => {
     if (event.source !== window.parent || event.origin !== location.origin || event.data?.scenewright !== "handles") return;
     state.handles = event.data.handles;
+    chooseTheme(event.data.dark);
     document.body.classList.toggle("by-hand", state.handles.length > 0);
     draw();
   });
