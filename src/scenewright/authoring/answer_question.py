@@ -323,9 +323,9 @@ def _tell_sight(scene: _Scene, about: list[AgentRecord]) -> list[str]:
     seen = [
         f"{_name(scene.get_agent(each['observer']))} first sees "
         f"{_name(scene.get_agent(each['subject']))} at {each['first_visible']:.1f} s."
-        for each in scene.proof.figures.get("sights", [])
+        for each in scene.proof.figures.get("first_visible", [])
     ]
-    hidden = [each for each in scene.record.objects if each.high]
+    hidden = [each for each in scene.record.objects if each.height == "high"]
     free = "Nothing stands between them: they can see one another all the time."
     return [*_tell_events(scene, about), *(seen or ([] if hidden else [free]))]
 
@@ -346,7 +346,7 @@ def _tell_counts_and_kinds(scene: _Scene, about: list[AgentRecord]) -> list[str]
 
 
 def _tell_places(scene: _Scene, about: list[AgentRecord]) -> list[str]:
-    return [*_tell_events(scene, about), *_tell_ways(scene, about)]
+    return [*_tell_ways(scene, about), *_tell_events(scene, about)]
 
 
 def _tell_help(_scene: _Scene, _about: list[AgentRecord]) -> list[str]:

@@ -48,7 +48,7 @@ _SENTENCES = {
     "yields": "make it a yield", "more_traffic": "make it busier", "less_traffic": "fewer cars",
     "no_traffic": "no background traffic", "redraw": "try again",
 }  # fmt: skip
-_MOST_OFFERED, _LEAST_OFFERED, _TOPIC = 3, 0.08, 0.25
+_MOST_OFFERED, _LEAST_OFFERED = 3, 0.08
 
 
 def weigh_kind(words: str, *, scene: bool) -> TurnKind:
@@ -86,7 +86,7 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
 def _find_topic(words: str) -> str | None:
     """What a question is about, as far as the model of turns can tell."""
     asked = [each for each in rank_intents(words) if is_question(each.name)]
-    return asked[0].name if asked[0].chance >= _TOPIC else None
+    return asked[0].name if asked[0].chance >= LIKELY else None
 
 
 def _read_number(words: str) -> int | None:
