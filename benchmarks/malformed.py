@@ -26,7 +26,8 @@ ADDRESSES = (
     "/api/intersections/..%2f..%2fetc%2fpasswd.png", "/api/batches", "/api/batches/new",
     "/api/batches/batch-1", "/api/batches/batch-1/99/page.html", "/api/batches/x/stop",
     "/api/maps?name=x.osm", "/api/maps?name=..%2fx.xodr", "/api/maps/0123456789abcdef.osm/import",
-    "/api/settings", "/api/settings/backend", "/api/openapi.json", "/nothing", "//", "/api/../app.js",
+    "/api/settings", "/api/settings/backend", "/api/openapi.json", "/nothing", "//",
+    "/api/../app.js",
 )  # fmt: skip
 VALUES: tuple[object, ...] = (
     None, True, -1, 1e308, 2**70, "", "x" * 3000, "\ud800", "\x00", [], {}, [[[[]]]], {"a": {}},

@@ -144,7 +144,7 @@ def test_a_batch_is_watched_filtered_and_opened(page: Page, tmp_path: Path) -> N
     page.select_option("#batch-event", "yielding")
     assert page.locator("#batch-rows tbody tr").count() == 1
     page.click("#batch-rows button")
-    page.wait_for_selector("#batch-player iframe")
+    page.frame_locator("#batch-player iframe").locator("#events button").first.wait_for()
     keep_picture(page, "batch")
 
 
