@@ -34,13 +34,15 @@ from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 _HEADWAY, _HEADWAY_SPREAD = 1.1, 0.25
 """From the rear ahead to one's own front [s]: median and spread of the logarithm. At 9 m/s that is
 about 2 s from front to front with the gap at standstill, as queues discharge."""
-_GAP = (0.9, 1.8)
+_GAP = (1.3, 2.2)
 """At standstill, on top of the clearance of 0.8 m [m]."""
 _LINE = (0.4, 1.6)
 """From the front of who stops first to the line [m]."""
 _ROUNDS = 12
-_HARDEST = 3.6
-"""Who would brake harder [m/s^2] than this for others comes at another time."""
+_HARDEST = 3.2
+"""Who would brake harder [m/s^2] than this for others comes at another time: from 3.4 on, close
+behind another, it would count as a near miss."""
+_HARDEST_DRIVEN = 3.35
 _FORESEES = 1.5
 """How far ahead drivers see how others will go on, by brake lights and those further ahead [s]."""
 _AFTER = 4.0
@@ -83,7 +85,18 @@ def follow_traffic(
     if moved is None:
         return None
     driven = _as_scheduled(actor, moved, moment.duration - enters)
-    return driven if _passes_on_green(driven, enters, moment) else None
+    if _brakes_hard(driven) or not _passes_on_green(driven, enters, moment):
+        return None
+    return driven
+
+
+def _brakes_hard(driven: ScheduledAgent) -> bool:
+    """Whether a pace makes it brake harder than it drove [over 0.3 s, as brakings are measured]."""
+    s = driven.motion.s
+    if len(s) < 6:
+        return False
+    change = (s[5:] - s[3:-2]) - (s[2:-3] - s[:-5])
+    return bool(change.min() < -2 * _HARDEST_DRIVEN * STEP * (3 * STEP))
 
 
 def _drive(
