@@ -68,6 +68,8 @@ def import_file(
     Raises:
         InputError: the file or an option cannot be used; nothing is written.
     """
+    from scenewright.viz.leg_labels import list_unshown_streets
+
     check_name(name)
     if (find_custom_root() / name).exists() and not force:
         raise InputError(f"intersection {name!r} exists already; --force replaces it")
@@ -107,7 +109,7 @@ def import_file(
         "movements": len(place.movements),
         "crosswalks": len(place.crosswalks),
         "signals": place.signals is not None,
-        "notes": list(made.notes),
+        "notes": [*made.notes, *list_unshown_streets(place)],
         "report": format_report(report),
     }
 

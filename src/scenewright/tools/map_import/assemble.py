@@ -35,6 +35,7 @@ from scenewright.scene.map import (
 from scenewright.tools.map_import import ground_areas as ground
 from scenewright.tools.map_import.check_file import MapFormat
 from scenewright.tools.map_import.compass import find_sides, name_turn
+from scenewright.tools.map_import.curves import LEAST_RADIUS, measure_least_radius, round_curves
 from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
 from scenewright.tools.map_import.legs import (
     CLEARLY_STRAIGHT,
@@ -151,6 +152,7 @@ class _Assembly:
     def __init__(self, survey: Survey, extent: float | None) -> None:
         self.survey = survey
         self.notes = [survey.side.describe(), *survey.notes]
+        self.rounded = 0
         self.legs = find_legs(survey)
         self.leg_of_lane = {lane.id: k for k, leg in enumerate(self.legs) for lane in leg.lanes}
         self.crossings = choose_crossings(survey, self.legs)
@@ -248,8 +250,10 @@ class _Assembly:
     ) -> FloatArray:
         """An approach to a mapped crosswalk, on along its straightest way if that lies inside."""
         ways = [each for each in self.connections if each.approach == lane.id]
-        onwards = min(ways, key=lambda each: round(abs(self._measure_turn(each)), 3)).line
-        longer = resample_by_spacing(np.concatenate([line, onwards]), 0.5)
+        if ways:
+            onwards = min(ways, key=lambda each: round(abs(self._measure_turn(each)), 3)).line
+            line = np.concatenate([line, onwards])
+        longer = resample_by_spacing(line, 0.5)
         met = np.flatnonzero(geos.contains_xy(placed.stop_area, *longer.T))
         kept = longer[: met[0]] if len(met) else line
         return _take_last_run(kept, self._is_inside(kept))
@@ -267,10 +271,16 @@ class _Assembly:
         found = []
         for each in self.connections:
             before, after = self.extended[each.approach], self.extended[each.exit]
-            line = _smooth(np.concatenate([before, each.line, after]))
+            line = self._round(_smooth(np.concatenate([before, each.line, after])))
             inside = np.flatnonzero(self._is_inside(line))
             found.append(line[inside[0] : inside[-1] + 1] if len(inside) > 1 else line[-2:])
         return found
+
+    def _round(self, line: FloatArray) -> FloatArray:
+        """A way without places sharper than cars can drive, counted where there were some."""
+        rounded = round_curves(line)
+        self.rounded += rounded is not line
+        return rounded
 
     @cached_property
     def by_movement(self) -> _Movements:
@@ -500,6 +510,7 @@ class _Assembly:
                 "ways through", "read", round(kept, 3),
                 f"{len(self.connections)} of {len(self.survey.connections)} kept",
             ),
+            self._rate_curves(),
             rate_crosswalks(self.crosswalk_facts),
             self.signal_item,
             ReportItem(
@@ -508,6 +519,18 @@ class _Assembly:
             ),
             ReportItem("sidewalks", "derived", None, "3 m along every outer kerb"),
         )  # fmt: skip
+
+    def _rate_curves(self) -> ReportItem:
+        """How sharp the ways through bend, and how many were sharper in the file."""
+        least = min(measure_least_radius(line) for line in self.whole)
+        radius = f"the sharpest has a radius of {least:.1f} m" if least < 100 else "all straight"
+        if not self.rounded:
+            return ReportItem("curves", "read", 1.0, radius)
+        detail = f"{self.rounded} of {len(self.whole)} sharper than {LEAST_RADIUS:.0f} m rounded"
+        if still := sum(measure_least_radius(line) < LEAST_RADIUS for line in self.whole):
+            detail += f", {still} of them only in part, as the file's lines leave no room"
+        share = 1 - self.rounded / len(self.whole)
+        return ReportItem("curves", "partly read", round(share, 3), f"{detail}; {radius}")
 
     def _build_crosswalks(self) -> Iterator[Crosswalk]:
         for k, placed in self.placements.items():
