@@ -22,9 +22,13 @@ from scenewright.tools.map_import.survey import (
 
 @pytest.mark.parametrize(
     "corners",
-    [[(0, 0), (20, 0), (20, 20)], [(0, 0), (20, 0), (19, 1), (40, 1)], [(0, 0), (20, 0), (20.5, 2), (40, 2)]],
+    [
+        [(0, 0), (20, 0), (20, 20)],
+        [(0, 0), (20, 0), (19, 1), (40, 1)],
+        [(0, 0), (20, 0), (20.5, 2), (40, 2)],
+    ],
     ids=["corner", "cusp", "step"],
-)  # fmt: skip
+)
 def test_sharp_places_become_curves_that_cars_can_drive(corners):
     line = resample_by_spacing(np.array(corners, float), 0.5)
     assert measure_least_radius(line) < 1.0
@@ -59,13 +63,23 @@ def build_survey(approaches, exits, ways, crossings=()):
 
 def test_streets_side_by_side_are_two_legs_and_carriageways_of_one_street_are_one():
     far = {
-        "n1": ([(-20, 80), (-20, 10)], "High Street"), "n2": ([(15, 80), (15, 10)], "Mill Lane"),
-        "e": ([(80, 2), (20, 2)], "Church Road"), "w": ([(-80, -2), (-25, -2)], "Church Road"),
-    }  # fmt: skip
-    out = {"n3": ([(-15, 10), (-15, 80)], "High Street"), "n4": ([(20, 10), (20, 80)], "High Street")}  # fmt: skip
+        "n1": ([(-20, 80), (-20, 10)], "High Street"),
+        "n2": ([(15, 80), (15, 10)], "Mill Lane"),
+        "e": ([(80, 2), (20, 2)], "Church Road"),
+        "w": ([(-80, -2), (-25, -2)], "Church Road"),
+    }
+    out = {
+        "n3": ([(-15, 10), (-15, 80)], "High Street"),
+        "n4": ([(20, 10), (20, 80)], "High Street"),
+    }
     legs = find_legs(build_survey(far, out, []))
     # Mill Lane lies between two carriageways of the High Street, nearer to one than streets lie.
-    assert sorted(leg.road for leg in legs) == ["Church Road", "Church Road", "High Street", "High Street"]  # fmt: skip
+    assert sorted(leg.road for leg in legs) == [
+        "Church Road",
+        "Church Road",
+        "High Street",
+        "High Street",
+    ]
     far["n2"] = [(40, 80), (40, 10)], "Mill Lane"
     out.pop("n4")
     legs = find_legs(build_survey(far, out, []))
@@ -76,9 +90,10 @@ def test_streets_side_by_side_are_two_legs_and_carriageways_of_one_street_are_on
 def test_a_crossing_deep_inside_belongs_to_the_leg_all_of_whose_traffic_passes_it():
     approaches = {"south": ([(2, -90), (2, -38)], ""), "east": ([(90, 2), (20, 2)], "")}
     exits = {
-        "north": ([(2, 20), (2, 90)], ""), "east out": ([(20, -2), (90, -2)], ""),
+        "north": ([(2, 20), (2, 90)], ""),
+        "east out": ([(20, -2), (90, -2)], ""),
         "west": ([(-20, 2), (-90, 2)], ""),
-    }  # fmt: skip
+    }
     ways = [
         ("south", "north", [(2, -38), (2, 20)]),
         ("south", "east out", [(2, -38), (2, -8), (8, -2), (20, -2)]),
@@ -95,9 +110,15 @@ def test_a_crossing_deep_inside_belongs_to_the_leg_all_of_whose_traffic_passes_i
 
 @pytest.mark.parametrize(
     ("name", "street"),
-    [("N_en_1", ""), ("R2In1_to_R1Out1", ""), ("12", ""), ("Kaiserstraße", "Kaiserstraße"),
-     ("Avenue 7", "Avenue 7"), ("Rua XV de Novembro", "Rua XV de Novembro")],
-)  # fmt: skip
+    [
+        ("N_en_1", ""),
+        ("R2In1_to_R1Out1", ""),
+        ("12", ""),
+        ("Kaiserstraße", "Kaiserstraße"),
+        ("Avenue 7", "Avenue 7"),
+        ("Rua XV de Novembro", "Rua XV de Novembro"),
+    ],
+)
 def test_names_of_lanelets_are_no_streets(name, street):
     assert _find_street({"name": name}) == street
 
