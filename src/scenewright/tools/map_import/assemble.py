@@ -98,6 +98,7 @@ class ImportedMap:
         file_origin: where those are zero; None where the file has no degrees.
         crosswalks: where the crosswalk of each leg comes from.
         items: what was read, derived and assumed, one for each kind of thing.
+        survey: what the file said.
     """
 
     intersection_map: IntersectionMap
@@ -109,6 +110,7 @@ class ImportedMap:
     file_origin: LatLon | None
     crosswalks: tuple[CrosswalkFact, ...]
     items: tuple[ReportItem, ...]
+    survey: Survey
 
 
 def assemble_map(
@@ -143,6 +145,7 @@ def assemble_map(
         survey.file_origin,
         assembly.crosswalk_facts,
         assembly.rate_items(map_format),
+        survey,
     )
 
 
@@ -329,9 +332,14 @@ class _Assembly:
         return self.road.intersection(ground.build_square(self.extent))
 
     def _derive_sidewalks(self) -> Any:
-        self._add_note("sidewalks were derived: 3 m along every outer kerb")
+        self._add_note(f"sidewalks were derived: {self._describe_sidewalks()}")
         refuges = [placed.refuge_area for placed in self.placements.values() if placed.refuges]
-        return geos.union_all([ground.build_sidewalks(self.road, self.extent), *refuges])
+        return geos.union_all([self.sidewalks, *refuges])
+
+    def _describe_sidewalks(self) -> str:
+        walked = sum(geos.Polygon(outline).area for outline in self.survey.walks)
+        more = f", and {walked:.0f} m² on which people were seen to walk" if walked else ""
+        return f"3 m along every outer kerb{more}"
 
     def _build_signals(self, crosswalks: Sequence[Crosswalk], mode: str) -> SignalProgram | None:
         program, self.signal_item = build_signal_program(
@@ -517,7 +525,7 @@ class _Assembly:
                 "side of the road", "read" if side.is_known else "assumed",
                 1.0 if side.is_known else 0.5, side.describe(),
             ),
-            ReportItem("sidewalks", "derived", None, "3 m along every outer kerb"),
+            ReportItem("sidewalks", "derived", None, self._describe_sidewalks()),
         )  # fmt: skip
 
     def _rate_curves(self) -> ReportItem:
@@ -581,8 +589,11 @@ class _Assembly:
 
     @cached_property
     def sidewalks(self) -> Any:
-        """The derived sidewalks, without the note that says so."""
-        return ground.build_sidewalks(self.road, self.extent)
+        """The derived sidewalks and where people were seen to walk, off the road."""
+        walks = [geos.Polygon(outline).buffer(0) for outline in self.survey.walks]
+        seen = geos.union_all(walks).difference(self.road)
+        derived = ground.build_sidewalks(self.road, self.extent)
+        return derived.union(seen).intersection(ground.build_square(self.extent))
 
     def _build_vehicle_goals(self) -> Iterator[GoalRegion]:
         for name, leg in zip(self.names, self.legs, strict=True):

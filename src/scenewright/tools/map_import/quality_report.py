@@ -11,7 +11,7 @@ import numpy as np
 from scenewright.tools.map_import.ground_areas import CrosswalkPlacement
 from scenewright.tools.map_import.mapped_crosswalks import CrossingChoice, MappedCrosswalk
 from scenewright.tools.map_import.report_items import ReportItem
-from scenewright.tools.map_import.survey import SurveyCrossing
+from scenewright.tools.map_import.survey import LEARNED, SurveyCrossing
 
 _NEAR = 60.0
 """Crossings of the file within that distance of a leg's are worth a word [m]."""
@@ -22,7 +22,7 @@ class CrosswalkFact:
     """Where the crosswalk of one leg comes from.
 
     Attributes:
-        leg: its name; origin: `file`, `derived` or `none`.
+        leg: its name; origin: `file`, `learned` of people's tracks, `derived` or `none`.
         offset: from the file's to ours [m]: of areas from middle to middle; of nodes of a road,
             which say where it is crossed and not where its kerbs are, to our crosswalk's middle
             line. None if the file holds none.
@@ -67,7 +67,7 @@ def describe_crosswalk(
         offset = centre_offset if mapped.is_bounded else _measure_offset(placed, mapped)
     return CrosswalkFact(
         leg=leg,
-        origin="none" if placed is None else "file" if used else "derived",
+        origin=_find_origin(placed),
         offset=offset,
         centre_offset=centre_offset,
         sources=mapped.sources if mapped is not None and used else (),
@@ -76,6 +76,15 @@ def describe_crosswalk(
         nearest=None if placed is None or used else _find_nearest(placed, crossings),
         left_out=tuple(left_out),
     )
+
+
+def _find_origin(placed: CrosswalkPlacement | None) -> str:
+    if placed is None:
+        return "none"
+    if placed.mapped is None:
+        return "derived"
+    learned = all(source.startswith(LEARNED) for source in placed.mapped.sources)
+    return "learned" if learned else "file"
 
 
 def _measure_offset(placed: CrosswalkPlacement, mapped: MappedCrosswalk) -> float:
@@ -107,6 +116,9 @@ def list_crosswalk_notes(facts: Sequence[CrosswalkFact]) -> Iterator[str]:
             f"crosswalks of the file: {', '.join(fact.leg for fact in read)}; their middles are at "
             f"most {off:.1f} m from the file's"
         )
+    for fact in facts:
+        if fact.origin == "learned":
+            yield f"crosswalk on {fact.leg} {fact.sources[0]}"
     reasons: dict[str, list[str]] = {}
     for fact in facts:
         if fact.origin == "derived":
@@ -134,7 +146,7 @@ def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
     scores = [_rate_crosswalk(fact) for fact in facts]
     known = [score for score in scores if score is not None]
     read = [fact for fact in facts if fact.origin == "file"]
-    lost = [fact for fact in facts if fact.origin != "file" and fact.left_out]
+    lost = [f for f in facts if f.origin in ("derived", "none") and f.left_out]
     if not known:
         return ReportItem("crosswalks", "derived", None, "the file draws none on these legs")
     exact = sum(fact.offset is not None and fact.offset <= _CLOSE for fact in read)
@@ -148,7 +160,7 @@ def rate_crosswalks(facts: Sequence[CrosswalkFact]) -> ReportItem:
 
 def _rate_crosswalk(fact: CrosswalkFact) -> float | None:
     if fact.origin != "file":
-        return 0.0 if fact.left_out else None
+        return 0.0 if fact.left_out and fact.origin != "learned" else None
     whole = not any("twice" not in line for line in fact.left_out)
     return 1.0 if whole and (fact.offset or 0.0) <= _CLOSE else 0.5
 
