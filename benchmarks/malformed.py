@@ -74,7 +74,7 @@ class Server:
     def end(self) -> str:
         """Stops it; what it has said."""
         self.process.terminate()
-        self.process.wait(60)
+        self.process.wait(600)  # it may still be warming up
         return self._read()
 
 

@@ -30,6 +30,7 @@ from scenewright.scene.edits import (
     Choice,
     Clarification,
     DeclinedTurn,
+    Edit,
     Edits,
     NewScene,
     Reading,
@@ -297,7 +298,8 @@ def _read_parts(words: str, talk: Talk, read: Read) -> Edits | None:
         gone = find_named(parts[0], talk)
         noun = find_new_kind(parts[1])
         return replace_agent(gone[0], noun, talk) if gone and noun else None
-    edits, now = [], talk
+    edits: list[Edit] = []
+    now = talk
     for part, guess in zip(parts, guesses, strict=True):
         if guess.intent in ("talk", "show") and guess.chance >= LIKELY:
             continue

@@ -395,7 +395,7 @@ def _find_version_with(words: str, state: ThreadState) -> int | None:
         if version["number"] != state.get("current") and (
             noun in kinds or noun in version["words"]
         ):
-            return version["number"]
+            return int(version["number"])
     return None
 
 

@@ -110,7 +110,7 @@ def _describe(route: Route, method: str) -> dict[str, Any]:
         for name in route.param_convertors
     ]
     asked = [{"name": name, "in": "query", "schema": _TEXT} for name in _QUERIES.get(path, ())]
-    answer = {_ANSWERS.get(path, "application/json"): {}}
+    answer: dict[str, Any] = {_ANSWERS.get(path, "application/json"): {}}
     said = inspect.getdoc(route.endpoint) or ""
     found: dict[str, Any] = {
         "summary": " ".join(said.split("\n\n")[0].split()),
