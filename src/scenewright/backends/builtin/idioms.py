@@ -207,6 +207,16 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
             "does not yield",
         ),
         (r"\b(yields?|yielding|gives? way|giving way|stops?|waits?) first (?=to |for )", r"\1 "),
+        (
+            r"\bonly ((?:goes|go|drives|moves|turns|proceeds|continues|starts|enters|sets off)\b"
+            r"[^.,;]{0,30}?) (once|after|when|as soon as)\b",
+            r"\1 only \2",
+        ),
+        (
+            r"\b(goes|drives|moves|proceeds|continues|starts|sets off) (after|once)"
+            r"(?= (?:[a-z]+ ){1,4}?(?:has|have|had) (?:crossed|passed|gone|cleared|left|finished))",
+            r"\1 only \2",
+        ),
         # Who is hit, and how close it gets.
         (
             r"\b(?:narrowly |barely |just |only just )?(?:miss|avoid|escap|dodg|evad)(?:es|ed|e|s|"
@@ -349,6 +359,12 @@ _PLAIN: tuple[tuple[re.Pattern[str], _New], ...] = tuple(
         (
             rf"\b(?:despite|in spite of|notwithstanding) {_RED}",
             "against the red light",
+        ),
+        (
+            r",? (?:although|though|even though|while|despite the fact that)"
+            rf" {_WHOSE} (?:traffic )?(?:light|signal)s? (?:is|was|are|shows?|showed|has turned|"
+            r"had turned|turned)(?: still| already| clearly)? red\b",
+            " against the red light",
         ),
         (
             r"\b(?:the )?(?:red man|red figure|red hand|do not walk(?: sign| signal)?)\b",

@@ -115,6 +115,14 @@ _SIMPLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             r"\1\2 across ",
         ),
         (
+            r"\bneither of (?:the )?(two [a-z]+) (?:yields?|gives? way|stops?|brakes?)(?= ?[:;,])",
+            r"\1",
+        ),
+        (
+            r"\bfrom the north(east|west)(?: corner)? to the south\1 corner\b",
+            r"across the \1 leg from north to south",
+        ),
+        (
             r"\bfrom the south(east|west)(?: corner)? to the north\1 corner\b",
             r"across the \1 leg from south to north",
         ),
