@@ -52,6 +52,9 @@ _TAKEN_BACK = re.compile(
 )
 _DENIED = compile_negations("nor", "instead", "all but", "either")
 MOST_OFFERS = 3
+LONGEST_READ_AGAIN = 600
+"""Characters of a text that is read again where there is doubt."""
+
 MOST_TRIED = 12
 """Readings that are put into sentences for the offers, which have to be read again each."""
 
@@ -143,8 +146,8 @@ def _plan(text: str, previous: str | None, site: Site) -> Plan:
 
 
 def _read_after_openers(text: str, site: Site) -> Iterator[LearnedPlan]:
-    """The learned reading after each opener; none where a text leaves no room for one."""
-    for opener in OPENERS:
+    """The learned reading after each opener; none of a text so long that it would take seconds."""
+    for opener in OPENERS if len(text) <= LONGEST_READ_AGAIN else ():
         try:
             yield read_again(text, opener, site=site)
         except Refused:
