@@ -62,6 +62,8 @@ def weigh_kind(words: str, *, scene: bool) -> TurnKind:
     if turn.kind not in ("words", "question"):
         return turn
     guess = guess_intent(words)
+    if not scene and guess.intent == "new_scene" and guess.chance >= LIKELY:
+        return TurnKind(kind="words", words=words)
     if turn.kind == "question":
         if is_change(guess.intent) and guess.chance >= SURE and not words.rstrip().endswith("?"):
             return TurnKind(kind="words", words=words)

@@ -352,22 +352,38 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     calls: list[Call] = []
     reading = _read(turn.words, chosen, state, runtime.context, said=words, account=calls.append)
     pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None
+    taken: Clarification | None = None
     if isinstance(reading, NewScene) and speaker(runtime.context.backend, "plan").deterministic:
         intersection_map = load_map(state["heading"]["intersection"])
-        reading = ask_what_is_meant(turn.words, intersection_map) or reading
+        doubtful = ask_what_is_meant(turn.words, intersection_map)
+        likeliest = None if doubtful is None else _take_likeliest(doubtful, state)
+        if likeliest is not None:  # nothing is lost where nothing is there yet, and it is said
+            taken, turn = doubtful, turn.model_copy(update={"words": likeliest})
+        else:
+            reading = doubtful or reading
     lost = isinstance(reading, DeclinedTurn) and reading.code in ("no_change", "out_of_scope")
     if pending is not None and lost:
         first = pending["ask"]["choices"][0]["answer"]
         reason = f"I still cannot tell which is meant; say it anew with an id, such as {first}."
         reading = DeclinedTurn(code="no_change", reason=reason)
     plain = reading.model_dump(mode="json", by_alias=True)
-    asked: Pending = {"words": turn.words, "ask": plain, "chosen": chosen}
-    open_ = asked if isinstance(reading, Clarification) else None
+    question = taken or (reading if isinstance(reading, Clarification) else None)
+    open_: Pending | None = None
+    if question is not None:
+        asked = question.model_dump(mode="json", by_alias=True)
+        open_ = {"words": turn.words, "ask": asked, "chosen": chosen}
     out: ThreadState = {
         "words": turn.words, "reading": plain, "pending": open_, "before": words,
         "models": paid_by_task(calls),
     }  # fmt: skip
     return {**out, "current": state.get("current")} if other else out
+
+
+def _take_likeliest(doubtful: Clarification, state: ThreadState) -> str | None:
+    """The first sentence offered, where there is no scene yet and something happens in it."""
+    _, _, sentence = doubtful.choices[0].means.partition("=")
+    plain = state.get("current") is None and "Nothing happens" not in sentence
+    return sentence if plain else None
 
 
 def _taken_back(state: ThreadState) -> ThreadState:
@@ -596,8 +612,14 @@ def _entered(
         "current": version["number"],
         "ahead": [],
         "refused": None,
-        "reply": {"kind": "made", "version": version["number"], "from": parent},
+        "reply": {"kind": "made", "version": version["number"], "from": parent, **_doubt(state)},
     }
+
+
+def _doubt(state: ThreadState) -> dict[str, Any]:
+    """What doubtful words were taken to mean, and what else they may."""
+    pending = state.get("pending")
+    return {} if pending is None else {"taken": pending["ask"]["question"]}
 
 
 def _provenance(scene: Scene, edits: tuple[Edit, ...], models: Mapping[str, Any]) -> dict[str, Any]:
