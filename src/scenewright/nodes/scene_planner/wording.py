@@ -171,7 +171,8 @@ _MANOEUVRES = (
 
 _OBJECTS = (
     "objects stand and take no part: kind, subtype, leg if told; hides: a pedestrian, hidden_from: "
-    "the vehicle; lead, if told: seconds in sight before the event, 0.8 is [0.65,0.95].\n"
+    "the vehicle; lead, if told: seconds in sight before the event, 0.8 is [0.65,0.95]; met_by: "
+    "whose way it is in, encounter: goes_round, waits_behind or hits.\n"
 )
 
 

@@ -62,6 +62,12 @@ from scenewright.tools.solver.background_assignment import (
 )
 from scenewright.tools.solver.car_following import follow_traffic
 from scenewright.tools.solver.context import SolverContext
+from scenewright.tools.solver.encounters import (
+    Meeting,
+    find_meeting,
+    list_meetings,
+    place_encounter,
+)
 from scenewright.tools.solver.entry_times import (
     FOLLOW_LAG,
     KERB_GAP,
@@ -182,6 +188,7 @@ class Search:
         objects: Sequence[ObjectNode] = (),
     ) -> None:
         self._lenient = lenient
+        self._to_meet, self._meetings = list_meetings(objects), dict[tuple[str, int], Meeting]()
         self._placer = ObjectPlacer(objects, map_areas.intersection_map, rng)
         self._pool, self._ground, self._rng = pool, map_areas, rng
         self._events = _in_playing_order([c for c in program.clauses if isinstance(c, _Event)])
@@ -205,7 +212,7 @@ class Search:
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
-        self._bound = list(dict.fromkeys((*bound, *runners)))
+        self._bound = list(dict.fromkeys((*bound, *runners, *self._to_meet)))
         self._reactions = ReactionRequests(
             frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
             {
@@ -314,6 +321,9 @@ class Search:
             **draw_pauses(self._pausing, candidates, landmarks, self._rng),
         }
         stage = ForegroundSolver(context)
+        self._placer.stand_in_way(
+            {name: self._meetings[(name, choice[name])].place for name in self._to_meet}
+        )
         count = 0
         staged = filter(self._run_first, stage.play(self._events, self._opening()))
         staged = filter(self._in_order, staged)
@@ -341,6 +351,13 @@ class Search:
             path = self._ground.trim(candidate.path)
             if path is not candidate.path:
                 candidate = replace(candidate, path=path)
+            if name in self._to_meet:
+                met = self._find_meeting(name, candidate)
+                if met is None:
+                    self._failures[f"{name} meets no {self._to_meet[name].id} on its way"] += 1
+                    self._built[(name, m)] = None
+                    return None
+                self._meetings[(name, m)], candidate = met, met.candidate
             landmarks = find_landmarks(candidate, map_areas=self._ground)
             refused = [
                 rejection
@@ -353,6 +370,14 @@ class Search:
             self._failures.update(rejection.detail for rejection in refused)
             self._built[(name, m)] = None if refused else (candidate, landmarks)
         return self._built[(name, m)]
+
+    def _find_meeting(self, name: str, candidate: Candidate) -> Meeting | None:
+        """How it meets its object; who stays as it was meets it where it did."""
+        node = self._to_meet[name]
+        kept = self._placer.get_kept(node.id) if name in self._opening().actors else None
+        if kept is not None:
+            return Meeting(node, kept, candidate, 0.0)
+        return find_meeting(node, candidate, self._ground, self._rng)
 
     def _paths_fit(self, candidates: Mapping[str, Candidate]) -> bool:
         for clause in self._near:
@@ -382,6 +407,7 @@ class Search:
     def _framed(self, schedule: PartialSchedule, choice: Mapping[str, int]) -> TimedSchedule | None:
         """In scene time and with lights; None if one of these does not fit."""
         timed = self._timed(schedule)
+        timed = None if timed is None else self._with_encounters(timed, choice)
         timed = None if timed is None else self._with_runners(timed, choice)
         timed = None if timed is None else self._with_members(timed, choice)
         if timed is None or not self._strangers_apart(timed):
@@ -452,6 +478,21 @@ class Search:
         built = {name: self._candidate(name, choice[name]) for name in alone}
         known = {name: pair for name, pair in built.items() if pair is not None}
         return add_red_light_runners(schedule, known, known, self._rng)
+
+    def _with_encounters(
+        self, schedule: PartialSchedule, choice: Mapping[str, int]
+    ) -> PartialSchedule | None:
+        """Also those who meet an object and nobody else; None if one cannot."""
+        actors = dict(schedule.actors)
+        for name in sorted(self._to_meet.keys() - actors.keys()):
+            built = self._candidate(name, choice[name])
+            met = self._meetings.get((name, choice[name]))
+            actor = place_encounter(met, built[1], self._rng) if met and built else None
+            if actor is None:
+                self._failures[f"{name} cannot stop before {self._to_meet[name].id}"] += 1
+                return None
+            actors[name] = actor
+        return replace(schedule, actors=actors)
 
     def _with_members(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
@@ -761,7 +802,7 @@ class Search:
                 contact=actor.contact,
                 violates=name in self._violators,
                 group=self._leads.get(name),
-                exact=name in self._measured,
+                exact=name in self._measured or name in self._to_meet,
             )
         events = tuple(
             PlannedEvent(
