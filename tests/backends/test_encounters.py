@@ -82,3 +82,18 @@ def test_encounters_are_made_and_proven(text: str, figure: str) -> None:
     assert seen[figure] > 0
     told = [each for each in scene.proof.said if each.became == "encounter"]
     assert [each.status for each in told] == ["realised"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "A pedestrian turns back halfway across the north crosswalk and is nearly hit by a car",
+        "A jaywalker turns back halfway across the road and is struck by a car",
+    ],
+)
+def test_who_turns_back_is_seen_doing_it(text: str) -> None:
+    scene = synthesize(text, seed=0, refiner="none")
+    assert scene.record.agents[0].motion == "turns_back"
+    (told,) = [each for each in scene.proof.said if each.became == "motion"]
+    assert told.status == "realised"
+    assert "turns back" in str(told.evidence)

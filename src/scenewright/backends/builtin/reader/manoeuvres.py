@@ -78,7 +78,24 @@ _YELLOW = re.compile(
     r"\b(?:caught )?in (?:the|a) (?:yellow[- ]light )?dilemma(?: zone)?",
     re.IGNORECASE,
 )
+_OVER = r"(?: (?:of|on|across|over|through)(?: the (?:crosswalk|street|road|crossing|zebra)| it)?)?"
+_GOES = (
+    r"(?:go(?:es|ing)|went|walk(?:s|ed|ing)|head(?:s|ed|ing)|hurr\w+|runs?|running|ran|doubl\w+)"
+)
+_BACK = re.compile(
+    r"\b(?:(?:starts?|starting|begins?|beginning) (?:to cross|crossing|to walk|walking)"
+    r"(?: the (?:crosswalk|street|road))?,? )?"
+    r"(?:(?:but|and|suddenly|then|hesitat\w+ and|chang\w+ (?:her|his|its|their) minds?,? and) )*"
+    rf"(?:turn(?:s|ed|ing)? (?:back|a?round)|{_GOES} back|retreats|retreating|returns|"
+    r"chang(?:es|ed|ing) (?:her|his|its|their) minds?)"
+    rf"(?:,? (?:half-?way|half way|midway|part-?way|mid-?\w+|in the middle){_OVER})?"
+    rf"(?:,? (?:and |then )*(?:{_GOES} back|returns|retreats))?"
+    r"(?: (?:to|towards|onto) (?:the |her |his |its )?(?:kerb|curb|sidewalk|pavement|"
+    r"(?:same )?side(?: (?:she|he|it|they) c[ao]me from)?))?",
+    re.IGNORECASE,
+)
 _MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion | VehicleMotion], ...] = (
+    (_BACK, "turns_back"),
     (_MIDWAY, "stops_midway"),
     (_DARTS, "darts_out"),
     (_RUNS, "runs"),
@@ -192,6 +209,8 @@ _OF_THE_WAY = (
     "light",
     "broken",
     "thing",
+    "place",
+    "uturn",
 )
 
 
