@@ -82,3 +82,32 @@ def test_encounters_are_made_and_proven(text: str, figure: str) -> None:
     assert seen[figure] > 0
     told = [each for each in scene.proof.said if each.became == "encounter"]
     assert [each.status for each in told] == ["realised"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "A pedestrian turns back halfway across the north crosswalk and is nearly hit by a car",
+        "A jaywalker turns back halfway across the road and is struck by a car",
+    ],
+)
+def test_who_turns_back_is_seen_doing_it(text: str) -> None:
+    scene = synthesize(text, seed=0, refiner="none")
+    assert scene.record.agents[0].motion == "turns_back"
+    (told,) = [each for each in scene.proof.said if each.became == "motion"]
+    assert told.status == "realised"
+    assert "turns back" in str(told.evidence)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "A car right-hooks a cyclist and nearly hits him",
+        "A van right hooks a cyclist but just misses her",
+    ],
+)
+def test_a_hook_that_nearly_hits_is_a_near_miss(text: str) -> None:
+    graph = plan(text)
+    assert isinstance(graph, SocialGraph)
+    (edge,) = graph.relations
+    assert (edge.type, edge.pattern) == ("near_miss", "rider_right_hook_near_miss")

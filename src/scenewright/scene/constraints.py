@@ -242,6 +242,13 @@ class Pauses(Model):
     agent: PedestrianId
 
 
+class TurnsBack(Model):
+    """The pedestrian turns round on its way over the road and returns."""
+
+    clause: Literal["turns_back"] = "turns_back"
+    agent: PedestrianId
+
+
 class NoReaction(Model):
     """The agent does not react to who threatens it."""
 
@@ -271,6 +278,7 @@ UnaryClause = (
     | RunsYellow
     | AgentFigure
     | Pauses
+    | TurnsBack
     | NoReaction
 )
 PairClause = (

@@ -28,8 +28,9 @@ Manoeuvre = Literal["lead_brakes", "tailgates", "cuts_in", "changes_lane"]
 """How a relation in one lane comes about: `to` brakes hard ahead of `from`; `from` drives close up;
 `from` changes into the lane of `to`, ahead of it; or into its side."""
 
-PedestrianMotion = Literal["runs", "darts_out", "stops_midway"]
-"""How a pedestrian crosses: it runs, runs onto the road at once, or stands still on the way."""
+PedestrianMotion = Literal["runs", "darts_out", "stops_midway", "turns_back"]
+"""How a pedestrian crosses: it runs, runs onto the road at once, stands still on the way, or turns
+round there and returns."""
 
 AskedReaction = Literal["none"]
 """How a threatened agent is to react: not at all. Braking hard is a cause of its relation."""

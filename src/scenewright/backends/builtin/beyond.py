@@ -22,11 +22,6 @@ _BEYOND = (
         "of a yellow light, only that a vehicle runs it can be asked for",
     ),
     (
-        r"\b(?:turn(?:s|ed|ing)?|go(?:es|ing)?|walk(?:s|ing)?|runs?|running) back(?: \w+way)?\b|"
-        r"\bchanges? (?:her|his|its|their) mind\b",
-        "nobody turns back on the way; ask for one who stops midway",
-    ),
-    (
         r"\b(?:push(?:es|ed|ing)?|shov(?:es|ed|ing)|shunt(?:s|ed|ing)?) (?:it |her |him )?into\b|"
         r"\bpile-?up\b|\bchain reaction\b",
         "who is in a collision stays there; ask for one collision of each",

@@ -18,6 +18,7 @@ from scenewright.scene.constraints import (
     RunsRed,
     RunsYellow,
     SpeedBetween,
+    TurnsBack,
     UnaryClause,
 )
 from scenewright.scene.rejection import Rejection
@@ -77,7 +78,7 @@ def _problem(
             return None if landmarks.group else "there is no red light on its way to run"
         case NoReaction():
             return None  # of the motion in the scene, which the checker looks at
-        case Pauses():
+        case Pauses() | TurnsBack():
             return None if landmarks.line is not None else "does not cross the road"
 
 

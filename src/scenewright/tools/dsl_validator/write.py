@@ -27,6 +27,7 @@ _MOTIONS = {
     "runs": _RUN,
     "darts_out": _RUN,
     "stops_midway": "pauses({})",
+    "turns_back": "turns_back({})",
     "passes_yellow": "runs_yellow({})",
 }
 """By motion of an agent: the clause that brings it about."""

@@ -29,6 +29,7 @@ from scenewright.scene.constraints import (
     Contact,
     GivesWay,
     Headway,
+    MinLength,
     Near,
     NoReaction,
     PairClause,
@@ -41,6 +42,7 @@ from scenewright.scene.constraints import (
     SpeedBetween,
     StopsBehind,
     TimeGap,
+    TurnsBack,
     UnaryClause,
 )
 from scenewright.scene.objects import ObjectRecord
@@ -106,6 +108,7 @@ from scenewright.tools.solver.reservation import (
 )
 from scenewright.tools.solver.schedule import PartialSchedule
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
+from scenewright.tools.solver.turning_back import has_turned, turn_back
 
 MAX_SECONDS = 30.0
 """How long a scene lasts [s]: as long as the windows in which p_tod counts people."""
@@ -208,6 +211,7 @@ class Search:
         self._at_yellow = {c.agent for c in program.clauses if isinstance(c, RunsYellow)}
         self._at_lights = self._violators | self._at_yellow
         self._pausing = {c.agent for c in program.clauses if isinstance(c, Pauses)}
+        self._returning = {c.agent for c in program.clauses if isinstance(c, TurnsBack)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
@@ -226,6 +230,8 @@ class Search:
             raise Rejected(_alone(sorted(pool.groups.keys() - {*bound}), "walks in a group"))
         if not self._pausing <= {*bound}:
             raise Rejected(_alone(sorted(self._pausing - {*bound}), "stops on its way"))
+        if not self._returning <= {*bound}:
+            raise Rejected(_alone(sorted(self._returning - {*bound}), "turns back"))
         self._built: dict[tuple[str, int], tuple[Candidate, Landmarks] | None] = {}
         self._failures: Counter[str] = Counter()
         self._shortfalls = NearestMisses()
@@ -326,7 +332,7 @@ class Search:
         )
         count = 0
         staged = filter(self._run_first, stage.play(self._events, self._opening()))
-        staged = filter(self._in_order, staged)
+        staged = filter(self._in_order, filter(self._turned_first, staged))
         for schedule in filter(self._is_as_measured, staged):
             selection = self._finish(schedule, choice)
             if selection is not None:
@@ -359,10 +365,19 @@ class Search:
                     return None
                 self._meetings[(name, m)], candidate = met, met.candidate
             landmarks = find_landmarks(candidate, map_areas=self._ground)
+            if name in self._returning and name not in self._opening().actors:
+                returns = turn_back(candidate, landmarks, self._rng)
+                if returns is None:
+                    self._failures[f"turns_back({name})"] += 1
+                    self._built[(name, m)] = None
+                    return None
+                candidate, landmarks = returns, find_landmarks(returns, map_areas=self._ground)
             refused = [
                 rejection
                 for clause in self._unary
                 if clause.agent == name
+                # Who turns back walks half of a way that is long enough.
+                and not (name in self._returning and isinstance(clause, MinLength))
                 for rejection in check(
                     candidate, clause, landmarks=landmarks, map_areas=self._ground
                 )
@@ -515,6 +530,15 @@ class Search:
             f"{self._tell_run(name)} before what it does to others" for name in late
         )
         return not late
+
+    def _turned_first(self, schedule: PartialSchedule) -> bool:
+        """Whether those who turn back do so before they are hit."""
+        for name in sorted(self._returning & schedule.actors.keys()):
+            actor = schedule.actors[name]
+            if actor.contact is not None and not has_turned(actor):
+                self._failures[f"turns_back({name}) before it is hit"] += 1
+                return False
+        return True
 
     def _run_red(self, schedule: PartialSchedule, duration: float) -> bool:
         """Whether everybody who is to run a light gets there in time."""

@@ -78,7 +78,24 @@ _YELLOW = re.compile(
     r"\b(?:caught )?in (?:the|a) (?:yellow[- ]light )?dilemma(?: zone)?",
     re.IGNORECASE,
 )
+_OVER = r"(?: (?:of|on|across|over|through)(?: the (?:crosswalk|street|road|crossing|zebra)| it)?)?"
+_GOES = (
+    r"(?:go(?:es|ing)|went|walk(?:s|ed|ing)|head(?:s|ed|ing)|hurr\w+|runs?|running|ran|doubl\w+)"
+)
+_BACK = re.compile(
+    r"\b(?:(?:starts?|starting|begins?|beginning) (?:to cross|crossing|to walk|walking)"
+    r"(?: the (?:crosswalk|street|road))?,? )?"
+    r"(?:(?:but|and|suddenly|then|hesitat\w+ and|chang\w+ (?:her|his|its|their) minds?,? and) )*"
+    rf"(?:turn(?:s|ed|ing)? (?:back|a?round)|{_GOES} back|retreats|retreating|returns|"
+    r"chang(?:es|ed|ing) (?:her|his|its|their) minds?)"
+    rf"(?:,? (?:half-?way|half way|midway|part-?way|mid-?\w+|in the middle){_OVER})?"
+    rf"(?:,? (?:and |then )*(?:{_GOES} back|returns|retreats))?"
+    r"(?: (?:to|towards|onto) (?:the |her |his |its )?(?:kerb|curb|sidewalk|pavement|"
+    r"(?:same )?side(?: (?:she|he|it|they) c[ao]me from)?))?",
+    re.IGNORECASE,
+)
 _MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion | VehicleMotion], ...] = (
+    (_BACK, "turns_back"),
     (_MIDWAY, "stops_midway"),
     (_DARTS, "darts_out"),
     (_RUNS, "runs"),
@@ -98,6 +115,7 @@ _PASSIVE_REAR = re.compile(
     r"rear-?ended)\b(?! by)",
     re.IGNORECASE,
 )
+_HOOK = re.compile(r"\bhook|\bcross", re.IGNORECASE)
 _TURNS = re.compile(r"(?:turn\w*|veer\w*|going|heading|bear\w*|swing\w*) $", re.IGNORECASE)
 _ADVERB = re.compile(r"(?:\w+ly|just|almost)\b", re.IGNORECASE)
 """Words for a near miss that stand on their own: the word before them is no part of them."""
@@ -116,11 +134,21 @@ def sharpen_manoeuvres(reading: Reading) -> Reading:
             continue
         if span.tag in ("right", "place") and _SHORT_OF.search(span.words):
             spans[n] = replace(span, tag="manner", confidence=_KNOWN)
+    _soften_hooks(spans)
     _read_passive_rear_end(reading, spans)
     _read_motion(reading, spans)
     _tell_yellow_from_red(spans)
     _read_right_on_red(reading, spans)
     return reading if spans == list(reading.spans) else replace(reading, spans=tuple(spans))
+
+
+def _soften_hooks(spans: list[ReadSpan]) -> None:
+    """ "Right-hooks a cyclist and nearly hits him": the hook is no more than the near miss."""
+    near = [{*span.subjects, *span.objects} for span in spans if span.tag == "near"]
+    for n, span in enumerate(spans):
+        pair = {*span.subjects, *span.objects}
+        if span.tag == "hit" and _HOOK.search(span.words) and pair in near:
+            spans[n] = replace(span, tag="near", value=None)
 
 
 def _tell_yellow_from_red(spans: list[ReadSpan]) -> None:
@@ -192,6 +220,8 @@ _OF_THE_WAY = (
     "light",
     "broken",
     "thing",
+    "place",
+    "uturn",
 )
 
 
