@@ -111,3 +111,17 @@ def test_a_hook_that_nearly_hits_is_a_near_miss(text: str) -> None:
     assert isinstance(graph, SocialGraph)
     (edge,) = graph.relations
     assert (edge.type, edge.pattern) == ("near_miss", "rider_right_hook_near_miss")
+
+
+@pytest.mark.parametrize(
+    ("text", "motion"),
+    [
+        ("A car brakes hard for a yellow light", "stops_at_yellow"),
+        ("A car blocks the box when the light turns green for cross traffic", "blocks_junction"),
+    ],
+)
+def test_what_one_vehicle_does_at_its_light_is_seen(text: str, motion: str) -> None:
+    scene = synthesize(text, seed=0, refiner="none")
+    assert scene.record.agents[0].motion == motion
+    (told,) = [each for each in scene.proof.said if each.became == "motion"]
+    assert (told.value, told.status) == (motion, "realised")

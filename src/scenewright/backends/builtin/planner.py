@@ -240,7 +240,10 @@ def _is_bare(plan: Plan) -> bool:
     """
     if isinstance(plan, Refusal) or plan.relations or not plan.agents:
         return False
-    ways = any(a.entry or a.exit or a.movement or a.crosswalk or a.runs_red for a in plan.agents)
+    ways = any(
+        a.entry or a.exit or a.movement or a.crosswalk or a.runs_red or a.motion
+        for a in plan.agents
+    )
     said = {each.became for each in plan.said}
     return said.isdisjoint(("normal", "denied")) and not (ways and len(plan.agents) == 1)
 

@@ -24,6 +24,7 @@ from scenewright.scene.candidates import AgentCandidates, Candidate, CandidateSe
 from scenewright.scene.constraints import (
     AgentFigure,
     Before,
+    BlocksJunction,
     BrakesFor,
     ConstraintProgram,
     Contact,
@@ -40,6 +41,7 @@ from scenewright.scene.constraints import (
     RunsYellow,
     SameLane,
     SpeedBetween,
+    StopsAtYellow,
     StopsBehind,
     TimeGap,
     TurnsBack,
@@ -53,7 +55,7 @@ from scenewright.scene.track import STEP
 from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_offsets
+from scenewright.tools.map_grounding.signal_plan import Demand, SignalClock, feasible_offsets
 from scenewright.tools.solver.background_assignment import (
     Assignment,
     BackgroundAgent,
@@ -94,6 +96,13 @@ from scenewright.tools.solver.entry_times import (
 )
 from scenewright.tools.solver.figures import describe_miss, find_unmet_figure
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands, passes_first
+from scenewright.tools.solver.lone_motions import (
+    block_junction,
+    draw_reaction,
+    list_blocking_demands,
+    list_yellow_demands,
+    stop_at_yellow,
+)
 from scenewright.tools.solver.nearest_miss import NearestMisses
 from scenewright.tools.solver.objects import ObjectPlacer, is_in_way
 from scenewright.tools.solver.path_conflict import find_path_conflict
@@ -211,12 +220,18 @@ class Search:
         self._at_yellow = {c.agent for c in program.clauses if isinstance(c, RunsYellow)}
         self._at_lights = self._violators | self._at_yellow
         self._pausing = {c.agent for c in program.clauses if isinstance(c, Pauses)}
+        self._stopping = {c.agent for c in program.clauses if isinstance(c, StopsAtYellow)}
+        self._blocking = {c.agent for c in program.clauses if isinstance(c, BlocksJunction)}
+        self._reaction = draw_reaction(rng) if self._stopping else 0.0
         self._returning = {c.agent for c in program.clauses if isinstance(c, TurnsBack)}
         paced = (c.agent for c in program.clauses if isinstance(c, SpeedBetween))
         self._red_first: dict[str, float] = dict.fromkeys(paced, 0.0)
         bound = [name for c in self._events for name in (c.first, str(c.second))]
         runners = [c.agent for c in program.clauses if isinstance(c, RunsRed | RunsYellow)]
-        self._bound = list(dict.fromkeys((*bound, *runners, *self._to_meet)))
+        alone = sorted(self._stopping | self._blocking)
+        if {*bound} & {*alone}:
+            raise Rejected(_busy(sorted({*bound} & {*alone})))
+        self._bound = list(dict.fromkeys((*bound, *runners, *alone, *self._to_meet)))
         self._reactions = ReactionRequests(
             frozenset(c.agent for c in program.clauses if isinstance(c, NoReaction)),
             {
@@ -423,6 +438,7 @@ class Search:
         """In scene time and with lights; None if one of these does not fit."""
         timed = self._timed(schedule)
         timed = None if timed is None else self._with_encounters(timed, choice)
+        timed = None if timed is None else self._with_lone(timed, choice)
         timed = None if timed is None else self._with_runners(timed, choice)
         timed = None if timed is None else self._with_members(timed, choice)
         if timed is None or not self._strangers_apart(timed):
@@ -508,6 +524,28 @@ class Search:
                 return None
             actors[name] = actor
         return replace(schedule, actors=actors)
+
+    def _with_lone(
+        self, schedule: PartialSchedule, choice: Mapping[str, int]
+    ) -> PartialSchedule | None:
+        """Also those who stop at yellow or block the junction; None if one cannot."""
+        actors = dict(schedule.actors)
+        for name in sorted((self._stopping | self._blocking) - actors.keys()):
+            built = self._candidate(name, choice[name])
+            move = stop_at_yellow if name in self._stopping else block_junction
+            actor = None if built is None else move(*built, self._rng)
+            if actor is None:
+                self._failures[f"{name} has no light on its way, or is too slow"] += 1
+                return None
+            actors[name] = actor
+        return replace(schedule, actors=actors)
+
+    def _list_lone_demands(self, schedule: PartialSchedule) -> Iterator[Demand]:
+        for name, actor in schedule.actors.items():
+            if name in self._stopping:
+                yield from list_yellow_demands(actor, self._reaction)
+            if name in self._blocking:
+                yield from list_blocking_demands(actor)
 
     def _with_members(
         self, schedule: PartialSchedule, choice: Mapping[str, int]
@@ -597,6 +635,7 @@ class Search:
                 yellow=name in self._at_yellow,
             )
         ]
+        wanted += self._list_lone_demands(schedule)
         offsets = feasible_offsets(program, tuple(wanted))
         if not len(offsets):
             return None
@@ -945,6 +984,16 @@ def _alone(names: list[str], what: str) -> Rejection:
         code="malformed_program",
         agents=tuple(names),
         detail=f"{names[0]} {what}, so it must also do something with another agent",
+    )
+
+
+def _busy(names: list[str]) -> Rejection:
+    return Rejection(
+        stage="waypoint_filter",
+        code="malformed_program",
+        agents=tuple(names),
+        detail=f"{names[0]} stops at its light or in the junction, so it can do nothing with "
+        "another agent",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from scenewright.backends.builtin.draft import AgentDraft, RelationDraft
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
@@ -94,7 +94,30 @@ _BACK = re.compile(
     r"(?:same )?side(?: (?:she|he|it|they) c[ao]me from)?))?",
     re.IGNORECASE,
 )
+_ITS_LIGHT = r"(?:the|its|a|his|her) (?:traffic )?(?:light|signal)s?"
+_OTHERS = r"(?:the )?(?:cross(?:ing)?[- ](?:traffic|street)|others|other (?:side|street|road))"
+_AT_YELLOW = re.compile(
+    r"\b(?:brak(?:es?|ing)|stop(?:s|ping)?|slams? on the brakes|halts?|comes to a (?:\w+ )?stop)\b"
+    r"(?: (?:hard|sharply|abruptly|suddenly|heavily|short|firmly|to a stop|in time))*,? "
+    r"(?:(?:for|at|on) (?:a |the |an |its )?(?:yellow|amber)(?: (?:traffic )?(?:light|signal))?|"
+    rf"(?:(?:when|as|because|after|once|just as) )?{_ITS_LIGHT} "
+    r"(?:(?:is )?turn(?:s|ed|ing)|goes|changes?(?: to)?|is|becomes) (?:yellow|amber))",
+    re.IGNORECASE,
+)
+_BLOCKS = re.compile(
+    r"\b(?:block(?:s|ing|ed)? (?:the )?(?:box|junction|intersection)|"
+    r"(?:gets?|is|getting) (?:stuck|caught|stranded) in(?: the middle of)? the "
+    r"(?:box|junction|intersection)|"
+    r"(?:stops?|stands?|waits?|stopping|standing) (?:in|inside)(?: the middle of)? the "
+    r"(?:box|junction|intersection))"
+    rf"(?: for {_OTHERS})?"
+    rf"(?:,? (?:when|while|as|after|until) {_ITS_LIGHT}(?: (?:of|for) {_OTHERS})? "
+    rf"(?:turns?|has turned|is|goes|(?:has )?change[sd]? to) (?:red|green)(?: for {_OTHERS})?)?",
+    re.IGNORECASE,
+)
 _MOTIONS: tuple[tuple[re.Pattern[str], PedestrianMotion | VehicleMotion], ...] = (
+    (_AT_YELLOW, "stops_at_yellow"),
+    (_BLOCKS, "blocks_junction"),
     (_BACK, "turns_back"),
     (_MIDWAY, "stops_midway"),
     (_DARTS, "darts_out"),
@@ -192,11 +215,12 @@ def _read_motion(reading: Reading, spans: list[ReadSpan]) -> None:
     """How a pedestrian crosses, as spans of their own; what lies within says no more."""
     for pattern, motion in _MOTIONS:
         for match in pattern.finditer(reading.text):
-            owner = _find_owner(spans, match, drives=motion == "passes_yellow")
+            owner = _find_owner(spans, match, drives=motion in get_args(VehicleMotion))
             if owner is None or any(s.tag == "motion" and _overlaps(s, match) for s in spans):
                 continue
             for n, span in enumerate(spans):
-                if _overlaps(span, match) and span.tag in _OF_THE_WAY:
+                inside = motion == "blocks_junction" and span.start > match.start()
+                if _overlaps(span, match) and (inside or span.tag in _OF_THE_WAY):
                     spans[n] = _settle_way(span, match, motion)
             start, end = match.span()
             told = ReadSpan(
@@ -222,6 +246,7 @@ _OF_THE_WAY = (
     "thing",
     "place",
     "uturn",
+    "brake",
 )
 
 
