@@ -9,6 +9,7 @@ from itertools import chain, islice
 
 from scenewright.backends.builtin.beyond import note_beyond
 from scenewright.backends.builtin.draft import Refused, Site
+from scenewright.backends.builtin.encounters import add_encounters, take_out_encounters
 from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.normalise import clean, tokenise
 from scenewright.backends.builtin.phrases import is_of_phrase, says_a_phrase
@@ -106,6 +107,9 @@ def _plan_once(text: str, previous: str | None, site: Site) -> Plan:
     return _KNOWN.get(asked, load_patterns(), make=lambda: _plan(*asked))
 
 
+_NO_MORE = ". Nothing else happens."
+
+
 @dataclass(frozen=True)
 class Readings:
     """Both readings of a text.
@@ -134,12 +138,17 @@ def read_twice(text: str, previous: str | None, site: Site) -> Readings:
 def _plan(text: str, previous: str | None, site: Site) -> Plan:
     try:
         check_text(text)
-        rest, standing = take_out(text)
-        earlier = None if previous is None else take_out(previous)[0]
+        plain, met = take_out_encounters(text)
+        rest, standing = take_out(plain)
+        earlier = None if previous is None else take_out(take_out_encounters(previous)[0])[0]
         again = () if earlier else _read_after_openers(rest, site)
         found = decide(read_twice(rest, earlier, site), site, again)
+        if isinstance(found, Refusal) and met:
+            # "A car drives" is no scene by itself, but with what it meets it is one.
+            found = decide(read_twice(f"{rest.rstrip(' .')}{_NO_MORE}", earlier, site), site)
         if isinstance(found, Refusal):
             return found
+        found = add_encounters(found, met, text) if met else found
         return note_beyond(add_objects(found, standing, text) if standing else found, rest)
     except Refused as verdict:
         return Refusal.model_validate({"code": verdict.code, "reason": verdict.reason})
@@ -265,7 +274,10 @@ def _is_bare(plan: Plan) -> bool:
     """
     if isinstance(plan, Refusal) or plan.relations or not plan.agents:
         return False
-    ways = any(a.entry or a.exit or a.movement or a.crosswalk or a.runs_red for a in plan.agents)
+    ways = any(
+        a.entry or a.exit or a.movement or a.crosswalk or a.runs_red or a.motion
+        for a in plan.agents
+    )
     said = {each.became for each in plan.said}
     return said.isdisjoint(("normal", "denied")) and not (ways and len(plan.agents) == 1)
 
