@@ -110,6 +110,11 @@ def test_a_change_of_those_who_are_there_keeps_where_they_come_from(
     assert found.agent("vehicle-1").entry is not None
 
 
+def test_all_but_one_are_not_all() -> None:
+    found = plan("All but one of four cars stop for a woman on the east crosswalk")
+    assert isinstance(found, Refusal)
+
+
 def test_a_change_in_which_nothing_is_read_is_not_planned_as_it_was() -> None:
     before = "A pedestrian waits for a bus from the west."
     found = plan("zip zap the zoop", previous=before)

@@ -14,7 +14,11 @@ from scenewright.backends.builtin.grammar_plan import read_by_grammar
 from scenewright.backends.builtin.normalise import clean, tokenise
 from scenewright.backends.builtin.phrases import is_of_phrase, says_a_phrase
 from scenewright.backends.builtin.reader.alternatives import find_doubtful, read_otherwise
-from scenewright.backends.builtin.reader.coverage import find_passed_over, passes_over_order
+from scenewright.backends.builtin.reader.coverage import (
+    find_passed_over,
+    passes_over_exception,
+    passes_over_order,
+)
 from scenewright.backends.builtin.reader.learned_plan import (
     OPENERS,
     LearnedPlan,
@@ -194,6 +198,7 @@ def _are_one(learned: LearnedPlan, other: Plan) -> bool:
     doubtful = learned.confidence < SURE and reading.kind == "scene"
     taken_back = _TAKEN_BACK.search(reading.text) is not None
     doubt = taken_back or _is_refused(learned.plan) or passes_over_order(reading)
+    doubt = doubt or passes_over_exception(reading)
     return agree(learned.plan, other) and not (doubtful and doubt)
 
 
