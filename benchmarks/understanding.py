@@ -109,8 +109,9 @@ TRAFFIC = ("in light traffic", "in medium traffic", "in medium traffic", "")
 HOURS = ("at 8 am", "at noon", "at 5 pm", "at 10 pm", "at 6:30 am", "at 3 pm",
          "in the evening rush", "")  # fmt: skip
 MIX = ((NORMAL, 20), (COLLISIONS, 40), (YIELDS, 50), (NEAR_MISSES, 30))
-"""Scenes of each kind in 140: the paper's 40 collisions and 50 yields, and near misses. Normal clips
-are cut from all of them, where nothing happens."""
+"""Scenes of each kind in 140: the paper's 40 collisions and 50 yields, and near misses.
+
+Normal clips are cut from all of them, where nothing happens."""
 SEEDS = {"dev": 41, "test": 7}
 WINDOWS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
 METHODS = ("reasoner", "oracle", "constant_velocity", "gmm", "gmm_waypoints", "oracle_seen")

@@ -43,6 +43,9 @@ def understanding(
         str | None,
         typer.Option(help="Folder for report.md, report.json and every method's predictions."),
     ] = None,
+    whole: Annotated[
+        bool, typer.Option("--whole", help="Whole scenes instead of clips cut from them.")
+    ] = False,
     backend: BackendNames = None,
     base_url: BaseUrl = None,
     record: Record = None,
@@ -54,8 +57,10 @@ def understanding(
 ) -> None:
     """Score how early exits and relations are told: accuracy and agent-level F1 by window.
 
-    A method sees motion, sizes and lights up to the window's end and nothing else. Anybody's
-    predictions can be scored; docs/understanding.md describes the files.
+    Scenes are cut to clips of 10 s that begin 2 to 6 s before a conflict can be seen coming, and to
+    others like them in which nothing happens. A method sees motion, sizes and lights up to the
+    window's end and nothing else. Anybody's predictions can be scored; docs/understanding.md
+    describes the files.
     """
     from scenewright.evals.understanding.evaluate import evaluate, load_cases
 
@@ -68,7 +73,7 @@ def understanding(
     _check_places(out, write_observations)
     with progress(quiet=quiet) as told:
         tell: ProgressLog = lambda line: told("understanding", line)  # noqa: E731
-        cases = load_cases(Path(folder), split=_split(half), log=tell)
+        cases = load_cases(Path(folder), split=_split(half), whole=whole, log=tell)
         if write_observations is not None:
             _write_observations(Path(write_observations), cases, lengths)
         found = [

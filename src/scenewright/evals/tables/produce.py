@@ -116,7 +116,7 @@ def table_3(
 
 
 def _row_of_3(rows: Mapping[float, Any]) -> tuple[str, ...]:
-    intent, relations = rows[INTENT_AT].intent, rows[RELATION_AT].relations
+    intent, relations = rows[INTENT_AT].intent, rows[RELATION_AT].strict
     cells = [
         *(intent.get(name) for name in ("pedestrian", "vehicle", "overall")),
         *(relations.get(name) for name in ("normal", "collision", "yielding", "macro")),

@@ -22,7 +22,7 @@ from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.graph.written_proof import read_proof
 from scenewright.scene.base import FloatArray
 from scenewright.scene.events import Event, Proof
-from scenewright.scene.record import AgentRecord, SceneRecord, SignalRecord
+from scenewright.scene.record import AgentRecord, SignalRecord
 from scenewright.scene.track import STEP
 from scenewright.tools.relation_checker import (
     Trajectory,
@@ -39,9 +39,9 @@ BEFORE = (2.0, 6.0)
 IN_VIEW = 1.0
 """Both parties are in view within so much of the clip's beginning [s]."""
 SOONEST = 5.0
-"""No event happens earlier in a clip [s]: the longest window is to foresee it, not to watch it."""
+"""No event happens earlier in a clip [s]: it is to be foreseen in every window, not watched."""
 THREAT, LOOK_BACK = 3.0, 6.0
-"""A conflict can be seen coming from the first path TTC below this, so long before it at most [s]."""
+"""A conflict can be seen coming from the first path TTC below this, at most so early [s]."""
 OVER = 2.0
 """An event is over so long after its time [s]."""
 NEAR = 10.0

@@ -29,7 +29,8 @@ def format_report(found: Sequence[MethodScores], *, scenes: int, split: str, whe
     """Format the whole report."""
     parts = [
         f"# Understanding, {where}",
-        f"{scenes} clips or scenes of the {split} half. Intervals are 95 %, from a bootstrap over scenes.",
+        f"{scenes} clips of the {split} half (or whole scenes). Intervals are 95 %, from a "
+        "bootstrap over them.",
     ]
     exits = [(each, row) for each in found for row in each.rows if row.intent]
     if exits:

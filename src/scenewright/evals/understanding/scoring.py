@@ -30,9 +30,9 @@ DEFINITION = (
     "Agent-level F1 = 2 TP / (2 TP + FP + FN) over items (agent, relation, partner), two per "
     "event; an item is right if the relation and both agents are, and of a yielding who gives "
     "way. normal: agents in no collision, near miss or yielding. Strict: every event counts; one "
-    "whose parties have not both been seen is missed. macro: mean of normal, collision and yielding; "
-    "macro 4: with near miss; micro: all items of the four pooled. Intervals: 95 %, bootstrap "
-    "over scenes."
+    "whose parties have not both been seen is missed. macro: mean of normal, collision and "
+    "yielding; macro 4: with near miss; micro: all items of the four pooled. Intervals: 95 %, "
+    "bootstrap over clips."
 )
 
 Key = tuple[str, str, str]

@@ -89,7 +89,8 @@ class TrainingView:
     """One clip after one window.
 
     Attributes:
-        scene: hash of the scene, which is in one fold with all its clips; named: its requested event; weight: of how many scenes it is one.
+        scene: hash of the scene, which is in one fold with all its clips.
+        named: its requested event; weight: of how many clips it is one.
         pairs: [N] agents; values: [N, F] features.
     """
 
