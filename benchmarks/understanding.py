@@ -5,12 +5,18 @@
     python benchmarks/understanding.py tune DIR     both calibrations, from DIR/dev, where they ship
     python benchmarks/understanding.py test DIR     scenes of the test half in DIR/test
     python benchmarks/understanding.py score DIR    methods without a language model on DIR/test
+    python benchmarks/understanding.py ask DIR      the questions of the language-model agent
+    python benchmarks/understanding.py agent DIR    scores what was answered, beside the reasoner
 
-Test scenes are of the paper's composition (per 190: 100 normal, 40 collisions, 50 yields; two named
-agents, medium traffic, many wordings, kinds and hours); scenes of development have more of the
-events, and tuning weighs them back. Both come from other seeds and lie in other halves. What is
+Scenes are of many wordings, kinds and hours, with and without a word for the traffic; clips are cut
+from them, as many without an event as with one. Both halves come from seeds of their own. What is
 there already is not made again. The report is printed and lies in DIR/report. CPU seconds a scene
 are measured apart, as wall time depends on what else the machine does.
+
+A language model is asked by file, as in `model_planning.py`: `ask` writes the open questions about
+100 clips of the first 160 test scenes to DIR/agent/questions.jsonl; whoever answers writes one line
+per question, {"key": ..., "reply": "..."}, to DIR/agent/answers.jsonl; then `ask` again, as an
+answer that does not fit is asked about once more, until no question is open; then `agent`.
 """
 
 from __future__ import annotations
@@ -22,16 +28,20 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean
 
+from model_planning import ByFile, OpenError
+
+from scenewright.backends.spoken import Spoken
 from scenewright.errors import ScenewrightError
 from scenewright.evals.understanding import calibration, tuning
 from scenewright.evals.understanding.cases import SceneCase, Split, assign_split
+from scenewright.evals.understanding.clips import cut_clips, read_source
 from scenewright.evals.understanding.evaluate import MethodScores, evaluate, load_cases
 from scenewright.evals.understanding.methods import find_method
 from scenewright.evals.understanding.observation import observe
@@ -122,6 +132,9 @@ ORACLE = 3000
 SOME = (2.0, 4.0)
 """Windows of those methods that are only there to compare with."""
 
+AGENT_SCENES, AGENT_CLIPS, AGENT_WINDOW = 160, 100, 4.0
+"""Of the first test scenes so many clips are asked about, after so much of them [s]."""
+
 Row = tuple[str, str, int]
 
 
@@ -179,6 +192,42 @@ def evaluated(folder: Path, name: str) -> MethodScores:
     )
 
 
+def agent_cases(folder: Path) -> list[SceneCase]:
+    """The clips about which a language model is asked."""
+    names = [name for name, _, _ in rows(AGENT_SCENES, SEEDS["test"], "test")]
+    made = [folder / "test" / name for name in names if (folder / "test" / name).is_dir()]
+    return cut_clips(map(read_source, made))[:AGENT_CLIPS]
+
+
+def ask(folder: Path) -> int:
+    """Writes the questions that are open; how many they are."""
+    place = folder / "agent"
+    place.mkdir(exist_ok=True)
+    by_file, cases = ByFile(place), agent_cases(folder)
+    method = find_method(
+        "agent", intersection=cases[0].record.meta.intersection, backend=Spoken(by_file)
+    )
+    for case in cases:
+        with suppress(OpenError):
+            method.predict(observe(case.record, scene=case.id, window=AGENT_WINDOW), case)
+    lines = [json.dumps(each, ensure_ascii=False) + "\n" for each in by_file.open.values()]
+    write_atomically(place / "questions.jsonl", "".join(lines).encode())
+    print(f"{len(cases)} clips, {len(lines)} questions open: {place / 'questions.jsonl'}")
+    return len(lines)
+
+
+def score_agent(folder: Path) -> None:
+    """Scores the agent by its answers, beside the methods that need none, on the same clips."""
+    cases, by_file = agent_cases(folder), Spoken(ByFile(folder / "agent"))
+    found = [
+        evaluate(cases, name, windows=(AGENT_WINDOW,), backend=by_file)
+        for name in ("agent", "reasoner", "constant_velocity", "oracle_seen")
+    ]
+    text = format_report(found, scenes=len(cases), split="test", where="the agent's clips")
+    write_atomically(folder / "agent" / "report.md", text.encode())
+    print(text)
+
+
 def score(folder: Path, *, workers: int) -> None:
     """Scores every method, each in a process of its own, and writes the report."""
     cases = load_cases(folder / "test", split="test")
@@ -223,10 +272,10 @@ def main() -> None:
     words = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    words.add_argument("step", choices=("all", "dev", "tune", "test", "score"))
+    words.add_argument("step", choices=("all", "dev", "tune", "test", "score", "ask", "agent"))
     words.add_argument("folder", type=Path)
-    words.add_argument("--dev", type=int, default=11_000, help="scenes of development")
-    words.add_argument("--test", type=int, default=3_000, help="test scenes")
+    words.add_argument("--dev", type=int, default=1_600, help="scenes of development")
+    words.add_argument("--test", type=int, default=640, help="test scenes")
     words.add_argument("--workers", type=int, default=2)
     given = words.parse_args()
     steps = ("dev", "tune", "test", "score") if given.step == "all" else (given.step,)
@@ -234,6 +283,10 @@ def main() -> None:
         with told(step):
             if step == "tune":
                 tune(given.folder, workers=given.workers)
+            elif step == "ask":
+                ask(given.folder)
+            elif step == "agent":
+                score_agent(given.folder)
             elif step == "score":
                 score(given.folder, workers=given.workers)
             else:

@@ -109,14 +109,15 @@ def _describe_lights(observation: SceneObservation) -> list[str]:
 
 
 def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> str:
-    side = _find_side(agent.xy[0])
+    middle = float(np.abs(agent.xy[0]).max()) < _JUNCTION
+    first = "in the junction" if middle else f"on the {_find_side(agent.xy[0])} side"
     kind = agent.type
     if kind == "vehicle":
         kind = next(n for m, n in _SUBTYPES if agent.length < m)
     if agent.left:
-        return f"{kind}, came from the {side}, has left"
+        return f"{kind}, first seen {first}, has left"
     position, motion = _describe_position(agent, intersection_map), _describe_motion(agent)
-    return f"{kind}, came from the {side}, {position}, {motion}"
+    return f"{kind}, first seen {first}, now {position}, {motion}"
 
 
 def _find_side(xy: FloatArray) -> str:
