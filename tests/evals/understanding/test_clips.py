@@ -142,6 +142,19 @@ def test_strictly_an_event_of_somebody_unseen_is_missed(source: ClipSource) -> N
     assert counts.strict[1].tolist() == [0, 0, 2]
 
 
+def test_predictions_are_entered_into_the_leaderboard(
+    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = tmp_path / "board.json"
+    board.write_text('{"schema_version": 1, "entries": {}, "predictions": {}}')
+    words = ["evals", "understanding", str(scenes), "--split", "all", "--windows", "4", "--quiet"]
+    told = ["--method", "oracle_seen", "--board", str(board), "--name", "knows all"]
+    assert main([*words, *told]) == 0
+    assert "knows all | 100.0 %" in board.with_suffix(".md").read_text()
+    assert main([*words, "--method", "gmm", "--board", str(board), "--name", "x"]) == 2
+    assert "relations after 4 s" in capsys.readouterr().err
+
+
 def test_a_folder_without_clips_is_one_line(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

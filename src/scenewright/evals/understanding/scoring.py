@@ -68,6 +68,13 @@ class Figure:
     high: float | None
     n: int
 
+    def to_share(self) -> dict[str, Any]:
+        """Convert to a share of 1 with its interval, as leaderboards have it."""
+        if self.value is None or self.low is None or self.high is None:
+            return {"rate": None, "interval": None, "n": self.n}
+        interval = [round(each / 100, 6) for each in (self.low, self.high)]
+        return {"rate": round(self.value / 100, 6), "interval": interval, "n": self.n}
+
 
 @dataclass(frozen=True, eq=False)
 class WindowScores:
