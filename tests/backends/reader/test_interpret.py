@@ -474,3 +474,66 @@ def test_who_walks_together_is_one_party(mention: str, members: int | None) -> N
     graph = graph_of(f"[veh:9 A car] [yield:9>1 yields to] {mention}")
     assert [(e.type, e.to) for e in graph.relations] == [("yield_to", "pedestrian-1")]
     assert graph.agent("pedestrian-1").members == members
+
+
+@pytest.mark.parametrize(
+    ("where", "leg"),
+    [
+        ("the crosswalk it comes in by", "south"),
+        ("the crosswalk ahead of its stop line", "south"),
+        ("the crosswalk of that arm", "south"),
+        ("the crosswalk of the street it turns into", "west"),
+        ("the far crosswalk of its own turn", "west"),
+    ],
+)
+def test_the_crosswalk_of_the_way_in_is_not_that_of_the_way_out(where: str, leg: str) -> None:
+    graph = graph_of(
+        "[veh:1 A car] from the [from:1 south] [left:1 turning left] [near:1>2 nearly hits] "
+        f"[ped:2 a man] on [cw=exit:2>1 {where}]"
+    )
+    assert way(graph, "pedestrian-1")[3] == leg
+
+
+def test_a_later_mention_says_what_vehicle_it_is() -> None:
+    graph = graph_of("[veh:1 V1] [hit:1>2 hit] [veh:2 a bus]; [ref:1 the motorbike] was speeding")
+    assert graph.agent("vehicle-1").subtype == "motorcycle"
+
+
+def test_a_later_mention_of_another_vehicle_is_in_doubt() -> None:
+    row = parse_annotation("[veh:1 A car] [hit:1>2 hit] [ped:2 a man]; [ref:1 the bus] left")
+    assert plan_reading(reading_of(row), Site(), row.text).confidence == 0
+
+
+def test_who_rides_a_vehicle_is_one_road_user_with_it() -> None:
+    graph = graph_of(
+        "[ped:1 The rider] of [veh:2 a motorbike] [near:1,2>3 nearly hits] [ped:3 a boy]"
+    )
+    assert [agent.subtype or agent.type for agent in graph.agents] == ["motorcycle", "pedestrian"]
+
+
+@pytest.mark.parametrize("words", ["a two-door car", "a 12-seat minibus", "a two-year-old"])
+def test_numbers_of_what_one_is_count_nobody(words: str) -> None:
+    assert count_in(words) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "time"),
+    [
+        ("1625. [veh:1 A car] [hit:1>2 hits] [veh:2 a van].", "16:25"),
+        ("[time Thurs 1625]. [veh:1 A car] [hit:1>2 hits] [veh:2 a van].", "16:25"),
+        ("[time 3 May], [time 1625]. [veh:1 A car] [hit:1>2 hits] [veh:2 a van].", "16:25"),
+        ("In June [time 2024] [veh:1 a car] [hit:1>2 hits] [veh:2 a van].", None),
+        ("Unit 1412: [veh:1 a car] [hit:1>2 hits] [veh:2 a van].", None),
+    ],
+)
+def test_four_figures_are_a_clock_unless_they_count_years_or_things(
+    text: str, time: str | None
+) -> None:
+    assert graph_of(text).context.time_of_day == time
+
+
+def test_bystanders_who_stand_are_not_made_to_walk_without_a_word() -> None:
+    graph = graph_of(
+        "[veh:1 A car] [hit:1>2 hits] [ped:2 a man]. [bgped Three people] stand there."
+    )
+    assert ("stand", "nothing") in [(each.words, each.became) for each in graph.said]

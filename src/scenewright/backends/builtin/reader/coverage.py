@@ -6,6 +6,7 @@ import re
 
 from scenewright.backends.builtin.reader.negations import compile_negations
 from scenewright.backends.builtin.reader.reading import Reading
+from scenewright.backends.builtin.reader.words import COARSE, subtype_in
 
 _SIDES = re.compile(
     r"\b(?:north|south|east|west)(?:bound|ern|wards?)?\b|\bu-?\s?turn(?:s|ing|ed)?\b|"
@@ -44,7 +45,27 @@ def find_passed_over(reading: Reading) -> list[str]:
             inside = any(a < match.end() and match.start() < b for a, b in covered)
             if not inside and not (pattern is _NEGATIONS and _denies_nearby(reading, match)):
                 found.append(match[0])
+    return found + _find_other_nouns(reading)
+
+
+def _find_other_nouns(reading: Reading) -> list[str]:
+    """Later mentions that call a vehicle something else: "the motorbike" is not "a car"."""
+    introduced = {user: reading.spans[at] for user, at in reading.users.items()}
+    found = []
+    for span in reading.spans:
+        first = introduced.get(span.subjects[0]) if len(span.subjects) == 1 else None
+        if span.tag == "ref" and first is not None and first.tag == "veh":
+            kinds = [_coarse(subtype_in(each.words)) for each in (first, span)]
+            if None not in kinds and kinds[0] != kinds[1] and not _PICKUP.search(first.words):
+                found.append(span.words)
     return found
+
+
+_PICKUP = re.compile(r"\bpick-?up|\bpolice\b|\bpatrol\b", re.IGNORECASE)
+
+
+def _coarse(subtype: str | None) -> str | None:
+    return COARSE.get(subtype or "", subtype)
 
 
 def _denies_nearby(reading: Reading, match: re.Match[str]) -> bool:

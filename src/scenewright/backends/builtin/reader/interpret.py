@@ -31,6 +31,7 @@ from scenewright.backends.builtin.reader.numbers import number_in
 from scenewright.backends.builtin.reader.orders import says_order
 from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
 from scenewright.backends.builtin.reader.streets import legs_named, looks_like_a_street
+from scenewright.backends.builtin.reader.unmarked import CLOCK, says_no_clock
 from scenewright.backends.builtin.reader.words import subtype_in, time_words_in
 from scenewright.backends.builtin.scope import not_english, nothing_planned
 from scenewright.scene.account import Became, SaidSpan, format_background
@@ -100,10 +101,21 @@ _THROUGH = re.compile(
     r"\b(?:through|thru|straight)(?:[- ]\w+)?$|^(?:through|thru|straight)\b", re.IGNORECASE
 )
 _OWN_SIDE = re.compile(
-    r"\bown (?:side|entry|approach|leg|arm)|\bcom(?:es?|ing) in\b|\bnear(?:er)? side|\bentry\b|"
-    r"\bcame (?:in|from)|\bcom(?:es?|ing) from",
+    r"\bown (?:side|entry|approach|leg|arm)|\b(?:com(?:es?|ing)|came) (?:in|from|out of|by)\b|"
+    r"\bnear(?:er)?[- ]?side|\bentry\b|\benter(?:s|ed|ing)? (?:from|by|on|through)\b|"
+    r"\barriv(?:es?|ed|ing) (?:at|by|from|on)\b|\barriv(?:es?|ed|ing)$|\bapproach(?:es|ed|ing)?\b|"
+    r"\bstop[- ]?(?:line|bar)\b|\bits side\b|\bpull(?:s|ed|ing)? up\b",
     re.IGNORECASE,
 )
+_FAR_SIDE = re.compile(
+    r"\bexit|\bfar\b|\bfar[- ]?side|\bturn(?:s|ed|ing)? (?:in)?to\b|\bleav|\bgoing (?:in)?to\b|"
+    r"\bafter (?:the|its|his|her|their) turn\b|\bnew road\b|\bother side\b",
+    re.IGNORECASE,
+)
+_THAT_LEG = re.compile(
+    r"\b(?:that|this|the same|said) (?:arm|leg|approach|road|street|branch|entry)\b", re.IGNORECASE
+)
+_CLAUSE = re.compile(r"[^.,;:]{0,40}?(?=[.,;:]| and | but |$)")
 _TO_NOBODY = re.compile(r"\b(?:nobody|no[- ]?one)\b", re.IGNORECASE)
 _BEHIND = re.compile(
     r"\b(?:pass|cross|go|goes|walk|slip|get|come)(?:e?s|ing|ed)? behind\b", re.IGNORECASE
@@ -406,6 +418,14 @@ def _note(became: Became) -> Rule:
     return enter
 
 
+def _refer(result: Interpretation, span: ReadSpan) -> None:
+    """A later mention; it may say what vehicle the first one left open: "V1 ... the motorbike"."""
+    agents = result.agents_of(span.subjects)
+    if len(agents) == 1 and agents[0].type == "vehicle" and agents[0].subtype is None:
+        agents[0].subtype = subtype_in(span.words)
+    result.enter(span, "agent", span.subjects)
+
+
 def _brake(result: Interpretation, span: ReadSpan) -> None:
     result.braking |= set(span.subjects)
     result.enter(span, "cause", span.subjects, "late_brake")
@@ -604,7 +624,7 @@ def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
     if word in ("of_left", "of_right") and _STRUCK_SIDE.search(span.words) and result.eventful:
         result.enter(span, "impact_point", span.objects)
         return
-    if word == "exit_crosswalk" and _OWN_SIDE.search(span.words):
+    if word == "exit_crosswalk" and _is_own_side(result, span):
         word = "entry_crosswalk"
     others: Sequence[AgentDraft | None] = result.agents_of(span.objects) or (None,)
     for agent in result.agents_of(span.subjects):
@@ -614,6 +634,20 @@ def _place_relatively(result: Interpretation, span: ReadSpan) -> None:
         if (agent.walks or agent.rides) and span.tag == "cw":
             agent.movement = agent.movement or "crossing"
     result.enter(span, "tie", (*span.subjects, *span.objects), word)
+
+
+def _is_own_side(result: Interpretation, span: ReadSpan) -> bool:
+    """Whether the words and what follows tell of the leg by which the other road user comes."""
+    following = _CLAUSE.match(result.text, span.end)
+    words = span.words + (following[0] if following else "")
+    if _THAT_LEG.search(words):
+        before = [
+            s.tag
+            for s in result.spans
+            if s.end <= span.start and s.tag in ("from", "to") and set(s.subjects) & {*span.objects}
+        ]
+        return before[-1:] == ["from"]
+    return _OWN_SIDE.search(words) is not None and _FAR_SIDE.search(words) is None
 
 
 def _move(result: Interpretation, span: ReadSpan) -> None:
@@ -894,15 +928,19 @@ def _set_time(result: Interpretation, span: ReadSpan) -> None:
         raise Refused("out_of_scope", f"'{span.words}' says which time it is not; say which it is.")
     if result.changing and not result.retimed:
         result.times, result.retimed = [], True
-    result.times.append(span)
-    low = clean(" , ".join(each.words for each in result.times))
-    names, (_, clock) = time_words_in(low), read_clock(low)
-    if clock.time is None:
-        _, clock = read_clock(f"at {low}")
-    time = _agreed_time(_specific(names), clock.time) if names or clock.time else None
-    if time is None:
+    if says_no_clock(result.text, span.start, span.words):
         result.enter(span, "nothing", note="no time of day that is known")
         return
+    low = clean(" , ".join(each.words for each in (*result.times, span)))
+    names, (_, clock) = time_words_in(low), read_clock(low)
+    if clock.time is None:
+        figures = CLOCK.search(low)
+        _, clock = read_clock(f"at {figures[0] if figures else low}")
+    time = _agreed_time(_specific(names), clock.time) if names or clock.time else None
+    if time is None:  # a date, a weekday
+        result.enter(span, "nothing", note="no time of day that is known")
+        return
+    result.times.append(span)
     result.draft.context.time_of_day = time
     result.enter(span, "time_of_day", value=time)
 
@@ -1192,7 +1230,7 @@ _RULES: dict[str, Rule] = {
     "brake": _brake,
     "cond": _refuse_condition,
     "place": _refuse_place,
-    "ref": _note("agent"),
+    "ref": _refer,
     "del": _note("retracted"),
     "light": _note("signals"),
     "road": _keep_road,

@@ -21,6 +21,7 @@ from scenewright.backends.builtin.reader.merging import merge_mentions
 from scenewright.backends.builtin.reader.orders import orient_orders
 from scenewright.backends.builtin.reader.reactions import read_reactions
 from scenewright.backends.builtin.reader.reading import Reading, read_text
+from scenewright.backends.builtin.reader.unmarked import read_unmarked
 from scenewright.backends.builtin.scope import nothing_planned
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.edits import still_holds
@@ -51,7 +52,7 @@ def read_plan(text: str, *, previous: str | None = None, site: Site | None = Non
 def plan_reading(reading: Reading, site: Site, text: str) -> LearnedPlan:
     """The plan that follows from a reading by rule."""
     reading = read_reactions(sharpen_manoeuvres(join_groups(merge_mentions(reading))))
-    reading = orient_orders(reading)
+    reading = orient_orders(read_unmarked(reading))
     spans = [span.confidence for span in reading.spans if span.tag not in ("manner", "ref")]
     confidence = min([reading.kind_confidence, *spans])
     if reading.kind in ("scene", "edit") and find_passed_over(reading):

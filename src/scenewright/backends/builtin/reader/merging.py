@@ -24,6 +24,16 @@ _FUNCTION_WORDS = frozenset(
 _ANOTHER = re.compile(
     r"^(?:yet )?(?:another|a second|a third|a different) (?!one\b|time\b)\w+", re.IGNORECASE
 )
+_RIDES = re.compile(
+    r"\b(?:of|on|in|driving|riding|aboard|at the (?:wheel|handlebars) of|behind the wheel of)"
+    r"(?: (?:an?|the|his|her|their|its))?$",
+    re.IGNORECASE,
+)
+"""Between a person and the vehicle that the person drives, which are one road user."""
+
+_DRIVER = re.compile(
+    r"\b(?:driver|rider|motorist|operator|chauffeur|courier|owner|captain|pilot)$", re.IGNORECASE
+)
 _ON_FOOT = re.compile(
     r"\b(?:ped\w*|walker|jogger|runner|m[ae]n|wom[ae]n|girl|boy|kid|child|lady|person|student)\b",
     re.IGNORECASE,
@@ -111,6 +121,7 @@ def _same(reading: Reading) -> Iterator[tuple[int, int]]:
         if len(reading.spans[at].subjects) == 1
     }
     yield from _touching(reading, single)
+    yield from _driven(reading, single)
     speaker = next((u for u, span in single.items() if _SPEAKER.match(span.words)), None)
     for user, span in single.items():
         own = _OWN.match(span.words) and _OWN_VEHICLE.search(span.words)
@@ -126,6 +137,31 @@ def _touching(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[i
             beside = span.end < later.start and not between.strip(" -")
             if span.tag == later.tag and beside and not _has_noun(span.words):
                 yield other, user
+
+
+def _driven(reading: Reading, single: dict[int, ReadSpan]) -> Iterator[tuple[int, int]]:
+    """A vehicle and who drives it: "the rider of a motorbike", "a woman on a moped"."""
+    for user, span in single.items():
+        for other, later in single.items():
+            between = reading.text[span.end : later.start].strip()
+            match = _RIDES.search(reading.text[span.start : later.start].strip())
+            beside = span.end <= later.start and len(between.split()) <= _MOST_BETWEEN
+            if not (beside and match) or span.tag == "obj" or later.tag in ("ped", "obj", "other"):
+                continue
+            who = reading.text[span.start : span.start + match.start()].strip()
+            named = _DRIVER.search(who) if match[0].lower().startswith("of") else _is_one(who)
+            if named and later.tag in ("veh", "cyc", "scoot"):
+                yield other, user
+
+
+_MOST_BETWEEN = 6
+"""Words between a person and the vehicle that the person drives."""
+
+
+def _is_one(words: str) -> bool:
+    """Whether the words are those of a person, and no vehicle themselves."""
+    person = _DRIVER.search(words) or re.search(_ON_FOOT.pattern + "$", words, re.IGNORECASE)
+    return person is not None and subtype_in(words) is None
 
 
 def _has_noun(words: str) -> bool:

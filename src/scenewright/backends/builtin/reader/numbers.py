@@ -24,6 +24,15 @@ _NUMBER = re.compile(
     + r")(?![a-z]))",
     re.IGNORECASE,
 )
+_OF_ONE = re.compile(
+    r"\b(?:\d+(?:[.,]\d+)?|four|two|three|five|six|seven|eight|nine|ten|twelve|[a-z]+teen|"
+    r"[a-z]+ty)[- ]?(?:year|month|door|seat|ton|wheel|axle|foot|feet|met(?:er|re)|inch|litre|liter|"
+    r"speed|deck|stroke|horse|pound|kilo|kg|cc|hp|cylinder|x ?4)\w*",
+    re.IGNORECASE,
+)
+"""Numbers that belong to what one road user is: "a two-door car", "a 7.5-tonne lorry"."""
+
+_SINGULAR = re.compile(r"^(?:an?|one|another|this|that) ", re.IGNORECASE)
 _LABEL = re.compile(
     r"(?:vehicle|car|unit|driver|ped(?:estrian)?|v|p|u|no\.?|number|#)\s*#?\d+\b", re.IGNORECASE
 )
@@ -40,7 +49,10 @@ def number_in(words: str) -> int | None:
 def count_in(words: str) -> int | None:
     """How many road users the words of a mention count; None where they count none.
 
-    The number of "vehicle 2" is a name.
+    The number of "vehicle 2" is a name, and that of "a two-door car" says what it is.
     """
-    found = number_in(_LABEL.sub(" ", words))
+    plain = _OF_ONE.sub(" ", words)
+    if plain != words and _SINGULAR.match(words):
+        return 1
+    found = number_in(_LABEL.sub(" ", plain))
     return found if found else None

@@ -42,7 +42,8 @@ _SUBTYPES = (
     (
         "motorcycle",
         r"motor ?-?(?:cycle|bike)|\bmoped|\bvespa|\bbiker|\bmotorcyclist|\bharley|"
-        r"\bdirt bike|\bscooter",
+        r"\bdirt bike|\bscooter|\bkawasaki|\bducati|\byamaha|\bsuperbike|\bchopper\b|"
+        r"\btwo-?wheelers?\b|\bmotor(?:ised|ized)? ?bike",
     ),
     (
         "truck",

@@ -1,0 +1,67 @@
+"""Words that rules read where the encoder marks none of them: clock figures, people who stand."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from scenewright.backends.builtin.reader.reading import Reading, ReadSpan
+
+_KNOWN = 0.9
+"""How sure a span is whose words leave no doubt."""
+
+CLOCK = re.compile(r"(?<![\w.,:#/-])(?:[01]\d|2[0-3])[0-5]\d(?: ?h(?:rs|ours)?)?(?![\w:/-]|[.,]\d)")
+_NOT_A_CLOCK = re.compile(
+    r"(?:\b((?:jan|feb|mar|apr|may|june?|july?|aug|sept?|oct|nov|dec)[a-z]*)|"
+    r"\b(?:of|since|year|no|number|case|file|unit|badge|room|row|test|item|id|code|bus|route)\.?)"
+    r" +#?$",
+    re.IGNORECASE,
+)
+_YEAR = re.compile(r"(?:19|20)\d\d")
+_STANDING = re.compile(r"^[^.,;:]{0,12}\b(?:stand(?:s|ing)?|stood)\b", re.IGNORECASE)
+
+
+def read_unmarked(reading: Reading) -> Reading:
+    """The reading with spans for clock figures and standing bystanders that it passes over."""
+    spans = (*reading.spans, *_clocks(reading), *_standing(reading))
+    return replace(reading, spans=spans)
+
+
+def _clocks(reading: Reading) -> list[ReadSpan]:
+    """Four figures that stand alone, as in "1625. A van hits a car", and are no year or name."""
+    if any(span.tag == "time" for span in reading.spans):
+        return []
+    return [
+        _span(match.start(), match.end(), match[0], "time")
+        for match in CLOCK.finditer(reading.text)
+        if _is_free(reading, match.start(), match.end())
+        and not says_no_clock(reading.text, match.start(), match[0])
+    ]
+
+
+def says_no_clock(text: str, start: int, words: str) -> bool:
+    """Whether four figures are a year or the number of a thing: "June 2024", "unit 1412"."""
+    counted = _NOT_A_CLOCK.search(text[:start])
+    if counted is None or CLOCK.fullmatch(words) is None:
+        return False
+    return not counted[1] or _YEAR.fullmatch(words) is not None
+
+
+def _standing(reading: Reading) -> list[ReadSpan]:
+    """ "Stands" right after people who are no party: others walk in a scene, they do not stand."""
+    found = []
+    for span in reading.spans:
+        match = _STANDING.search(reading.text[span.end : span.end + 30])
+        if span.tag == "bgped" and match is not None:
+            start, end = span.end + match.end() - len(match[0].split()[-1]), span.end + match.end()
+            if _is_free(reading, start, end):
+                found.append(_span(start, end, reading.text[start:end], "act"))
+    return found
+
+
+def _is_free(reading: Reading, start: int, end: int) -> bool:
+    return not any(span.start < end and start < span.end for span in reading.spans)
+
+
+def _span(start: int, end: int, words: str, tag: str) -> ReadSpan:
+    return ReadSpan(start, end, words, tag, None, False, None, (), (), _KNOWN)
