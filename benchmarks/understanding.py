@@ -35,6 +35,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean
 
+import numpy as np
 from model_planning import ByFile, OpenError
 
 from scenewright.backends.spoken import Spoken
@@ -46,6 +47,7 @@ from scenewright.evals.understanding.evaluate import MethodScores, evaluate, loa
 from scenewright.evals.understanding.methods import find_method
 from scenewright.evals.understanding.observation import observe
 from scenewright.evals.understanding.report import format_report
+from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.files import write_atomically
 from scenewright.graph.run import synthesize
 from scenewright.intersections import ships_refiner
@@ -228,6 +230,34 @@ def score_agent(folder: Path) -> None:
     print(text)
 
 
+def guess_blindly(cases: Sequence[SceneCase]) -> tuple[float, float, float]:
+    """AUC of boosted trees that see lengths and numbers of agents alone, with 95 % bounds.
+
+    They are to tell clips with an event from those without, five folds by scene.
+    """
+    from sklearn.ensemble import HistGradientBoostingClassifier
+    from sklearn.metrics import roc_auc_score
+    from sklearn.model_selection import GroupKFold, cross_val_predict
+
+    values = np.array([
+        [case.record.meta.duration, *(
+            sum(a.type == kind and a.spawn_time <= by for a in case.record.agents)
+            for by in (0.0, *WINDOWS) for kind in AGENT_CLASSES
+        )]
+        for case in cases
+    ])  # fmt: skip
+    truth = np.array([case.named is not None for case in cases])
+    groups = [case.scene for case in cases]
+    trees = HistGradientBoostingClassifier(max_iter=60, random_state=0)
+    said = cross_val_predict(
+        trees, values, truth, groups=groups, cv=GroupKFold(5), method="predict_proba"
+    )[:, 1]
+    rng = np.random.default_rng(0)
+    drawn = [rng.integers(len(cases), size=len(cases)) for _ in range(500)]
+    low, high = np.quantile([roc_auc_score(truth[n], said[n]) for n in drawn], (0.025, 0.975))
+    return float(roc_auc_score(truth, said)), float(low), float(high)
+
+
 def score(folder: Path, *, workers: int) -> None:
     """Scores every method, each in a process of its own, and writes the report."""
     cases = load_cases(folder / "test", split="test")
@@ -242,6 +272,8 @@ def score(folder: Path, *, workers: int) -> None:
     text += "\nCPU seconds a scene at 4 s: " + ", ".join(
         f"{name} {cpu_seconds(cases, name):.4f}" for name in slow
     )
+    auc, low, high = guess_blindly(cases)
+    text += f"\nlengths and counts alone: AUC {auc:.2f} [{low:.2f}, {high:.2f}]"
     report = folder / "report"
     report.mkdir(exist_ok=True)
     figures = {"scenes": len(cases), "methods": [each.to_json() for each in found]}

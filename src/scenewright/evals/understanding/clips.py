@@ -20,7 +20,7 @@ from scenewright.evals.understanding.labels import RELATIONS, extract_labels
 from scenewright.evals.understanding.observation import hash_scene
 from scenewright.evals.understanding.scoring import AGENT_CLASSES
 from scenewright.graph.written_proof import read_proof
-from scenewright.scene.base import FloatArray
+from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.events import Event, Proof
 from scenewright.scene.record import AgentRecord, SignalRecord
 from scenewright.scene.track import STEP
@@ -46,10 +46,10 @@ OVER = 2.0
 """An event is over so long after its time [s]."""
 NEAR = 10.0
 """Two who come this near one another [m] are the parties about whom a normal clip is cut."""
-_COUNTED = (IN_VIEW, 4.0)
+_COUNTED = (0.0, IN_VIEW, 4.0)
 """The agents in view by these times [s] are counted, class by class."""
 _UNLIKE = 2
-"""A normal clip may differ by so many in all counts together."""
+"""A normal clip may differ by so many in all counts together, and in none of riders."""
 _GRID = 5
 """Normal clips begin at every fifth sample."""
 
@@ -176,13 +176,21 @@ def _is_in_view(source: ClipSource, agent: int, start: float) -> bool:
 
 
 def count_agents(source: ClipSource, start: float) -> FloatArray:
-    """[C] how many agents of each class are in view by the times that are counted."""
+    """[C] how many agents of each class are in view by the times that are counted.
+
+    A rider counts for more than clips may differ by: few ride to whom nothing happens.
+    """
     types = {agent.id: agent.type for agent in source.case.record.agents}
-    return np.array([
-        sum(types[agent] == kind and first <= start + by + 1e-6 and last >= start
-            for agent, (first, last) in source.spans.items())
-        for by in _COUNTED for kind in AGENT_CLASSES
-    ], dtype=np.float64)  # fmt: skip
+    weights = {kind: 1 + _UNLIKE * (kind in RIDERS) for kind in AGENT_CLASSES}
+    seen = [
+        [types[agent] for agent, (first, last) in source.spans.items()
+         if first <= start + by + 1e-6 and last >= start]
+        for by in _COUNTED
+    ]  # fmt: skip
+    return np.array(
+        [weights[kind] * each.count(kind) for each in seen for kind in AGENT_CLASSES],
+        dtype=np.float64,
+    )
 
 
 def cut_clips(sources: Iterable[ClipSource]) -> list[SceneCase]:
