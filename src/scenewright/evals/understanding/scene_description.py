@@ -111,7 +111,7 @@ def _describe_lights(observation: SceneObservation) -> list[str]:
 def _describe_agent(agent: ObservedAgent, intersection_map: IntersectionMap) -> str:
     middle = float(np.abs(agent.xy[0]).max()) < _JUNCTION
     first = "in the junction" if middle else f"on the {_find_side(agent.xy[0])} side"
-    kind = agent.type
+    kind: str = agent.type
     if kind == "vehicle":
         kind = next(n for m, n in _SUBTYPES if agent.length < m)
     if agent.left:

@@ -417,8 +417,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--workers", type=int, default=1)
     given = parser.parse_args(argv)
     split = None if given.split == "all" else given.split
-    found = [case for folder in given.folders for case in load_cases(folder, split=split)]
-    scenes = sorted(found, key=lambda case: case.code)[: given.limit]
+    cases = [case for folder in given.folders for case in load_cases(folder, split=split)]
+    scenes = sorted(cases, key=lambda case: case.code)[: given.limit]
     table = build_table(view_scenes(scenes, workers=given.workers, with_routes=given.oracle))
     unseen = predict_unseen(table)
     found = fit_calibration(table, unseen)
