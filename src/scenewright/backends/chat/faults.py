@@ -10,7 +10,7 @@ from typing import Any
 
 import httpx
 
-from scenewright.backends.chat.patience import Passing
+from scenewright.backends.chat.retry import TransientError
 from scenewright.errors import BackendFault
 
 _MAY_PASS = frozenset({408, 409, 425, 429, 500, 502, 503, 504, 520, 522, 524, 529})
@@ -55,20 +55,20 @@ def refused_option(error: Exception) -> str | None:
 
 
 def fault_of(error: Exception, *, model: str, key: str | None) -> Exception | None:
-    """A Passing or a BackendFault; None if the exception is no fault of an endpoint."""
+    """A TransientError or a BackendFault; None if the exception is no fault of an endpoint."""
     names = _names(error)
     status = _status(error)
     if status is not None:
         told = _told(error, status, key)
         if status in _MAY_PASS:
-            return Passing(f"{model} answered {status}{told}", after=_retry_after(error))
+            return TransientError(f"{model} answered {status}{told}", after=_retry_after(error))
         return BackendFault(f"{model} answered {status}{told}", final=True)
     if _TIMED_OUT in names or isinstance(error, httpx.TimeoutException):
-        return Passing(f"{model} did not answer in time")
+        return TransientError(f"{model} did not answer in time")
     if _UNREACHED in names or isinstance(error, httpx.TransportError):
-        return Passing(f"{model} cannot be reached: {_cause(error)}")
+        return TransientError(f"{model} cannot be reached: {_cause(error)}")
     if _NO_RESPONSE in names or _is_garbled(error):
-        return Passing(f"{model} sent no answer of a chat model")
+        return TransientError(f"{model} sent no answer of a chat model")
     return None
 
 

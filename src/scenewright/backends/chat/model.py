@@ -16,7 +16,7 @@ from scenewright.backends.chat.faults import (
     refused_option,
 )
 from scenewright.backends.chat.naming import Endpoint
-from scenewright.backends.chat.patience import Patience, patiently
+from scenewright.backends.chat.retry import RetryPolicy, retry_transient
 from scenewright.backends.spoken import Said
 
 _CUT_OFF = ("length", "max_tokens", "model_length")
@@ -40,7 +40,7 @@ class Limits:
     timeout: float = 60.0
     tokens: int = 3000
     at_once: int = 8
-    patience: Patience = field(default_factory=Patience)
+    retries: RetryPolicy = field(default_factory=RetryPolicy)
 
 
 class ChatModel:
@@ -61,8 +61,8 @@ class ChatModel:
 
     def say(self, question: Question, wording: Wording) -> Said:
         """The reply (see `Speaker`)."""
-        said, asked = patiently(
-            lambda: self._once(question, wording), patience=self._limits.patience
+        said, asked = retry_transient(
+            lambda: self._once(question, wording), policy=self._limits.retries
         )
         return Said(
             text=hidden(said.text, self._key),
