@@ -96,7 +96,7 @@ def test_what_a_clip_shows_is_what_the_scene_shows_then(source: ClipSource) -> N
 
 def test_clips_with_and_without_an_event_show_as_many_agents(source: ClipSource) -> None:
     """Of two scenes without an event the one with as many agents gives the clip."""
-    always = replace(source, case=keep_all(source.case, "always"), named=None)
+    always = replace(source, case=keep_all(source.case, "always"), near=())
     known = ForeseenEvent(event(15.0), told=12.0)
     eventful = replace(always, events=(known,), named=known)
     meeting = ((1, 2, np.arange(0.0, 30.0, 0.5)),)
