@@ -62,6 +62,18 @@ def one_by_one(
         yield job, task(job)
 
 
+def test_the_limit_of_the_environment_stands_in_the_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SCENEWRIGHT_MAX_AGENTS", "9")
+    source = tmp_path / "rows.jsonl"
+    source.write_text('{"id": "one", "text": "A car follows a bus at 5 am"}\n')
+    run_batch(Request(source, tmp_path / "out", Options("amsterdam_120"), workers=1))
+    header = json.loads((tmp_path / "out" / "journal.jsonl").read_text().splitlines()[0])
+    (file,) = (tmp_path / "out").rglob("provenance.json")
+    assert header["max_agents"] == 9 == json.loads(file.read_text())["max_agents"]
+
+
 def rows(folder: Path) -> Path:
     path = folder / "rows.jsonl"
     lines = [json.dumps({"id": key, "text": text}) for key, text in TEXTS.items()]

@@ -188,7 +188,7 @@ def options_of(
     """What all rows share, as the command line says it."""
     from scenewright.dataset.batch.answering import BUILTIN
     from scenewright.dataset.batch.worker import Options
-    from scenewright.graph.run import find_refiner_gap, max_agents_or_default, refiner_or_default
+    from scenewright.graph.run import find_refiner_gap, refiner_or_default
 
     refiner = refiner_or_default(refiner)
     gap = find_refiner_gap(intersection, refiner)
@@ -202,7 +202,7 @@ def options_of(
         seed=seed,
         base_url=base_url,
         lenient=lenient,
-        max_agents=max_agents_or_default(max_agents),
+        max_agents=max_agents,
         time_limit=time_limit,
     )
 
