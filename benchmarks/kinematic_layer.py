@@ -21,9 +21,14 @@ from scenewright import synthesize
 from scenewright.backends import load_backend
 from scenewright.errors import Unsatisfiable
 from scenewright.evals.planning import Share
-from scenewright.evals.realism.distances import wasserstein
-from scenewright.evals.realism.samples import Agents, Sieve, motion, of_scenes
-from scenewright.evals.realism.scenes import cut_scenes, played, requests
+from scenewright.evals.realism.distances import compute_wasserstein
+from scenewright.evals.realism.samples import (
+    Agents,
+    MotionFilter,
+    list_scene_agents,
+    measure_motion,
+)
+from scenewright.evals.realism.scenes import convert_scene, cut_scenes, list_requests
 from scenewright.graph.run import ground_of
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.scene_verifier.assemble import assemble
@@ -43,7 +48,7 @@ MEASURES = (("vehicle", "jerk"), ("vehicle", "acceleration"), ("pedestrian", "je
 
 def states(count: int) -> Iterator[Mapping[str, Any]]:
     """What runs without a refiner end with; requests that cannot be met are left out."""
-    for text, number in requests(count):
+    for text, number in list_requests(count):
         try:
             yield synthesize(text, seed=FIRST_SEED + number, refiner="none").state
         except Unsatisfiable:
@@ -97,13 +102,13 @@ def worded(share: Share) -> str:
 
 
 def distances(scenes: Sequence[SceneRecord], known: Sequence[Agents]) -> Iterator[str]:
-    clusters = of_scenes([played(scene) for scene in scenes])
+    clusters = list_scene_agents([convert_scene(scene) for scene in scenes])
     for kind, measure in MEASURES:
         ours, theirs = (
-            motion(each, Sieve(kind), side=()).samples[measure].values  # type: ignore[arg-type]
+            measure_motion(each, MotionFilter(kind), side=()).samples[measure].values  # type: ignore[arg-type]
             for each in (clusters, known)
         )
-        yield f"{wasserstein(ours, theirs):.3f}"
+        yield f"{compute_wasserstein(ours, theirs):.3f}"
 
 
 def main() -> None:
@@ -114,7 +119,7 @@ def main() -> None:
     known: list[Agents] = []
     if told.corpus:
         hours = load_recordings(told.corpus, split="validation")
-        known = of_scenes(
+        known = list_scene_agents(
             [
                 scene
                 for _, scene in cut_scenes(

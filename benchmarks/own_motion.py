@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from scenewright.evals.realism.scenes import Played, read_scenes
+from scenewright.evals.realism.scenes import SceneTracks, read_scenes
 from scenewright.evals.tables.nearness import alone, compared, motion_of, values_of, watch
 from scenewright.intersections import load_map
 from scenewright.tools.relation_checker import RoadUser
@@ -24,16 +24,16 @@ from scenewright.tools.track_io.taf_bw import read_taf_bw
 SMOOTHING = 0.4
 
 
-def background(scene: Played) -> Played:
+def background(scene: SceneTracks) -> SceneTracks:
     """A scene without those who were asked for."""
     users = tuple(user for user in scene.users if user.id not in scene.foreground)
-    return Played(users, signals=scene.signals)
+    return SceneTracks(users, signals=scene.signals)
 
 
-def whole(recording: Recording) -> Played:
+def whole(recording: Recording) -> SceneTracks:
     """Everybody of a recording, bicycles left out; windows of it would cut encounters."""
     seen = [a for a in recording.agents if a.subtype != "bicycle" and len(a.track.xy) > 1]
-    return Played(tuple(RoadUser(n, a.track, a.shape) for n, a in enumerate(seen)))
+    return SceneTracks(tuple(RoadUser(n, a.track, a.shape) for n, a in enumerate(seen)))
 
 
 def main() -> None:

@@ -13,14 +13,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.realism.scenes import Played
+from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.scene.base import FloatArray
 from scenewright.tools.relation_checker import RoadUser
 
 
 def windows_beside(
-    scenes: Sequence[Played], windows: Sequence[Played], *, least: int
-) -> list[Played]:
+    scenes: Sequence[SceneTracks], windows: Sequence[SceneTracks], *, least: int
+) -> list[SceneTracks]:
     """For every scene a window with as many vehicles, cut to the scene's length.
 
     Where no window has as many, one whose number is nearest; of several, the one that was taken
@@ -46,7 +46,7 @@ def _nearest(
     return int(np.lexsort((taken, np.abs(seen - vehicles)))[0])
 
 
-def shortened(scene: Played, length: float) -> Played:
+def shortened(scene: SceneTracks, length: float) -> SceneTracks:
     """The first seconds of a scene; who is in them for less than two samples is left out."""
     users = (_shortened(user, length) for user in scene.users)
     return replace(scene, users=tuple(user for user in users if len(user.track.xy) > 1))
@@ -59,11 +59,11 @@ def _shortened(user: RoadUser, length: float) -> RoadUser:
     return replace(user, track=cut)
 
 
-def _starts(scene: Played) -> FloatArray:
+def _starts(scene: SceneTracks) -> FloatArray:
     """When each vehicle is first seen [s], sorted."""
     first = [user.track.start for user in scene.users if user.shape.type == "vehicle"]
     return np.sort(np.array(first, dtype=np.float64))
 
 
-def _length(scene: Played) -> float:
+def _length(scene: SceneTracks) -> float:
     return max((user.track.end for user in scene.users), default=0.0)

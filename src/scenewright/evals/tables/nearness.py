@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.evals.realism import Distance, Sample, distance, wasserstein
-from scenewright.evals.realism.scenes import Played
+from scenewright.evals.realism import Distance, Sample, compute_distance, compute_wasserstein
+from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap
@@ -34,7 +34,7 @@ CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
 class Watched:
     """A scene with all that the checker measures in it."""
 
-    scene: Played
+    scene: SceneTracks
     seen: SceneObservation
 
 
@@ -59,7 +59,7 @@ class Near:
 
 
 def watch(
-    scenes: Iterable[Played], *, intersection_map: IntersectionMap | None
+    scenes: Iterable[SceneTracks], *, intersection_map: IntersectionMap | None
 ) -> Iterator[Watched]:
     """Scenes with what the checker measures."""
     for scene in scenes:
@@ -91,7 +91,9 @@ def values_of(scenes: Sequence[Watched], *, smoothing: float = 0.0) -> Values:
     return found
 
 
-def motion_of(scenes: Sequence[Played], *, smoothing: float = 0.0) -> dict[tuple[str, str], Sample]:
+def motion_of(
+    scenes: Sequence[SceneTracks], *, smoothing: float = 0.0
+) -> dict[tuple[str, str], Sample]:
     """Speed, acceleration and jerk alone."""
     found = {}
     for kind in CLASSES:
@@ -101,17 +103,17 @@ def motion_of(scenes: Sequence[Played], *, smoothing: float = 0.0) -> dict[tuple
     return found
 
 
-def alone(recordings: Iterable[Recording]) -> list[Played]:
+def alone(recordings: Iterable[Recording]) -> list[SceneTracks]:
     """Every agent of real tracks by itself, as far as it was seen; bicycles left out."""
     return [
-        Played((RoadUser(0, agent.track, agent.shape),))
+        SceneTracks((RoadUser(0, agent.track, agent.shape),))
         for recording in recordings
         for agent in recording.agents
         if agent.subtype != "bicycle" and len(agent.track.xy) > 1
     ]
 
 
-def _motion(scene: Played, kind: AgentClass, smoothing: float) -> tuple[FloatArray, ...]:
+def _motion(scene: SceneTracks, kind: AgentClass, smoothing: float) -> tuple[FloatArray, ...]:
     done = [
         compute_kinematics(user.track.xy, smoothing=smoothing)
         for user in scene.users
@@ -159,8 +161,8 @@ def compared(
         rng = np.random.default_rng(seed)
         yield Near(
             measure, group, named,
-            distance=distance(sample, ref, draws=draws, rng=rng),
-            halves=wasserstein(one.values, two.values),
+            distance=compute_distance(sample, ref, draws=draws, rng=rng),
+            halves=compute_wasserstein(one.values, two.values),
             quantiles=_quantiles(sample.values),
             reference_quantiles=_quantiles(ref.values),
         )  # fmt: skip

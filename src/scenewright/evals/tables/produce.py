@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.errors import InputError
-from scenewright.evals.realism.scenes import cut_scenes, played
+from scenewright.evals.realism.scenes import convert_scene, cut_scenes
 from scenewright.evals.tables.beside import windows_beside
 from scenewright.evals.tables.diversity import Reference, Spread, events, lateral, speeds
 from scenewright.evals.tables.fidelity_tables import Fidelity, fidelity
@@ -146,7 +146,9 @@ def _against(
     if not recordings:
         raise InputError(f"{corpus} holds no test hours")
     tell("encounters in the dataset")
-    scenes = [played(scene) for _, scene in dataset.scenes(_thinned(dataset.rows, MOST_SCENES))]
+    scenes = [
+        convert_scene(scene) for _, scene in dataset.scenes(_thinned(dataset.rows, MOST_SCENES))
+    ]
     ours = list(watch(scenes, intersection_map=intersection_map))
     tell("encounters in the corpus")
     windows = [
