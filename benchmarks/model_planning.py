@@ -41,7 +41,7 @@ from scenewright.evals.planning import Share, compare, load, score
 from scenewright.graph.run import DEFAULT_INTERSECTION
 from scenewright.intersections import load_map
 from scenewright.nodes.scene_planner import ask_for_plan, describe_routes
-from scenewright.nodes.scene_planner.wording import worded_plan
+from scenewright.nodes.scene_planner.wording import render_plan_prompt
 from scenewright.scene.plan_row import plan_to_row
 from scenewright.scene.social import Plan
 
@@ -119,7 +119,7 @@ def _plan(row: dict[str, Any], backend: Backend) -> Plan:
         "legs": [leg.name for leg in intersection_map.legs],
     }
     for _ in range(1 if backend.deterministic else ATTEMPTS):
-        wording = partial(worded_plan, text, previous, ways, rejections=wrong)
+        wording = partial(render_plan_prompt, text, previous, ways, rejections=wrong)
         question = Question("plan", facts, wrong, wording=wording)
         try:
             return ask_for_plan(backend, question, ways)

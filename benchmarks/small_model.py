@@ -27,7 +27,7 @@ from scenewright.backends.staged import Staged
 from scenewright.errors import InputError, Unsatisfiable
 from scenewright.graph.run import Scene
 from scenewright.nodes.scene_planner.reply import ID, TIME
-from scenewright.nodes.schema import inlined
+from scenewright.nodes.schema import inline_references
 
 REQUESTS = (
     "A car yields to a pedestrian",
@@ -131,7 +131,7 @@ class Small:
 
 def at_random(question: Question, wording: Wording, rng: Rng) -> Any:
     del question
-    return drawn(inlined(wording.schema), rng)
+    return drawn(inline_references(wording.schema), rng)
 
 
 def always_one_wrong(question: Question, wording: Wording, rng: Rng) -> Any:

@@ -32,7 +32,7 @@ from scenewright.backends.spoken import Spoken
 from scenewright.cli.main import main
 from scenewright.errors import BackendFault, InputError, Rejected
 from scenewright.graph.run import Scene
-from scenewright.nodes.schema import inlined
+from scenewright.nodes.schema import inline_references
 
 ATTEMPTS = 3
 TASKS = ("plan", "constraints", "behavior")
@@ -68,7 +68,9 @@ def test_all_questions_are_put_to_the_model(server: Server) -> None:
     assert server.requests[0]["seed"] == 1
     assert server.headers[0]["authorization"] == f"Bearer {KEY}"
     schema = server.requests[0]["response_format"]["json_schema"]["schema"]
-    sides = inlined(schema)["properties"]["agents"]["items"]["properties"]["entry"]["enum"]
+    sides = inline_references(schema)["properties"]["agents"]["items"]["properties"]["entry"][
+        "enum"
+    ]
     assert sides == ["north", "east", "south", "west"]
     paid = scene.provenance["models"]
     assert list(paid) == list(TASKS)

@@ -15,8 +15,8 @@ from scenewright.backends.spoken import Spoken
 from scenewright.errors import ScenewrightError
 from scenewright.graph.run import scene_bytes
 from scenewright.nodes.scene_planner import FOUR_LEGS
-from scenewright.nodes.scene_planner.wording import worded_plan
-from scenewright.nodes.wording import Example, faults_told, quoted
+from scenewright.nodes.scene_planner.wording import render_plan_prompt
+from scenewright.nodes.wording import Example, format_rejections, quote_text
 
 PLAIN = "A car from the south turning right yields to a pedestrian. Nobody else is around."
 ATTACKS = [
@@ -29,7 +29,7 @@ ATTACKS = [
 
 
 def words_of(instruction: str, **more: Any) -> tuple[str, str]:
-    wording = worded_plan(instruction, None, FOUR_LEGS, **more)
+    wording = render_plan_prompt(instruction, None, FOUR_LEGS, **more)
     return wording.system, wording.user
 
 
@@ -48,15 +48,15 @@ def test_an_instruction_stands_in_the_prompt_as_one_json_text(attack: str) -> No
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_so_do_faults_examples_and_earlier_turns(attack: str) -> None:
     example = Example(attack, {"agents": [{"id": attack}]})
-    wording = worded_plan("x", attack, FOUR_LEGS, rejections=(attack,), examples=[example])
-    plain = worded_plan("x", "y", FOUR_LEGS, rejections=("y",), examples=[Example("y", {})])
+    wording = render_plan_prompt("x", attack, FOUR_LEGS, rejections=(attack,), examples=[example])
+    plain = render_plan_prompt("x", "y", FOUR_LEGS, rejections=("y",), examples=[Example("y", {})])
     assert wording.system == plain.system
     assert len(wording.user.splitlines()) == len(plain.user.splitlines())
 
 
 def test_a_long_text_is_cut() -> None:
-    assert len(quoted("x" * 10**6)) < 2100
-    assert len(faults_told(["x" * 10**6] * 50)) < 1400
+    assert len(quote_text("x" * 10**6)) < 2100
+    assert len(format_rejections(["x" * 10**6] * 50)) < 1400
 
 
 class Obedient:

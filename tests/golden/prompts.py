@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 
 from scenewright.backends import Wording
-from scenewright.nodes.event_reasoner.wording import worded_stops
-from scenewright.nodes.revision.wording import worded_edits
+from scenewright.nodes.event_reasoner.wording import render_stops_prompt
+from scenewright.nodes.revision.wording import render_edits_prompt
 from scenewright.nodes.scene_planner import FOUR_LEGS
-from scenewright.nodes.scene_planner.wording import worded_plan
-from scenewright.nodes.waypoint_filter.wording import worded_clauses
+from scenewright.nodes.scene_planner.wording import render_plan_prompt
+from scenewright.nodes.waypoint_filter.wording import render_clauses_prompt
 from scenewright.nodes.wording import Example
 from scenewright.scene.behavior import AgentSummary, Anchor, EventSummary, Stay
 from scenewright.scene.edits import AgentView, Situation
@@ -63,7 +63,7 @@ WORDS = [
 
 
 def plan() -> Wording:
-    return worded_plan(
+    return render_plan_prompt(
         TEXT,
         "A car hits a bus.",
         FOUR_LEGS,
@@ -74,7 +74,7 @@ def plan() -> Wording:
 
 def constraints() -> Wording:
     fault = "nothing is said of words 2; serve them, or list them under 'cannot'"
-    return worded_clauses(FACTS, ("north", "east", "south", "west"), rejections=(fault,))
+    return render_clauses_prompt(FACTS, ("north", "east", "south", "west"), rejections=(fault,))
 
 
 def behavior() -> Wording:
@@ -83,11 +83,11 @@ def behavior() -> Wording:
         "instruction": LEFT, "words": WORDS, "relations": ["vehicle-1 yield_to pedestrian-1"],
         **to_facts(_summary()),
     }  # fmt: skip
-    return worded_stops(facts, _summary(), rejections=(fault,))
+    return render_stops_prompt(facts, _summary(), rejections=(fault,))
 
 
 def edits() -> Wording:
-    return worded_edits(
+    return render_edits_prompt(
         'now have it be a collision, "5 pm", and two trucks more',
         SITUATION,
         before=TEXT,

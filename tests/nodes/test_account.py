@@ -9,7 +9,7 @@ import pytest
 from scenewright.backends import Question
 from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner import PlanReply
-from scenewright.nodes.scene_planner.account import UNSAID, account_for
+from scenewright.nodes.scene_planner.account import UNSAID, complete_account
 from scenewright.scene.social import SocialGraph
 
 TEXT = "Two cars crash, not at night, in the rain"
@@ -31,12 +31,12 @@ ALL = (("Two cars", "agent"), ("crash", "relation"), ("not at night", "nothing")
 
 
 def test_words_are_found_in_the_request() -> None:
-    said = account_for(graph(*ALL), question())
+    said = complete_account(graph(*ALL), question())
     assert [TEXT[each.start : each.end] for each in said] == [words for words, _ in ALL]
 
 
 def test_words_that_the_request_does_not_hold_are_no_account_of_it() -> None:
-    said = account_for(graph(("three cars", "agent"), *ALL), question())
+    said = complete_account(graph(("three cars", "agent"), *ALL), question())
     assert [each.words for each in said] == [words for words, _ in ALL]
 
 
@@ -66,7 +66,7 @@ def test_the_plan_says_what_exactly_the_words_became() -> None:
     ]
     context = {"time_of_day": "08:00"}
     plan = {"agents": agents, "relations": edges, "context": context, "said": said}
-    found = account_for(SocialGraph.model_validate(plan), question())
+    found = complete_account(SocialGraph.model_validate(plan), question())
     assert [(each.became, each.agents, each.value) for each in found] == [
         ("entry", ("vehicle-1",), "north"), ("entry", ("vehicle-2",), "east"),
         ("relation", ("vehicle-1", "vehicle-2"), "near_miss"),
@@ -78,8 +78,8 @@ def test_words_called_what_the_plan_lacks_are_asked_for_once() -> None:
     claimed = graph(("Two cars", "agent"), ("crash", "movement"), ("not at night", "nothing"),
                     ("in the rain", "nothing"))  # fmt: skip
     with pytest.raises(Rejected, match=f"{UNSAID} 'crash'") as caught:
-        account_for(claimed, question())
-    said = account_for(claimed, question(caught.value.rejection.detail))
+        complete_account(claimed, question())
+    said = complete_account(claimed, question(caught.value.rejection.detail))
     (crash,) = (each for each in said if each.words == "crash")
     assert (crash.became, crash.note) == ("nothing", "the plan says nothing of it")
 
@@ -87,8 +87,8 @@ def test_words_called_what_the_plan_lacks_are_asked_for_once() -> None:
 def test_a_number_and_a_negation_left_out_are_asked_for_once() -> None:
     part = graph(("crash", "relation"), ("in the rain", "nothing"))
     with pytest.raises(Rejected, match=UNSAID) as caught:
-        account_for(part, question())
+        complete_account(part, question())
     assert "'Two'" in str(caught.value)
     assert "'not'" in str(caught.value)
-    said = account_for(part, question(caught.value.rejection.detail))
+    said = complete_account(part, question(caught.value.rejection.detail))
     assert {each.words for each in said if each.became == "nothing"} >= {"Two", "not"}

@@ -16,11 +16,11 @@ from scenewright.errors import Rejected
 from scenewright.geometry.map_areas import MapAreas
 from scenewright.intersections import load_map
 from scenewright.nodes.agent_generator import generate_agents
-from scenewright.nodes.ask import ask, earlier, latest
+from scenewright.nodes.ask import ask, list_latest_rejections, list_stage_faults
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.scene_planner import plan_scene
 from scenewright.nodes.scene_verifier import verify_scene
-from scenewright.nodes.scene_verifier.assemble import assemble, scene_id
+from scenewright.nodes.scene_verifier.assemble import assemble, compute_scene_id
 from scenewright.nodes.trajectory_refiner import refine_trajectories
 from scenewright.scene.behavior import BehaviorProgram, Segment
 from scenewright.scene.rejection import Rejection
@@ -101,7 +101,7 @@ def test_a_stage_is_told_its_own_faults_only():
         Rejection(stage="scene_planner", code="malformed_reply", detail="one"),
         Rejection(stage="event_reasoner", code="malformed_reply", detail="two"),
     ]
-    assert earlier(rejections, "scene_planner") == ("one",)
+    assert list_stage_faults(rejections, "scene_planner") == ("one",)
 
 
 def test_what_was_said_of_another_layout_is_not_told_of_this_one():
@@ -109,7 +109,9 @@ def test_what_was_said_of_another_layout_is_not_told_of_this_one():
         stage="scene_verifier", code="relation_not_realised", detail="one", repairable=False
     )
     of_this = Rejection(stage="event_reasoner", code="unknown_anchor", detail="two")
-    assert latest([of_another, of_this], "event_reasoner", "scene_verifier") == (of_this,)
+    assert list_latest_rejections([of_another, of_this], "event_reasoner", "scene_verifier") == (
+        of_this,
+    )
 
 
 def test_every_stage_and_attempt_has_randomness_of_its_own():
@@ -231,9 +233,18 @@ def test_a_scene_without_events_says_normal_in_one_row(run):
 
 
 def test_a_scenes_name_depends_on_its_request_alone():
-    assert scene_id("a", "m", 1) == scene_id("a", "m", 1)
-    assert len({scene_id("a", "m", 1), scene_id("b", "m", 1), scene_id("a", "m", 2)}) == 3
-    assert scene_id("\ud800", "m", 1)
+    assert compute_scene_id("a", "m", 1) == compute_scene_id("a", "m", 1)
+    assert (
+        len(
+            {
+                compute_scene_id("a", "m", 1),
+                compute_scene_id("b", "m", 1),
+                compute_scene_id("a", "m", 2),
+            }
+        )
+        == 3
+    )
+    assert compute_scene_id("\ud800", "m", 1)
 
 
 def test_stages_say_what_they_did(run):

@@ -15,10 +15,10 @@ from scenewright.backends.scripted import scripted
 from scenewright.backends.staged import Staged
 from scenewright.errors import Rejected
 from scenewright.nodes.revision import Turn, read_by_model
-from scenewright.nodes.revision.reply import EditsReply, new_ids, read_as
-from scenewright.nodes.revision.wording import worded_edits
+from scenewright.nodes.revision.reply import EditsReply, list_new_ids, to_reading
+from scenewright.nodes.revision.wording import render_edits_prompt
 from scenewright.nodes.scene_planner import FOUR_LEGS
-from scenewright.nodes.schema import inlined
+from scenewright.nodes.schema import inline_references
 from scenewright.scene.edits import (
     AgentView,
     Clarification,
@@ -56,7 +56,7 @@ SITUATION = Situation(graph=GRAPH, present=PRESENT)
 
 def reading(answer: dict[str, Any], **chosen: str) -> Reading:
     reply = EditsReply.model_validate(answer)
-    return read_as(reply, SITUATION, ways=FOUR_LEGS, chosen=chosen)
+    return to_reading(reply, SITUATION, ways=FOUR_LEGS, chosen=chosen)
 
 
 def said(*lines: dict[str, Any]) -> list[dict[str, Any]]:
@@ -123,9 +123,9 @@ def test_a_pedestrian_comes_from_elsewhere() -> None:
 
 
 def test_somebody_new_takes_part() -> None:
-    assert new_ids(SITUATION) == ["vehicle-3", "vehicle-4", "pedestrian-2", "pedestrian-3"]
+    assert list_new_ids(SITUATION) == ["vehicle-3", "vehicle-4", "pedestrian-2", "pedestrian-3"]
     riders = ["cyclist-1", "cyclist-2", "scooter-1", "scooter-2"]
-    assert new_ids(SITUATION, "a bike overtakes it")[4:] == riders
+    assert list_new_ids(SITUATION, "a bike overtakes it")[4:] == riders
     new, follows = said(
         {"edit": "add_agent", "agent": "vehicle-3", "subtype": "bus"},
         {"edit": "relate", "from": "vehicle-3", "to": "vehicle-1", "type": "follow"},
@@ -182,7 +182,7 @@ def test_a_question_a_scene_of_its_own_and_a_refusal() -> None:
 
 
 def test_whatever_fits_the_schema_is_read_or_refused() -> None:
-    schema = inlined(_words("make it 2 m to the left of its bumper").schema)
+    schema = inline_references(_words("make it 2 m to the left of its bumper").schema)
     rng, kinds = np.random.default_rng(3), set()
     for _ in range(300):
         answer = drawn(schema, rng)
@@ -193,12 +193,14 @@ def test_whatever_fits_the_schema_is_read_or_refused() -> None:
 
 
 def _words(words: str) -> Any:
-    return worded_edits(words, SITUATION, before="A car yields", ways=FOUR_LEGS)
+    return render_edits_prompt(words, SITUATION, before="A car yields", ways=FOUR_LEGS)
 
 
 def test_figures_and_places_on_vehicles_are_offered_where_words_speak_of_them() -> None:
     plain, told = (
-        inlined(_words(words).schema)["properties"]["edits"]["items"]["anyOf"][2]["properties"]
+        inline_references(_words(words).schema)["properties"]["edits"]["items"]["anyOf"][2][
+            "properties"
+        ]
         for words in ("let it be a crash", "hit its rear bumper at 5 m/s")
     )
     assert {"target_pet", "point_from"}.isdisjoint(plain)
@@ -208,17 +210,17 @@ def test_figures_and_places_on_vehicles_are_offered_where_words_speak_of_them() 
 def test_a_model_is_told_where_people_drive_on_the_left() -> None:
     told = "Traffic drives on the left: the turn across oncoming traffic is the right one"
     assert told not in _words("make it a left turn").user
-    left = worded_edits("x", SITUATION, before="A car", ways=FOUR_LEGS, left_hand=True)
+    left = render_edits_prompt("x", SITUATION, before="A car", ways=FOUR_LEGS, left_hand=True)
     assert told in left.user
 
 
 def test_a_model_is_told_who_only_slows_down_and_may_make_it_stand() -> None:
     slows = PRESENT[0].model_copy(update={"stops": False, "slows_to": 3.06})
     here = SITUATION.model_copy(update={"present": (slows, *PRESENT[1:])})
-    words = worded_edits("make it stop", here, before="A car yields", ways=FOUR_LEGS)
+    words = render_edits_prompt("make it stop", here, before="A car yields", ways=FOUR_LEGS)
     assert "car, from north, left to east, 8.0 m/s, slows to 3.1 m/s" in words.user
     line = {"edit": "wait_longer", "agent": "vehicle-1", "by": 2}
-    read = read_as(EditsReply.model_validate({"edits": [line]}), here, ways=FOUR_LEGS, chosen={})
+    read = to_reading(EditsReply.model_validate({"edits": [line]}), here, ways=FOUR_LEGS, chosen={})
     assert isinstance(read, Edits)
 
 

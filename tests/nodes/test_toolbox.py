@@ -15,7 +15,7 @@ from langchain_core.tools import BaseTool
 from scenewright import verify
 from scenewright.authoring.agent import Authored, author, workbench
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.nodes.toolbox import Workbench, tools_of
+from scenewright.nodes.toolbox import Workbench, build_tools
 
 PLAN: dict[str, Any] = {
     "agents": [
@@ -36,7 +36,7 @@ def bench() -> Workbench:
 
 @pytest.fixture
 def tools(bench: Workbench) -> dict[str, BaseTool]:
-    return {each.name: each for each in tools_of(bench)}
+    return {each.name: each for each in build_tools(bench)}
 
 
 def told(tool: BaseTool, **arguments: Any) -> dict[str, Any]:

@@ -21,11 +21,27 @@ from scenewright.errors import Rejected
 from scenewright.intersections import load_map
 from scenewright.nodes.event_reasoner.reply import StopsReply
 from scenewright.nodes.scene_planner import FOUR_LEGS, ask_for_plan, describe_routes
-from scenewright.nodes.scene_planner.reply import ID, TIME, PlanReply, completed, patterns_told
-from scenewright.nodes.scene_planner.wording import objects_told, times_told, worded_plan
-from scenewright.nodes.schema import inlined
+from scenewright.nodes.scene_planner.reply import (
+    ID,
+    TIME,
+    PlanReply,
+    complete_plan,
+    find_similar_patterns,
+)
+from scenewright.nodes.scene_planner.wording import (
+    describe_objects,
+    describe_times,
+    render_plan_prompt,
+)
+from scenewright.nodes.schema import inline_references
 from scenewright.nodes.waypoint_filter.reply import ClausesReply
-from scenewright.nodes.wording import MOST_TOKENS, Example, compact, examples_told, tokens
+from scenewright.nodes.wording import (
+    MOST_TOKENS,
+    Example,
+    count_tokens,
+    format_examples,
+    format_json,
+)
 from scenewright.scene.social import Refusal, SocialGraph
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -73,13 +89,18 @@ def heard() -> Listening:
 def test_a_prompt_is_short(heard: Listening, task: str) -> None:
     """Its schema with it: some providers count that as input too."""
     words = heard.words[task]
-    assert tokens(words.system + words.user) + tokens(compact(words.schema)) <= MOST_TOKENS
+    assert (
+        count_tokens(words.system + words.user) + count_tokens(format_json(words.schema))
+        <= MOST_TOKENS
+    )
 
 
 @pytest.mark.parametrize("name", ["plan", "constraints", "behavior", "edits"])
 def test_so_it_is_after_a_refusal_and_with_an_example(name: str) -> None:
     system, user, schema = _kept(name)
-    assert tokens(system + user) + tokens(compact(json.loads(schema))) <= MOST_TOKENS
+    assert (
+        count_tokens(system + user) + count_tokens(format_json(json.loads(schema))) <= MOST_TOKENS
+    )
 
 
 def _kept(name: str) -> list[str]:
@@ -93,21 +114,21 @@ def _kept(name: str) -> list[str]:
     ("A pedestrian waits for a car at 17:30 and then crosses on the east crosswalk.", 20),
 ])  # fmt: skip
 def test_tokens_are_rather_counted_too_many(text: str, least: int) -> None:
-    assert least <= tokens(text) <= 1.3 * least
+    assert least <= count_tokens(text) <= 1.3 * least
 
 
 def test_examples_fill_what_room_there_is() -> None:
     example = Example("A van waits.", {"agents": [], "relations": []})
-    told = examples_told([example] * 5, room=tokens("Accepted before:") + 40)
+    told = format_examples([example] * 5, room=count_tokens("Accepted before:") + 40)
     assert told.count("A van waits.") == 2
-    assert examples_told([example], room=5) == ""
+    assert format_examples([example], room=5) == ""
 
 
 def test_even_a_planners_prompt_with_all_there_may_be_is_bounded() -> None:
     long = "breaks off its right turn and swings left " * 60
     examples = [Example("a car " * 100, {"agents": [{"id": "x" * 300}] * 3})] * 9
-    words = worded_plan(long, long, FOUR_LEGS, rejections=(long,) * 9, examples=examples)
-    assert tokens(words.system + words.user) <= 2.5 * MOST_TOKENS
+    words = render_plan_prompt(long, long, FOUR_LEGS, rejections=(long,) * 9, examples=examples)
+    assert count_tokens(words.system + words.user) <= 2.5 * MOST_TOKENS
 
 
 def schemas(value: Any) -> list[dict[str, Any]]:
@@ -175,7 +196,9 @@ def fits(schema: dict[str, Any], value: Any) -> bool:
 
 def test_what_a_plan_is_not_asked_for_cannot_be_filled_in() -> None:
     plain, told = (
-        inlined(worded_plan(text, None, FOUR_LEGS).schema)["properties"]["relations"]["items"]
+        inline_references(render_plan_prompt(text, None, FOUR_LEGS).schema)["properties"][
+            "relations"
+        ]["items"]
         for text in ("A car hits a bus", "A car hits a bus at 5 m/s in its left flank")
     )
     more = {"target_pet", "target_ttc", "impact_speed", "point_from", "point_to"}
@@ -213,7 +236,7 @@ def test_a_plan_of_nothing_is_none_where_the_request_tells_an_event(
     question = Question(
         "plan",
         {"instruction": request_, "previous": None},
-        wording=lambda: worded_plan(request_, None, FOUR_LEGS),
+        wording=lambda: render_plan_prompt(request_, None, FOUR_LEGS),
     )
     if empty_is_a_plan:
         assert ask_for_plan(backend, question, FOUR_LEGS) == SocialGraph(agents=())
@@ -223,7 +246,7 @@ def test_a_plan_of_nothing_is_none_where_the_request_tells_an_event(
 
 
 def test_the_plans_that_the_prompt_shows_are_answers() -> None:
-    schema = inlined(worded_plan("x", None, FOUR_LEGS).schema)
+    schema = inline_references(render_plan_prompt("x", None, FOUR_LEGS).schema)
     text = (NODES / "scene_planner" / "prompt.md").read_text("utf-8")
     shown = [
         json.loads(found)
@@ -235,7 +258,7 @@ def test_the_plans_that_the_prompt_shows_are_answers() -> None:
     assert all(fits(schema, each) for each in shown)
     no, *plans = [PlanReply.model_validate(each).root for each in shown]
     assert no == Refusal(code="out_of_scope", reason="It is a poem.")
-    left = completed(plans[0], FOUR_LEGS)
+    left = complete_plan(plans[0], FOUR_LEGS)
     assert isinstance(left, SocialGraph)
     assert left.agents[0].exit == "west"
 
@@ -309,7 +332,7 @@ def test_whatever_fits_the_schema_is_read_or_refused_with_a_reason(
     rng = np.random.default_rng(5)
     rule = load_backend("builtin")
     for _ in range(12):
-        reply = drawn(inlined(heard.words[task].schema), rng)
+        reply = drawn(inline_references(heard.words[task].schema), rng)
         speaker = ScriptedSpeaker({task: [reply]}, forever=True)
         speakers = {each: Spoken(speaker) if each == task else rule for each in TASKS}
         answer = speakers[task].answer(_asked(task, heard))
@@ -338,7 +361,7 @@ def _read(task: str, answer: dict[str, Any]) -> None:
         case "plan":
             plan = PlanReply.model_validate(answer).root
             if isinstance(plan, SocialGraph):
-                completed(plan, FOUR_LEGS)
+                complete_plan(plan, FOUR_LEGS)
         case "constraints":
             ClausesReply.model_validate(answer).read([3, 5], [], [])
         case _:
@@ -359,7 +382,7 @@ def test_what_entry_exit_and_turn_entail_is_filled_in(
 ) -> None:
     graph = SocialGraph.model_validate({"agents": [{"id": "vehicle-1", "type": "vehicle", **text}]})
     for ways in (FOUR_LEGS, describe_routes(load_map("amsterdam_120"))):
-        [found] = completed(graph, ways).agents
+        [found] = complete_plan(graph, ways).agents
         assert found.exit == exit_
         assert agent in (found.entry, found.movement, "movement", None)
 
@@ -369,12 +392,12 @@ def test_ties_and_lanes_fix_entries() -> None:
     two[0]["entry"] = "north"
     tie = {"agent": "vehicle-2", "of": "vehicle-1", "side": "opposite"}
     graph = SocialGraph.model_validate({"agents": two, "ties": [tie]})
-    assert completed(graph, FOUR_LEGS).agents[1].entry == "south"
+    assert complete_plan(graph, FOUR_LEGS).agents[1].entry == "south"
     lateral = SocialGraph.model_validate({"agents": two, "ties": [{**tie, "side": "lateral"}]})
-    assert completed(lateral, FOUR_LEGS).agents[1].entry is None
+    assert complete_plan(lateral, FOUR_LEGS).agents[1].entry is None
     follow = {"type": "follow", "from": "vehicle-2", "to": "vehicle-1"}
     lane = SocialGraph.model_validate({"agents": two, "relations": [follow]})
-    assert completed(lane, FOUR_LEGS).agents[1].entry == "north"
+    assert complete_plan(lane, FOUR_LEGS).agents[1].entry == "north"
 
 
 def test_the_planner_is_told_the_phrases_of_a_users_relation_files(
@@ -385,26 +408,26 @@ def test_the_planner_is_told_the_phrases_of_a_users_relation_files(
     assert example is not None
     (tmp_path / "noses_out.toml").write_text(example[1])
     monkeypatch.setenv("SCENEWRIGHT_RELATIONS", str(tmp_path))
-    words = worded_plan("A car is nosing out in front of a bus", None, FOUR_LEGS)
+    words = render_plan_prompt("A car is nosing out in front of a bus", None, FOUR_LEGS)
     assert "noses_out (near_miss): FROM noses out in front of TO" in words.user
     relation = words.schema["properties"]["relations"]["items"]["properties"]
     assert "noses_out" in relation["pattern"]["enum"]
-    assert [each.id for each in patterns_told("A car hits a bus")] == []
+    assert [each.id for each in find_similar_patterns("A car hits a bus")] == []
 
 
 def test_in_left_hand_traffic_no_pattern_is_told_that_names_the_other_turn() -> None:
     text = "A car breaks off its left turn for a pedestrian"
-    assert any(each.names_a_turn for each in patterns_told(text))
-    assert not any(each.names_a_turn for each in patterns_told(text, left_hand=True))
-    assert "left_turn_yields" not in worded_plan(text, None, FOUR_LEGS, left_hand=True).user
+    assert any(each.names_a_turn for each in find_similar_patterns(text))
+    assert not any(each.names_a_turn for each in find_similar_patterns(text, left_hand=True))
+    assert "left_turn_yields" not in render_plan_prompt(text, None, FOUR_LEGS, left_hand=True).user
 
 
 def test_what_is_recalled_stands_in_the_prompt() -> None:
     example = Example("A van waits for a woman.", {"agents": [], "relations": []})
-    words = worded_plan("x", None, FOUR_LEGS, examples=(example,))
+    words = render_plan_prompt("x", None, FOUR_LEGS, examples=(example,))
     told = 'Accepted before:\nRequest: "A van waits for a woman."\n{"agents":[],"relations":[]}\n'
     assert told in words.user
-    assert "Accepted before" not in worded_plan("x", None, FOUR_LEGS).user
+    assert "Accepted before" not in render_plan_prompt("x", None, FOUR_LEGS).user
 
 
 @pytest.mark.parametrize(
@@ -421,17 +444,19 @@ def test_what_is_recalled_stands_in_the_prompt() -> None:
 def test_times_of_day_are_told_where_a_request_speaks_of_them(
     request_: str, names: list[str]
 ) -> None:
-    said = times_told(request_).removeprefix("Times: ").removesuffix(".\n").split(", ")
+    said = describe_times(request_).removeprefix("Times: ").removesuffix(".\n").split(", ")
     assert [each.rpartition(" ")[0] for each in said if each] == names
 
 
 def test_a_model_is_told_of_what_stands_only_where_words_may_speak_of_it() -> None:
-    asked = worded_plan("A car hits a girl who comes from behind a parked bus", None, FOUR_LEGS)
-    plain = worded_plan("A car hits a girl", None, FOUR_LEGS)
+    asked = render_plan_prompt(
+        "A car hits a girl who comes from behind a parked bus", None, FOUR_LEGS
+    )
+    plain = render_plan_prompt("A car hits a girl", None, FOUR_LEGS)
     assert "objects" in asked.schema["properties"]
     assert "objects" not in plain.schema["properties"]
-    assert tokens(objects_told("behind a parked bus")) <= 60
-    assert objects_told("behind a parked bus") in asked.user
+    assert count_tokens(describe_objects("behind a parked bus")) <= 60
+    assert describe_objects("behind a parked bus") in asked.user
 
 
 def test_a_models_plan_may_hold_what_stands() -> None:

@@ -22,7 +22,7 @@ from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
 from scenewright.graph.run import DEFAULT_INTERSECTION, Tell, ground_of, json_bytes
 from scenewright.nodes.context import RunContext
-from scenewright.nodes.toolbox import Recorder, Workbench, tools_of
+from scenewright.nodes.toolbox import Recorder, Workbench, build_tools
 from scenewright.scene.events import Proof
 from scenewright.scene.record import SceneRecord
 from scenewright.time_limit import (
@@ -100,7 +100,7 @@ def author(
     """
     bench = workbench(instruction, intersection=intersection, seed=seed, record=record, tell=tell)
     calls: list[tuple[str, bool]] = []
-    tools = {each.name: each for each in tools_of(bench)}
+    tools = {each.name: each for each in build_tools(bench)}
     try:
         with limit_time(time_limit):
             if model is None:

@@ -50,7 +50,7 @@ from scenewright.graph.run import (
 from scenewright.intersections import load_map
 from scenewright.memory.products import deserialize_version, serialize_version
 from scenewright.memory.threads import Threads
-from scenewright.nodes.wording import Recall, nothing_recalled
+from scenewright.nodes.wording import ExampleRetriever, recall_nothing
 from scenewright.scene.edits import (
     Clarification,
     DeclinedTurn,
@@ -99,7 +99,7 @@ class SessionContext:
     threads: Threads
     backend: Backend
     tell: Tell = field(default=lambda _stage, _line: None)
-    recall: Recall = nothing_recalled
+    recall: ExampleRetriever = recall_nothing
     time_limit: float = DEFAULT_LIMIT
 
 
@@ -140,7 +140,7 @@ class Session:
         backend: Backend,
         setting: Heading,
         tell: Tell | None = None,
-        recall: Recall | None = None,
+        recall: ExampleRetriever | None = None,
         time_limit: float = DEFAULT_LIMIT,
     ) -> None:
         check_time_limit(time_limit)
@@ -150,7 +150,7 @@ class Session:
             threads,
             backend,
             tell or (lambda _stage, _line: None),
-            recall or nothing_recalled,
+            recall or recall_nothing,
             time_limit,
         )
         self._graph = build_session().compile(checkpointer=threads.saver)

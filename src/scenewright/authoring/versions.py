@@ -12,7 +12,7 @@ from scenewright.errors import Unsatisfiable
 from scenewright.graph.run import Scene, Tell, synthesize
 from scenewright.intersections import load_map
 from scenewright.nodes.context import Budgets
-from scenewright.nodes.wording import Recall, nothing_recalled
+from scenewright.nodes.wording import ExampleRetriever, recall_nothing
 from scenewright.scene.edits import Edit
 from scenewright.scene.frozen_agents import FrozenAgents, PreviousAgent, PreviousVersion
 from scenewright.scene.record import SceneRecord
@@ -41,7 +41,7 @@ class Setting:
     backend: str | Backend
     seed: int
     refiner: str = "none"
-    recall: Recall = nothing_recalled
+    recall: ExampleRetriever = recall_nothing
     time_limit: float = DEFAULT_LIMIT
 
 

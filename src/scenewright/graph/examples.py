@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pydantic import ValidationError
 
 from scenewright.memory.episodes import Episode, Episodes
-from scenewright.nodes.wording import MOST_EXAMPLES, Example, Recall
+from scenewright.nodes.wording import MOST_EXAMPLES, Example, ExampleRetriever
 from scenewright.scene.social import SocialGraph
 
 
-def recall_from(episodes: Episodes) -> Recall:
+def recall_from(episodes: Episodes) -> ExampleRetriever:
     """Recalls for the planner; the other stages' answers depend on more than the request."""
 
     def recall(task: str, instruction: str) -> Sequence[Example]:

@@ -33,7 +33,7 @@ from scenewright.intersections import load_map, ships_refiner
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import Budgets, RefinerName, RunContext
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
-from scenewright.nodes.wording import LONGEST_REQUEST, Recall, nothing_recalled
+from scenewright.nodes.wording import LONGEST_REQUEST, ExampleRetriever, recall_nothing
 from scenewright.scene.digest import digest_json, digest_scene
 from scenewright.scene.events import Event, Finding, Proof
 from scenewright.scene.frozen_agents import FrozenAgents
@@ -123,7 +123,7 @@ def synthesize(
     planned: SocialGraph | None = None,
     pinned: FrozenAgents | None = None,
     budgets: Budgets | None = None,
-    recall: Recall | None = None,
+    recall: ExampleRetriever | None = None,
     lenient: bool = False,
     max_agents: int | None = None,
     time_limit: float | None = DEFAULT_LIMIT,
@@ -181,7 +181,7 @@ def synthesize(
         learned=_learned(intersection) if refiner == "trajnet" else None,
         selection=selection,
         budgets=budgets or Budgets(),
-        recall=recall or nothing_recalled,
+        recall=recall or recall_nothing,
         lenient=lenient,
         max_agents=max_agents_or_default(max_agents),
         tell=note,

@@ -30,14 +30,14 @@ def ask(
         BackendFault: the backend cannot answer.
     """
     try:
-        return reply.model_validate(_answered(backend, question))
+        return reply.model_validate(_get_answer(backend, question))
     except ValidationError as error:
-        raise Rejected(_begun(_malformed(error, stage), of)) from error
+        raise Rejected(_prefix_detail(_to_rejection(error, stage), of)) from error
     except Rejected as error:
-        raise Rejected(_begun(error.rejection, of)) from error
+        raise Rejected(_prefix_detail(error.rejection, of)) from error
 
 
-def _answered(backend: Backend, question: Question) -> Any:
+def _get_answer(backend: Backend, question: Question) -> Any:
     """The answer; how long a model takes for it does not count against the time limit."""
     if speaker(backend, question.task).deterministic:
         return backend.answer(question)
@@ -45,17 +45,17 @@ def _answered(backend: Backend, question: Question) -> Any:
         return backend.answer(question)
 
 
-def _begun(rejection: Rejection, of: str) -> Rejection:
+def _prefix_detail(rejection: Rejection, of: str) -> Rejection:
     return rejection.model_copy(update={"detail": of + rejection.detail})
 
 
-def earlier(rejections: list[Rejection], stage: Stage) -> tuple[str, ...]:
+def list_stage_faults(rejections: list[Rejection], stage: Stage) -> tuple[str, ...]:
     """What was wrong with this stage's answers so far, wherever it was found."""
     codes = MISPLANNED if stage == "scene_planner" else ()
     return tuple(each.detail for each in rejections if each.stage == stage or each.code in codes)
 
 
-def latest(rejections: list[Rejection], *stages: Stage) -> tuple[Rejection, ...]:
+def list_latest_rejections(rejections: list[Rejection], *stages: Stage) -> tuple[Rejection, ...]:
     """The last refusals in a row that are of these stages, oldest first.
 
     One that no answer could have mended ends the row: what was asked about is no longer there.
@@ -68,13 +68,15 @@ def latest(rejections: list[Rejection], *stages: Stage) -> tuple[Rejection, ...]
     return tuple(found)
 
 
-def _malformed(error: ValidationError, stage: Stage) -> Rejection:
+def _to_rejection(error: ValidationError, stage: Stage) -> Rejection:
     first = error.errors(include_url=False)[0]
     where = ".".join(str(part) for part in first["loc"]) or "reply"
-    return Rejection(stage=stage, code="malformed_reply", detail=f"{where}: {_fault(first)}")
+    return Rejection(
+        stage=stage, code="malformed_reply", detail=f"{where}: {_describe_fault(first)}"
+    )
 
 
-def _fault(error: ErrorDetails) -> str:
+def _describe_fault(error: ErrorDetails) -> str:
     """What is wrong with a value, and the value, for whoever wrote it."""
     match error["type"]:
         case "extra_forbidden":

@@ -11,7 +11,7 @@ import numpy as np
 
 from scenewright.backends import Backend, Call
 from scenewright.geometry.map_areas import MapAreas
-from scenewright.nodes.wording import Recall, nothing_recalled
+from scenewright.nodes.wording import ExampleRetriever, recall_nothing
 from scenewright.scene.map import IntersectionMap
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import Priors
@@ -68,7 +68,7 @@ class RunContext:
     budgets: Budgets = field(default_factory=Budgets)
     tell: Callable[[str, str], None] = lambda _stage, _message: None
     account: Callable[[Call], None] = lambda _call: None
-    recall: Recall = nothing_recalled
+    recall: ExampleRetriever = recall_nothing
     lenient: bool = False
     max_agents: int | None = None
 

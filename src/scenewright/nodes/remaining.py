@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from scenewright.backends import STAGE_OF, Backend, Task, speaker
 from scenewright.errors import Rejected
-from scenewright.nodes.ask import latest
+from scenewright.nodes.ask import list_latest_rejections
 from scenewright.scene.account import SaidSpan
 from scenewright.scene.phrasing import describe_graph
 from scenewright.scene.rejection import Rejection, Stage
@@ -24,7 +24,7 @@ def list_remaining(graph: SocialGraph, became: Literal["constraint", "behavior"]
     return [(n, each) for n, each in enumerate(graph.said) if each.became == became]
 
 
-def words_as_facts(left: Sequence[Left], graph: SocialGraph) -> list[dict[str, Any]]:
+def list_word_facts(left: Sequence[Left], graph: SocialGraph) -> list[dict[str, Any]]:
     """The words as a question has them, numbered from 1, with the agents that there are."""
     known = {agent.id for agent in graph.agents}
     return [
@@ -41,7 +41,10 @@ def is_last_answer(
     backend: Backend, task: Task, rejections: list[Rejection], *, budget: int
 ) -> bool:
     """Whether the stage may not ask again: a rule answers alike, and a model has its budget."""
-    return speaker(backend, task).deterministic or len(latest(rejections, STAGE_OF[task])) >= budget
+    return (
+        speaker(backend, task).deterministic
+        or len(list_latest_rejections(rejections, STAGE_OF[task])) >= budget
+    )
 
 
 def refuse_numbers(

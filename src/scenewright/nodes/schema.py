@@ -22,38 +22,38 @@ classes such as \\d and \\w, where it does not pass over the pattern.
 """
 
 
-def one_of(values: Iterable[str]) -> Schema:
+def build_enum(values: Iterable[str]) -> Schema:
     """One of the texts."""
     return {"type": "string", "enum": list(dict.fromkeys(values))}
 
 
-def number(low: float, high: float) -> Schema:
+def build_number(low: float, high: float) -> Schema:
     """A number within bounds."""
     return {"type": "number", "minimum": low, "maximum": high}
 
 
-def whole(low: int, high: int) -> Schema:
+def build_integer(low: int, high: int) -> Schema:
     """A whole number within bounds."""
     return {"type": "integer", "minimum": low, "maximum": high}
 
 
-def text(pattern: str = PLAIN_TEXT) -> Schema:
+def build_text(pattern: str = PLAIN_TEXT) -> Schema:
     """A text of a pattern."""
     return {"type": "string", "pattern": pattern}
 
 
-def shared(name: str) -> Schema:
+def build_reference(name: str) -> Schema:
     """What stands under that name in `$defs`."""
     return {"$ref": f"{_DEFS}{name}"}
 
 
-def listed(items: Schema, *, most: int, least: int = 0) -> Schema:
+def build_array(items: Schema, *, most: int, least: int = 0) -> Schema:
     """A list of so many."""
     found: Schema = {"type": "array", "items": items, "maxItems": most}
     return found | {"minItems": least} if least else found
 
 
-def closed(
+def build_object(
     properties: Mapping[str, Schema],
     *,
     required: Iterable[str] = (),
@@ -68,16 +68,16 @@ def closed(
     return found | {"$defs": dict(defs)} if defs else found
 
 
-def inlined(schema: Schema) -> Schema:
+def inline_references(schema: Schema) -> Schema:
     """The schema with everything that is shared written out where it is used."""
     defs: Mapping[str, Schema] = schema.get("$defs", {})
 
-    def written_out(value: Any) -> Any:
+    def expand(value: Any) -> Any:
         if isinstance(value, dict):
             if "$ref" in value:
-                return written_out(defs[value["$ref"].removeprefix(_DEFS)])
-            return {key: written_out(each) for key, each in value.items() if key != "$defs"}
-        return [written_out(each) for each in value] if isinstance(value, list) else value
+                return expand(defs[value["$ref"].removeprefix(_DEFS)])
+            return {key: expand(each) for key, each in value.items() if key != "$defs"}
+        return [expand(each) for each in value] if isinstance(value, list) else value
 
-    found: Schema = written_out(schema)
+    found: Schema = expand(schema)
     return found

@@ -136,7 +136,7 @@ class Workbench:
         """Map grounding (paper 3.1): binds the agents and relations of a plan to the map."""
         made = self._step("ground_plan", plan_scene, {"planned": plan})
         routes = {
-            name: list(dict.fromkeys(map(_way, open_)))[:_MOST_ANCHORS]
+            name: list(dict.fromkeys(map(_describe_route, open_)))[:_MOST_ANCHORS]
             for name, open_ in made["grounding"].routes.items()
         }
         return {"agents": [each.id for each in plan.agents], "ways": routes}
@@ -210,13 +210,15 @@ class Workbench:
                 f"{e.type} of {names[e.from_]} and {names[e.to]} at {e.time:.1f} s"
                 for e in proof.events
             ],
-            "against": [_told(each, names) for each in (*proof.missing, *proof.interference)],
+            "against": [
+                _format_finding(each, names) for each in (*proof.missing, *proof.interference)
+            ],
         }
 
     def record_scene(self) -> Facts:
         """Recorder: keeps the verified scene where whoever runs this wants it."""
         if not self.verified:
-            raise _too_early("record_scene", "check_scene")
+            raise _build_order_rejection("record_scene", "check_scene")
         if self._record is None:
             return {"kept": None, "why": "nobody named a place to keep scenes"}
         return {"kept": self._record(self._state["scene"], self._state["proof"])}
@@ -232,7 +234,7 @@ class Workbench:
         for before, names in zip(_STEPS[:at], _CHANNELS[:at], strict=True):
             # The segment editor and the refiner are one stage in the pipeline, and two tools here.
             if not set(names) - {"edited", "refinement", "rolled"} <= self._state.keys():
-                raise _too_early(step, before)
+                raise _build_order_rejection(step, before)
         state: Any = {**self._state, **(told or {})}
         try:
             made = node(state, runtime=Runtime(context=self._context))
@@ -246,22 +248,22 @@ class Workbench:
         return found
 
 
-def _way(route: Route) -> str:
+def _describe_route(route: Route) -> str:
     crosswalk = f" on the {route.crosswalk} crosswalk" if route.crosswalk else ""
     return f"{route.movement} from {route.entry} to {route.exit}{crosswalk}"
 
 
-def _too_early(step: str, before: str) -> Rejected:
+def _build_order_rejection(step: str, before: str) -> Rejected:
     detail = f"{step} needs what {before} makes; call {before} first"
     return Rejected(Rejection(stage="scene_planner", code="malformed_reply", detail=detail))
 
 
-def _told(finding: Finding, names: dict[int, str]) -> str:
+def _format_finding(finding: Finding, names: dict[int, str]) -> str:
     who = ", ".join(names.get(each, str(each)) for each in finding.agents)
     return f"{finding.rule} ({who}): {finding.detail}"
 
 
-def tools_of(bench: Workbench) -> list[BaseTool]:
+def build_tools(bench: Workbench) -> list[BaseTool]:
     """The workbench's tools for any LangChain chat model, in the order in which they are used."""
     from langchain_core.tools import StructuredTool
 
@@ -277,35 +279,35 @@ def tools_of(bench: Workbench) -> list[BaseTool]:
     ]
     return [
         StructuredTool.from_function(
-            func=_refusing(run),
+            func=_return_rejections(run),
             name=name,
             description=str(run.__doc__),
             args_schema=arguments,
-            handle_validation_error=_unfit,
+            handle_validation_error=_format_validation_error,
         )
         for name, run, arguments in table
     ]
 
 
-def _refusing(run: Callable[..., Facts]) -> Callable[..., str]:
+def _return_rejections(run: Callable[..., Facts]) -> Callable[..., str]:
     """The tool's facts as JSON; a refusal is a result that a model can act on."""
 
     def act(**arguments: Any) -> str:
         try:
             return json.dumps({"ok": True, **run(**arguments)})
         except Rejected as error:
-            return refused(error.rejection)
+            return format_rejection(error.rejection)
 
     return act
 
 
-def refused(rejection: Rejection) -> str:
+def format_rejection(rejection: Rejection) -> str:
     """A rejection as the result of a tool."""
     told = rejection.model_dump(mode="json", include={"code", "agents", "detail"})
     return json.dumps({"ok": False, **told})
 
 
-def _unfit(error: ValidationError | Any) -> str:
+def _format_validation_error(error: ValidationError | Any) -> str:
     """Arguments that do not fit: the first fault, and where it is."""
     if not isinstance(error, ValidationError):
         return json.dumps({"ok": False, "code": "malformed_reply", "detail": str(error)[:300]})

@@ -45,16 +45,16 @@ _LEFT_HAND = (
     "left_turn means that one.\n"
 )
 
-Recall = Callable[[str, str], Sequence[Example]]
+ExampleRetriever = Callable[[str, str], Sequence[Example]]
 """(task, instruction) -> examples for the prompt, most alike first."""
 
 
-def nothing_recalled(_task: str, _instruction: str) -> Sequence[Example]:
+def recall_nothing(_task: str, _instruction: str) -> Sequence[Example]:
     """No memory, no examples."""
     return ()
 
 
-def worded(
+def render_prompt(
     stage: str,
     name: str,
     values: Mapping[str, str],
@@ -67,85 +67,87 @@ def worded(
     Args:
         examples: as many as there is room for stand in the place of that name.
     """
-    system, user = _prompt(stage, name)
-    bare = "".join((_filled(system, values), _filled(user, {**values, "examples": ""})))
-    room = MOST_TOKENS - tokens(bare) - tokens(compact(schema))
-    values = {**values, "examples": examples_told(examples, room=room)}
-    return Wording(system=_filled(system, values), user=_filled(user, values), schema=schema)
+    system, user = _load_prompt(stage, name)
+    bare = "".join((_fill_places(system, values), _fill_places(user, {**values, "examples": ""})))
+    room = MOST_TOKENS - count_tokens(bare) - count_tokens(format_json(schema))
+    values = {**values, "examples": format_examples(examples, room=room)}
+    return Wording(
+        system=_fill_places(system, values), user=_fill_places(user, values), schema=schema
+    )
 
 
-def tokens(text: str) -> int:
+def count_tokens(text: str) -> int:
     """About how many tokens a text is, rather too many than too few.
 
     Of prompts and schemas the encodings cl100k_base and o200k_base made 83 to 100 % of it.
     """
-    return sum(_weight(piece) for piece in _PIECES.findall(text))
+    return sum(_weigh_piece(piece) for piece in _PIECES.findall(text))
 
 
-def _weight(piece: str) -> int:
+def _weigh_piece(piece: str) -> int:
     if not piece.isascii():
         return 2 * len(piece)
     return math.ceil(len(piece) / (7 if piece.isalpha() else 3))
 
 
-def quoted(text: str, *, most: int = LONGEST_REQUEST) -> str:
+def quote_text(text: str, *, most: int = LONGEST_REQUEST) -> str:
     """A text as data: one JSON string, cut where it is too long."""
     kept = text if len(text) <= most else text[:most] + "…"
-    return _on_one_line(json.dumps(kept, ensure_ascii=False))
+    return _join_lines(json.dumps(kept, ensure_ascii=False))
 
 
-def compact(value: Any) -> str:
+def format_json(value: Any) -> str:
     """A value as short JSON."""
-    return _on_one_line(json.dumps(value, ensure_ascii=False, separators=(",", ":")))
+    return _join_lines(json.dumps(value, ensure_ascii=False, separators=(",", ":")))
 
 
-def _on_one_line(text: str) -> str:
+def _join_lines(text: str) -> str:
     """JSON as it can be sent; lone surrogates cannot, and some separators pass for line ends."""
     sendable = text.encode("utf-8", "replace").decode("utf-8")
     return _LINE_ENDS.sub(" ", sendable)
 
 
-def traffic_told(left_hand: bool) -> str:
+def describe_driving_side(left_hand: bool) -> str:
     """On which side people drive, where it is not the right; a line of its own."""
     return _LEFT_HAND if left_hand else ""
 
 
-def words_told(words: Sequence[Mapping[str, Any]]) -> str:
+def format_words(words: Sequence[Mapping[str, Any]]) -> str:
     """Numbered words of the request, each quoted, with the agents of whom they are said."""
     return ", ".join(
-        f"{each['number']} {quoted(each['words'], most=_LONGEST_FAULT)}"
+        f"{each['number']} {quote_text(each['words'], most=_LONGEST_FAULT)}"
         + (f" ({', '.join(each['agents'])})" if each["agents"] else "")
         for each in words
     )
 
 
-def faults_told(rejections: Sequence[str]) -> str:
+def format_rejections(rejections: Sequence[str]) -> str:
     """Why earlier answers were refused, the latest last."""
     if not rejections:
         return ""
-    lines = [f"- {quoted(each, most=_LONGEST_FAULT)}" for each in rejections[-MOST_FAULTS:]]
+    lines = [f"- {quote_text(each, most=_LONGEST_FAULT)}" for each in rejections[-MOST_FAULTS:]]
     return "\n".join(
         ["", "Your earlier answer was refused. Mend exactly this, keep the rest:", *lines]
     )
 
 
-def examples_told(examples: Sequence[Example], *, room: int = MOST_TOKENS) -> str:
+def format_examples(examples: Sequence[Example], *, room: int = MOST_TOKENS) -> str:
     """Accepted answers to requests like this one, the first ones that take no more tokens."""
     told = "Accepted before:\n"
     count = 0
     for each in examples:
-        more = f"Request: {quoted(each.request, most=400)}\n{compact(each.answer)}\n"
-        if count < MOST_EXAMPLES and tokens(told + more) <= room:
+        more = f"Request: {quote_text(each.request, most=400)}\n{format_json(each.answer)}\n"
+        if count < MOST_EXAMPLES and count_tokens(told + more) <= room:
             told, count = told + more, count + 1
     return told if count else ""
 
 
 @cache
-def _prompt(stage: str, name: str) -> tuple[str, str]:
+def _load_prompt(stage: str, name: str) -> tuple[str, str]:
     text = files("scenewright.nodes").joinpath(stage, name).read_text("utf-8")
     system, _, user = text.partition(f"{_USER}\n")
     return system.strip(), user.strip()
 
 
-def _filled(text: str, values: Mapping[str, str]) -> str:
+def _fill_places(text: str, values: Mapping[str, str]) -> str:
     return _PLACE.sub(lambda found: values[found[1]], text)

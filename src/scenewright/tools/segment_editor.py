@@ -21,6 +21,8 @@ from scenewright.scene.selection import SelectedAgent, Slowing, Stop
 from scenewright.scene.track import STEP, Track
 
 _STAYS_ON = 5.0
+_SAME_PLACE = 1e-3
+"""Anchors of stops have their arc length to the millimetre [m]."""
 
 
 @dataclass(frozen=True)
@@ -87,19 +89,26 @@ def _editing(
     anchors: dict[str, float],
     duration: float,
 ) -> MotionEdits:
-    braking = {round(stop.s, 1): stop.braking for stop in agent.stops}
-    # Who has started before the scene began shows no stop in it, but comes from there; and who
-    # rolls never stands.
+    # An agent that started before the scene began shows no stop in it, but comes from there; and
+    # one that rolls never stands.
     unseen = [stop for stop in agent.stops if stop.rolls or stop.until <= 0.0]
     holds = [to_stop_command(stop, agent.enters) for stop in unseen]
-    rolls = {round(stop.s, 1) for stop in unseen if stop.rolls}
     end = None
     for segment in segments:
-        if segment.status == "stop" and round(anchors[segment.anchor], 1) not in rolls:
+        if segment.status == "stop":
             s = anchors[segment.anchor]
-            # Who still stands when the scene ends has not begun to start.
+            stop = _find_stop(agent, s)
+            if stop is not None and stop.rolls:
+                continue
+            # An agent that still stands when the scene ends has not begun to start.
             lasts = segment.end + (_STAYS_ON if segment.end >= duration - STEP else 0.0)
-            holds.append(StopCommand(s, lasts - agent.enters, braking.get(round(s, 1))))
+            braking = None if stop is None else stop.braking
+            holds.append(StopCommand(s, lasts - agent.enters, braking))
         if segment.status == "terminate":
             end = segment.start - agent.enters
     return MotionEdits(tuple(holds), agent.slowings, end)
+
+
+def _find_stop(agent: SelectedAgent, s: float) -> Stop | None:
+    """The solver's stop at an anchor at arc length `s` [m]; None where an agent added its own."""
+    return next((stop for stop in agent.stops[::-1] if abs(stop.s - s) < _SAME_PLACE), None)

@@ -44,7 +44,7 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
     context = runtime.context
     graph, pins = state["social_graph"], state.get("pinned")
     if pins is not None:
-        return _around(pins, state, context)
+        return _draw_around_frozen(pins, state, context)
     rejections = state.get("rejections", [])
     rng = context.rng("agent_generator", rejections)
     hour = choose_hour(graph.context, context.priors, context.rng("agent_generator", []))
@@ -76,7 +76,9 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
     return {"candidates": pool}
 
 
-def _around(pins: FrozenAgents, state: GeneratorReads, context: RunContext) -> GeneratorWrites:
+def _draw_around_frozen(
+    pins: FrozenAgents, state: GeneratorReads, context: RunContext
+) -> GeneratorWrites:
     """The same around agents of an earlier version."""
     pool = build_candidates_with_frozen(
         state["social_graph"],

@@ -14,7 +14,7 @@ from langgraph.runtime import Runtime
 
 from scenewright.backends import Question
 from scenewright.errors import Rejected
-from scenewright.nodes.ask import ask, latest
+from scenewright.nodes.ask import ask, list_latest_rejections
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.event_reasoner.reply import (
     SegmentReply,
@@ -23,14 +23,14 @@ from scenewright.nodes.event_reasoner.reply import (
     check_segments,
     check_track,
 )
-from scenewright.nodes.event_reasoner.wording import worded_stops
+from scenewright.nodes.event_reasoner.wording import render_stops_prompt
 from scenewright.nodes.remaining import (
     Left,
     is_last_answer,
     leave_all,
     list_remaining,
+    list_word_facts,
     refuse_unrealised,
-    words_as_facts,
 )
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.candidates import CandidateSet
@@ -69,10 +69,10 @@ class ReasonerWrites(TypedDict):
 def reason_events(state: ReasonerReads, *, runtime: Runtime[RunContext]) -> ReasonerWrites:
     """Summarises the selected priors and writes the segments that realise the relations."""
     context = runtime.context
-    added, selection = _added(state, context)
+    added, selection = _add_stops(state, context)
     summary = summarise(selection, map_areas=context.ground)
-    program = _as_before(summary.suggest_segments(), state)
-    return _written(added, selection, summary, program, state, context)
+    program = _keep_frozen_segments(summary.suggest_segments(), state)
+    return _write_channels(added, selection, summary, program, state, context)
 
 
 def edit_segments(
@@ -89,10 +89,10 @@ def edit_segments(
     for each in summary.agents:
         if each.agent in own:
             check_track(each, own[each.agent], selection.agents[each.agent], selection.duration)
-    return _written(AddedStops(), selection, summary, program, state, context)
+    return _write_channels(AddedStops(), selection, summary, program, state, context)
 
 
-def _written(
+def _write_channels(
     added: AddedStops,
     selection: Selection,
     summary: EventSummary,
@@ -100,7 +100,7 @@ def _written(
     state: ReasonerReads,
     context: RunContext,
 ) -> ReasonerWrites:
-    owed = _owed(state["candidates"].cast)
+    owed = _list_required_statuses(state["candidates"].cast)
     for agent in summary.agents:
         check_segments(agent, program.segments.get(agent.agent), owed.get(agent.agent, []))
     stops = sum(s.status == "stop" for each in program.segments.values() for s in each)
@@ -110,7 +110,7 @@ def _written(
     }  # fmt: skip
 
 
-def _added(state: ReasonerReads, context: RunContext) -> tuple[AddedStops, Selection]:
+def _add_stops(state: ReasonerReads, context: RunContext) -> tuple[AddedStops, Selection]:
     """The standstills of the remaining words, as known from an earlier sample or asked for, placed.
 
     Raises:
@@ -123,7 +123,7 @@ def _added(state: ReasonerReads, context: RunContext) -> tuple[AddedStops, Selec
         return AddedStops(), state["selection"]
     known = state.get("added_stops")
     try:
-        asked = known or _asked(left, state, context)
+        asked = known or _ask_for_stops(left, state, context)
         added, selection = _place(asked, state, context, known=known is not None)
     except Rejected as error:
         if not error.rejection.repairable or not is_last_answer(
@@ -154,8 +154,11 @@ def _place(
         raise Rejected(rejection, kept={"added_stops": added}) from error
 
 
-def _asked(left: list[Left], state: ReasonerReads, context: RunContext) -> AddedStops:
-    told = tuple(each.detail for each in latest(state.get("rejections", []), "event_reasoner"))
+def _ask_for_stops(left: list[Left], state: ReasonerReads, context: RunContext) -> AddedStops:
+    told = tuple(
+        each.detail
+        for each in list_latest_rejections(state.get("rejections", []), "event_reasoner")
+    )
     summary = summarise(state["selection"], map_areas=context.ground)
     front = state["candidates"].cast.routes
     agents = tuple(each for each in summary.agents if each.agent in front)
@@ -163,8 +166,8 @@ def _asked(left: list[Left], state: ReasonerReads, context: RunContext) -> Added
     segments = seen.suggest_segments().model_dump(mode="json")["segments"]
     facts: dict[str, Any] = {
         "instruction": state["instruction"],
-        "words": words_as_facts(left, state["social_graph"]),
-        "relations": _relations(state["candidates"].cast),
+        "words": list_word_facts(left, state["social_graph"]),
+        "relations": _list_relations(state["candidates"].cast),
         "segments": segments,
         **to_facts(seen),
     }
@@ -173,20 +176,20 @@ def _asked(left: list[Left], state: ReasonerReads, context: RunContext) -> Added
         facts=facts,
         rejections=told,
         seed=context.seed,
-        wording=lambda: worded_stops(facts, seen, rejections=told),
+        wording=lambda: render_stops_prompt(facts, seen, rejections=told),
         account=context.account,
     )
     reply = ask(context.backend, question, StopsReply, stage="event_reasoner")
     return reply.read([entry for entry, _ in left], agents)
 
 
-def _relations(cast: RoleAssignment) -> list[str]:
+def _list_relations(cast: RoleAssignment) -> list[str]:
     return [
         f"{each.from_} {get_pattern(each.pattern).relation} {each.to}" for each in cast.patterns
     ]
 
 
-def _as_before(program: BehaviorProgram, state: ReasonerReads) -> BehaviorProgram:
+def _keep_frozen_segments(program: BehaviorProgram, state: ReasonerReads) -> BehaviorProgram:
     """The program in which those who stay as they were do what they did."""
     pins = state.get("pinned")
     if pins is None or pins.earlier.duration != state["selection"].duration:
@@ -196,7 +199,7 @@ def _as_before(program: BehaviorProgram, state: ReasonerReads) -> BehaviorProgra
     return program.model_copy(update={"segments": {**program.segments, **here}})
 
 
-def _owed(cast: RoleAssignment) -> dict[str, list[str]]:
+def _list_required_statuses(cast: RoleAssignment) -> dict[str, list[str]]:
     """By agent: the statuses that the files of its relations want among its segments."""
     owed: dict[str, list[str]] = {}
     for played in cast.patterns:

@@ -15,7 +15,15 @@ from pydantic import BaseModel, ConfigDict, Field
 from scenewright.errors import Rejected
 from scenewright.geometry.driving_profile import Motion
 from scenewright.nodes.remaining import refuse_numbers
-from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared, whole
+from scenewright.nodes.schema import (
+    Schema,
+    build_array,
+    build_enum,
+    build_integer,
+    build_number,
+    build_object,
+    build_reference,
+)
 from scenewright.scene.behavior import AgentSummary, EventSummary, Segment
 from scenewright.scene.record import SegmentStatus
 from scenewright.scene.rejection import Rejection, RejectionCode
@@ -79,43 +87,43 @@ class StopsReply(BaseModel):
         known = {each.agent: [anchor.id for anchor in each.anchors] for each in agents}
         for each in self.stops:
             if each.agent not in known:
-                raise refused("malformed_reply", each.agent, "is not asked about")
+                raise build_rejection("malformed_reply", each.agent, "is not asked about")
             if each.place not in known[each.agent]:
-                raise refused("unknown_anchor", each.agent, f"has no anchor {each.place!r}")
+                raise build_rejection("unknown_anchor", each.agent, f"has no anchor {each.place!r}")
         return AddedStops(
             stops=tuple(
                 AddedStop(entry=entries[each.words - 1], **each.model_dump(exclude={"words"}))
                 for each in self.stops
             ),
             unserved=tuple(
-                Unserved(entry=entries[number - 1], note="no standstill shows this")
-                for number in dict.fromkeys(self.cannot)
-                if number not in served
+                Unserved(entry=entries[build_number - 1], note="no standstill shows this")
+                for build_number in dict.fromkeys(self.cannot)
+                if build_number not in served
             ),
         )
 
 
-def stops_schema(agents: Sequence[AgentSummary], count: int) -> Schema:
+def build_stops_schema(agents: Sequence[AgentSummary], count: int) -> Schema:
     """The reply's schema: each agent has its own places.
 
     Args:
         count: of the words, which are numbered from 1.
     """
-    forms = [_stop_of(each) for each in agents if each.anchors]
-    stops = listed(forms[0] if len(forms) == 1 else {"anyOf": forms}, most=_MOST_STOPS)
-    keys = {"stops": stops, "cannot": listed(shared("words"), most=count)}
-    return closed(keys, required=keys, defs={"words": whole(1, count)})
+    forms = [_build_stop_schema(each) for each in agents if each.anchors]
+    stops = build_array(forms[0] if len(forms) == 1 else {"anyOf": forms}, most=_MOST_STOPS)
+    keys = {"stops": stops, "cannot": build_array(build_reference("words"), most=count)}
+    return build_object(keys, required=keys, defs={"words": build_integer(1, count)})
 
 
-def _stop_of(agent: AgentSummary) -> Schema:
+def _build_stop_schema(agent: AgentSummary) -> Schema:
     keys = {
-        "words": shared("words"),
-        "agent": one_of((agent.agent,)),
-        "place": one_of(anchor.id for anchor in agent.anchors),
-        "ahead": number(0, 30),
-        "lasts": number(1, 10),
+        "words": build_reference("words"),
+        "agent": build_enum((agent.agent,)),
+        "place": build_enum(anchor.id for anchor in agent.anchors),
+        "ahead": build_number(0, 30),
+        "lasts": build_number(1, 10),
     }
-    return closed(keys, required=keys)
+    return build_object(keys, required=keys)
 
 
 def chain_segments(
@@ -129,11 +137,11 @@ def chain_segments(
     agents = {each.agent: each for each in summary.agents}
     for name in told:
         if name not in agents:
-            raise refused("malformed_reply", name, "is not in the scene")
-    return {name: _chained(each, agents[name]) for name, each in told.items()}
+            raise build_rejection("malformed_reply", name, "is not in the scene")
+    return {name: _chain(each, agents[name]) for name, each in told.items()}
 
 
-def _chained(told: Sequence[SegmentReply], agent: AgentSummary) -> tuple[Segment, ...]:
+def _chain(told: Sequence[SegmentReply], agent: AgentSummary) -> tuple[Segment, ...]:
     now, found = max(agent.enters, 0.0), []
     for each in told:
         start = now if each.start is None else each.start
@@ -164,7 +172,7 @@ def check_track(
             # A stay that began before the scene is clamped to its beginning.
             if abs(max(comes, 0.0) - each.start) > _SOON:
                 what = f"stands at {each.anchor} from {each.start:g} s, but comes at {comes:.1f} s"
-                raise refused("segment_off_track", summary.agent, what)
+                raise build_rejection("segment_off_track", summary.agent, what)
         if each.status == "terminate":
             _check_end(each, summary, places, motion, agent)
 
@@ -179,13 +187,13 @@ def _check_end(
     if segment.anchor == "contact" and summary.contact is not None:
         if abs(segment.start - summary.contact) > 2 * STEP:
             what = f"ends at {segment.start:g} s, but its contact is at {summary.contact:g} s"
-            raise refused("segment_off_track", summary.agent, what)
+            raise build_rejection("segment_off_track", summary.agent, what)
     elif segment.anchor in places:
         is_at = float(motion.compute_positions(np.array(segment.start - agent.enters)))
         if abs(is_at - places[segment.anchor]) > _NEAR:
             away = abs(is_at - places[segment.anchor])
             what = f"ends at {segment.anchor} at {segment.start:g} s, but is {away:.1f} m away then"
-            raise refused("segment_off_track", summary.agent, what)
+            raise build_rejection("segment_off_track", summary.agent, what)
 
 
 def check_segments(
@@ -198,27 +206,29 @@ def check_segments(
     """
     name = agent.agent
     if not segments:
-        raise refused("malformed_reply", name, "has no segments")
+        raise build_rejection("malformed_reply", name, "has no segments")
     known = {anchor.id for anchor in agent.anchors}
     for segment in segments:
         # A contact is a moment: one may go until it or end at it, but not wait there.
         at_contact = segment.anchor == "contact" and segment.status != "stop"
         if segment.anchor not in known and not at_contact:
-            raise refused("unknown_anchor", name, f"has no anchor {segment.anchor!r}")
+            raise build_rejection("unknown_anchor", name, f"has no anchor {segment.anchor!r}")
         if segment.end < segment.start:
-            raise refused("times_not_increasing", name, f"ends before {segment.start:g} s")
+            raise build_rejection("times_not_increasing", name, f"ends before {segment.start:g} s")
         if segment.status == "terminate" and segment.start < max(agent.enters, 0.0) + 2 * STEP:
-            raise refused("times_not_increasing", name, "ends before it has been seen")
+            raise build_rejection("times_not_increasing", name, "ends before it has been seen")
     for before, after in pairwise(segments):
         if after.start < before.end - 1e-6:
-            raise refused("times_not_increasing", name, f"overlaps at {after.start:g} s")
+            raise build_rejection("times_not_increasing", name, f"overlaps at {after.start:g} s")
     statuses = [segment.status for segment in segments]
     for status in owed:
-        if status not in statuses and not _excused(status, statuses, agent):
-            raise refused("malformed_reply", name, f"has no {status}, which its role demands")
+        if status not in statuses and not _is_excused(status, statuses, agent):
+            raise build_rejection(
+                "malformed_reply", name, f"has no {status}, which its role demands"
+            )
 
 
-def _excused(status: str, statuses: Sequence[str], agent: AgentSummary) -> bool:
+def _is_excused(status: str, statuses: Sequence[str], agent: AgentSummary) -> bool:
     """Who stands to the end never goes on, who stands from the start never went before.
 
     Who gives way without standing has no stop.
@@ -230,7 +240,7 @@ def _excused(status: str, statuses: Sequence[str], agent: AgentSummary) -> bool:
     return status == "keep" and statuses[0] == "stop"
 
 
-def refused(code: RejectionCode, agent: str, what: str) -> Rejected:
+def build_rejection(code: RejectionCode, agent: str, what: str) -> Rejected:
     """A refusal that names an agent."""
     return Rejected(
         Rejection(stage="event_reasoner", code=code, agents=(agent,), detail=f"{agent} {what}")

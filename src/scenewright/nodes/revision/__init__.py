@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from scenewright.backends import Account, Backend, Question, unaccounted
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask
-from scenewright.nodes.revision.reply import EditsReply, read_as
-from scenewright.nodes.revision.wording import worded_edits
+from scenewright.nodes.revision.reply import EditsReply, to_reading
+from scenewright.nodes.revision.wording import render_edits_prompt
 from scenewright.scene.edits import Reading, Situation
 from scenewright.scene.route_table import RouteDescription
 
@@ -47,16 +47,16 @@ def read_by_model(
     """
     faults: tuple[str, ...] = ()
     for _ in range(_ATTEMPTS):
-        question = _question(turn, faults, seed, account)
+        question = _build_question(turn, faults, seed, account)
         try:
             reply = ask(backend, question, EditsReply, stage="scene_planner")
-            return read_as(reply, turn.situation, ways=turn.ways, chosen=turn.chosen)
+            return to_reading(reply, turn.situation, ways=turn.ways, chosen=turn.chosen)
         except Rejected as error:
             faults = (*faults, error.rejection.detail)
     return None
 
 
-def _question(turn: Turn, faults: tuple[str, ...], seed: int, account: Account) -> Question:
+def _build_question(turn: Turn, faults: tuple[str, ...], seed: int, account: Account) -> Question:
     return Question(
         task="edits",
         facts={
@@ -67,7 +67,7 @@ def _question(turn: Turn, faults: tuple[str, ...], seed: int, account: Account) 
         },
         rejections=faults,
         seed=seed,
-        wording=lambda: worded_edits(
+        wording=lambda: render_edits_prompt(
             turn.words,
             turn.situation,
             before=turn.before,

@@ -13,23 +13,23 @@ from scenewright.backends.offline import which
 from scenewright.errors import Rejected
 from scenewright.nodes.scene_planner.reply import (
     TIME,
-    completed,
-    manoeuvres_asked,
-    motions_asked,
-    order_asked,
-    points_asked,
-    severity_asked,
-    subtypes_asked,
+    build_manoeuvre_schema,
+    build_motion_schema,
+    build_order_schema,
+    build_point_schema,
+    build_severity_schema,
+    build_subtype_schema,
+    complete_plan,
 )
 from scenewright.nodes.schema import (
     Schema,
-    closed,
-    listed,
-    number,
-    one_of,
-    shared,
-    text,
-    whole,
+    build_array,
+    build_enum,
+    build_integer,
+    build_number,
+    build_object,
+    build_reference,
+    build_text,
 )
 from scenewright.scene.base import RIDERS, AgentClass, AgentId
 from scenewright.scene.edits import (
@@ -135,7 +135,7 @@ class PaceLine(_Line):
     speed: float | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")
-    def _one_of_both(self) -> Self:
+    def _check_one_pace(self) -> Self:
         if (self.factor is None) == (self.speed is None):
             raise ValueError("set_pace needs either 'factor' or 'speed'")
         return self
@@ -185,7 +185,7 @@ class EditsReply(BaseModel):
     reason: str | None = Field(default=None, max_length=400)
 
     @model_validator(mode="after")
-    def _one_thing(self) -> Self:
+    def _check_one_answer(self) -> Self:
         told = [self.edits, self.ask, self.fresh, self.refused]
         if sum(bool(each) for each in told) != 1:
             raise ValueError("say one thing: edits, or with none of them ask, fresh or refused")
@@ -197,7 +197,7 @@ class EditsReply(BaseModel):
 _RIDES = re.compile(r"cycl|bik|scoot", re.IGNORECASE)
 
 
-def new_ids(situation: Situation, words: str = "") -> list[str]:
+def list_new_ids(situation: Situation, words: str = "") -> list[str]:
     """Ids that nobody has, the first of each class; of riders where the words speak of them."""
     taken = {each.id for each in situation.present} | {e.id for e in situation.graph.agents}
     found: list[str] = []
@@ -209,7 +209,7 @@ def new_ids(situation: Situation, words: str = "") -> list[str]:
     return found
 
 
-def edits_schema(
+def build_edits_schema(
     situation: Situation, named: Sequence[str], ways: Sequence[RouteDescription], words: str
 ) -> Schema:
     """The reply's schema: agents, sides and new ids are those there are.
@@ -218,64 +218,70 @@ def edits_schema(
         named: ids of those that the words may mean.
         words: figures and places on a vehicle are asked for where they may speak of them.
     """
-    who, side = shared("agent"), shared("side")
+    who, side = build_reference("agent"), build_reference("side")
     node = {
-        "subtype": subtypes_asked(words),
+        "subtype": build_subtype_schema(words),
         "entry": side,
         "exit": side,
-        "movement": one_of(way.movement for way in ways),
+        "movement": build_enum(way.movement for way in ways),
         "crosswalk": side,
         "runs_red": {"type": "boolean"},
-        **motions_asked(words),
+        **build_motion_schema(words),
     }
     relation: dict[str, Schema] = {
-        "kind": one_of(get_args(CollisionKind)),
-        "cause": one_of(get_args(Cause)),
-        **order_asked(words, who),
+        "kind": build_enum(get_args(CollisionKind)),
+        "cause": build_enum(get_args(Cause)),
+        **build_order_schema(words, who),
     }
-    relation |= severity_asked(words) | manoeuvres_asked(words)
-    ends = {"from": who, "to": who, "type": one_of((*get_args(RelationType), "none"))}
+    relation |= build_severity_schema(words) | build_manoeuvre_schema(words)
+    ends = {"from": who, "to": who, "type": build_enum((*get_args(RelationType), "none"))}
     context = {
-        "density": one_of(get_args(Density)),
-        "time_of_day": text(TIME),
-        "vehicles": whole(0, MOST_BACKGROUND),
-        "pedestrians": whole(0, MOST_BACKGROUND),
+        "density": build_enum(get_args(Density)),
+        "time_of_day": build_text(TIME),
+        "vehicles": build_integer(0, MOST_BACKGROUND),
+        "pedestrians": build_integer(0, MOST_BACKGROUND),
     }
     forms = [
-        _form(("change_agent", "add_agent"), {"agent": who}, node),
-        _form(("remove_agent", "redraw"), {}, {"agent": who}),
-        _form(("relate",), ends, relation),
-        _form(("set_pace",), {"agent": who}, {"factor": number(0.3, 2), "speed": number(0.1, 20)}),
-        _form(("move_stop", "wait_longer", "come_later"), {"agent": who, "by": number(-20, 20)}),
-        _form(("change_context",), {}, context),
+        _build_edit_schema(("change_agent", "add_agent"), {"agent": who}, node),
+        _build_edit_schema(("remove_agent", "redraw"), {}, {"agent": who}),
+        _build_edit_schema(("relate",), ends, relation),
+        _build_edit_schema(
+            ("set_pace",),
+            {"agent": who},
+            {"factor": build_number(0.3, 2), "speed": build_number(0.1, 20)},
+        ),
+        _build_edit_schema(
+            ("move_stop", "wait_longer", "come_later"), {"agent": who, "by": build_number(-20, 20)}
+        ),
+        _build_edit_schema(("change_context",), {}, context),
     ]
-    asked = {"about": shared("text"), "among": listed(who, least=2, most=6)}
-    return closed(
+    asked = {"about": build_reference("text"), "among": build_array(who, least=2, most=6)}
+    return build_object(
         {
-            "edits": listed({"anyOf": forms}, most=_MOST_EDITS),
-            "ask": closed(asked, required=asked),
+            "edits": build_array({"anyOf": forms}, most=_MOST_EDITS),
+            "ask": build_object(asked, required=asked),
             "fresh": {"type": "boolean"},
-            "refused": one_of(("out_of_scope", "contradictory", "impossible", "no_change")),
-            "reason": shared("text"),
+            "refused": build_enum(("out_of_scope", "contradictory", "impossible", "no_change")),
+            "reason": build_reference("text"),
         },
         required=("edits",),
         defs={
-            "text": text(),
-            "agent": one_of([*named, *new_ids(situation, words)]),
-            "side": one_of(side for way in ways for side in (way.entry, way.exit)),
-            **points_asked(words),
+            "text": build_text(),
+            "agent": build_enum([*named, *list_new_ids(situation, words)]),
+            "side": build_enum(side for way in ways for side in (way.entry, way.exit)),
+            **build_point_schema(words),
         },
     )
 
 
-def _form(
+def _build_edit_schema(
     kinds: Sequence[str], needed: Mapping[str, Schema], at_will: Mapping[str, Schema] | None = None
 ) -> Schema:
-    keys = {"edit": one_of(kinds), **needed}
-    return closed({**keys, **(at_will or {})}, required=keys)
+    keys = {"edit": build_enum(kinds), **needed}
+    return build_object({**keys, **(at_will or {})}, required=keys)
 
 
-def read_as(
+def to_reading(
     reply: EditsReply,
     situation: Situation,
     *,
@@ -292,26 +298,28 @@ def read_as(
     if reply.fresh:
         return NewScene()
     if reply.ask is not None:
-        return which(_among(reply.ask, situation, chosen), reply.ask.about)
+        return which(_list_candidates(reply.ask, situation, chosen), reply.ask.about)
     reader = _Reader(situation, ways)
     for line in reply.edits:
         reader.take(line)
     if not reader.found:
-        raise _refused("these edits leave everything as it is")
+        raise _build_rejection("these edits leave everything as it is")
     return Edits(edits=tuple(reader.found))
 
 
-def _among(asked: AskLine, situation: Situation, chosen: Mapping[str, str]) -> list[AgentView]:
+def _list_candidates(
+    asked: AskLine, situation: Situation, chosen: Mapping[str, str]
+) -> list[AgentView]:
     here = {each.id: each for each in situation.present}
     if chosen:
         told = ", ".join(f"{noun}: {name}" for noun, name in chosen.items())
-        raise _refused(f"ask: it was answered already ({told}); give the edits")
+        raise _build_rejection(f"ask: it was answered already ({told}); give the edits")
     for name in asked.among:
         if name not in here:
-            raise _refused(f"ask: there is no {name} in the scene")
+            raise _build_rejection(f"ask: there is no {name} in the scene")
     found = [here[name] for name in dict.fromkeys(asked.among)]
     if len(found) < 2:
-        raise _refused("ask: there is nothing to ask where only one agent is meant")
+        raise _build_rejection("ask: there is nothing to ask where only one agent is meant")
     return found
 
 
@@ -322,7 +330,7 @@ class _Reader:
         self.found: list[Edit] = []
         self._graph, self._ways = situation.graph, ways
         self._present = {each.id: each for each in situation.present}
-        self._free = new_ids(situation, "cyclist")
+        self._free = list_new_ids(situation, "cyclist")
 
     def take(self, line: Line) -> None:
         """One line more.
@@ -331,71 +339,79 @@ class _Reader:
             Rejected: it cannot be; says why.
         """
         try:
-            made = self._context(line) if isinstance(line, ContextLine) else (self._edit(line),)
+            made = (
+                self._build_context_edits(line)
+                if isinstance(line, ContextLine)
+                else (self._build_edit(line),)
+            )
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             where = ".".join(str(part) for part in first["loc"])
-            raise _refused(f"{line.edit}: {where}: {first['msg']}") from error
+            raise _build_rejection(f"{line.edit}: {where}: {first['msg']}") from error
         for edit in made:
             graph = apply_edits(self._graph, (edit,))
             if not (isinstance(edit, _IN_GRAPH) and graph == self._graph):
                 self.found.append(edit)
             self._graph = graph
 
-    def _edit(self, line: Line) -> Edit:
+    def _build_edit(self, line: Line) -> Edit:
         match line:
             case AgentLine(edit="add_agent"):
-                return AddAgent(node=self._new(line))
+                return AddAgent(node=self._build_new_node(line))
             case AgentLine():
-                return ChangeAgent(node=self._other(line))
+                return ChangeAgent(node=self._build_changed_node(line))
             case RemoveLine():
-                return RemoveAgent(agent=self._here(line.agent))
+                return RemoveAgent(agent=self._require_present(line.agent))
             case RedrawLine():
-                return Redraw(agent=None if line.agent is None else self._here(line.agent))
+                return Redraw(
+                    agent=None if line.agent is None else self._require_present(line.agent)
+                )
             case RelateLine():
-                return self._related(line)
+                return self._build_relation_edit(line)
             case PaceLine():
-                agent = self._present[self._here(line.agent)]
+                agent = self._present[self._require_present(line.agent)]
                 factor = line.factor or (line.speed or 0.0) / max(agent.speed, 0.1)
                 return SetPace(agent=line.agent, factor=round(factor, 3))
             case AmountLine(edit="move_stop"):
-                return MoveStop(agent=self._standing(line.agent), metres=line.by)
+                return MoveStop(agent=self._require_stop(line.agent), metres=line.by)
             case AmountLine(edit="wait_longer"):
-                return WaitLonger(agent=self._standing(line.agent), seconds=line.by)
+                return WaitLonger(agent=self._require_stop(line.agent), seconds=line.by)
             case AmountLine():
-                return ComeLater(agent=self._here(line.agent), seconds=line.by)
+                return ComeLater(agent=self._require_present(line.agent), seconds=line.by)
         raise TypeError(f"{line.edit} is read elsewhere")
 
-    def _related(self, line: RelateLine) -> Relate | Unrelate:
+    def _build_relation_edit(self, line: RelateLine) -> Relate | Unrelate:
         for name in (line.from_, line.to):
-            self._taking_part(name)
+            self._require_participant(name)
         if line.type != "none":
             told = line.model_dump(by_alias=True, exclude={"edit"})
             return Relate(edge=RelationEdge.model_validate(told))
         pair = {line.from_, line.to}
         if not any({each.from_, each.to} == pair for each in self._graph.relations):
-            raise _refused(f"nothing happens between {line.from_} and {line.to} as it is")
+            raise _build_rejection(f"nothing happens between {line.from_} and {line.to} as it is")
         return Unrelate(first=line.from_, second=line.to)
 
-    def _here(self, name: str) -> str:
+    def _require_present(self, name: str) -> str:
         if name not in self._present:
-            raise _refused(f"there is no {name} in the scene")
+            raise _build_rejection(f"there is no {name} in the scene")
         return name
 
-    def _standing(self, name: str) -> str:
-        agent = self._present[self._here(name)]
+    def _require_stop(self, name: str) -> str:
+        agent = self._present[self._require_present(name)]
         if not agent.stops and agent.slows_to is None:
-            raise _refused(f"{name} does not stop anywhere in this scene")
+            raise _build_rejection(f"{name} does not stop anywhere in this scene")
         return name
 
-    def _taking_part(self, name: str) -> None:
+    def _require_participant(self, name: str) -> None:
         if name in {each.id for each in self._graph.agents}:
             return
         if name in self._present:
-            raise _refused(f"{name} is one of the others; add_agent somebody who takes part")
-        raise _refused(f"there is no {name} in the scene; add_agent comes first")
+            raise _build_rejection(
+                f"{name} is one of the others; add_agent somebody who takes part"
+            )
+        raise _build_rejection(f"there is no {name} in the scene; add_agent comes first")
 
-    def _context(self, line: ContextLine) -> list[Edit]:
+    def _build_context_edits(self, line: ContextLine) -> list[Edit]:
         was, found = self._graph.context, list[Edit]()
         told = {
             "density": line.density or was.density,
@@ -406,24 +422,26 @@ class _Reader:
         if line.vehicles is not None or line.pedestrians is not None:
             found.append(SetBackground(vehicles=line.vehicles, pedestrians=line.pedestrians))
         if not found:
-            raise _refused("change_context: nothing is said that shall be new")
+            raise _build_rejection("change_context: nothing is said that shall be new")
         return found
 
-    def _new(self, line: AgentLine) -> AgentNode:
+    def _build_new_node(self, line: AgentLine) -> AgentNode:
         if line.agent in self._present or line.agent in {e.id for e in self._graph.agents}:
-            raise _refused(f"add_agent: {line.agent} is there already; take {self._free[0]}")
+            raise _build_rejection(
+                f"add_agent: {line.agent} is there already; take {self._free[0]}"
+            )
         node = {"id": line.agent, "type": line.agent.partition("-")[0]}
-        return self._fitting(AgentNode.model_validate(node), line)
+        return self._fit_route(AgentNode.model_validate(node), line)
 
-    def _other(self, line: AgentLine) -> AgentNode:
-        self._taking_part(line.agent)
-        if not _told(line):
-            raise _refused(f"change_agent: nothing is said that {line.agent} shall be")
-        return self._fitting(self._graph.agent(line.agent), line)
+    def _build_changed_node(self, line: AgentLine) -> AgentNode:
+        self._require_participant(line.agent)
+        if not _list_fields(line):
+            raise _build_rejection(f"change_agent: nothing is said that {line.agent} shall be")
+        return self._fit_route(self._graph.agent(line.agent), line)
 
-    def _fitting(self, node: AgentNode, line: AgentLine) -> AgentNode:
+    def _fit_route(self, node: AgentNode, line: AgentLine) -> AgentNode:
         """The agent with what is told of it, and of its way before as much as goes with that."""
-        told = _told(line)
+        told = _list_fields(line)
         AgentNode.model_validate({"id": node.id, "type": node.type, **told})
         was = {each: getattr(node, each) for each in WAY_FIELDS}
         way = {each: told[each] for each in WAY_FIELDS if each in told}
@@ -432,14 +450,14 @@ class _Reader:
         found = resolve_route(node.type, was, way, self._ways)
         if found is None:
             words = ", ".join(f"{key} {value}" for key, value in way.items())
-            raise _refused(f"{node.id}: there is no way here with {words}")
+            raise _build_rejection(f"{node.id}: there is no way here with {words}")
         made = AgentNode.model_validate({**node.model_dump(), **told, **found})
-        return completed(SocialGraph(agents=(made,)), self._ways).agents[0]
+        return complete_plan(SocialGraph(agents=(made,)), self._ways).agents[0]
 
 
-def _told(line: AgentLine) -> dict[str, Any]:
+def _list_fields(line: AgentLine) -> dict[str, Any]:
     return line.model_dump(exclude={"edit", "agent"}, exclude_none=True)
 
 
-def _refused(detail: str) -> Rejected:
+def _build_rejection(detail: str) -> Rejected:
     return Rejected(Rejection(stage="scene_planner", code="contradictory", detail=detail))

@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from scenewright.backends import Wording
-from scenewright.nodes.revision.reply import edits_schema, new_ids
+from scenewright.nodes.revision.reply import build_edits_schema, list_new_ids
 from scenewright.nodes.scene_planner.wording import (
-    crosswalks_told,
-    manoeuvres_told,
-    order_told,
-    times_told,
-    ways_told,
+    describe_crosswalks,
+    describe_manoeuvres,
+    describe_order,
+    describe_times,
+    describe_vehicle_routes,
 )
-from scenewright.nodes.wording import compact, faults_told, quoted, traffic_told, worded
+from scenewright.nodes.wording import (
+    describe_driving_side,
+    format_json,
+    format_rejections,
+    quote_text,
+    render_prompt,
+)
 from scenewright.scene.edits import AgentView, Situation
 from scenewright.scene.route_table import RouteDescription
 
@@ -22,7 +28,7 @@ _LISTED = {"vehicle": 6, "pedestrian": 2}
 """Others who are listed one by one, of each class; words name few of them."""
 
 
-def worded_edits(
+def render_edits_prompt(
     words: str,
     situation: Situation,
     *,
@@ -33,36 +39,37 @@ def worded_edits(
     rejections: Sequence[str] = (),
 ) -> Wording:
     """What a model is asked for edits, and the schema of its reply."""
-    graph, others = situation.graph, _others(situation)
+    graph, others = situation.graph, _list_background(situation)
     front = [each for each in situation.present if each.role == "foreground"]
     relations = [
         each.model_dump(mode="json", by_alias=True, exclude_none=True) for each in graph.relations
     ]
     context = graph.context.model_dump(mode="json", exclude_none=True, exclude={"background"})
     values = {
-        "ways": ways_told(ways),
-        "traffic": traffic_told(left_hand),
-        "crosswalks": crosswalks_told(ways),
-        "times": times_told(words) + manoeuvres_told(words) + order_told(words),
-        "agents": compact({each.id: _agent(each) for each in front}),
-        "free": ", ".join(new_ids(situation, words)),
-        "relations": compact(relations),
-        "context": f"Context: {compact(context)}." if context else "",
-        "others": _counted(situation) + (f", such as {compact(others)}" if others else ""),
-        "before": quoted(before, most=_SAID),
-        "meant": f"Answered already: {compact(dict(chosen))}\n" if chosen else "",
-        "words": quoted(words),
-        "faults": faults_told(rejections),
+        "ways": describe_vehicle_routes(ways),
+        "traffic": describe_driving_side(left_hand),
+        "crosswalks": describe_crosswalks(ways),
+        "times": describe_times(words) + describe_manoeuvres(words) + describe_order(words),
+        "agents": format_json({each.id: _describe_agent(each) for each in front}),
+        "free": ", ".join(list_new_ids(situation, words)),
+        "relations": format_json(relations),
+        "context": f"Context: {format_json(context)}." if context else "",
+        "others": _count_background(situation)
+        + (f", such as {format_json(others)}" if others else ""),
+        "before": quote_text(before, most=_SAID),
+        "meant": f"Answered already: {format_json(dict(chosen))}\n" if chosen else "",
+        "words": quote_text(words),
+        "faults": format_rejections(rejections),
     }
     named = [each.id for each in front] + list(others)
-    return worded(
-        "revision", "prompt.md", values, schema=edits_schema(situation, named, ways, words)
+    return render_prompt(
+        "revision", "prompt.md", values, schema=build_edits_schema(situation, named, ways, words)
     )
 
 
-def _agent(agent: AgentView) -> str:
+def _describe_agent(agent: AgentView) -> str:
     """What tells it apart, in a few words."""
-    pace = f"{agent.speed:.1f} m/s" + _held(agent)
+    pace = f"{agent.speed:.1f} m/s" + _describe_stops(agent)
     if agent.type == "pedestrian":
         at = "jaywalking" if agent.crosswalk is None else f"on the {agent.crosswalk} crosswalk"
         return f"{at}, from {agent.entry} to {agent.exit}, {pace}"
@@ -70,13 +77,13 @@ def _agent(agent: AgentView) -> str:
     return f"{kind}, from {agent.entry}, {agent.movement} to {agent.exit}, {pace}"
 
 
-def _held(agent: AgentView) -> str:
+def _describe_stops(agent: AgentView) -> str:
     if agent.stops:
         return ", stops"
     return "" if agent.slows_to is None else f", slows to {agent.slows_to:.1f} m/s"
 
 
-def _others(situation: Situation) -> dict[str, str]:
+def _list_background(situation: Situation) -> dict[str, str]:
     found: dict[str, str] = {}
     for kind in ("vehicle", "pedestrian"):
         here = [e for e in situation.present if e.role == "background" and e.type == kind]
@@ -89,7 +96,7 @@ def _others(situation: Situation) -> dict[str, str]:
     return found
 
 
-def _counted(situation: Situation) -> str:
+def _count_background(situation: Situation) -> str:
     """How many others there are."""
     back = [each.type for each in situation.present if each.role == "background"]
     return f"{back.count('vehicle')} vehicles, {back.count('pedestrian')} pedestrians"

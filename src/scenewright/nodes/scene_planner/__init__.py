@@ -10,12 +10,12 @@ from langgraph.runtime import Runtime
 
 from scenewright.backends import Backend, Question, load_backend, speaker
 from scenewright.errors import Rejected
-from scenewright.nodes.ask import ask, earlier
+from scenewright.nodes.ask import ask, list_stage_faults
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.remaining import refuse_unrealised
-from scenewright.nodes.scene_planner.account import account_for
-from scenewright.nodes.scene_planner.reply import PlanReply, completed
-from scenewright.nodes.scene_planner.wording import worded_plan
+from scenewright.nodes.scene_planner.account import complete_account
+from scenewright.nodes.scene_planner.reply import PlanReply, complete_plan
+from scenewright.nodes.scene_planner.wording import render_plan_prompt
 from scenewright.scene.frozen_agents import FrozenAgents
 from scenewright.scene.grounding import Grounding
 from scenewright.scene.rejection import Rejection, RejectionCode
@@ -62,16 +62,19 @@ _CODES: dict[str, RejectionCode] = {
 def plan_scene(state: PlannerReads, *, runtime: Runtime[RunContext]) -> PlannerWrites:
     """Asks for the social graph, unless it is settled, and binds it to the map."""
     context = runtime.context
-    plan = state.get("planned") or _asked(state, context)
-    context.tell("scene_planner", _summary(plan))
+    plan = state.get("planned") or _get_plan(state, context)
+    context.tell("scene_planner", _summarise(plan))
     grounding, pins = ground_graph(plan, intersection_map=context.intersection), state.get("pinned")
     if pins is not None:
         grounding = restrict_grounding(plan, grounding, pins, intersection_map=context.intersection)
     return {"social_graph": plan, "grounding": grounding}
 
 
-def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
-    instruction, told = state["instruction"], earlier(state.get("rejections", []), "scene_planner")
+def _get_plan(state: PlannerReads, context: RunContext) -> SocialGraph:
+    instruction, told = (
+        state["instruction"],
+        list_stage_faults(state.get("rejections", []), "scene_planner"),
+    )
     ways = describe_routes(context.intersection)
     question = Question(
         task="plan",
@@ -84,7 +87,7 @@ def _asked(state: PlannerReads, context: RunContext) -> SocialGraph:
         },
         rejections=told,
         seed=context.seed,
-        wording=lambda: worded_plan(
+        wording=lambda: render_plan_prompt(
             instruction,
             state.get("previous"),
             ways,
@@ -122,8 +125,8 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescr
         return plan
     _refuse_emptied(plan, question)
     _refuse_unknown_sides(plan, ways)
-    plan = completed(plan, ways)
-    return plan.model_copy(update={"said": account_for(plan, question)})
+    plan = complete_plan(plan, ways)
+    return plan.model_copy(update={"said": complete_account(plan, question)})
 
 
 def _refuse_emptied(plan: SocialGraph, question: Question) -> None:
@@ -162,6 +165,6 @@ def _refuse_unknown_sides(plan: SocialGraph, ways: Sequence[RouteDescription]) -
                 )
 
 
-def _summary(graph: SocialGraph) -> str:
+def _summarise(graph: SocialGraph) -> str:
     edges = [f"{edge.from_} {edge.type} {edge.to}" for edge in graph.relations]
     return f"{len(graph.agents)} agents; {', '.join(edges) or 'normal traffic'}"

@@ -27,7 +27,7 @@ _CONTENT = re.compile(
 """Numbers, negations and quantifiers: words that no account may leave out."""
 
 
-def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
+def complete_account(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
     """The account of a model's plan, with the words that it leaves out.
 
     A model that gives no account at all is not asked for one: the words that nothing in a scene
@@ -45,16 +45,20 @@ def account_for(plan: SocialGraph, question: Question) -> tuple[SaidSpan, ...]:
     read = tuple(_leave_to_a_stage(each, plan) for each in _read_offline(question))
     if not located:
         kept = (each for each in read if each.became in ("manner", *_UNPLANNED))
-        return tuple(_with_agents_of(plan, each) for each in kept)
+        return tuple(_keep_known_agents(plan, each) for each in kept)
     left_out = [
-        *(_left_out(each.start, each.end, each.words) for each in said if each.value == _LACKING),
-        *_uncovered_content(text, said),
-        *_uncovered_spans(read, said, plan),
+        *(
+            _build_left_out(each.start, each.end, each.words)
+            for each in said
+            if each.value == _LACKING
+        ),
+        *_find_uncovered_content(text, said),
+        *_find_uncovered_spans(read, said, plan),
     ]
     said = tuple(each for each in said if each.value != _LACKING)
     if left_out and not any(UNSAID in each for each in question.rejections):
         words = ", ".join(f"'{each.words}'" for each in left_out)
-        raise _malformed(f"{UNSAID} {words}; add what they became, or nothing")
+        raise _build_rejection(f"{UNSAID} {words}; add what they became, or nothing")
     return tuple(sorted((*said, *left_out), key=lambda each: each.start))
 
 
@@ -137,22 +141,22 @@ _LACKING = "?"
 """The value of an entry of whose part of the plan there is none."""
 
 
-def _uncovered_content(text: str, said: Sequence[SaidSpan]) -> Iterator[SaidSpan]:
+def _find_uncovered_content(text: str, said: Sequence[SaidSpan]) -> Iterator[SaidSpan]:
     for match in _CONTENT.finditer(text):
         if not any(each.start <= match.start() < each.end for each in said):
-            yield _left_out(match.start(), match.end(), match[0])
+            yield _build_left_out(match.start(), match.end(), match[0])
 
 
-def _uncovered_spans(
+def _find_uncovered_spans(
     read: Sequence[SaidSpan], said: Sequence[SaidSpan], plan: SocialGraph
 ) -> Iterator[SaidSpan]:
     """Words that no field of a plan holds, as the offline planner sees it, and no entry covers."""
     for each in read:
         overlaps = any(other.start < each.end and each.start < other.end for other in said)
         if each.became == "nothing" and not overlaps:
-            yield _left_out(each.start, each.end, each.words)
+            yield _build_left_out(each.start, each.end, each.words)
         elif each.became in _UNPLANNED and not overlaps:
-            yield _with_agents_of(plan, each)
+            yield _keep_known_agents(plan, each)
 
 
 def _leave_to_a_stage(entry: SaidSpan, plan: SocialGraph) -> SaidSpan:
@@ -170,13 +174,13 @@ _IN_BEHAVIOR = ("wait(", "braking(", "acceleration(")
 """Figures that the event reasoner may serve; clauses may serve the others."""
 
 
-def _with_agents_of(plan: SocialGraph, entry: SaidSpan) -> SaidSpan:
+def _keep_known_agents(plan: SocialGraph, entry: SaidSpan) -> SaidSpan:
     """The entry of another reading, with those of its agents that the plan names alike."""
     known = {agent.id for agent in plan.agents}
     return entry.model_copy(update={"agents": tuple(n for n in entry.agents if n in known)})
 
 
-def _left_out(start: int, end: int, words: str) -> SaidSpan:
+def _build_left_out(start: int, end: int, words: str) -> SaidSpan:
     note = "the plan says nothing of it"
     return SaidSpan(start=start, end=end, words=words, became="nothing", note=note)
 
@@ -187,5 +191,5 @@ def _read_offline(question: Question) -> tuple[SaidSpan, ...]:
     return read_account(question.facts)
 
 
-def _malformed(detail: str) -> Rejected:
+def _build_rejection(detail: str) -> Rejected:
     return Rejected(Rejection(stage="scene_planner", code="malformed_reply", detail=detail))

@@ -8,7 +8,16 @@ from typing import Annotated, Any, get_args
 
 from pydantic import Discriminator, RootModel, Tag, model_validator
 
-from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared, text, whole
+from scenewright.nodes.schema import (
+    Schema,
+    build_array,
+    build_enum,
+    build_integer,
+    build_number,
+    build_object,
+    build_reference,
+    build_text,
+)
 from scenewright.scene.account import BECAME
 from scenewright.scene.base import AgentClass
 from scenewright.scene.relations import Pattern, load_patterns
@@ -85,7 +94,7 @@ _COMMON = frozenset(
 """Words that tell no phrase from another."""
 
 
-def _which(value: Any) -> str:
+def _classify_reply(value: Any) -> str:
     refusal = isinstance(value, Refusal) or (isinstance(value, Mapping) and "code" in value)
     return "refused" if refusal else "plan"
 
@@ -94,7 +103,7 @@ class PlanReply(
     RootModel[
         Annotated[
             Annotated[SocialGraph, Tag("plan")] | Annotated[Refusal, Tag("refused")],
-            Discriminator(_which),
+            Discriminator(_classify_reply),
         ]
     ]
 ):
@@ -102,7 +111,7 @@ class PlanReply(
 
     @model_validator(mode="before")
     @classmethod
-    def _one_of_the_two(cls, value: Any) -> Any:
+    def _read_plan_or_refusal(cls, value: Any) -> Any:
         if not isinstance(value, Mapping) or "code" in value:
             return value
         rest = {key: each for key, each in value.items() if key not in ("refused", "reason")}
@@ -110,7 +119,7 @@ class PlanReply(
         if code is None and not rest:
             raise ValueError("say who takes part and what happens, or refuse")
         if code is None:  # of a plan the reason is not asked, and does no harm
-            return _with_account(_with_classes(rest))
+            return _read_account(_add_classes(rest))
         if rest.get("agents") or rest.get("relations"):
             raise ValueError("either 'refused' or agents and relations, not both")
         if not isinstance(code, str):
@@ -120,20 +129,20 @@ class PlanReply(
         return {"code": code, "reason": value["reason"]}
 
 
-def _with_classes(plan: Mapping[str, Any]) -> dict[str, Any]:
+def _add_classes(plan: Mapping[str, Any]) -> dict[str, Any]:
     """The plan, every agent of the class that its id names, where it is told none."""
     agents = plan.get("agents")
     if not isinstance(agents, list | tuple):
         return dict(plan)
-    return {**plan, "agents": [_of_its_class(each) for each in agents]}
+    return {**plan, "agents": [_add_class(each) for each in agents]}
 
 
-def _with_account(plan: dict[str, Any]) -> dict[str, Any]:
+def _read_account(plan: dict[str, Any]) -> dict[str, Any]:
     """The plan with its account, of which a model writes "words = what they became AGENT..."."""
     said = plan.get("said")
     if not isinstance(said, list | tuple):
         return plan
-    read = [_entry(each) if isinstance(each, str) else each for each in said]
+    read = [_read_entry(each) if isinstance(each, str) else each for each in said]
     return {**plan, "said": [each for each in read if each is not None]}
 
 
@@ -155,7 +164,7 @@ _KEYS = {
 """Keys of a plan by which a model may call what words became."""
 
 
-def _entry(told: str) -> dict[str, Any] | None:
+def _read_entry(told: str) -> dict[str, Any] | None:
     """An entry of the account; None where it is none."""
     words, _, rest = told.rpartition("=")
     became, *agents = rest.replace(",", " ").split() or [""]
@@ -165,111 +174,115 @@ def _entry(told: str) -> dict[str, Any] | None:
     return {"words": words.strip(" '\"")[:400] or "-", "became": became, "agents": agents[:4]}
 
 
-def _of_its_class(agent: Any) -> Any:
+def _add_class(agent: Any) -> Any:
     if not isinstance(agent, Mapping) or "type" in agent:
         return agent
     kind = str(agent.get("id", "")).partition("-")[0]
     return {**agent, "type": kind} if kind in get_args(AgentClass) else agent
 
 
-def plan_schema(ways: Sequence[RouteDescription], told: Sequence[Pattern], words: str) -> Schema:
+def build_plan_schema(
+    ways: Sequence[RouteDescription], told: Sequence[Pattern], words: str
+) -> Schema:
     """The reply's schema: sides, crosswalks and patterns are those there are.
 
     Args:
         words: figures and places on a vehicle are asked for where they may speak of them; a weak
             model fills in whatever it is offered.
     """
-    legs = one_of(side for way in ways for side in (way.entry, way.exit))
+    legs = build_enum(side for way in ways for side in (way.entry, way.exit))
     crossed = [way.crosswalk for way in ways if way.crosswalk is not None]
-    who, side = shared("id"), shared("side")
+    who, side = build_reference("id"), build_reference("side")
     agent = {
         "id": who,
-        "subtype": subtypes_asked(words),
+        "subtype": build_subtype_schema(words),
         "entry": side,
         "exit": side,
-        "movement": one_of([*(way.movement for way in ways), "uturn"]),
-        **({"crosswalk": _crosswalks(crossed, legs)} if crossed else {}),
+        "movement": build_enum([*(way.movement for way in ways), "uturn"]),
+        **({"crosswalk": _build_crosswalk_schema(crossed, legs)} if crossed else {}),
         "runs_red": {"type": "boolean"},
-        **motions_asked(words),
+        **build_motion_schema(words),
     }
     relation = {
-        "type": one_of(get_args(RelationType)),
+        "type": build_enum(get_args(RelationType)),
         "from": who,
         "to": who,
-        "kind": one_of(get_args(CollisionKind)),
-        "cause": one_of(get_args(Cause)),
+        "kind": build_enum(get_args(CollisionKind)),
+        "cause": build_enum(get_args(Cause)),
         "braker": who,
-        **order_asked(words, who),
-        **manoeuvres_asked(words),
-        **({"pattern": one_of(each.id for each in told)} if told else {}),
-        **severity_asked(words),
+        **build_order_schema(words, who),
+        **build_manoeuvre_schema(words),
+        **({"pattern": build_enum(each.id for each in told)} if told else {}),
+        **build_severity_schema(words),
     }
-    tie = {"agent": who, "of": who, "side": one_of(get_args(EntrySide))}
-    count = whole(0, MOST_BACKGROUND)
+    tie = {"agent": who, "of": who, "side": build_enum(get_args(EntrySide))}
+    count = build_integer(0, MOST_BACKGROUND)
     context = {
-        "density": one_of(get_args(Density)),
-        "time_of_day": text(TIME),
-        "background": closed({"vehicles": count, "pedestrians": count}),
+        "density": build_enum(get_args(Density)),
+        "time_of_day": build_text(TIME),
+        "background": build_object({"vehicles": count, "pedestrians": count}),
     }
-    codes = one_of(("out_of_scope", "contradictory", "impossible"))
-    return closed(
+    codes = build_enum(("out_of_scope", "contradictory", "impossible"))
+    return build_object(
         {
             # What ends everything comes last: decoders keep to this order, and a weak model
             # takes the first key that it is offered.
-            "agents": listed(closed(agent, required=("id",)), most=6),
-            "relations": listed(closed(relation, required=("type", "from", "to")), most=6),
-            "ties": listed(closed(tie, required=tie), most=6),
-            **objects_asked(words, side),
-            "context": closed(context),
-            "said": listed(text(), most=40),
+            "agents": build_array(build_object(agent, required=("id",)), most=6),
+            "relations": build_array(
+                build_object(relation, required=("type", "from", "to")), most=6
+            ),
+            "ties": build_array(build_object(tie, required=tie), most=6),
+            **build_object_schema(words, side),
+            "context": build_object(context),
+            "said": build_array(build_text(), most=40),
             "refused": codes,
-            "reason": text(),
+            "reason": build_text(),
         },
         required=("agents", "relations"),  # said even where there are none
-        defs={"id": text(ID), "side": legs, **points_asked(words)},
+        defs={"id": build_text(ID), "side": legs, **build_point_schema(words)},
     )
 
 
-def severity_asked(words: str) -> Schema:
+def build_severity_schema(words: str) -> Schema:
     """The keys of a relation that say how bad it gets, as far as the words may speak of them."""
     found: Schema = {}
     if _FIGURES.search(words):
-        found |= {"target_pet": number(0, 8), "target_ttc": number(0, 8)}
-        found["impact_speed"] = number(0.1, 20)
-    if points_asked(words):
-        found |= dict.fromkeys(("point_from", "point_to"), shared("point"))
+        found |= {"target_pet": build_number(0, 8), "target_ttc": build_number(0, 8)}
+        found["impact_speed"] = build_number(0.1, 20)
+    if build_point_schema(words):
+        found |= dict.fromkeys(("point_from", "point_to"), build_reference("point"))
     return found
 
 
 _EMERGENCY = re.compile(r"ambulance|fire|police|patrol|squad|emergency|siren", re.IGNORECASE)
 
 
-def subtypes_asked(words: str) -> Schema:
+def build_subtype_schema(words: str) -> Schema:
     """The subtypes of vehicles; those of emergency vehicles where the words may speak of them."""
     special = bool(_EMERGENCY.search(words))
-    return one_of(each for each in get_args(Subtype) if special or each not in EMERGENCY)
+    return build_enum(each for each in get_args(Subtype) if special or each not in EMERGENCY)
 
 
-def manoeuvres_asked(words: str) -> Schema:
+def build_manoeuvre_schema(words: str) -> Schema:
     """How a relation in one lane comes about, where the words may speak of it."""
-    return {"manoeuvre": one_of(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
+    return {"manoeuvre": build_enum(get_args(Manoeuvre))} if _IN_LANE.search(words) else {}
 
 
-def objects_asked(words: str, side: Schema) -> Schema:
+def build_object_schema(words: str, side: Schema) -> Schema:
     """What stands, as a key of the reply, where the words may speak of it."""
     if not _STANDING.search(words):
         return {}
-    who = shared("id")
+    who = build_reference("id")
     node = {
-        "id": text(r"object-[1-9]"),
-        "kind": one_of(get_args(ObjectKind)),
-        "subtype": subtypes_asked(words),
+        "id": build_text(r"object-[1-9]"),
+        "kind": build_enum(get_args(ObjectKind)),
+        "subtype": build_subtype_schema(words),
         "leg": side,
         "hides": who,
         "hidden_from": who,
-        "lead": {"type": "array", "items": number(0, 10), "minItems": 2, "maxItems": 2},
+        "lead": {"type": "array", "items": build_number(0, 10), "minItems": 2, "maxItems": 2},
     }
-    return {"objects": listed(closed(node, required=("id", "kind")), most=MOST_OBJECTS)}
+    return {"objects": build_array(build_object(node, required=("id", "kind")), most=MOST_OBJECTS)}
 
 
 _STANDING = re.compile(
@@ -280,7 +293,7 @@ _STANDING = re.compile(
 )
 
 
-def order_asked(words: str, who: Schema) -> Schema:
+def build_order_schema(words: str, who: Schema) -> Schema:
     """The key of a relation that says who passes first, where the words may speak of that."""
     return {"first": who} if _IN_ORDER.search(words) else {}
 
@@ -288,53 +301,55 @@ def order_asked(words: str, who: Schema) -> Schema:
 _YELLOW = re.compile(r"yellow|amber|dilemma", re.IGNORECASE)
 
 
-def motions_asked(words: str) -> Schema:
+def build_motion_schema(words: str) -> Schema:
     """How a pedestrian crosses, and how many do as one, where the words may speak of it."""
     known = get_args(PedestrianMotion) if _ON_FOOT.search(words) else ()
     known += get_args(VehicleMotion) if _YELLOW.search(words) else ()
-    motion = {"motion": one_of(known)} if known else {}
-    motion |= {"reaction": one_of(get_args(AskedReaction))} if _UNREACTING.search(words) else {}
-    return motion | ({"members": whole(2, 8)} if _IN_GROUPS.search(words) else {})
+    motion = {"motion": build_enum(known)} if known else {}
+    motion |= {"reaction": build_enum(get_args(AskedReaction))} if _UNREACTING.search(words) else {}
+    return motion | ({"members": build_integer(2, 8)} if _IN_GROUPS.search(words) else {})
 
 
-def points_asked(words: str) -> Schema:
+def build_point_schema(words: str) -> Schema:
     """The places on a vehicle, for `$defs`, where the words may speak of one."""
-    return {"point": one_of(get_args(ImpactPoint))} if _PARTS.search(words) else {}
+    return {"point": build_enum(get_args(ImpactPoint))} if _PARTS.search(words) else {}
 
 
-def _crosswalks(crossed: Sequence[str], legs: Schema) -> Schema:
+def _build_crosswalk_schema(crossed: Sequence[str], legs: Schema) -> Schema:
     """The legs that have one; mostly all."""
-    return shared("side") if set(crossed) == set(legs["enum"]) else one_of(crossed)
+    return build_reference("side") if set(crossed) == set(legs["enum"]) else build_enum(crossed)
 
 
-def patterns_told(instruction: str, *, left_hand: bool = False) -> tuple[Pattern, ...]:
+def find_similar_patterns(instruction: str, *, left_hand: bool = False) -> tuple[Pattern, ...]:
     """The relation files whose phrases share words with the text, most alike first.
 
     Of a user's files and the shipped ones alike; a model need not hear of the others, nor of
     those that name a turn where that is the other one.
     """
-    said = _stems(instruction)
+    said = _list_stems(instruction)
     found = []
     for pattern in load_patterns():
         if left_hand and pattern.names_a_turn:
             continue
-        alike = max((_alike(words, said) for words, _ in pattern.spoken()), default=0.0)
+        alike = max(
+            (_compute_similarity(words, said) for words, _ in pattern.spoken()), default=0.0
+        )
         if alike > 0.5:
             found.append((-alike, pattern.id, pattern))
     return tuple(each for *_, each in sorted(found, key=lambda each: each[:2])[:MOST_PATTERNS])
 
 
-def _stems(words: str) -> set[str]:
+def _list_stems(words: str) -> set[str]:
     return {stem_word(word[:40]) for word in _WORD.findall(words.lower()) if word not in _COMMON}
 
 
-def _alike(phrase: str, said: set[str]) -> float:
+def _compute_similarity(phrase: str, said: set[str]) -> float:
     """Share of the phrase's own words that are said."""
-    own = _stems(phrase)
+    own = _list_stems(phrase)
     return len(own & said) / len(own) if own else 0.0
 
 
-def completed(graph: SocialGraph, ways: Iterable[RouteDescription]) -> SocialGraph:
+def complete_plan(graph: SocialGraph, ways: Iterable[RouteDescription]) -> SocialGraph:
     """The graph with what its entries, exits, turns and ties entail of one another (SEMANTICS 2).
 
     Nothing is changed that is told, and nothing added where several ways are left.
@@ -342,15 +357,15 @@ def completed(graph: SocialGraph, ways: Iterable[RouteDescription]) -> SocialGra
     ways = tuple(ways)
     agents = {agent.id: agent for agent in graph.agents}
     for _ in range(2):
-        agents = {name: _complete(agent, ways) for name, agent in agents.items()}
-        for name, other, side in _bonds(graph):
+        agents = {name: _complete_agent(agent, ways) for name, agent in agents.items()}
+        for name, other, side in _list_side_ties(graph):
             if agents[name].type == agents[other].type == "vehicle":
                 _tie(agents, name, other, side, ways)
-    done = tuple(_complete(agent, ways) for agent in agents.values())
+    done = tuple(_complete_agent(agent, ways) for agent in agents.values())
     return graph.model_copy(update={"agents": done})
 
 
-def _complete(agent: AgentNode, ways: Sequence[RouteDescription]) -> AgentNode:
+def _complete_agent(agent: AgentNode, ways: Sequence[RouteDescription]) -> AgentNode:
     told = {field: getattr(agent, field) for field in _FIELDS}
     if agent.type == "pedestrian" and told["crosswalk"] and told["movement"] is None:
         told["movement"] = "crossing"
@@ -366,26 +381,26 @@ def _complete(agent: AgentNode, ways: Sequence[RouteDescription]) -> AgentNode:
     for field in fixed:
         values = {getattr(way, field) for way in open_}
         # Who is told no side at all is left free, be there but one way.
-        if told[field] is None and len(values) == 1 and _two_told(told):
+        if told[field] is None and len(values) == 1 and _has_two_sides(told):
             told[field] = values.pop()
     return agent.model_copy(update=told)
 
 
-def _two_told(told: Mapping[str, Any]) -> bool:
+def _has_two_sides(told: Mapping[str, Any]) -> bool:
     return sum(told[field] is not None for field in _FIELDS) >= 2
 
 
-def _bonds(graph: SocialGraph) -> list[tuple[str, str, EntrySide]]:
+def _list_side_ties(graph: SocialGraph) -> list[tuple[str, str, EntrySide]]:
     """Whose entry lies to whose, by ties and by what relations need."""
     bonds: list[tuple[str, str, EntrySide]] = [(t.agent, t.of, t.side) for t in graph.ties]
     for edge in graph.relations:
-        side = _side_of(edge)
+        side = _get_entry_side(edge)
         if side is not None:
             bonds.append((edge.from_, edge.to, side))
     return bonds
 
 
-def _side_of(edge: RelationEdge) -> EntrySide | None:
+def _get_entry_side(edge: RelationEdge) -> EntrySide | None:
     if edge.type == "follow" or edge.kind == "rear_end":
         return "same"
     return "opposite" if edge.kind == "head_on" else None
@@ -403,11 +418,11 @@ def _tie(
     one, two = agents[name], agents[other]
     if one.entry is None and two.entry is not None:
         fits = [leg for leg in legs if lies_on_side(side, leg, of=two.entry)]
-        agents[name] = _entering(one, fits)
+        agents[name] = _set_entry(one, fits)
     elif two.entry is None and one.entry is not None:
         fits = [leg for leg in legs if lies_on_side(side, one.entry, of=leg)]
-        agents[other] = _entering(two, fits)
+        agents[other] = _set_entry(two, fits)
 
 
-def _entering(agent: AgentNode, legs: Sequence[str]) -> AgentNode:
+def _set_entry(agent: AgentNode, legs: Sequence[str]) -> AgentNode:
     return agent.model_copy(update={"entry": legs[0]}) if len(legs) == 1 else agent

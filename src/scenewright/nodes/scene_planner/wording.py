@@ -8,20 +8,20 @@ from typing import Any
 
 from scenewright.backends import Wording
 from scenewright.nodes.scene_planner.reply import (
-    manoeuvres_asked,
-    motions_asked,
-    objects_asked,
-    order_asked,
-    patterns_told,
-    plan_schema,
+    build_manoeuvre_schema,
+    build_motion_schema,
+    build_object_schema,
+    build_order_schema,
+    build_plan_schema,
+    find_similar_patterns,
 )
 from scenewright.nodes.wording import (
     LONGEST_REQUEST,
     Example,
-    faults_told,
-    quoted,
-    traffic_told,
-    worded,
+    describe_driving_side,
+    format_rejections,
+    quote_text,
+    render_prompt,
 )
 from scenewright.scene.relations import Pattern
 from scenewright.scene.route_table import RouteDescription
@@ -54,7 +54,7 @@ _TIMES = (
 """A time of day in words, what it means (SEMANTICS 3), and words by which a request asks for it."""
 
 
-def worded_plan(
+def render_plan_prompt(
     instruction: str,
     previous: str | None,
     ways: Sequence[RouteDescription],
@@ -71,33 +71,33 @@ def worded_plan(
         left_hand: people drive on the left.
     """
     words = f"{instruction} {previous or ''}"
-    told = patterns_told(instruction, left_hand=left_hand)
+    told = find_similar_patterns(instruction, left_hand=left_hand)
     values = {
-        "crosswalks": crosswalks_told(ways) + streets_told(words, roads),
-        "ways": ways_told(ways) + _uturns_told(ways),
-        "traffic": traffic_told(left_hand),
-        "patterns": _patterns(told)
-        + manoeuvres_told(words)
-        + order_told(words)
-        + objects_told(words),
-        "times": times_told(words),
-        "previous": _previous(previous),
-        "instruction": quoted(instruction),
-        "faults": faults_told(rejections) + (_OR_REFUSE if rejections else ""),
+        "crosswalks": describe_crosswalks(ways) + describe_streets(words, roads),
+        "ways": describe_vehicle_routes(ways) + _describe_uturns(ways),
+        "traffic": describe_driving_side(left_hand),
+        "patterns": _format_patterns(told)
+        + describe_manoeuvres(words)
+        + describe_order(words)
+        + describe_objects(words),
+        "times": describe_times(words),
+        "previous": _describe_previous(previous),
+        "instruction": quote_text(instruction),
+        "faults": format_rejections(rejections) + (_OR_REFUSE if rejections else ""),
     }
-    schema = plan_schema(ways, told, words)
-    shown = [Example(each.request, _as_asked(each.answer)) for each in examples]
-    return worded("scene_planner", "prompt.md", values, schema=schema, examples=shown)
+    schema = build_plan_schema(ways, told, words)
+    shown = [Example(each.request, _drop_classes(each.answer)) for each in examples]
+    return render_prompt("scene_planner", "prompt.md", values, schema=schema, examples=shown)
 
 
-def _as_asked(answer: Mapping[str, Any]) -> dict[str, Any]:
+def _drop_classes(answer: Mapping[str, Any]) -> dict[str, Any]:
     """An accepted answer without the classes of agents, which their ids tell."""
     agents = answer.get("agents", ())
     told = [{key: value for key, value in each.items() if key != "type"} for each in agents]
     return {**answer, **({"agents": told} if told else {})}
 
 
-def ways_told(ways: Sequence[RouteDescription]) -> str:
+def describe_vehicle_routes(ways: Sequence[RouteDescription]) -> str:
     """Vehicles' ways by entry: "north (left east, straight south)"; every leg is there."""
     legs = dict.fromkeys(side for way in ways for side in (way.entry, way.exit))
     by_entry: dict[str, list[str]] = {leg: [] for leg in legs}
@@ -109,7 +109,7 @@ def ways_told(ways: Sequence[RouteDescription]) -> str:
     return ", ".join(f"{leg} ({', '.join(found) or 'none'})" for leg, found in by_entry.items())
 
 
-def streets_told(words: str, roads: Sequence[tuple[str, str]]) -> str:
+def describe_streets(words: str, roads: Sequence[tuple[str, str]]) -> str:
     """The legs' streets, where a request may name one."""
     said = words.casefold()
     parts = {part for _, road in roads for part in road.casefold().split()} - _COMMON
@@ -127,27 +127,27 @@ _COMMON = frozenset(
 _STREET = re.compile(r"\b[A-Z]\w+ (?:Street|St|Avenue|Ave|Road|Rd|Lane|Boulevard|Drive|Way)\b")
 
 
-def _uturns_told(ways: Sequence[RouteDescription]) -> str:
+def _describe_uturns(ways: Sequence[RouteDescription]) -> str:
     """Where vehicles may turn round, if anywhere."""
     legs = {side for way in ways for side in (way.entry, way.exit)}
     turns = [way.entry for way in ways if way.movement == "uturn"]
-    return f"; uturn {_legs_told(turns, legs)}" if turns else ""
+    return f"; uturn {_format_legs(turns, legs)}" if turns else ""
 
 
-def crosswalks_told(ways: Sequence[RouteDescription]) -> str:
+def describe_crosswalks(ways: Sequence[RouteDescription]) -> str:
     """The legs that have one."""
     legs = {side for way in ways for side in (way.entry, way.exit)}
     found = [way.crosswalk for way in ways if way.crosswalk is not None]
-    return _legs_told(found, legs) or "none"
+    return _format_legs(found, legs) or "none"
 
 
-def _legs_told(found: Iterable[str], legs: Collection[str]) -> str:
+def _format_legs(found: Iterable[str], legs: Collection[str]) -> str:
     """Each of the legs once, or that it is all of them."""
     each = dict.fromkeys(found)
     return "on all" if set(legs) == each.keys() else ", ".join(each)
 
 
-def _patterns(told: Sequence[Pattern]) -> str:
+def _format_patterns(told: Sequence[Pattern]) -> str:
     """One line per relation file, with its phrases."""
     lines = []
     for pattern in told:
@@ -175,15 +175,15 @@ _OBJECTS = (
 )
 
 
-def objects_told(words: str) -> str:
+def describe_objects(words: str) -> str:
     """What may stand, where a request may speak of it."""
-    return _OBJECTS if objects_asked(words, {}) else ""
+    return _OBJECTS if build_object_schema(words, {}) else ""
 
 
-def manoeuvres_told(words: str) -> str:
+def describe_manoeuvres(words: str) -> str:
     """What manoeuvres and motions on foot there are, where a request may speak of one."""
-    manoeuvres = _MANOEUVRES if manoeuvres_asked(words) else ""
-    asked = motions_asked(words)
+    manoeuvres = _MANOEUVRES if build_manoeuvre_schema(words) else ""
+    asked = build_motion_schema(words)
     motions = (_MOTIONS if "motion" in asked else "") + (_MEMBERS if "members" in asked else "")
     return manoeuvres + motions
 
@@ -194,23 +194,23 @@ _ORDER = (
 )
 
 
-def order_told(words: str) -> str:
+def describe_order(words: str) -> str:
     """What `first` is, where a request may speak of an order."""
-    return _ORDER if order_asked(words, {}) else ""
+    return _ORDER if build_order_schema(words, {}) else ""
 
 
-def times_told(request: str) -> str:
+def describe_times(request: str) -> str:
     """The times of day that the request may speak of; a model need not hear of the others."""
     words = request[:LONGEST_REQUEST].lower()
     told = [f"{name} {means}" for name, means, said in _TIMES if re.search(said, words)]
     return f"Times: {', '.join(told)}.\n" if told else ""
 
 
-def _previous(previous: str | None) -> str:
+def _describe_previous(previous: str | None) -> str:
     """The earlier turn that a request may change; the answer is the whole scene as changed."""
     if previous is None or not previous.strip():
         return ""
     return (
-        f"Earlier request: {quoted(previous)}. Unless the new one stands alone it changes this; "
-        "then answer with the whole scene.\n"
+        f"Earlier request: {quote_text(previous)}. Unless the new one stands alone it changes "
+        "this; then answer with the whole scene.\n"
     )

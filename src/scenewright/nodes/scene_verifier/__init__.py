@@ -53,7 +53,7 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
     context = runtime.context
     scene = assemble(
         state["instruction"],
-        _accounted(state),
+        _close_account(state),
         state["candidates"],
         state["selection"],
         state["behavior"],
@@ -65,13 +65,13 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
     proof = check(scene, context.intersection)
     if not proof.verified:
         misplanned = find_wrong_braker(state["social_graph"], scene, proof)
-        raise Rejected(misplanned or _rejection(proof, scene))
+        raise Rejected(misplanned or _build_rejection(proof, scene))
     context.tell("scene_verifier", f"verified: {len(proof.events)} events")
-    scene = with_events(scene, proof)
+    scene = add_events(scene, proof)
     return {"scene": scene, "proof": proof.model_copy(update={"scene_digest": digest_scene(scene)})}
 
 
-def _accounted(state: VerifierReads) -> SocialGraph:
+def _close_account(state: VerifierReads) -> SocialGraph:
     """The social graph, its account with what later stages made of the words left to them."""
     graph = state["social_graph"]
     clauses = state.get("added_clauses", AddedClauses())
@@ -79,7 +79,7 @@ def _accounted(state: VerifierReads) -> SocialGraph:
     return graph.model_copy(update={"said": close_account(graph.said, clauses, stops)})
 
 
-def with_events(scene: SceneRecord, proof: Proof) -> SceneRecord:
+def add_events(scene: SceneRecord, proof: Proof) -> SceneRecord:
     """The scene with the events that the proof found; a normal scene says so in one row.
 
     Symmetric events name their agents in the order in which they were asked for.
@@ -99,7 +99,7 @@ def with_events(scene: SceneRecord, proof: Proof) -> SceneRecord:
     return scene.model_copy(update={"events": tuple(rows)})
 
 
-def _rejection(proof: Proof, scene: SceneRecord) -> Rejection:
+def _build_rejection(proof: Proof, scene: SceneRecord) -> Rejection:
     """The first thing that is wrong, weightiest kind first, and everybody who is in any of it."""
     kinds: tuple[tuple[RejectionCode, tuple[Finding, ...]], ...] = (
         ("relation_not_realised", proof.missing),

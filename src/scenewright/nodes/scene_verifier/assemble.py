@@ -61,7 +61,7 @@ def assemble(
     motions = {agent.id: agent.motion for agent in graph.agents}
     reactions = {agent.id: agent.reaction for agent in graph.agents}
     agents = tuple(
-        _agent(
+        _build_agent_record(
             numbers[name],
             selection.agents[name],
             tracks[name],
@@ -73,18 +73,18 @@ def assemble(
         for name in numbers
     )
     return SceneRecord(
-        meta=_meta(
+        meta=_build_meta(
             instruction, graph, pool, selection, intersection_map=intersection_map, seed=seed
         ),
         agents=agents,
         events=(),
-        relations=_relations(graph, pool.cast, numbers),
+        relations=_build_relation_records(graph, pool.cast, numbers),
         ties=tuple(
             TieRecord(agent=numbers[each.agent], of=numbers[each.of], side=each.side)
             for each in graph.ties
         ),
-        measures=_measures(graph, numbers),
-        signals=_signals(selection, intersection_map),
+        measures=_build_measure_records(graph, numbers),
+        signals=_build_signal_records(selection, intersection_map),
         said=number_agents(graph.said, numbers),
         objects=selection.objects,
         sights=_list_sights(graph, numbers),
@@ -106,7 +106,7 @@ def _list_sights(graph: SocialGraph, numbers: dict[str, int]) -> tuple[SightReco
     )
 
 
-def _meta(
+def _build_meta(
     instruction: str,
     graph: SocialGraph,
     pool: CandidateSet,
@@ -117,7 +117,7 @@ def _meta(
 ) -> SceneMeta:
     minutes = round(pool.hour * 60) % 1440
     return SceneMeta(
-        scene_id=scene_id(instruction, intersection_map.name, seed),
+        scene_id=compute_scene_id(instruction, intersection_map.name, seed),
         map_id=intersection_map.map_id,
         timestamp=minutes * 60.0,
         user_prompt=instruction,
@@ -131,13 +131,13 @@ def _meta(
     )
 
 
-def scene_id(instruction: str, intersection: str, seed: int) -> str:
+def compute_scene_id(instruction: str, intersection: str, seed: int) -> str:
     """A name for the scene that depends on its request alone."""
     key = f"{intersection}\n{seed}\n{instruction}".encode("utf-8", "surrogatepass")
     return hashlib.sha256(key).hexdigest()[:16]
 
 
-def _agent(
+def _build_agent_record(
     number: int,
     agent: SelectedAgent,
     track: Track,
@@ -157,8 +157,8 @@ def _agent(
         id=number,
         type=candidate.shape.type,
         spawn_time=track.start,
-        goal=_point(candidate.path.xy[-1]),
-        trajectory=_points(track.xy),
+        goal=_round_point(candidate.path.xy[-1]),
+        trajectory=_round_points(track.xy),
         role=agent.role,
         name=agent.name,
         subtype=agent.candidate.subtype,
@@ -171,7 +171,7 @@ def _agent(
         length=candidate.shape.length,
         width=candidate.shape.width,
         segments=segments,
-        waypoints=_points(candidate.waypoints),
+        waypoints=_round_points(candidate.waypoints),
         violates_signal=agent.violates,
         motion=motion,
         reaction=reaction,
@@ -179,17 +179,17 @@ def _agent(
     )
 
 
-def _points(xy: FloatArray) -> tuple[Point, ...]:
+def _round_points(xy: FloatArray) -> tuple[Point, ...]:
     x, y = xy.round(3).T.tolist()
     return tuple(zip(x, y, strict=True))
 
 
-def _point(xy: FloatArray) -> Point:
+def _round_point(xy: FloatArray) -> Point:
     x, y = xy.round(3).tolist()
     return x, y
 
 
-def _relations(
+def _build_relation_records(
     graph: SocialGraph, cast: RoleAssignment, numbers: dict[str, int]
 ) -> tuple[RelationRecord, ...]:
     """What was asked for, and what the file of the pattern that plays it demands besides."""
@@ -197,19 +197,21 @@ def _relations(
     return tuple(
         RelationRecord.model_validate(
             {
-                **_sides(edge, played[index], numbers),
-                "cause_agent": _culprit(edge, graph, numbers),
+                **_describe_sides(edge, played[index], numbers),
+                "cause_agent": _find_culprit(edge, graph, numbers),
                 "target_pet": edge.target_pet,
                 "target_ttc": edge.target_ttc,
                 "impact_speed": edge.impact_speed,
-                **_demands(edge, played[index], numbers),
+                **_list_demands(edge, played[index], numbers),
             }
         )
         for index, edge in enumerate(graph.relations)
     )
 
 
-def _measures(graph: SocialGraph, numbers: dict[str, int]) -> tuple[MeasureRecord, ...]:
+def _build_measure_records(
+    graph: SocialGraph, numbers: dict[str, int]
+) -> tuple[MeasureRecord, ...]:
     return tuple(
         MeasureRecord(
             kind=each.kind,
@@ -222,7 +224,9 @@ def _measures(graph: SocialGraph, numbers: dict[str, int]) -> tuple[MeasureRecor
     )
 
 
-def _sides(edge: RelationEdge, played: AssignedPattern, numbers: dict[str, int]) -> dict[str, Any]:
+def _describe_sides(
+    edge: RelationEdge, played: AssignedPattern, numbers: dict[str, int]
+) -> dict[str, Any]:
     """Who is asked for in which role; the striking agent comes first where its kind tells it."""
     sides = [(edge.from_, edge.point_from), (edge.to, edge.point_to)]
     kind = edge.kind or get_pattern(played.pattern).proof.kind
@@ -237,7 +241,7 @@ def _sides(edge: RelationEdge, played: AssignedPattern, numbers: dict[str, int])
     }
 
 
-def _demands(
+def _list_demands(
     edge: RelationEdge, played: AssignedPattern, numbers: dict[str, int]
 ) -> dict[str, Any]:
     """What the relation's file wants to see; the text may ask for more, or for other figures."""
@@ -257,7 +261,7 @@ def _demands(
     }
 
 
-def _culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) -> int | None:
+def _find_culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) -> int | None:
     """Who is to bring the relation about: the one that runs red, the vehicle that brakes late."""
     pair = (graph.agent(edge.from_), graph.agent(edge.to))
     match edge.cause:
@@ -272,7 +276,9 @@ def _culprit(edge: RelationEdge, graph: SocialGraph, numbers: dict[str, int]) ->
     return found[0] if len(found) == 1 else None
 
 
-def _signals(selection: Selection, intersection_map: IntersectionMap) -> tuple[SignalRecord, ...]:
+def _build_signal_records(
+    selection: Selection, intersection_map: IntersectionMap
+) -> tuple[SignalRecord, ...]:
     if intersection_map.signals is None or selection.signal_offset is None:
         return ()
     clock = SignalClock(intersection_map.signals, selection.signal_offset)

@@ -17,9 +17,9 @@ def find_wrong_braker(graph: SocialGraph, scene: SceneRecord, proof: Proof) -> R
     """
     names = {agent.id: agent.name for agent in scene.agents}
     for edge, relation in zip(graph.relations, scene.relations, strict=True):
-        detail = _differs_on_tracks(edge, relation, proof, names) or _differs_in_account(
+        detail = _find_wrong_braker_on_tracks(
             edge, relation, proof, names
-        )
+        ) or _find_wrong_braker_in_account(edge, relation, proof, names)
         if detail is not None:
             return Rejection(
                 stage="scene_verifier",
@@ -31,7 +31,7 @@ def find_wrong_braker(graph: SocialGraph, scene: SceneRecord, proof: Proof) -> R
     return None
 
 
-def _differs_on_tracks(
+def _find_wrong_braker_on_tracks(
     edge: RelationEdge, relation: RelationRecord, proof: Proof, names: Mapping[int, str]
 ) -> str | None:
     meant = relation.cause_agent
@@ -39,7 +39,7 @@ def _differs_on_tracks(
         return None
     for event in proof.events:
         seen = event.evidence.get("late_brake")
-        same = event.type == relation.type and {event.from_, event.to} == _pair(relation)
+        same = event.type == relation.type and {event.from_, event.to} == _get_pair(relation)
         if same and seen not in (None, meant):
             return (
                 f"{names[seen]} brakes in the scene, the plan has {names[meant]} do so; write as "
@@ -51,14 +51,14 @@ def _differs_on_tracks(
 _HINTS = {"collide_at": ", in a collision the one that strikes (from), or leave out late_brake"}
 
 
-def _differs_in_account(
+def _find_wrong_braker_in_account(
     edge: RelationEdge, relation: RelationRecord, proof: Proof, names: Mapping[int, str]
 ) -> str | None:
     """Where `said` has another agent brake than the relation."""
     if edge.type not in ("collide_at", "near_miss"):
         return None
     for entry in proof.said:
-        brakes = _pair(relation).intersection(entry.agents)
+        brakes = _get_pair(relation).intersection(entry.agents)
         denied = entry.became == "cause" and entry.status == "claimed"
         late = entry.value in (None, "late_brake")
         if denied and late and brakes and relation.cause_agent not in brakes:
@@ -70,5 +70,5 @@ def _differs_in_account(
     return None
 
 
-def _pair(relation: RelationRecord) -> set[int]:
+def _get_pair(relation: RelationRecord) -> set[int]:
     return {relation.from_, relation.to}

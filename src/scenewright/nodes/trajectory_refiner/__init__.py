@@ -17,7 +17,7 @@ from langgraph.runtime import Runtime
 from scenewright.geometry.driving_profile import Motion, sample_track
 from scenewright.memory.state import Tracks
 from scenewright.nodes.context import RunContext
-from scenewright.nodes.trajectory_refiner.guides import guides_of
+from scenewright.nodes.trajectory_refiner.guides import build_guides
 from scenewright.scene.base import RIDERS, FloatArray
 from scenewright.scene.behavior import BehaviorProgram, EventSummary
 from scenewright.scene.frozen_agents import FrozenAgents
@@ -64,34 +64,36 @@ class RefinerWrites(TypedDict):
 
 def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) -> RefinerWrites:
     """Edits every selected prior by its segments, and refines what came of it."""
-    motions, edited = _edited(state)
+    motions, edited = _edit_motions(state)
     refiner = runtime.context.learned
     if refiner is None or not motions:
         note = NOT_ASKED if runtime.context.refiner == "none" else NO_WEIGHTS
         runtime.context.tell("trajectory_refiner", f"{len(edited)} tracks, refiner none")
         return {
-            "edited": edited, "refined": _with_earlier(edited, state), "rolled": {},
+            "edited": edited, "refined": _keep_frozen_tracks(edited, state), "rolled": {},
             "refinement": Refinement(refiner="none", note=note),
         }  # fmt: skip
-    before, most = _before(state), runtime.context.budgets.refiner
-    last = before is not None and (before.attempt >= most or _recurs(state, 3))
-    agents, rolled, refined = _refined(motions, edited, before, state, runtime.context, last=last)
+    before, most = _get_previous_refinement(state), runtime.context.budgets.refiner
+    last = before is not None and (before.attempt >= most or _has_recurred(state, 3))
+    agents, rolled, refined = _refine_motions(
+        motions, edited, before, state, runtime.context, last=last
+    )
     ran = Refinement(
         refiner="trajnet",
-        note=_told(agents) + _borrowed(refiner, runtime.context),
+        note=_summarise(agents) + _describe_foreign_weights(refiner, runtime.context),
         weights=refiner.digest,
         attempt=1 if before is None else most + 1 if last else before.attempt + 1,
-        retries=_retries(state, before),
+        retries=_count_retries(state, before),
         agents=agents,
     )
     runtime.context.tell("trajectory_refiner", f"{len(refined)} tracks, {ran.note}")
     return {
-        "edited": edited, "refined": _with_earlier(refined, state), "rolled": rolled,
+        "edited": edited, "refined": _keep_frozen_tracks(refined, state), "rolled": rolled,
         "refinement": ran,
     }  # fmt: skip
 
 
-def _edited(state: RefinerReads) -> tuple[dict[str, Motion], dict[str, Track]]:
+def _edit_motions(state: RefinerReads) -> tuple[dict[str, Motion], dict[str, Track]]:
     """Everybody's prior edited by its segments, and its track, who is seen in the scene at all."""
     selection, program = state["selection"], state["behavior"]
     anchors = {
@@ -104,17 +106,17 @@ def _edited(state: RefinerReads) -> tuple[dict[str, Motion], dict[str, Track]]:
         )
         for name, agent in selection.agents.items()
     }
-    tracks = {name: _track(name, motion, state) for name, motion in motions.items()}
+    tracks = {name: _sample_scene_track(name, motion, state) for name, motion in motions.items()}
     seen = {name: track for name, track in tracks.items() if track is not None}
     return {name: motions[name] for name in seen}, seen
 
 
-def _track(name: str, motion: Motion, state: RefinerReads) -> Track | None:
+def _sample_scene_track(name: str, motion: Motion, state: RefinerReads) -> Track | None:
     selection = state["selection"]
     return sample_track(motion, enters=selection.agents[name].enters, until=selection.duration)
 
 
-def _with_earlier(tracks: Tracks, state: RefinerReads) -> Tracks:
+def _keep_frozen_tracks(tracks: Tracks, state: RefinerReads) -> Tracks:
     """The tracks, those of an earlier version that shall stay bit for bit as they were."""
     pins = state.get("pinned")
     if pins is None or pins.earlier.duration != state["selection"].duration:
@@ -123,23 +125,23 @@ def _with_earlier(tracks: Tracks, state: RefinerReads) -> Tracks:
     return {name: same.get(name, track) for name, track in tracks.items()}
 
 
-def _before(state: RefinerReads) -> Refinement | None:
+def _get_previous_refinement(state: RefinerReads) -> Refinement | None:
     """What was tried before with these very tracks; None where they are new."""
     return state.get("refinement") if state.get("refused") is not None else None
 
 
-def _recurs(state: RefinerReads, times: int) -> bool:
+def _has_recurred(state: RefinerReads, times: int) -> bool:
     """Whether so many refinements were refused for one figure: then the prior has the fault."""
     details = [each.detail for each in state["rejections"][-times:]]
     return len(details) == times and len({*details}) == 1
 
 
-def _retries(state: RefinerReads, before: Refinement | None) -> int:
+def _count_retries(state: RefinerReads, before: Refinement | None) -> int:
     earlier = state.get("refinement")
     return (0 if earlier is None else earlier.retries) + (before is not None)
 
 
-def _refined(
+def _refine_motions(
     motions: dict[str, Motion],
     edited: Mapping[str, Track],
     before: Refinement | None,
@@ -151,10 +153,10 @@ def _refined(
     """What is done to everybody, the deviations proposed, and the tracks that come of it."""
     from scenewright.tools.trajnet_refiner.kinematic_layer import feasible
 
-    refusals = _refusals(motions, before, state)
-    named, recurs = _named(state), before is not None and _recurs(state, 2)
-    guides = guides_of(motions, state["selection"], state["behavior"])
-    rolled = _rolled(guides, refusals, before, state, context)
+    refusals = _count_refusals(motions, before, state)
+    named, recurs = _list_refused_agents(state), before is not None and _has_recurred(state, 2)
+    guides = build_guides(motions, state["selection"], state["behavior"])
+    rolled = _roll_out_agents(guides, refusals, before, state, context)
     agents: dict[str, AgentRefinement] = {}
     tracks: dict[str, Track] = {}
     for name, guide in guides.items():
@@ -163,16 +165,16 @@ def _refined(
         s, share = feasible(
             guide.s, rolled[name], kept=guide.kept, path=guide.path, kind=guide.kind, most=most
         )
-        track = _track(name, replace(motions[name], s=s), state)
+        track = _sample_scene_track(name, replace(motions[name], s=s), state)
         tracks[name] = edited[name] if track is None or most == 0.0 else track
         free = ~guide.kept & guide.within(state["selection"].duration)
-        agents[name] = _account(share[free], most, refusals[name], state.get("refused"))
+        agents[name] = _build_refinements(share[free], most, refusals[name], state.get("refused"))
         if state["selection"].agents[name].candidate.shape.type in RIDERS:
             agents[name] = agents[name].model_copy(update={"reason": NOT_TRAINED})
     return agents, rolled, tracks
 
 
-def _account(
+def _build_refinements(
     share: FloatArray, most: float, refusals: int, refused: Rejection | None
 ) -> AgentRefinement:
     """What became of one agent, whose free samples got these shares."""
@@ -185,24 +187,24 @@ def _account(
     return AgentRefinement(share=round(taken, 3), refusals=refusals, reason=reason)
 
 
-def _refusals(
+def _count_refusals(
     motions: Mapping[str, Motion], before: Refinement | None, state: RefinerReads
 ) -> dict[str, int]:
     """How often the verifier named each agent while these tracks were tried."""
     if before is None:
         return dict.fromkeys(motions, 0)
-    named = _named(state)
+    named = _list_refused_agents(state)
     earlier = {name: each.refusals for name, each in before.agents.items()}
     return {name: earlier.get(name, 0) + (name in named or not named) for name in motions}
 
 
-def _named(state: RefinerReads) -> frozenset[str]:
+def _list_refused_agents(state: RefinerReads) -> frozenset[str]:
     """Whom the verifier named last; nobody if it named none in particular."""
     refused = state.get("refused")
     return frozenset() if refused is None else frozenset(refused.agents)
 
 
-def _rolled(
+def _roll_out_agents(
     guides: dict[str, Guide],
     refusals: Mapping[str, int],
     before: Refinement | None,
@@ -213,7 +215,7 @@ def _rolled(
     from scenewright.tools.trajnet_refiner.guided import deviations
 
     known = dict(state.get("rolled", {})) if before is not None else {}
-    named = _named(state)
+    named = _list_refused_agents(state)
     anew = {n for n, count in refusals.items() if count == DRAWN_ANEW and n in named}
     if known and not anew:
         return known
@@ -229,12 +231,14 @@ def _rolled(
         guides,
         duration=state["selection"].duration,
         rng=context.rng("trajectory_refiner", state.get("rejections", [])),
-        fixed=fixed or _earlier_deviations(guides, state),
+        fixed=fixed or _list_earlier_deviations(guides, state),
     )
     return {name: known[name] if name in fixed else each for name, each in drawn.items()}
 
 
-def _earlier_deviations(guides: Mapping[str, Guide], state: RefinerReads) -> dict[str, FloatArray]:
+def _list_earlier_deviations(
+    guides: Mapping[str, Guide], state: RefinerReads
+) -> dict[str, FloatArray]:
     """How far those who stay as they were are ahead of their priors."""
     from scenewright.tools.trajnet_refiner.guided import deviation_of
 
@@ -247,13 +251,13 @@ def _earlier_deviations(guides: Mapping[str, Guide], state: RefinerReads) -> dic
     }
 
 
-def _told(agents: Mapping[str, AgentRefinement]) -> str:
+def _summarise(agents: Mapping[str, AgentRefinement]) -> str:
     """The account in a few words."""
     kept = sum(each.reason is not None for each in agents.values())
     return f"{len(agents) - kept} refined, {kept} kept as edited"
 
 
-def _borrowed(learned: Learned, context: RunContext) -> str:
+def _describe_foreign_weights(learned: Learned, context: RunContext) -> str:
     """Whose weights ran, where the intersection has none of its own."""
     own = learned.place in ("", context.intersection.name)
     return "" if own else f", with the weights of {learned.place}: there are none of its own"

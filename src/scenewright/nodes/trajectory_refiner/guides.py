@@ -33,7 +33,7 @@ FIRST = 0.8
 """How much of every track is the prior's [s]: it says how fast the agent came."""
 
 
-def guides_of(
+def build_guides(
     motions: dict[str, Motion], selection: Selection, behavior: BehaviorProgram
 ) -> dict[str, Guide]:
     """One guide for everybody, by name."""
@@ -46,7 +46,7 @@ def guides_of(
             path=motion.path,
             s=motion.s,
             enters=selection.agents[name].enters,
-            kept=_kept(motion, selection.agents[name], selection),
+            kept=_mask_kept_samples(motion, selection.agents[name], selection),
             goals=tuple(segment.end for segment in behavior.segments[name]),
             bound=name in bound or selection.agents[name].violates,
         )
@@ -54,7 +54,9 @@ def guides_of(
     }
 
 
-def _kept(motion: Motion, agent: SelectedAgent, selection: Selection) -> NDArray[np.bool_]:
+def _mask_kept_samples(
+    motion: Motion, agent: SelectedAgent, selection: Selection
+) -> NDArray[np.bool_]:
     """[T] samples at which the prior stays as it is; all of them of a class the network lacks."""
     if agent.candidate.shape.type in RIDERS:
         return np.ones(len(motion.s), dtype=np.bool_)
@@ -62,7 +64,7 @@ def _kept(motion: Motion, agent: SelectedAgent, selection: Selection) -> NDArray
     kept = np.asarray(motion.speed <= STANDING)
     for event in selection.events:
         if agent.name in event.agents:
-            begin, end = _about(event, selection)
+            begin, end = _get_event_window(event, selection)
             kept |= (times >= begin) & (times <= end)
     if agent.group or any(each.group == agent.name for each in selection.agents.values()):
         kept[:] = True  # apart from one another they would be no group
@@ -73,7 +75,7 @@ def _kept(motion: Motion, agent: SelectedAgent, selection: Selection) -> NDArray
     return kept
 
 
-def _about(event: PlannedEvent, selection: Selection) -> tuple[float, float]:
+def _get_event_window(event: PlannedEvent, selection: Selection) -> tuple[float, float]:
     """From when to when a relation is at stake; who gives way does so until it starts.
 
     Who does not stand has its times at stake like who passes narrowly.

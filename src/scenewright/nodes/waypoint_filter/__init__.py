@@ -12,25 +12,25 @@ from langgraph.runtime import Runtime
 
 from scenewright.backends import Question
 from scenewright.errors import Rejected
-from scenewright.nodes.ask import ask, latest
+from scenewright.nodes.ask import ask, list_latest_rejections
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.remaining import (
     Left,
     is_last_answer,
     leave_all,
     list_remaining,
+    list_word_facts,
     refuse_unrealised,
-    words_as_facts,
 )
 from scenewright.nodes.waypoint_filter.reply import (
     ClausesReply,
-    about,
-    extended,
-    on_the_ground,
+    extend_program,
+    ground_program,
     refuse_strangers,
     refuse_unserved,
+    select_clauses,
 )
-from scenewright.nodes.waypoint_filter.wording import worded_clauses
+from scenewright.nodes.waypoint_filter.wording import render_clauses_prompt
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import ConstraintProgram
 from scenewright.scene.frozen_agents import FrozenAgents
@@ -66,22 +66,22 @@ class FilterWrites(TypedDict):
 
 def filter_waypoints(state: FilterReads, *, runtime: Runtime[RunContext]) -> FilterWrites:
     """Writes the constraint program, with what the remaining words add, and solves it."""
-    facts = _facts(state)
+    facts = _collect_facts(state)
     program = write_program(facts)
-    added = _added(state, facts, program, runtime.context)
-    whole = extended(program, [each.clause for each in added.clauses])
+    added = _add_clauses(state, facts, program, runtime.context)
+    whole = extend_program(program, [each.clause for each in added.clauses])
     try:
-        return _solved(whole, added, facts, state, runtime.context)
+        return _solve(whole, added, facts, state, runtime.context)
     except Rejected as error:
         raise Rejected(error.rejection, kept={"added_clauses": added}) from error
 
 
 def solve_program(text: str, state: FilterReads, *, runtime: Runtime[RunContext]) -> FilterWrites:
     """Solves a constraint program that an agent has written itself, in its text form."""
-    return _solved(parse(text), AddedClauses(), _facts(state), state, runtime.context)
+    return _solve(parse(text), AddedClauses(), _collect_facts(state), state, runtime.context)
 
 
-def _solved(
+def _solve(
     program: ConstraintProgram,
     added: AddedClauses,
     facts: dict[str, Any],
@@ -91,7 +91,7 @@ def _solved(
     rejections, pool = state.get("rejections", []), state["candidates"]
     refuse_strangers(program, pool)
     refuse_unserved(program, facts["relations"])
-    program = on_the_ground(program, pool)
+    program = ground_program(program, pool)
     selection = select(
         program,
         pool,
@@ -107,7 +107,7 @@ def _solved(
     return {"added_clauses": added, "constraints": program, "selection": selection}
 
 
-def _added(
+def _add_clauses(
     state: FilterReads, facts: dict[str, Any], program: ConstraintProgram, context: RunContext
 ) -> AddedClauses:
     """The clauses of the remaining words, as known from an earlier sample or asked for.
@@ -123,7 +123,7 @@ def _added(
     if "added_clauses" in state:
         return state["added_clauses"]
     try:
-        added = _asked(left, state, facts, program, context)
+        added = _ask_for_clauses(left, state, facts, program, context)
     except Rejected as error:
         if not is_last_answer(
             context.backend, "constraints", rejections, budget=context.budgets.filter
@@ -135,27 +135,30 @@ def _added(
     return added
 
 
-def _asked(
+def _ask_for_clauses(
     left: list[Left],
     state: FilterReads,
     facts: dict[str, Any],
     program: ConstraintProgram,
     context: RunContext,
 ) -> AddedClauses:
-    told = tuple(each.detail for each in latest(state.get("rejections", []), "waypoint_filter"))
+    told = tuple(
+        each.detail
+        for each in list_latest_rejections(state.get("rejections", []), "waypoint_filter")
+    )
     asked = {
         "instruction": state["instruction"],
-        "words": words_as_facts(left, state["social_graph"]),
+        "words": list_word_facts(left, state["social_graph"]),
         "agents": facts["told"],
         "relations": facts["relations"],
-        "program": format_program(about(program, facts["told"])),
+        "program": format_program(select_clauses(program, facts["told"])),
     }
     question = Question(
         task="constraints",
         facts=asked,
         rejections=told,
         seed=context.seed,
-        wording=lambda: worded_clauses(
+        wording=lambda: render_clauses_prompt(
             asked,
             [leg.name for leg in context.intersection.legs],
             rejections=told,
@@ -166,7 +169,7 @@ def _asked(
     return reply.read([entry for entry, _ in left], asked["agents"], facts["relations"])
 
 
-def _facts(state: FilterReads) -> dict[str, Any]:
+def _collect_facts(state: FilterReads) -> dict[str, Any]:
     """The plan as it is played by the candidates: agents, relations with patterns, violators."""
     graph, pool = state["social_graph"], state["candidates"]
     played = pool.cast.patterns

@@ -10,7 +10,15 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from scenewright.errors import Rejected
 from scenewright.nodes.remaining import refuse_numbers
-from scenewright.nodes.schema import Schema, closed, listed, number, one_of, shared, whole
+from scenewright.nodes.schema import (
+    Schema,
+    build_array,
+    build_enum,
+    build_integer,
+    build_number,
+    build_object,
+    build_reference,
+)
 from scenewright.scene.candidates import CandidateSet
 from scenewright.scene.constraints import (
     Clause,
@@ -58,7 +66,7 @@ class ServingClause(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _side_by_side(cls, value: Any) -> Any:
+    def _merge_arguments(cls, value: Any) -> Any:
         if not isinstance(value, Mapping) or isinstance(value.get("clause"), Mapping):
             return value
         rest = {key: each for key, each in value.items() if key != "words"}
@@ -99,9 +107,9 @@ class ClausesReply(BaseModel):
                 for each in self.clauses
             ),
             unserved=tuple(
-                Unserved(entry=entries[number - 1], note="no clause can hold this")
-                for number in dict.fromkeys(self.cannot)
-                if number not in served
+                Unserved(entry=entries[build_number - 1], note="no clause can hold this")
+                for build_number in dict.fromkeys(self.cannot)
+                if build_number not in served
             ),
         )
 
@@ -113,7 +121,7 @@ def _refuse_unoffered(
     for name in named:
         if name not in agents:
             who = ", ".join(sorted(agents))
-            raise _refused((), f"{format_clause(clause)}: agents are {who}")
+            raise _build_rejection((), f"{format_clause(clause)}: agents are {who}")
     kinds = {
         kind
         for each in relations
@@ -121,30 +129,31 @@ def _refuse_unoffered(
         for kind in _OFFERED[each["type"]]
     }
     if clause.clause not in (_ALONE if isinstance(clause, UnaryClause) else kinds):
-        raise _refused(tuple(map(str, named)), f"{format_clause(clause)} is not offered")
+        raise _build_rejection(tuple(map(str, named)), f"{format_clause(clause)} is not offered")
 
 
-_AGENT: dict[str, Schema] = {"agent": shared("agent")}
-_RANGE = {"low": number(0, 20), "high": number(0.1, 20)}
+_AGENT: dict[str, Schema] = {"agent": build_reference("agent")}
+_RANGE = {"low": build_number(0, 20), "high": build_number(0.1, 20)}
 _KEYS: dict[str, dict[str, Schema]] = {
     "speed": _AGENT | _RANGE,
-    "passes_through": _AGENT | {"region": one_of(("crosswalk", "leg")), "leg": shared("leg")},
+    "passes_through": _AGENT
+    | {"region": build_enum(("crosswalk", "leg")), "leg": build_reference("leg")},
     "before": {},
     "time_gap": _RANGE,
     "headway": _RANGE,
-    "near": {"metres": number(0.1, 200)},
+    "near": {"metres": build_number(0.1, 200)},
 }
 """By clause: its keys, but for the agents of a pair."""
 
 
-def offered(relations: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, ...]]:
+def list_offered_kinds(relations: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, ...]]:
     """The clauses that words may ask for in a scene of these relations, each with its keys."""
     pair = dict.fromkeys(kind for each in relations for kind in _OFFERED[each["type"]])
     keys = {kind: tuple(_KEYS[kind]) for kind in _ALONE}
     return keys | {kind: ("first", "second", *_KEYS[kind]) for kind in pair}
 
 
-def clauses_schema(
+def build_clauses_schema(
     agents: Sequence[Mapping[str, str]],
     legs: Sequence[str],
     relations: Sequence[Mapping[str, Any]],
@@ -155,24 +164,24 @@ def clauses_schema(
     Args:
         count: of the words, which are numbered from 1.
     """
-    words = {"words": shared("words")}
-    forms = [_form((kind,), words | _KEYS[kind]) for kind in _ALONE]
+    words = {"words": build_reference("words")}
+    forms = [_build_clause_schema((kind,), words | _KEYS[kind]) for kind in _ALONE]
     for each in relations:
-        ends = one_of((each["from"], each["to"]))
-        for kinds in _alike(_OFFERED[each["type"]]):
+        ends = build_enum((each["from"], each["to"]))
+        for kinds in _group_alike_kinds(_OFFERED[each["type"]]):
             pair = {"first": ends, "second": ends, **_KEYS[kinds[0]]}
-            forms.append(_form(kinds, words | pair))
+            forms.append(_build_clause_schema(kinds, words | pair))
     defs = {
-        "words": whole(1, count),
-        "agent": one_of(agent["id"] for agent in agents),
-        "leg": one_of(legs),
+        "words": build_integer(1, count),
+        "agent": build_enum(agent["id"] for agent in agents),
+        "leg": build_enum(legs),
     }
-    clauses = listed({"anyOf": forms}, most=2 * count + 4)
-    keys = {"clauses": clauses, "cannot": listed(shared("words"), most=count)}
-    return closed(keys, required=("clauses", "cannot"), defs=defs)
+    clauses = build_array({"anyOf": forms}, most=2 * count + 4)
+    keys = {"clauses": clauses, "cannot": build_array(build_reference("words"), most=count)}
+    return build_object(keys, required=("clauses", "cannot"), defs=defs)
 
 
-def _alike(kinds: Sequence[str]) -> list[tuple[str, ...]]:
+def _group_alike_kinds(kinds: Sequence[str]) -> list[tuple[str, ...]]:
     """The clauses, those of the same keys together."""
     alike: dict[tuple[str, ...], list[str]] = {}
     for kind in kinds:
@@ -180,32 +189,36 @@ def _alike(kinds: Sequence[str]) -> list[tuple[str, ...]]:
     return [tuple(each) for each in alike.values()]
 
 
-def _form(kinds: Sequence[str], keys: Mapping[str, Schema]) -> Schema:
-    return closed({"clause": one_of(kinds), **keys}, required=("clause", *keys))
+def _build_clause_schema(kinds: Sequence[str], keys: Mapping[str, Schema]) -> Schema:
+    return build_object({"clause": build_enum(kinds), **keys}, required=("clause", *keys))
 
 
-def extended(program: ConstraintProgram, added: Sequence[Clause]) -> ConstraintProgram:
+def extend_program(program: ConstraintProgram, added: Sequence[Clause]) -> ConstraintProgram:
     """The program with clauses added; a bound that is told replaces the written one."""
-    told = {_about(each) for each in added if each.clause in _RANGED}
-    kept = [each for each in program.clauses if _about(each) not in told]
+    told = {_get_subject(each) for each in added if each.clause in _RANGED}
+    kept = [each for each in program.clauses if _get_subject(each) not in told]
     kept += [each for each in added if each not in kept]
     return ConstraintProgram(clauses=tuple(kept)) if added else program
 
 
-def about(program: ConstraintProgram, agents: Sequence[Mapping[str, str]]) -> ConstraintProgram:
+def select_clauses(
+    program: ConstraintProgram, agents: Sequence[Mapping[str, str]]
+) -> ConstraintProgram:
     """The clauses about these agents, but for those that keep them on their ground."""
     names = {each["id"] for each in agents}
-    kept = (c for c in program.clauses if not isinstance(c, _GROUND) and _about(c)[1] <= names)
+    kept = (
+        c for c in program.clauses if not isinstance(c, _GROUND) and _get_subject(c)[1] <= names
+    )
     return ConstraintProgram(clauses=tuple(kept))
 
 
-def _about(clause: Clause) -> tuple[str, frozenset[str]]:
+def _get_subject(clause: Clause) -> tuple[str, frozenset[str]]:
     if isinstance(clause, UnaryClause):
         return clause.clause, frozenset({clause.agent})
     return clause.clause, frozenset({clause.first, clause.second or clause.first})
 
 
-def on_the_ground(program: ConstraintProgram, pool: CandidateSet) -> ConstraintProgram:
+def ground_program(program: ConstraintProgram, pool: CandidateSet) -> ConstraintProgram:
     """The program and, for everybody of whom it says nothing, that the way lies on the ground."""
     said = {clause.agent for clause in program.clauses if isinstance(clause, _GROUND)}
     missing: list[Clause] = []
@@ -228,7 +241,9 @@ def refuse_strangers(program: ConstraintProgram, pool: CandidateSet) -> None:
         )
         for name in named:
             if name is not None and name not in pool.agents:
-                raise _refused((name,), f"{format_clause(clause)}: there is no {name} in the scene")
+                raise _build_rejection(
+                    (name,), f"{format_clause(clause)}: there is no {name} in the scene"
+                )
 
 
 def refuse_unserved(program: ConstraintProgram, relations: Sequence[Mapping[str, Any]]) -> None:
@@ -251,12 +266,12 @@ def refuse_unserved(program: ConstraintProgram, relations: Sequence[Mapping[str,
             for word in words
         ):
             needed = " or ".join(f"{word}({first}, {second})" for word in words)
-            raise _refused(
+            raise _build_rejection(
                 (first, second), f"{relation['type']} of {first} and {second} lacks {needed}"
             )
 
 
-def _refused(agents: tuple[str, ...], detail: str) -> Rejected:
+def _build_rejection(agents: tuple[str, ...], detail: str) -> Rejected:
     return Rejected(
         Rejection(stage="waypoint_filter", code="malformed_program", agents=agents, detail=detail)
     )

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from scenewright.backends import Wording
-from scenewright.nodes.waypoint_filter.reply import clauses_schema, offered
+from scenewright.nodes.waypoint_filter.reply import build_clauses_schema, list_offered_kinds
 from scenewright.nodes.wording import (
-    faults_told,
-    quoted,
-    worded,
-    words_told,
+    format_rejections,
+    format_words,
+    quote_text,
+    render_prompt,
 )
 
 _MEANS = {
@@ -24,7 +24,7 @@ _MEANS = {
 }
 
 
-def worded_clauses(
+def render_clauses_prompt(
     facts: Mapping[str, Any],
     legs: Sequence[str],
     *,
@@ -32,15 +32,15 @@ def worded_clauses(
 ) -> Wording:
     """What a model is asked for clauses, and the schema of its reply."""
     agents, relations, words = facts["agents"], facts["relations"], facts["words"]
-    offer = offered(relations)
+    offer = list_offered_kinds(relations)
     values = {
         "clauses": "\n".join(f"{k}({', '.join(keys)}): {_MEANS[k]}" for k, keys in offer.items()),
         "agents": ", ".join(f"{each['id']} ({each['movement']})" for each in agents) or "none",
         "relations": "; ".join(f"{e['from']} {e['type']} {e['to']}" for e in relations) or "none",
         "program": "; ".join(facts["program"].splitlines()),
-        "words": words_told(words),
-        "instruction": quoted(facts["instruction"]),
-        "faults": faults_told(rejections),
+        "words": format_words(words),
+        "instruction": quote_text(facts["instruction"]),
+        "faults": format_rejections(rejections),
     }
-    schema = clauses_schema(agents, legs, relations, len(words))
-    return worded("waypoint_filter", "prompt.md", values, schema=schema)
+    schema = build_clauses_schema(agents, legs, relations, len(words))
+    return render_prompt("waypoint_filter", "prompt.md", values, schema=schema)

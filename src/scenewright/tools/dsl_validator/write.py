@@ -2,37 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from scenewright.scene.constraints import ConstraintProgram
-from scenewright.scene.measures import UNITS, Measure, get_aim
+from pydantic import TypeAdapter, ValidationError
+
+from scenewright.errors import Rejected
+from scenewright.scene.constraints import (
+    Before,
+    BrakesFor,
+    Clause,
+    ConstraintProgram,
+    Contact,
+    Headway,
+    NoReaction,
+    OnRoad,
+    OnWalkable,
+    Pauses,
+    RunsRed,
+    RunsYellow,
+    SpeedBetween,
+    StopsBehind,
+    TimeGap,
+)
+from scenewright.scene.measures import Measure, get_aim
+from scenewright.scene.rejection import Rejection
 from scenewright.scene.relations import Pattern, get_pattern
 from scenewright.tools.dsl_validator.parse import parse
 
+_CLAUSE: TypeAdapter[Clause] = TypeAdapter(Clause)
 _PET_BAND, _TTC_BAND = 0.05, 0.08
 """How far from the PET and the TTC asked for the clauses may be met [s]."""
 
 _NEAR_MISS_PET = 1.4
-"""A longer PET is a near miss only where somebody brakes hard [s] (SEMANTICS 4, less a margin)."""
+"""A longer PET is a near miss only where an agent brakes hard [s] (SEMANTICS 4, less a margin)."""
 
 _SHORT_HEADWAY = (0.9, 1.5)
 """Behind a leader whose way ends in a collision, so that there is time to be seen following [s]."""
 
 _ANY_HEADWAY = (0.7, 3.4)
-"""Of who runs into its leader while that gives way [s]."""
+"""Of a vehicle that runs into its leader while that gives way [s]."""
 
-_RUN = "speed({}) in [2.5, 4.2] m/s"
-_MOTIONS = {
-    "runs": _RUN,
-    "darts_out": _RUN,
-    "stops_midway": "pauses({})",
-    "passes_yellow": "runs_yellow({})",
-}
-"""By motion of an agent: the clause that brings it about."""
+_RUNNING = (2.5, 4.2)
+"""Speeds of a running pedestrian [m/s]."""
 
 _CLOSE_CALL = (0.7, 1.35)
 """Path TTC of a vehicle that brakes hard, where the text names none [s]."""
+
+_BETWEEN_EQUALS = ("rear_end", "sideswipe", "head_on")
+"""Contacts that keep the pattern's roles, whichever of the two strikes the other."""
 
 
 def write_program(facts: Mapping[str, Any]) -> ConstraintProgram:
@@ -41,160 +59,202 @@ def write_program(facts: Mapping[str, Any]) -> ConstraintProgram:
     Args:
         facts: `relations` with their patterns and severity, `agents`, `violators`, who run a red
             light, and `measures`, the figures asked for, as plain values.
+
+    Raises:
+        Rejected: `malformed_program`: a figure that no clause can hold.
     """
-    return parse(_lines(facts))
+    try:
+        return ConstraintProgram(clauses=tuple(dict.fromkeys(_list_clauses(facts))))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        detail = f"{error.title}: {'.'.join(map(str, first['loc']))}: {first['msg']}"
+        rejection = Rejection(stage="waypoint_filter", code="malformed_program", detail=detail)
+        raise Rejected(rejection) from error
 
 
-def _lines(facts: Mapping[str, Any]) -> str:
-    """Every relation's clauses, in order, then where everybody stays and who runs red."""
-    lines: list[str] = []
+def _list_clauses(facts: Mapping[str, Any]) -> list[Clause]:
+    """Every relation's clauses, in order, then where the agents stay and which run red."""
+    found: list[Clause] = []
     for relation in facts["relations"]:
-        clauses = _clauses(get_pattern(relation["pattern"]), relation)
-        lines += [_headway(line, relation, facts["relations"]) for line in clauses]
+        clauses = _list_relation_clauses(get_pattern(relation["pattern"]), relation)
+        found += [_adapt_headway(each, relation, facts["relations"]) for each in clauses]
     for each in facts.get("measures", ()):
-        lines = _measured(Measure.model_validate(each), lines)
+        found = _add_measure(Measure.model_validate(each), found)
     for agent in facts["agents"]:
-        name = agent["id"]
-        if agent["movement"] != "jaywalking":
-            walks = agent["movement"] == "crossing"
-            lines.append(f"{'on_walkable' if walks else 'on_road'}({name})")
-    lines += [_MOTIONS[each["motion"]].format(each["id"]) for each in facts.get("motions", ())]
-    lines += [f"no_reaction({name})" for name in facts.get("unreacting", ())]
-    for agent in facts["violators"]:
-        lines.append(f"runs_red({agent})")
-    return "\n".join(dict.fromkeys(lines))
+        if agent["movement"] == "crossing":
+            found.append(OnWalkable(agent=agent["id"]))
+        elif agent["movement"] != "jaywalking":
+            found.append(OnRoad(agent=agent["id"]))
+    found += [_build_motion(each["id"], each["motion"]) for each in facts.get("motions", ())]
+    found += [NoReaction(agent=name) for name in facts.get("unreacting", ())]
+    return found + [RunsRed(agent=name) for name in facts["violators"]]
 
 
-def _headway(line: str, follow: dict[str, Any], relations: list[dict[str, Any]]) -> str:
+def _build_motion(agent: str, motion: str) -> Clause:
+    """The clause that brings a motion of an agent about."""
+    match motion:
+        case "stops_midway":
+            return Pauses(agent=agent)
+        case "passes_yellow":
+            return RunsYellow(agent=agent)
+    low, high = _RUNNING
+    return SpeedBetween(agent=agent, low=low, high=high)
+
+
+def _change(clause: Clause, **values: Any) -> Clause:
+    """The clause with other values, validated again."""
+    return _CLAUSE.validate_python({**clause.model_dump(), **values})
+
+
+def _adapt_headway(
+    clause: Clause, follow: dict[str, Any], relations: Sequence[dict[str, Any]]
+) -> Clause:
     """The clause, if it is a headway, as what else happens to the leader allows it."""
     pair = {follow["from"], follow["to"]}
     hits = [each for each in relations if each["type"] == "collide_at"]
     hits = [each for each in hits if follow["to"] in (each["from"], each["to"])]
-    if not line.startswith("headway(") or not hits:
-        return line
+    if not isinstance(clause, Headway) or not hits:
+        return clause
     waits = any(r["type"] == "yield_to" and r["from"] == follow["to"] for r in relations)
     if {hits[0]["from"], hits[0]["to"]} != pair:
         low, high = _SHORT_HEADWAY
     elif waits:
         low, high = _ANY_HEADWAY
     else:
-        return line
-    return f"{line.partition(' in ')[0]} in [{low:g}, {high:g}] s"
+        return clause
+    return _change(clause, low=low, high=high)
 
 
 _CLAUSES = {"pet": "time_gap", "ttc": "brakes_for"}
 """Clauses by measures that are called otherwise."""
 
 
-def _measured(measure: Measure, lines: list[str]) -> list[str]:
-    """The program's lines with the measure; a bound that is told takes the place of the written."""
+def _add_measure(measure: Measure, clauses: list[Clause]) -> list[Clause]:
+    """The clauses with the measure; a bound that the text names takes the place of the file's."""
     name = _CLAUSES.get(measure.kind, measure.kind)
-    low, high = get_aim(measure)
-    bounds = f" in [{low:.4g}, {high:.4g}] {UNITS[measure.kind].unit}"
-    pairs = [f"{measure.agent}, {measure.other}", f"{measure.other}, {measure.agent}"]
-    heads = [f"{name}({pair})" for pair in pairs] if measure.other else [f"{name}({measure.agent})"]
-    head = next((head for head in heads if any(head in line for line in lines)), heads[0])
-    if name == "headway":
-        lines = [*lines, f"time_headway({pairs[0]}){bounds}"]
-    if name == "speed":
-        lines = [*lines, f"kept_speed({measure.agent}){bounds}"]
-    if name == "brakes_for" and not any(head in line for line in lines):
+    agents = {"agent": measure.agent}
+    if measure.other is not None:
+        agents = {"first": measure.agent, "second": measure.other}
+    written = [each for each in clauses if _is_about(each, name, agents)]
+    kept = [each for each in clauses if each not in written]
+    if name == "brakes_for" and not written:
         # Without hard braking, the figure is looked at on what comes about.
-        return [*lines, f"ttc({pairs[0]}){bounds}"]
-    return [*(line for line in lines if not line.startswith(head)), head + bounds]
+        return [*kept, _build_figure("ttc", agents, measure)]
+    if name in _BESIDE:
+        kept.append(_build_figure(_BESIDE[name], agents, measure))
+    if written:
+        agents = {key: getattr(written[0], key) for key in agents}
+    return [*kept, _build_figure(name, agents, measure)]
 
 
-def _clauses(pattern: Pattern, relation: dict[str, Any]) -> list[str]:
+_BESIDE = {"headway": "time_headway", "speed": "kept_speed"}
+"""Clauses on the finished motion, beside those that candidates are chosen by."""
+
+
+def _is_about(clause: Clause, name: str, agents: Mapping[str, str]) -> bool:
+    """Whether it is a clause of that name about these agents, in either order."""
+    held = {getattr(clause, key, None) for key in agents}
+    return clause.clause == name and held == set(agents.values())
+
+
+def _build_figure(name: str, agents: Mapping[str, str], measure: Measure) -> Clause:
+    low, high = (float(f"{bound:.4g}") for bound in get_aim(measure))
+    return _CLAUSE.validate_python({"clause": name, **agents, "low": low, "high": high})
+
+
+def _list_relation_clauses(pattern: Pattern, relation: dict[str, Any]) -> list[Clause]:
     """The pattern's clauses, with the severity that the relation asks for."""
-    names = {"from_": relation["from"], "to": relation["to"]}
-    struck = {"from_": relation["striker"], "to": relation["struck"]}
-    lines = [
-        pattern.filled(line, **(struck if _names_striker(line) else names))
-        for line in pattern.clauses
-    ]
+    clauses = _fill_pattern(pattern, relation)
     first = relation.get("first") or (relation[pattern.order] if pattern.order else None)
     if relation["type"] == "collide_at":
-        lines = [
-            _contact(each, relation) if each.startswith("contact(") else each for each in lines
-        ]
-        return [*lines, *_before(relation)]
+        found = [_adapt_contact(e, relation) if isinstance(e, Contact) else e for e in clauses]
+        return [*found, *_list_order(relation)]
     if pattern.manoeuvre == "lead_brakes":
-        return [_stop(line, relation) for line in lines]
+        return [_adapt_stop(each, relation) for each in clauses]
     if relation["type"] == "near_miss":
-        return _near_miss([*lines, *_before(relation)], relation, first=first)
+        return _adapt_near_miss([*clauses, *_list_order(relation)], relation, first=first)
     pet = relation["target_pet"] if relation["type"] == "yield_to" else None
-    return lines if pet is None else [*lines, _time_gap(relation, pet)]
+    return clauses if pet is None else [*clauses, _build_time_gap(relation, pet)]
 
 
-def _before(relation: dict[str, Any]) -> list[str]:
+def _fill_pattern(pattern: Pattern, relation: dict[str, Any]) -> list[Clause]:
+    """The file's clauses about these agents; a contact names the striker first."""
+    names = {"from_": relation["from"], "to": relation["to"]}
+    lines = "\n".join(pattern.filled(line, **names) for line in pattern.clauses)
+    parts = {relation["from"]: relation["striker"], relation["to"]: relation["struck"]}
+    return [
+        _change(each, first=parts[each.first], second=parts[each.second])
+        if isinstance(each, Contact) and each.kind not in _BETWEEN_EQUALS
+        else each
+        for each in parse(lines).clauses
+    ]
+
+
+def _list_order(relation: dict[str, Any]) -> list[Clause]:
     """The order of passing that the text asks for."""
     first, names = relation.get("first"), [relation["from"], relation["to"]]
     if first is None:
         return []
     names.sort(key=lambda name: name != first)
-    return [f"before({', '.join(names)})"]
+    return [Before(first=names[0], second=names[1])]
 
 
-def _near_miss(lines: list[str], relation: dict[str, Any], *, first: str | None) -> list[str]:
+def _adapt_near_miss(
+    clauses: list[Clause], relation: dict[str, Any], *, first: str | None
+) -> list[Clause]:
     """A gap in time; or hard braking, where the text speaks of it, of a TTC or of a longer PET."""
     pet, ttc = relation["target_pet"], relation["target_ttc"]
     brakes = ttc is not None or relation["cause"] == "late_brake"
     brakes = brakes or (pet is not None and pet > _NEAR_MISS_PET)
     if pet is None and not brakes:
-        return lines
-    # Who brakes lets the other pass first; the clause for that says so by itself.
-    dropped = ("time_gap(", "brakes_for(", "before(") if brakes else ("time_gap(",)
-    kept = [line for line in lines if not line.startswith(dropped)]
+        return clauses
+    # An agent that brakes lets the other pass first; the clause for that says so by itself.
+    dropped = (TimeGap, BrakesFor, Before) if brakes else (TimeGap,)
+    kept = [each for each in clauses if not isinstance(each, dropped)]
     if brakes:
-        kept.append(_brakes_for(relation, ttc, first=first))
-    return kept if pet is None else [*kept, _time_gap(relation, pet)]
+        kept.append(_build_brakes_for(relation, ttc, first=first))
+    return kept if pet is None else [*kept, _build_time_gap(relation, pet)]
 
 
-def _brakes_for(relation: dict[str, Any], ttc: float | None, *, first: str | None) -> str:
+def _build_brakes_for(
+    relation: dict[str, Any], ttc: float | None, *, first: str | None
+) -> BrakesFor:
     """The named braker, else who passes second, else the first vehicle; a TTC may be free."""
     names = [relation["striker"], relation["struck"]]
     names.sort(key=lambda name: name == first)
     names.sort(key=lambda name: not name.startswith("vehicle"))
     names.sort(key=lambda name: name != relation.get("braker"))
-    low, high = _CLOSE_CALL if ttc is None else _around(ttc, _TTC_BAND)
-    return f"brakes_for({', '.join(names)}) in [{low:g}, {high:g}] s"
+    low, high = _CLOSE_CALL if ttc is None else _widen(ttc, _TTC_BAND)
+    return BrakesFor(first=names[0], second=names[1], low=low, high=high)
 
 
-def _stop(line: str, relation: dict[str, Any]) -> str:
+def _adapt_stop(clause: Clause, relation: dict[str, Any]) -> Clause:
     """The clause, if it is a stop behind the leader, with the path TTC asked for."""
     ttc = relation["target_ttc"]
-    if ttc is None or not line.startswith("stops_behind("):
-        return line
-    low, high = _around(ttc, _TTC_BAND)
-    return f"{line.partition(' in ')[0]} in [{low:g}, {high:g}] s"
+    if ttc is None or not isinstance(clause, StopsBehind):
+        return clause
+    low, high = _widen(ttc, _TTC_BAND)
+    return _change(clause, low=low, high=high)
 
 
-def _time_gap(relation: dict[str, Any], pet: float) -> str:
-    low, high = _around(pet, _PET_BAND)
-    return f"time_gap({relation['from']}, {relation['to']}) in [{low:g}, {high:g}] s"
+def _build_time_gap(relation: dict[str, Any], pet: float) -> TimeGap:
+    low, high = _widen(pet, _PET_BAND)
+    return TimeGap(first=relation["from"], second=relation["to"], low=low, high=high)
 
 
-def _around(target: float, band: float) -> tuple[float, float]:
+def _widen(target: float, band: float) -> tuple[float, float]:
     return round(max(target - band, 0.0), 3), round(target + band, 3)
 
 
-def _contact(line: str, relation: dict[str, Any]) -> str:
+def _adapt_contact(clause: Contact, relation: dict[str, Any]) -> Clause:
     """The contact clause with the speed, the points of impact and the braking asked for."""
-    speed = relation["impact_speed"]
-    line, _, cause = line.partition(") ")
-    line = line.removesuffix(")") + (")" if speed is None else f", {speed:g} m/s)")
     points = {relation["striker"]: relation["point_from"], relation["struck"]: relation["point_to"]}
-    first = line[len("contact(") :].split(",")[0]
-    second = next(name for name in points if name != first)
-    for word, name in (("with", first), ("on", second)):
-        line += f" {word} {points[name]}" if points[name] is not None else ""
-    late = relation["cause"] == "late_brake" and first.startswith("vehicle")
-    cause = "late_brake" if late else cause
-    return f"{line} {cause}" if cause else line
-
-
-def _names_striker(line: str) -> bool:
-    """Contacts in which one drives into the other, whoever plays which role of the pattern."""
-    return line.startswith("contact(") and not any(
-        kind in line for kind in ("rear_end", "sideswipe", "head_on")
-    )
+    late = relation["cause"] == "late_brake" and clause.first.startswith("vehicle")
+    speed = relation["impact_speed"]
+    asked = {
+        "speed": None if speed is None else float(f"{speed:.6g}"),
+        "point_first": points[clause.first],
+        "point_second": points[clause.second],
+        "cause": "late_brake" if late else None,
+    }
+    return _change(clause, **{key: value for key, value in asked.items() if value is not None})
