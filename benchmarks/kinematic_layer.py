@@ -38,7 +38,7 @@ from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.relation_checker import check
 from scenewright.tools.track_io import load_recordings
 from scenewright.tools.trajnet_refiner import kinematic_layer
-from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
 
 PLACE = "amsterdam_120"
 FIRST_SEED = 9_000
@@ -59,7 +59,7 @@ def refined(state: Mapping[str, Any], seed: int) -> SceneRecord:
     """The scene with its tracks refined once, whatever the checker says of them."""
     context = RunContext(
         load_backend("builtin"), ground_of(PLACE), load_priors(PLACE), seed,
-        refiner="trajnet", learned=bundled_refiner(PLACE),
+        refiner="trajnet", learned=load_bundled_refiner(PLACE),
     )  # fmt: skip
     made = refine_trajectories(state, runtime=SimpleNamespace(context=context))  # type: ignore[arg-type]
     return record(state, made["refined"])
@@ -75,17 +75,17 @@ def record(state: Mapping[str, Any], tracks: Mapping[str, Any]) -> SceneRecord:
 @contextmanager
 def no_layer() -> Iterator[None]:
     """Within, proposals go as they are, but where the prior is kept or one would go back."""
-    known = kinematic_layer.feasible
+    known = kinematic_layer.limit_deviation
 
     def bare(prior: Any, deviation: Any, *, kept: Any, path: Any, **_: Any) -> tuple[Any, Any]:
         s = np.where(kept, prior, np.maximum.accumulate(prior + deviation))
         return np.clip(s, 0.0, path.length), np.where(kept, 0.0, 1.0)
 
-    kinematic_layer.feasible = bare
+    kinematic_layer.limit_deviation = bare
     try:
         yield
     finally:
-        kinematic_layer.feasible = known
+        kinematic_layer.limit_deviation = known
 
 
 def broken(scenes: Sequence[SceneRecord]) -> Share:

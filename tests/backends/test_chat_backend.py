@@ -27,7 +27,7 @@ from leaving import YIELD
 from scenewright import synthesize, verify
 from scenewright.backends import Question, Wording, load_backend
 from scenewright.backends.chat import ChatModel, Limits, chat_model, naming, patience, transport
-from scenewright.backends.chat.patience import Patience
+from scenewright.backends.chat.patience import RetryPolicy
 from scenewright.backends.spoken import Spoken
 from scenewright.cli.main import main
 from scenewright.errors import BackendFault, InputError, Rejected
@@ -40,7 +40,7 @@ SLOW = ("timeout", "drips")
 
 
 def model(server: Server, *, at_once: int = 8, timeout: float = 30.0) -> ChatModel:
-    limits = Limits(timeout=timeout, at_once=at_once, patience=Patience(attempts=ATTEMPTS))
+    limits = Limits(timeout=timeout, at_once=at_once, patience=RetryPolicy(attempts=ATTEMPTS))
     endpoint = chat_model(
         "openai:m", base_url=server.url, timeout=timeout, max_tokens=3000, most_bytes=6_000_000
     )
@@ -340,11 +340,11 @@ def test_garbled_numbers_are_no_answers(server: Server) -> None:
 
 
 def anthropic(server: Server) -> ChatModel:
-    made = naming._anthropic(
+    made = naming._load_anthropic(
         "m", key=KEY, base_url=server.url.removesuffix("/v1"), timeout=30.0, max_tokens=3000,
         most_bytes=0,
     )  # fmt: skip
-    limits = Limits(patience=Patience(attempts=ATTEMPTS))
+    limits = Limits(patience=RetryPolicy(attempts=ATTEMPTS))
     return ChatModel(naming.Endpoint(made, "anthropic:m", KEY), limits=limits)
 
 
@@ -478,4 +478,4 @@ def test_a_proxy_is_the_environments(
     for name in ("HTTP_PROXY", "HTTPS_PROXY"):
         monkeypatch.setenv(name, "http://127.0.0.1:3128")
     monkeypatch.setenv("NO_PROXY", "inside.example")
-    assert transport._proxy_for(url) == proxy
+    assert transport._find_proxy(url) == proxy

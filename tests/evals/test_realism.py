@@ -72,7 +72,7 @@ def test_a_shift_is_as_far_as_it_shifts(first, by):
 
 
 def test_without_values_there_is_no_distance():
-    empty, one = Sample.of([[], []]), Sample.of([[1.0, 2.0]])
+    empty, one = Sample.join_parts([[], []]), Sample.join_parts([[1.0, 2.0]])
     rng = np.random.default_rng(0)
     assert wasserstein(empty.values, one.values) is None
     assert distance(empty, one, draws=5, rng=rng) is None
@@ -81,15 +81,17 @@ def test_without_values_there_is_no_distance():
 
 
 def test_clusters_can_be_taken_out():
-    sample = Sample.of([[1.0, 2.0], [], [3.0], [4.0, 5.0]])
-    part = sample.only(np.array([3, 0]))
+    sample = Sample.join_parts([[1.0, 2.0], [], [3.0], [4.0, 5.0]])
+    part = sample.select(np.array([3, 0]))
     assert sorted(part.values) == [1.0, 2.0, 4.0, 5.0]
     assert part.cluster[part.values == 4.0].tolist() == [0]
     assert part.clusters == 2
 
 
 def clustered(rng, count, *, mean=0.0, spread=1.0, between=0.0):
-    return Sample.of([rng.normal(mean + rng.normal(0, between), spread, 20) for _ in range(count)])
+    return Sample.join_parts(
+        [rng.normal(mean + rng.normal(0, between), spread, 20) for _ in range(count)]
+    )
 
 
 def test_intervals_hold_the_distance_and_widen_with_clusters():
@@ -106,7 +108,10 @@ def test_intervals_hold_the_distance_and_widen_with_clusters():
 
 def test_resampling_one_cluster_each_gives_the_distance_itself():
     rng = np.random.default_rng(2)
-    one, two = Sample.of([rng.normal(0, 1, 500)]), Sample.of([rng.normal(1, 1, 500)])
+    one, two = (
+        Sample.join_parts([rng.normal(0, 1, 500)]),
+        Sample.join_parts([rng.normal(1, 1, 500)]),
+    )
     again = resample_distances(one, two, draws=3, rng=rng)
     assert again == pytest.approx(wasserstein(one.values, two.values), abs=0.01)
 
@@ -114,7 +119,7 @@ def test_resampling_one_cluster_each_gives_the_distance_itself():
 def test_chance_falls_with_size_and_knows_clusters():
     rng = np.random.default_rng(3)
     loose, tied = clustered(rng, 200), clustered(rng, 200, between=1.0)
-    small, large = Sample.of([np.zeros(100)]), Sample.of([np.zeros(1600)])
+    small, large = Sample.join_parts([np.zeros(100)]), Sample.join_parts([np.zeros(1600)])
     few, many = (compute_chance(s, loose, draws=100, rng=rng)[0] for s in (small, large))
     assert few > 2 * many
     assert compute_chance(large, tied, draws=100, rng=rng)[0] > 2 * many
@@ -403,7 +408,7 @@ def test_the_corpus_against_itself_and_against_a_faster_one(intersection_map):
     between = [(r.distance, r.between_means) for r in report.rows if r.distance is not None]
     assert all(least <= d.value + 1e-9 for d, least in between if least is not None)
     assert json.loads(json.dumps(report.to_json(), allow_nan=False))["rows"]
-    assert "| vehicle | speed | fast | 2.0" in report.markdown()
+    assert "| vehicle | speed | fast | 2.0" in report.format_markdown()
     assert report.facts["same: scenes"] == 2
 
 

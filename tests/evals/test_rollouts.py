@@ -68,7 +68,7 @@ def test_a_network_that_has_learned_nothing_keeps_even_motion_even():
     assert second[1] < 5.0
     rows = list(compare_methods(build_methods(net), [recording()], most=5))
     assert [row.before_end for row in rows] == list(BEFORE_END)
-    lines = [line for row in rows for line in row.lines("here")]
+    lines = [line for row in rows for line in row.format_lines("here")]
     assert len(lines) == 3 * len(BEFORE_END)
     assert all(line.count("|") == 9 for line in lines)
 

@@ -34,18 +34,18 @@ from scenewright.authoring.read_turn import (
 from scenewright.authoring.thread_state import Heading, Pending, Refused, ThreadState, Version
 from scenewright.authoring.turn_kind import TurnKind, classify_turn
 from scenewright.authoring.versions import Made, Setting, begin, change
-from scenewright.backends import Account, Backend, Call, speaker
+from scenewright.backends import Account, Backend, Call, get_backend_of_task
 from scenewright.backends.offline import answered, begins_anew
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
+    ProgressCallback,
     Scene,
-    Tell,
     check_arguments,
     check_time_limit,
+    encode_proof,
+    encode_scene,
     json_bytes,
-    paid_by_task,
-    proof_bytes,
-    scene_bytes,
+    sum_costs_by_task,
 )
 from scenewright.intersections import load_map
 from scenewright.memory.products import deserialize_version, serialize_version
@@ -91,14 +91,14 @@ class SessionContext:
     """What a turn happens in.
 
     Attributes:
-        backend: who plans and reasons; tell: called with (stage, line) as the turn goes.
+        backend: the planner and reasoner; log: called with (stage, line) as the turn goes.
         recall: finds accepted answers to requests like this one, for prompts.
         time_limit: longest that a turn may compute [s].
     """
 
     threads: Threads
     backend: Backend
-    tell: Tell = field(default=lambda _stage, _line: None)
+    log: ProgressCallback = field(default=lambda _stage, _line: None)
     recall: ExampleRetriever = recall_nothing
     time_limit: float = DEFAULT_LIMIT
 
@@ -139,7 +139,7 @@ class Session:
         *,
         backend: Backend,
         setting: Heading,
-        tell: Tell | None = None,
+        log: ProgressCallback | None = None,
         recall: ExampleRetriever | None = None,
         time_limit: float = DEFAULT_LIMIT,
     ) -> None:
@@ -149,7 +149,7 @@ class Session:
         self._context = SessionContext(
             threads,
             backend,
-            tell or (lambda _stage, _line: None),
+            log or (lambda _stage, _line: None),
             recall or recall_nothing,
             time_limit,
         )
@@ -338,7 +338,10 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     calls: list[Call] = []
     reading = _read(words, chosen, state, runtime.context, account=calls.append)
     pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None
-    if isinstance(reading, NewScene) and speaker(runtime.context.backend, "plan").deterministic:
+    if (
+        isinstance(reading, NewScene)
+        and get_backend_of_task(runtime.context.backend, "plan").deterministic
+    ):
         intersection_map = load_map(state["heading"]["intersection"])
         reading = ask_what_is_meant(words, intersection_map) or reading
     lost = isinstance(reading, DeclinedTurn) and reading.code in ("no_change", "out_of_scope")
@@ -349,7 +352,7 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     plain = reading.model_dump(mode="json", by_alias=True)
     asked: Pending = {"words": words, "ask": plain, "chosen": chosen}
     open_ = asked if isinstance(reading, Clarification) else None
-    return {"words": words, "reading": plain, "pending": open_, "models": paid_by_task(calls)}
+    return {"words": words, "reading": plain, "pending": open_, "models": sum_costs_by_task(calls)}
 
 
 def _answered(state: ThreadState) -> tuple[str, dict[str, str]]:
@@ -384,7 +387,11 @@ def _read(
         SceneRecord.model_validate_json(context.threads.kept(version["scene"])),
         deserialize_version(context.threads.kept(version["earlier"])),
     )
-    if chosen or begins_anew(words) or not speaker(context.backend, "plan").deterministic:
+    if (
+        chosen
+        or begins_anew(words)
+        or not get_backend_of_task(context.backend, "plan").deterministic
+    ):
         return _read_with(words, situation, chosen, state, context, account=account)
     proof = Proof.model_validate_json(context.threads.kept(version["proof"]))
     talk = Talk(situation, _list_touched(state), proof.events)
@@ -453,7 +460,7 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             made = _apart(setting, _changed, text, reading.edits, version, setting, context)
         else:
             text = _keep_hour(_OPENING.sub("", state["words"]), version)
-            made = _apart(setting, begin, text, setting, tell=context.tell)
+            made = _apart(setting, begin, text, setting, log=context.log)
     except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
         return _refusal(state, error)
     edits = reading.edits if isinstance(reading, Edits) else ()
@@ -499,7 +506,7 @@ def _changed(
         record=SceneRecord.model_validate_json(threads.kept(version["scene"])),
         pace=version["pace"],
         by_hand=version["by_hand"],
-        tell=context.tell,
+        log=context.log,
     )
 
 
@@ -527,8 +534,8 @@ def _entered(
         "edits": [each.model_dump(mode="json", by_alias=True) for each in edits],
         "graph": made.graph.model_dump(mode="json", by_alias=True),
         "pace": dict(made.pace),
-        "scene": keep(scene_bytes(scene.record)),
-        "proof": keep(proof_bytes(scene.proof)),
+        "scene": keep(encode_scene(scene.record)),
+        "proof": keep(encode_proof(scene.proof)),
         "provenance": keep(json_bytes(_provenance(scene, edits, state.get("models", {})))),
         "earlier": keep(serialize_version(made.earlier)),
         "moved": list(made.moved),

@@ -67,12 +67,12 @@ def understanding(
     ) else None  # fmt: skip
     _check_places(out, write_observations)
     with progress(quiet=quiet) as told:
-        tell: ProgressLog = lambda line: told("understanding", line)  # noqa: E731
-        cases = load_cases(Path(folder), split=_split(half), log=tell)
+        log: ProgressLog = lambda line: told("understanding", line)  # noqa: E731
+        cases = load_cases(Path(folder), split=_split(half), log=log)
         if write_observations is not None:
             _write_observations(Path(write_observations), cases, lengths)
         found = [
-            evaluate(cases, each, windows=lengths, backend=named, log=tell) for each in method or ()
+            evaluate(cases, each, windows=lengths, backend=named, log=log) for each in method or ()
         ]
     _hand_out(found, cases, split=split, folder=folder, out=out, as_json=as_json,
               observations=write_observations)  # fmt: skip

@@ -13,7 +13,7 @@ ResultT = TypeVar("ResultT")
 
 
 @dataclass(frozen=True)
-class Patience:
+class RetryPolicy:
     """How long to insist.
 
     Attributes:
@@ -25,7 +25,7 @@ class Patience:
     longest: float = 20.0
 
 
-class Passing(Exception):
+class TransientError(Exception):
     """A fault that may pass.
 
     Attributes:
@@ -37,7 +37,7 @@ class Passing(Exception):
         self.after = after
 
 
-def patiently(ask: Callable[[], ResultT], *, patience: Patience) -> tuple[ResultT, int]:
+def retry_transient(ask: Callable[[], ResultT], *, patience: RetryPolicy) -> tuple[ResultT, int]:
     """What `ask` returns, and how often it was called.
 
     Raises:
@@ -49,14 +49,14 @@ def patiently(ask: Callable[[], ResultT], *, patience: Patience) -> tuple[Result
         except BackendFault as fault:
             fault.asked = attempt
             raise
-        except Passing as fault:
+        except TransientError as fault:
             if attempt == patience.attempts:
                 words = f"{fault} ({attempt} attempts)"
                 raise BackendFault(words, final=True, asked=attempt) from None
-            time.sleep(_pause(attempt, fault.after, patience))
+            time.sleep(_compute_pause(attempt, fault.after, patience))
     raise BackendFault("no attempt is allowed", final=True)
 
 
-def _pause(attempt: int, asked_for: float | None, patience: Patience) -> float:
+def _compute_pause(attempt: int, asked_for: float | None, patience: RetryPolicy) -> float:
     pause = patience.first * 2.0 ** (attempt - 1)
     return min(max(pause, asked_for or 0.0), patience.longest)

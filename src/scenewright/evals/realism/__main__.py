@@ -67,7 +67,7 @@ def _judge(words: argparse.Namespace) -> None:
         draws=words.draws,
         seed=words.seed,
     )
-    print(report.markdown(), end="")
+    print(report.format_markdown(), end="")
     if words.out:
         text = json.dumps(report.to_json(), ensure_ascii=False, indent=1, allow_nan=False)
         write_atomically(words.out, (text + "\n").encode("utf-8"))

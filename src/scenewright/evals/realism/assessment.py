@@ -156,7 +156,7 @@ def _run_tests(
 def _select_part(windows: Windows, part: str) -> Windows:
     if part == "all":
         return windows
-    return windows.only(windows.foreground == (part == "foreground"))
+    return windows.select(windows.foreground == (part == "foreground"))
 
 
 def _run_test(
@@ -181,7 +181,7 @@ def _compute_measures(
         for part in PARTS if windows.foreground.any() else PARTS[:1]:
             own = _select_part(windows, part)
             parts = [
-                find_constant_speed(own.only(own.group == name)) for name in np.unique(own.group)
+                find_constant_speed(own.select(own.group == name)) for name in np.unique(own.group)
             ]
             name = f"{kind}s: 3 s at one speed"
             yield Measure(source.name, name, part, compute_share(parts, seed=seed))

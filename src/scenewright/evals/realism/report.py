@@ -106,7 +106,7 @@ def compare(
     """Compare each measure of each set with the reference."""
     for measure in measures:
         ref = reference.samples[measure]
-        one, two = reference.halves(measure)
+        one, two = reference.split_halves(measure)
         first: Sample | None = None
         for name, measured in sets.items():
             sample, rng = measured.samples[measure], np.random.default_rng(seed)

@@ -52,12 +52,12 @@ def run_refiner(net: Any, task: Task, *, keep: int | None = None, lead: int = LE
 
     Args:
         keep: steps after which what was written is observed; the network's horizon if None.
-        lead: see `roll_out`.
+        lead: see `run_rollout`.
     """
     import torch
 
     from scenewright.tools.trajnet_refiner.model import CLASSES
-    from scenewright.tools.trajnet_refiner.rollout import Waypoints, roll_out
+    from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 
     marked = np.asarray(np.isfinite(task.goals).all(-1))
     most = max(1, int(marked.sum(axis=1).max()))
@@ -70,7 +70,7 @@ def run_refiner(net: Any, task: Task, *, keep: int | None = None, lead: int = LE
     inputs = [torch.from_numpy(a.astype(np.float32))[None] for a in (
         np.where(task.given[..., None], task.xy, np.nan), places, due)]  # fmt: skip
     with torch.no_grad():
-        found = roll_out(
+        found = run_rollout(
             net, inputs[0], waypoints=Waypoints(inputs[1], inputs[2]), keep=keep,
             lead=lead,
             classes=torch.tensor([[CLASSES.index(kind) for kind in task.kinds]]),
@@ -265,11 +265,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _print(arguments: argparse.Namespace) -> None:
     import torch
 
-    from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+    from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
 
     if arguments.prior_goals and arguments.split != "test":
         raise InputError("the corpus' priors know the hours of that split; leave out --split")
-    shipped = None if arguments.weights else bundled_refiner(arguments.intersection)
+    shipped = None if arguments.weights else load_bundled_refiner(arguments.intersection)
     if arguments.weights is None and shipped is None:
         raise InputError(f"{arguments.intersection} ships no refiner; name --weights")
     net = _read(arguments.weights) if shipped is None else shipped.net

@@ -77,7 +77,7 @@ class MeasuredSamples:
     def split_halves(self, measure: str) -> tuple[Sample, Sample]:
         """Return the samples of the two halves of the source."""
         sample, number = self.samples[measure], np.arange(len(self.side))
-        return sample.only(number[self.side]), sample.only(number[~self.side])
+        return sample.select(number[self.side]), sample.select(number[~self.side])
 
 
 Agents = Sequence[tuple[Track, Shape]]
@@ -119,7 +119,7 @@ def measure_motion(
         values = [_measure_agent(t, sieve) for t, shape in agents if shape.type == sieve.type]
         for k, name in enumerate(MOTION):
             parts[name].append(np.concatenate([np.zeros(0), *(each[k] for each in values)]))
-    samples = {name: Sample.of(each) for name, each in parts.items()}
+    samples = {name: Sample.join_parts(each) for name, each in parts.items()}
     return MeasuredSamples(samples, np.asarray(side, dtype=np.bool_))
 
 
@@ -217,7 +217,7 @@ def measure_stops(
 ) -> MeasuredSamples:
     """Measure the stops of a class; a scene is a cluster."""
     samples = {
-        name: Sample.of(list(_list_values(stops, kind, name)) for stops in scenes)
+        name: Sample.join_parts(list(_list_values(stops, kind, name)) for stops in scenes)
         for name in MEASURES
     }
     return MeasuredSamples(samples, np.asarray(side, dtype=np.bool_))

@@ -76,7 +76,7 @@ def split_halves(windows: Windows, *, seed: int = 0) -> tuple[Windows, Windows]:
     names = np.unique(windows.group)
     chosen = np.random.default_rng(seed).permutation(names)[: len(names) // 2]
     inside = np.isin(windows.group, chosen)
-    return windows.only(inside), windows.only(~inside)
+    return windows.select(inside), windows.select(~inside)
 
 
 def _match_windows(
@@ -96,7 +96,7 @@ def _match_windows(
     share = min(1.0, MOST / max(len(kept[0]), 1))
     chosen = np.sort(rng.permutation(len(kept[0]))[: round(share * len(kept[0]))])
     return tuple(
-        each.only(np.array(side, dtype=np.int64)[chosen])
+        each.select(np.array(side, dtype=np.int64)[chosen])
         for each, side in zip((one, other), kept, strict=True)
     )  # type: ignore[return-value]
 

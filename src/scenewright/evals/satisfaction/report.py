@@ -50,7 +50,7 @@ def _to_figure(share: Share) -> dict[str, Any]:
 
 def to_markdown(shares: Mapping[str, Share], verdicts: Sequence[Verdict]) -> str:
     """The figures, and why scenes are wrong."""
-    rows = [[RATES[name], f"{s.right} / {s.n}", _percent(_to_figure(s))]
+    rows = [[RATES[name], f"{s.right} / {s.n}", _format_percent(_to_figure(s))]
             for name, s in shares.items()]  # fmt: skip
     reasons = Counter(_sort_of(each.reason) for each in verdicts if each.outcome == "wrong")
     parts = [format_table(["figure", "count", "share [95 %]"], rows)]
@@ -66,7 +66,7 @@ def _sort_of(reason: str | None) -> str:
     return " ".join(words[:2] if words[:1] == ["unasked"] else words[:4])
 
 
-def _percent(figure: Mapping[str, Any]) -> str:
+def _format_percent(figure: Mapping[str, Any]) -> str:
     if figure["rate"] is None:
         return "–"
     low, high = figure["interval"]
@@ -103,7 +103,7 @@ def _read_board(board: Path) -> dict[str, Any]:
 def _draw_page(entries: Mapping[str, Any]) -> str:
     ordered = sorted(entries.items(), key=lambda each: -(each[1]["satisfied"]["rate"] or 0.0))
     rows = [
-        [escape_markdown(name, longest=80), *(_percent(each[key]) for key in RATES)]
+        [escape_markdown(name, longest=80), *(_format_percent(each[key]) for key in RATES)]
         for name, each in ordered
     ]
     told = "\n".join(f"- *{key}*: {meaning}" for key, meaning in RATES.items())

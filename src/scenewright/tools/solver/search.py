@@ -51,7 +51,7 @@ from scenewright.scene.track import STEP
 from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_offsets
+from scenewright.tools.map_grounding.signal_plan import SignalClock, find_feasible_offsets
 from scenewright.tools.solver.background_assignment import (
     Assignment,
     BackgroundAgent,
@@ -532,7 +532,7 @@ class Search:
                 yellow=name in self._at_yellow,
             )
         ]
-        offsets = feasible_offsets(program, tuple(wanted))
+        offsets = find_feasible_offsets(program, tuple(wanted))
         if not len(offsets):
             return None
         crowd = [each.route for each in self._pool.agents.values() if each.chance is not None]
