@@ -26,15 +26,8 @@ from backends.misbehaving import (
 from leaving import YIELD
 from scenewright import synthesize, verify
 from scenewright.backends import Question, Wording, load_backend
-from scenewright.backends.chat import (
-    ChatModel,
-    Limits,
-    load_chat_model,
-    naming,
-    patience,
-    transport,
-)
-from scenewright.backends.chat.patience import RetryPolicy
+from scenewright.backends.chat import ChatModel, Limits, load_chat_model, naming, retry, transport
+from scenewright.backends.chat.retry import RetryPolicy
 from scenewright.backends.spoken import Spoken
 from scenewright.cli.main import main
 from scenewright.errors import BackendFault, InputError, Rejected
@@ -47,7 +40,7 @@ SLOW = ("timeout", "drips")
 
 
 def model(server: Server, *, at_once: int = 8, timeout: float = 30.0) -> ChatModel:
-    limits = Limits(timeout=timeout, at_once=at_once, patience=RetryPolicy(attempts=ATTEMPTS))
+    limits = Limits(timeout=timeout, at_once=at_once, retries=RetryPolicy(attempts=ATTEMPTS))
     endpoint = load_chat_model(
         "openai:m", base_url=server.url, timeout=timeout, max_tokens=3000, most_bytes=6_000_000
     )
@@ -347,11 +340,11 @@ def test_garbled_numbers_are_no_answers(server: Server) -> None:
 
 
 def anthropic(server: Server) -> ChatModel:
-    made = naming._load_anthropic(
+    made = naming._anthropic(
         "m", key=KEY, base_url=server.url.removesuffix("/v1"), timeout=30.0, max_tokens=3000,
         most_bytes=0,
     )  # fmt: skip
-    limits = Limits(patience=RetryPolicy(attempts=ATTEMPTS))
+    limits = Limits(retries=RetryPolicy(attempts=ATTEMPTS))
     return ChatModel(naming.Endpoint(made, "anthropic:m", KEY), limits=limits)
 
 
@@ -361,7 +354,7 @@ def test_a_model_of_anthropic_is_asked_under_the_same_schema(server: Server) -> 
     told: list[Any] = []
     asked = Question("plan", {}, wording=lambda: PLAIN, account=told.append)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(patience.time, "sleep", lambda _: None)
+        patched.setattr(retry.time, "sleep", lambda _: None)
         assert Spoken(anthropic(server)).answer(asked) == {"a": 1}
     body = server.requests[1]
     assert body["output_config"]["format"]["type"] == "json_schema"

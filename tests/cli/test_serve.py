@@ -192,6 +192,27 @@ def test_the_page_may_load_nothing_from_elsewhere(client: TestClient) -> None:
     assert not re.search(r"https?://(?!www\.w3\.org)", answer.text + client.get("/app.js").text)
 
 
+def test_the_schema_is_of_the_routes_and_says_what_they_are_asked_with(client: TestClient) -> None:
+    document = client.get("/api/openapi.json").json()
+    routes = {
+        (each.path.replace(":int}", "}"), method.lower())
+        for each in client.app.routes
+        for method in each.methods - {"HEAD"}
+        if each.path.startswith("/api/")
+    }
+    told = {(path, method) for path, each in document["paths"].items() for method in each}
+    assert told == routes
+    assert all(each["summary"] for path in document["paths"].values() for each in path.values())
+    turn = document["paths"]["/api/threads/{thread}/turn"]["post"]
+    schema = turn["requestBody"]["content"]["application/json"]["schema"]
+    assert schema["required"] == ["action"]
+    named = client.post("/api/threads", json={}).json()["thread"]
+    for action in schema["properties"]["action"]["enum"]:
+        reply = take_turn(client, named, action, "x")[-1]["reply"]
+        assert "there is no action" not in reply["lines"][0]
+    assert "there is no action" in take_turn(client, named, "other")[-1]["reply"]["lines"][0]
+
+
 BODIES = st.one_of(
     st.binary(max_size=60),
     st.recursive(

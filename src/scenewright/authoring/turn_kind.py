@@ -129,12 +129,14 @@ class TurnKind(Model):
     Attributes:
         count: how many steps back; number: of the version that is asked for.
         words: what is left to be read, without the polite frame of a request.
+        topic: what a question is about, as the model of turns names it; None where that is open.
     """
 
     kind: Kind
     words: str
     count: int = 1
     number: int | None = None
+    topic: str | None = None
 
 
 def classify_turn(words: str) -> TurnKind:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Awaitable, Callable
+from functools import wraps
 from typing import Any
 
 from starlette.exceptions import HTTPException
@@ -25,6 +26,7 @@ class BusyError(Exception):
 def answer_safely(answer: Answer) -> Answer:
     """The route, with what goes wrong as one line of JSON."""
 
+    @wraps(answer)
     async def run(request: Request) -> Response:
         try:
             return await answer(request)
