@@ -340,7 +340,7 @@ def test_garbled_numbers_are_no_answers(server: Server) -> None:
 
 
 def anthropic(server: Server) -> ChatModel:
-    made = naming._anthropic(
+    made = naming._load_anthropic(
         "m", key=KEY, base_url=server.url.removesuffix("/v1"), timeout=30.0, max_tokens=3000,
         most_bytes=0,
     )  # fmt: skip
