@@ -230,6 +230,25 @@ def _run(found: re.Match[str], talk: Talk) -> Reading | None:
     return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update={"motion": "runs"})))
 
 
+def _change_reaction(found: re.Match[str], talk: Talk) -> Reading | None:
+    """Who of a collision or a near miss does not react to it, or reacts after all."""
+    node, groups = talk.find(found["who"]), found.groupdict()
+    if "brake" in found[0] and (node is None or node.type == "pedestrian"):
+        drivers = [each for each in talk.list_named() if each.type != "pedestrian"]
+        node = drivers[0] if len(drivers) == 1 else None
+    if node is None:
+        return None
+    if not any(node.id in (e.from_, e.to) for e in _list_edges(talk, ("collide_at", "near_miss"))):
+        return _decline(
+            f"{node.id} is in no collision and no near miss, so there is nothing to react to. "
+            'Say what shall happen first, such as "have it be a near miss".'
+        )
+    wanted = "none" if groups.get("not") else None
+    if node.reaction == wanted:
+        return _decline(f"{node.id} {'does not react' if wanted else 'may react'} already.")
+    return _edit(ChangeAgent(node=talk.keep_way(node).model_copy(update={"reaction": wanted})))
+
+
 def _remove(found: re.Match[str], talk: Talk) -> Reading | None:
     node = talk.find(found["who"])
     return None if node is None else _edit(RemoveAgent(agent=node.id))
@@ -359,8 +378,12 @@ def _ask_who(_found: re.Match[str], _talk: Talk) -> Reading | None:
 
 
 def _find_edge(talk: Talk, kinds: tuple[str, ...]) -> RelationEdge | None:
-    found = [each for each in talk.situation.graph.relations if each.type in kinds]
+    found = _list_edges(talk, kinds)
     return found[0] if len(found) == 1 else None
+
+
+def _list_edges(talk: Talk, kinds: tuple[str, ...]) -> list[RelationEdge]:
+    return [each for each in talk.situation.graph.relations if each.type in kinds]
 
 
 def _add_rider(found: re.Match[str], talk: Talk) -> Reading | None:
@@ -408,6 +431,11 @@ _RULES: tuple[tuple[re.Pattern[str], _Rule], ...] = tuple(
          r"(?P<pace>fast|slow)$", _change_pace),
         (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must)? (?:runs?|be running|is running)"
          r"(?: across| over)?(?: the (?:street|road|crosswalk))?$", _run),
+        (rf"^(?:{_MAKE} )?{_WHO} (?:(?:do|does|should|shall|must|did) ?)?(?P<not>not|n't|never) "
+         r"(?:even )?(?:brake|react|respond|slow down)s?(?: at all| for (?:him|her|it|them))?$",
+         _change_reaction),
+        (rf"^(?:{_MAKE} )?{_WHO}(?: should| shall| must| does| do)? "
+         r"(?:reacts?|responds?|tr(?:y|ies) to brake)(?: after all)?$", _change_reaction),
         (rf"^(?:remove|delete|drop|get rid of|take out|kick out|lose) {_WHO}(?: altogether)"
          rf"?$", _remove),
         (rf"^{_MAKE} {_WHO} (?:into |to |be )?an? (?:delivery )?(?P<what>{_NOUN})$", _become),

@@ -664,18 +664,33 @@ class Search:
     def _beside(
         self, draws: AgentCandidates, moment: SceneTiming, seated: Seated
     ) -> Iterator[Option]:
-        """Walking with another who has a place, if both keep off the crosswalk at red."""
+        """Walking with another who has a place, on either side, both off the crosswalk at red."""
         if draws.beside not in seated.chosen:
             return
         option, start = seated.chosen[draws.beside]
-        built = self._candidate(draws.name, option.index)
-        if built is None:
-            return
+        for place in (option.index, ~option.index):
+            built = self._candidate(draws.name, place)
+            if built is not None:
+                yield from self._led(draws, option, start, built, moment)
+
+    def _led(
+        self,
+        draws: AgentCandidates,
+        option: Option,
+        start: int,
+        built: tuple[Candidate, Landmarks],
+        moment: SceneTiming,
+    ) -> Iterator[Option]:
+        """Walking as another does, whose option and entry time [steps] these are, if it may."""
         actor, line = option.actor.led(*built), built[1].line or np.inf
         kerb = option.actor.landmarks.line or np.inf
         beyond = any(stop.s < kerb and stop.s > line - _OFF_KERB for stop in actor.stops)
         lawful = passes_on_green(actor, moment, start * STEP)
-        if lawful and not beyond and not starts_on_red(actor, moment, start * STEP):
+        # Who waits at the kerb when the scene begins stands within the margin of the crosswalk.
+        apart = starts_on_red(actor, moment, start * STEP) and not starts_on_red(
+            option.actor, moment, start * STEP
+        )
+        if lawful and not beyond and not apart:
             steps = np.array([start], dtype=np.int64)
             cost = self._cost(draws.name, option.index)
             yield Option(partial(_get, actor), option.index, steps, cost)
