@@ -34,8 +34,8 @@ from robustness import REQUESTS
 
 import scenewright
 from scenewright.errors import ScenewrightError
-from scenewright.graph.run import Scene, scene_bytes
-from scenewright.nodes.wording import LONGEST_REQUEST
+from scenewright.graph.run import Scene, encode_scene
+from scenewright.nodes.prompts import LONGEST_REQUEST
 
 Json = Any
 ROOT = Path(__file__).parent.parent
@@ -145,7 +145,7 @@ def make_scenes() -> tuple[Scene, ...]:
 @cache
 def list_records() -> tuple[Json, ...]:
     """Their scene.json."""
-    return tuple(json.loads(scene_bytes(scene.record)) for scene in make_scenes())
+    return tuple(json.loads(encode_scene(scene.record)) for scene in make_scenes())
 
 
 @cache

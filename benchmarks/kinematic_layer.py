@@ -21,9 +21,14 @@ from scenewright import synthesize
 from scenewright.backends import load_backend
 from scenewright.errors import Unsatisfiable
 from scenewright.evals.planning import Share
-from scenewright.evals.realism.distances import wasserstein
-from scenewright.evals.realism.samples import Agents, Sieve, motion, of_scenes
-from scenewright.evals.realism.scenes import cut_scenes, played, requests
+from scenewright.evals.realism.distances import compute_wasserstein
+from scenewright.evals.realism.samples import (
+    Agents,
+    MotionFilter,
+    list_scene_agents,
+    measure_motion,
+)
+from scenewright.evals.realism.scenes import convert_scene, cut_scenes, list_requests
 from scenewright.graph.run import ground_of
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.scene_verifier.assemble import assemble
@@ -33,7 +38,7 @@ from scenewright.tools.gmm_sampler import load_priors
 from scenewright.tools.relation_checker import check
 from scenewright.tools.track_io import load_recordings
 from scenewright.tools.trajnet_refiner import kinematic_layer
-from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
 
 PLACE = "amsterdam_120"
 FIRST_SEED = 9_000
@@ -43,7 +48,7 @@ MEASURES = (("vehicle", "jerk"), ("vehicle", "acceleration"), ("pedestrian", "je
 
 def states(count: int) -> Iterator[Mapping[str, Any]]:
     """What runs without a refiner end with; requests that cannot be met are left out."""
-    for text, number in requests(count):
+    for text, number in list_requests(count):
         try:
             yield synthesize(text, seed=FIRST_SEED + number, refiner="none").state
         except Unsatisfiable:
@@ -54,7 +59,7 @@ def refined(state: Mapping[str, Any], seed: int) -> SceneRecord:
     """The scene with its tracks refined once, whatever the checker says of them."""
     context = RunContext(
         load_backend("builtin"), ground_of(PLACE), load_priors(PLACE), seed,
-        refiner="trajnet", learned=bundled_refiner(PLACE),
+        refiner="trajnet", learned=load_bundled_refiner(PLACE),
     )  # fmt: skip
     made = refine_trajectories(state, runtime=SimpleNamespace(context=context))  # type: ignore[arg-type]
     return record(state, made["refined"])
@@ -70,17 +75,17 @@ def record(state: Mapping[str, Any], tracks: Mapping[str, Any]) -> SceneRecord:
 @contextmanager
 def no_layer() -> Iterator[None]:
     """Within, proposals go as they are, but where the prior is kept or one would go back."""
-    known = kinematic_layer.feasible
+    known = kinematic_layer.limit_deviation
 
     def bare(prior: Any, deviation: Any, *, kept: Any, path: Any, **_: Any) -> tuple[Any, Any]:
         s = np.where(kept, prior, np.maximum.accumulate(prior + deviation))
         return np.clip(s, 0.0, path.length), np.where(kept, 0.0, 1.0)
 
-    kinematic_layer.feasible = bare
+    kinematic_layer.limit_deviation = bare
     try:
         yield
     finally:
-        kinematic_layer.feasible = known
+        kinematic_layer.limit_deviation = known
 
 
 def broken(scenes: Sequence[SceneRecord]) -> Share:
@@ -97,13 +102,13 @@ def worded(share: Share) -> str:
 
 
 def distances(scenes: Sequence[SceneRecord], known: Sequence[Agents]) -> Iterator[str]:
-    clusters = of_scenes([played(scene) for scene in scenes])
+    clusters = list_scene_agents([convert_scene(scene) for scene in scenes])
     for kind, measure in MEASURES:
         ours, theirs = (
-            motion(each, Sieve(kind), side=()).samples[measure].values  # type: ignore[arg-type]
+            measure_motion(each, MotionFilter(kind), side=()).samples[measure].values  # type: ignore[arg-type]
             for each in (clusters, known)
         )
-        yield f"{wasserstein(ours, theirs):.3f}"
+        yield f"{compute_wasserstein(ours, theirs):.3f}"
 
 
 def main() -> None:
@@ -114,7 +119,7 @@ def main() -> None:
     known: list[Agents] = []
     if told.corpus:
         hours = load_recordings(told.corpus, split="validation")
-        known = of_scenes(
+        known = list_scene_agents(
             [
                 scene
                 for _, scene in cut_scenes(

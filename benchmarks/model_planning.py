@@ -34,7 +34,7 @@ from typing import Any, Literal
 
 from scenewright import synthesize
 from scenewright.backends import TASKS, Backend, Question, Wording, load_backend
-from scenewright.backends.spoken import Said, Spoken, key_of
+from scenewright.backends.spoken import Said, Spoken, compute_key
 from scenewright.cli.plan import ATTEMPTS, refusal
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.evals.planning import Share, compare, load, score
@@ -63,7 +63,7 @@ class ByFile:
         self.open: dict[str, dict[str, Any]] = {}
 
     def say(self, question: Question, wording: Wording) -> Said:
-        key = key_of(NAME, question, wording)
+        key = compute_key(NAME, question, wording)
         if key in self._answers:
             return Said(self._answers[key], asked=1)
         self.open[key] = {

@@ -14,8 +14,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from scenewright.evals.realism.scenes import Played, read_scenes
-from scenewright.evals.tables.nearness import alone, compared, motion_of, values_of, watch
+from scenewright.evals.realism.scenes import SceneTracks, read_scenes
+from scenewright.evals.tables.nearness import (
+    compare_with_reference,
+    isolate_agents,
+    measure_motion,
+    measure_scenes,
+    observe_scenes,
+)
 from scenewright.intersections import load_map
 from scenewright.tools.relation_checker import RoadUser
 from scenewright.tools.track_io import Recording
@@ -24,16 +30,16 @@ from scenewright.tools.track_io.taf_bw import read_taf_bw
 SMOOTHING = 0.4
 
 
-def background(scene: Played) -> Played:
+def background(scene: SceneTracks) -> SceneTracks:
     """A scene without those who were asked for."""
     users = tuple(user for user in scene.users if user.id not in scene.foreground)
-    return Played(users, signals=scene.signals)
+    return SceneTracks(users, signals=scene.signals)
 
 
-def whole(recording: Recording) -> Played:
+def whole(recording: Recording) -> SceneTracks:
     """Everybody of a recording, bicycles left out; windows of it would cut encounters."""
     seen = [a for a in recording.agents if a.subtype != "bicycle" and len(a.track.xy) > 1]
-    return Played(tuple(RoadUser(n, a.track, a.shape) for n, a in enumerate(seen)))
+    return SceneTracks(tuple(RoadUser(n, a.track, a.shape) for n, a in enumerate(seen)))
 
 
 def main() -> None:
@@ -45,13 +51,13 @@ def main() -> None:
     place = load_map(options.name)
     made = [background(scene) for scene in read_scenes(options.dataset)]
     real = [each for folder in options.tracks for each in read_taf_bw(folder).recordings]
-    ours = values_of(list(watch(made, intersection_map=place)), smoothing=SMOOTHING)
-    seen = list(watch(map(whole, real), intersection_map=None))
-    theirs = {**values_of(seen), **motion_of(alone(real), smoothing=SMOOTHING)}
+    ours = measure_scenes(list(observe_scenes(made, intersection_map=place)), smoothing=SMOOTHING)
+    seen = list(observe_scenes(map(whole, real), intersection_map=None))
+    theirs = {**measure_scenes(seen), **measure_motion(isolate_agents(real), smoothing=SMOOTHING)}
     print(f"{options.name}: {len(made)} scenes, {sum(len(r.agents) for r in real)} real tracks")
     print("| measure | of | distance, 95 % | halves | scenes 5/50/95 % | real 5/50/95 % |")
     print("|---|---|---|---|---|---|")
-    for each in compared(ours, theirs, named="real", draws=200, seed=0):
+    for each in compare_with_reference(ours, theirs, named="real", draws=200, seed=0):
         if each.distance is not None and each.quantiles and each.reference_quantiles:
             far = each.distance
             spans = [

@@ -28,7 +28,7 @@ from robustness import REQUESTS
 from scenewright import plan, synthesize
 from scenewright.backends.builtin import planner
 from scenewright.errors import ScenewrightError
-from scenewright.graph.run import proof_bytes, scene_bytes
+from scenewright.graph.run import encode_proof, encode_scene
 
 ROOT = Path(__file__).parent.parent
 
@@ -64,7 +64,7 @@ def digest_scene(job: tuple[str, int]) -> str:
         made = synthesize(text, seed=seed, refiner="none", time_limit=None)
     except ScenewrightError as error:
         return sha256(str(error).encode()).hexdigest()
-    return sha256(scene_bytes(made.record) + proof_bytes(made.proof)).hexdigest()
+    return sha256(encode_scene(made.record) + encode_proof(made.proof)).hexdigest()
 
 
 def run_in_threads(

@@ -26,18 +26,18 @@ from scenewright.evals.trajnet.predictors import (
     BoostedTrees,
     Predictor,
     Refining,
-    constant_velocity,
+    predict_constant_velocity,
 )
-from scenewright.evals.trajnet.recording import Recording, read_recording
+from scenewright.evals.trajnet.recording import BenchmarkRecording, read_recording
 from scenewright.evals.trajnet.score import (
     Goals,
     SceneScore,
-    mean_with_interval,
+    compute_mean_with_interval,
     predict_scenes,
     score_scenes,
 )
-from scenewright.evals.trajnet.training import own_recipe, polishing, train_on
-from scenewright.evals.trajnet.windows import BENDING, training_windows
+from scenewright.evals.trajnet.training import build_own_recipe, build_polishing_recipe, train_on
+from scenewright.evals.trajnet.windows import BENDING, cut_training_windows
 from scenewright.tools.trajnet_refiner.model import RefinerConfig
 from scenewright.tools.trajnet_refiner.store import load_refiner, save_refiner
 from scenewright.tools.trajnet_refiner.train import Epoch, Recipe, train
@@ -70,7 +70,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--folds", nargs="+", choices=FOLDS, default=FOLDS)
     parser.add_argument("--models", nargs="+", choices=MODELS, default=MODELS)
-    parser.add_argument("--epochs", type=int, default=own_recipe().epochs)
+    parser.add_argument("--epochs", type=int, default=build_own_recipe().epochs)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--report", action="store_true")
     asked = parser.parse_args()
@@ -82,13 +82,15 @@ def main() -> None:
     torch.set_num_threads(1)
     asked.out.mkdir(parents=True, exist_ok=True)
     recordings = {name: read_recording(asked.folder / f"{name}.ndjson") for name in FOLDS}
-    recipe = own_recipe(epochs=asked.epochs, seed=asked.seed)
+    recipe = build_own_recipe(epochs=asked.epochs, seed=asked.seed)
     for model in asked.models:
         for fold in asked.folds:
             run(model, fold, recordings, asked.out, recipe)
 
 
-def run(model: str, fold: str, recordings: dict[str, Recording], out: Path, recipe: Recipe) -> None:
+def run(
+    model: str, fold: str, recordings: dict[str, BenchmarkRecording], out: Path, recipe: Recipe
+) -> None:
     predictor: Predictor | None = None
     for goals in kinds_of_goals(model):
         target = out / f"{fold}.{model}.{goals}.json"
@@ -118,13 +120,13 @@ def kinds_of_goals(model: str) -> tuple[Goals, ...]:
 
 
 def made(
-    model: str, fold: str, recordings: dict[str, Recording], out: Path, recipe: Recipe
+    model: str, fold: str, recordings: dict[str, BenchmarkRecording], out: Path, recipe: Recipe
 ) -> Predictor | None:
     others = [each for name, each in recordings.items() if name != fold]
     if model == "cv":
-        return constant_velocity
+        return predict_constant_velocity
     if model == "trees":
-        return BoostedTrees().fit(training_windows(others))
+        return BoostedTrees().fit(cut_training_windows(others))
     weights = out / f"{fold}.{'refiner' if model == 'raw' else model}.safetensors"
     first = out / f"{fold}.refiner.safetensors"
     if not weights.exists():
@@ -153,13 +155,17 @@ def made(
 
 
 def polish(
-    first: Path, others: list[Recording], out: Path, recipe: Recipe, note: Callable[[Epoch], None]
+    first: Path,
+    others: list[BenchmarkRecording],
+    out: Path,
+    recipe: Recipe,
+    note: Callable[[Epoch], None],
 ) -> None:
     """The second part of the recipe, from the weights of the first."""
     start, state = load_refiner(first), out.with_name(out.name + ".polishing")
     net = train(
-        training_windows(others, weights=BENDING, both_ways=True), config=start.config,
-        recipe=polishing(recipe), checkpoint=state, after_epoch=note, start=start,
+        cut_training_windows(others, weights=BENDING, both_ways=True), config=start.config,
+        recipe=build_polishing_recipe(recipe), checkpoint=state, after_epoch=note, start=start,
     )  # fmt: skip
     save_refiner(net, out, about={"trained_on": [each.name for each in others]})
     state.unlink(missing_ok=True)
@@ -216,7 +222,7 @@ def pooled(column: tuple[str, str], folds: list[str], scores: Scores) -> str:
         scale, digits = (100, 1) if measure.startswith("col") else (1, 3)
         given = [getattr(s, measure) for s in mine]
         x = np.array([np.nan if v is None else scale * float(v) for v in given])
-        mean, interval = mean_with_interval(x, whose, draws)
+        mean, interval = compute_mean_with_interval(x, whose, draws)
         assert mean is not None
         assert interval is not None
         cells.append(f"{mean:.{digits}f} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})")

@@ -12,9 +12,9 @@ import argparse
 from pathlib import Path
 
 from scenewright.evals.markdown import format_table
-from scenewright.evals.trajnet.predictors import Predictor, Refining, constant_velocity
+from scenewright.evals.trajnet.predictors import Predictor, Refining, predict_constant_velocity
 from scenewright.evals.trajnet.recording import read_recording
-from scenewright.evals.trajnet.score import MEASURES, predict_scenes, score_scenes, table
+from scenewright.evals.trajnet.score import MEASURES, build_table, predict_scenes, score_scenes
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.tools.trajnet_refiner.store import load_refiner
 
@@ -29,13 +29,13 @@ def main() -> None:
     weights = told.weights or find_bundle_folder(told.intersection) / REFINER_WEIGHTS
     recordings = [read_recording(file) for file in told.files]
     predictors: dict[str, Predictor] = {
-        "constant velocity": constant_velocity,
+        "constant velocity": predict_constant_velocity,
         "refiner": Refining(load_refiner(weights)),
     }
     rows = []
     for name, predictor in predictors.items():
         scores = [s for r in recordings for s in score_scenes(r, predict_scenes(r, predictor))]
-        for row in table(scores):
+        for row in build_table(scores):
             if row.name in ("all", "3 interacting"):
                 cells = [f"{row.values[m]:.3f} {row.intervals[m]}" for m in MEASURES]
                 rows.append([name, row.name, row.scenes, *cells])

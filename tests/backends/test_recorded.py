@@ -12,12 +12,12 @@ import pytest
 from backends.misbehaving import KEY
 from scenewright import synthesize
 from scenewright.backends import Question, Task, Wording, load_backend
-from scenewright.backends.recorded import Answers, recording, replayed
-from scenewright.backends.scripted import scripted
+from scenewright.backends.recorded import Answers, record_answers, replay_answers
+from scenewright.backends.scripted import build_scripted_backend
 from scenewright.backends.spoken import Said
 from scenewright.backends.staged import Staged
 from scenewright.errors import BackendFault, InputError
-from scenewright.graph.run import scene_bytes
+from scenewright.graph.run import encode_scene
 from scenewright.nodes.revision import Turn, read_by_model
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.scene.edits import AgentView, Edits, Situation
@@ -33,14 +33,16 @@ def asked(seed: int = 0, words: str = "x") -> Question:
 
 
 def a_model(*replies: Any, forever: bool = True) -> dict[Any, Any]:
-    return dict.fromkeys(TASKS, scripted({"plan": replies}, name="a model", forever=forever))
+    return dict.fromkeys(
+        TASKS, build_scripted_backend({"plan": replies}, name="a model", forever=forever)
+    )
 
 
 def test_a_run_is_replayed_bit_for_bit(tmp_path: Path) -> None:
     file = tmp_path / "answers.jsonl"
     live = synthesize(YIELD, backend=load_backend(record=file), seed=4, refiner="none")
     again = synthesize(YIELD, backend=f"recorded:{file}", seed=4, refiner="none")
-    assert scene_bytes(again.record) == scene_bytes(live.record)
+    assert encode_scene(again.record) == encode_scene(live.record)
     assert again.proof == live.proof
     assert list(again.provenance["models"]) == ["plan"]
     assert again.provenance["models"]["plan"]["requests"] == 0
@@ -57,7 +59,7 @@ def test_a_file_of_an_earlier_version_is_replayed_and_added_to(tmp_path: Path) -
     ]
     file.write_text("".join(json.dumps(each) + "\n" for each in (head, plan, *others)))
     again = synthesize(YIELD, backend=f"recorded:{file}", seed=4, refiner="none")
-    assert scene_bytes(again.record) == scene_bytes(live.record)
+    assert encode_scene(again.record) == encode_scene(live.record)
     synthesize(YIELD, backend=load_backend(record=file), seed=5, refiner="none")
     assert len(file.read_text().splitlines()) == 6
 
@@ -66,7 +68,7 @@ def test_a_reply_that_was_none_is_replayed_too(tmp_path: Path) -> None:
     """The whole way to a refusal, with what was said at every turn."""
     file = tmp_path / "answers.jsonl"
     script = ["{", Said("", fault="the reply was cut off"), '{"agents": 3}']
-    live = Staged(recording(a_model(*script), file))
+    live = Staged(record_answers(a_model(*script), file))
     with pytest.raises(BackendFault) as first:
         synthesize(YIELD, backend=live, seed=1, refiner="none")
     with pytest.raises(BackendFault) as second:
@@ -85,17 +87,17 @@ def test_a_question_that_was_never_put_is_one_clear_line(tmp_path: Path) -> None
 @pytest.mark.parametrize("change", [{"seed": 1}, {"words": "y"}])
 def test_the_key_is_the_question_to_the_last_word(tmp_path: Path, change: dict[str, Any]) -> None:
     file = tmp_path / "answers.jsonl"
-    backend = recording(a_model({"a": 1}), file)["plan"]
+    backend = record_answers(a_model({"a": 1}), file)["plan"]
     assert backend.answer(asked()) == {"a": 1}
-    assert replayed(file)["plan"].answer(asked()) == {"a": 1}
+    assert replay_answers(file)["plan"].answer(asked()) == {"a": 1}
     with pytest.raises(BackendFault):
-        replayed(file)["plan"].answer(asked(**change))
+        replay_answers(file)["plan"].answer(asked(**change))
 
 
 def test_what_the_file_holds_is_not_asked_again(tmp_path: Path) -> None:
     file = tmp_path / "answers.jsonl"
-    recording(a_model({"a": 1}), file)["plan"].answer(asked())
-    once_more = recording(a_model({"a": 2}), file)["plan"]
+    record_answers(a_model({"a": 1}), file)["plan"].answer(asked())
+    once_more = record_answers(a_model({"a": 2}), file)["plan"]
     assert once_more.answer(asked()) == {"a": 1}
     assert once_more.answer(asked(seed=1)) == {"a": 2}
     assert len(file.read_text().splitlines()) == 3
@@ -103,17 +105,17 @@ def test_what_the_file_holds_is_not_asked_again(tmp_path: Path) -> None:
 
 def test_a_line_cut_off_by_a_kill_costs_that_line_alone(tmp_path: Path) -> None:
     file = tmp_path / "answers.jsonl"
-    recording(a_model({"a": 1}), file)["plan"].answer(asked())
+    record_answers(a_model({"a": 1}), file)["plan"].answer(asked())
     with file.open("a") as end:
         end.write('{"key": "half a li')
-    assert replayed(file)["plan"].answer(asked()) == {"a": 1}
-    recording(a_model({"a": 2}), file)["plan"].answer(asked(seed=1))
+    assert replay_answers(file)["plan"].answer(asked()) == {"a": 1}
+    record_answers(a_model({"a": 2}), file)["plan"].answer(asked(seed=1))
     assert [json.loads(line) for line in file.read_text().splitlines()][2]["seed"] == 1
 
 
 def test_several_runs_may_share_a_file(tmp_path: Path) -> None:
     file = tmp_path / "answers.jsonl"
-    backends = [recording(a_model({"a": 1}), file)["plan"] for _ in range(4)]
+    backends = [record_answers(a_model({"a": 1}), file)["plan"] for _ in range(4)]
 
     def ask(first: int, backend: Any) -> None:
         for seed in range(first, 40, 4):
@@ -124,7 +126,7 @@ def test_several_runs_may_share_a_file(tmp_path: Path) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    replay = replayed(file)["plan"]
+    replay = replay_answers(file)["plan"]
     assert all(replay.answer(asked(seed=seed)) == {"a": 1} for seed in range(40))
 
 
@@ -132,7 +134,7 @@ def test_a_file_of_somebody_elses_answers_is_not_added_to(tmp_path: Path) -> Non
     file = tmp_path / "answers.jsonl"
     load_backend(record=file)
     with pytest.raises(InputError, match="holds the answers of builtin, not of a model"):
-        recording(a_model({}), file)
+        record_answers(a_model({}), file)
 
 
 def test_no_key_gets_into_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,8 +176,8 @@ def test_what_a_turn_was_read_as_is_replayed(tmp_path: Path) -> None:
     graph = SocialGraph.model_validate({"agents": [{"id": "vehicle-1", "type": "vehicle"}]})
     turn = Turn("a bit less haste", Situation(graph=graph, present=(car,)), "A car", FOUR_LEGS)
     slower = {"edits": [{"edit": "set_pace", "agent": "vehicle-1", "factor": 0.9}]}
-    model = scripted({"edits": ["no", slower]}, name="a model")
-    live = Staged(recording(dict.fromkeys(TASKS, model), file))
+    model = build_scripted_backend({"edits": ["no", slower]}, name="a model")
+    live = Staged(record_answers(dict.fromkeys(TASKS, model), file))
     first = read_by_model(turn, backend=live, seed=1)
     assert isinstance(first, Edits)
     assert read_by_model(turn, backend=load_backend(f"recorded:{file}"), seed=1) == first

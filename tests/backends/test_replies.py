@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenewright.backends.reading import LONGEST, Unreadable, object_in
+from scenewright.backends.reading import LONGEST, Unreadable, extract_object
 
 _TEXT = st.text(st.characters(exclude_categories=("C",)), max_size=12)
 _VALUES = st.recursive(
@@ -24,9 +24,9 @@ _PROSE = st.text("abc .,:\n", max_size=30)
 @given(_OBJECTS, _PROSE, _PROSE)
 def test_an_object_is_read_whatever_prose_stands_round_it(value, before, after):
     text = json.dumps(value)
-    assert object_in(text) == value
-    assert object_in(f"{before}{text}{after}") == value
-    assert object_in(f"{before}\n```json\n{json.dumps(value)}\n```\n{after}") == value or (
+    assert extract_object(text) == value
+    assert extract_object(f"{before}{text}{after}") == value
+    assert extract_object(f"{before}\n```json\n{json.dumps(value)}\n```\n{after}") == value or (
         "```" in text
     )
 
@@ -36,7 +36,7 @@ def test_a_reply_cut_off_is_never_taken_for_a_whole_one(value):
     text = json.dumps({"first": value, "last": [1, {"inner": 2}]})
     for end in range(len(text)):
         with pytest.raises(Unreadable):
-            object_in(text[:end])
+            extract_object(text[:end])
 
 
 @given(st.text(max_size=200))
@@ -47,7 +47,7 @@ def test_any_text_is_read_or_refused_in_one_sentence(text):
 
 def _read(text):
     try:
-        return object_in(text), ""
+        return extract_object(text), ""
     except Unreadable as error:
         return None, str(error)
 
@@ -79,11 +79,11 @@ def _read(text):
 )
 def test_what_is_wrong_is_told(text, words):
     with pytest.raises(Unreadable) as caught:
-        object_in(text)
+        extract_object(text)
     assert words in str(caught.value)
 
 
 def test_what_stands_inside_a_broken_object_is_not_taken_for_the_answer():
     for broken in ('Well: {"agents": [{"id": 1}], "x": NaN}', '{"a": {"agents": []}, "b'):
         with pytest.raises(Unreadable):
-            object_in(broken)
+            extract_object(broken)

@@ -13,7 +13,7 @@ from scenewright.backends import Question, load_backend
 from scenewright.backends.scripted import ScriptedSpeaker
 from scenewright.backends.spoken import Spoken
 from scenewright.errors import ScenewrightError
-from scenewright.graph.run import scene_bytes
+from scenewright.graph.run import encode_scene
 from scenewright.nodes.scene_planner import FOUR_LEGS
 from scenewright.nodes.scene_planner.wording import render_plan_prompt
 from scenewright.nodes.wording import Example, format_rejections, quote_text
@@ -118,4 +118,4 @@ def test_the_same_answers_make_the_same_bytes(tmp_path: Path) -> None:
     live = load_backend(record=tmp_path / "a.jsonl")
     first = synthesize(PLAIN, backend=live, seed=2, refiner="none")
     again = synthesize(PLAIN, backend=f"recorded:{tmp_path / 'a.jsonl'}", seed=2, refiner="none")
-    assert scene_bytes(first.record) == scene_bytes(again.record)
+    assert encode_scene(first.record) == encode_scene(again.record)

@@ -13,8 +13,8 @@ import pytest
 
 from inline_jobs import run_jobs_inline, spread_inline
 from scenewright.backends import TASKS, Question
-from scenewright.backends.recorded import recording
-from scenewright.backends.scripted import ScriptedSpeaker, scripted
+from scenewright.backends.recorded import record_answers
+from scenewright.backends.scripted import ScriptedSpeaker, build_scripted_backend
 from scenewright.backends.spoken import Said
 from scenewright.backends.spoken import Spoken as SpokenBackend
 from scenewright.cli.main import main
@@ -26,7 +26,7 @@ from scenewright.dataset.orders.agent import slots_of
 from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import Order, fill, paper_wish
 from scenewright.dataset.orders.scenario_spec import Party, Story, minute_in, particulars
-from scenewright.dataset.orders.templates import VOICES, tell, voices_for
+from scenewright.dataset.orders.templates import VOICES, render_text, voices_for
 from scenewright.dataset.orders.writers import Asked, Builtin, Spoken, reads_as
 from scenewright.errors import BackendFault, InputError
 from scenewright.intersections import load_map
@@ -142,7 +142,7 @@ def test_stories_are_told_with_time_and_density_or_without() -> None:
     for minute, density in ((None, None), (485, None), (None, "high"), (750, "low")):
         story = Story("normal", None, (), minute, density)  # type: ignore[arg-type]
         for voice in voices_for(story):
-            text = tell(story, voice, rng)
+            text = render_text(story, voice, rng)
             assert "{" not in text
             assert "  " not in text
 
@@ -283,9 +283,9 @@ def test_an_order_worded_by_a_model_is_repeated_from_its_answers(
             return {"text": f"A car {one} follows a bus {other} at {story['time']}, light traffic"}
         return {"text": f"A car nearly hits a bus, number {next(manners)}"}
 
-    model = scripted({"plan": [reply]}, name="openai:writer", forever=True)
+    model = build_scripted_backend({"plan": [reply]}, name="openai:writer", forever=True)
     answers = tmp_path / "answers.jsonl"
-    kept = recording(dict.fromkeys(TASKS, model), answers)["plan"]
+    kept = record_answers(dict.fromkeys(TASKS, model), answers)["plan"]
     monkeypatch.setattr(writers, "speaking", lambda *_: kept)
     report = fill(order(tmp_path / "first", "2 follows at 5 am in light traffic", writer="x:y"))
     assert report["filled"]

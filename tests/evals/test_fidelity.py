@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenewright import synthesize
-from scenewright.evals.fidelity import lines, main, markdown, weigh
+from scenewright.evals.fidelity import compute_lines, format_markdown, main, weigh
 from scenewright.evals.tables.likelihood import AgentScore
 
 
@@ -19,7 +19,10 @@ def agents(relation: str, nll: float, *, scene: int, role: str = "foreground") -
 
 def test_less_likely_than_normal_is_a_positive_difference_and_the_sign_of_s2r_follows_eq_8():
     normal = agents("normal", -10.0, scene=0, role="background")
-    rows = {(r.relation, r.role): r for r in lines([*normal, *agents("yielding", -8.0, scene=9)])}
+    rows = {
+        (r.relation, r.role): r
+        for r in compute_lines([*normal, *agents("yielding", -8.0, scene=9)])
+    }
     event = rows["yielding", "foreground"]
     assert event.gap is not None
     assert event.gap.delta == pytest.approx(0.2)  # 2 nats over ten waypoints
@@ -30,9 +33,9 @@ def test_less_likely_than_normal_is_a_positive_difference_and_the_sign_of_s2r_fo
 
 
 def test_without_normal_scenes_only_the_own_route_is_compared():
-    (row,) = lines(agents("follow", -5.0, scene=0))
+    (row,) = compute_lines(agents("follow", -5.0, scene=0))
     assert row.gap is None
-    assert "–" in markdown([row])
+    assert "–" in format_markdown([row])
 
 
 def test_agents_of_a_scene_are_weighed_by_their_routes():

@@ -10,13 +10,17 @@ import pytest
 
 import map_files
 from scenewright.errors import InputError
-from scenewright.evals.realism.left_out import left_out_ways
-from scenewright.evals.realism.prior_goals import abreast, bundle_ways, driven
+from scenewright.evals.realism.left_out import fit_left_out_routes
+from scenewright.evals.realism.prior_goals import (
+    find_abreast,
+    load_bundle_routes,
+    sample_continuations,
+)
 from scenewright.evals.realism.rollout_tasks import (
     SPACING,
-    as_the_prior_goes,
-    on_the_priors_way,
-    tasks,
+    build_tasks,
+    move_goals_to_prior,
+    sample_prior_goals,
 )
 from scenewright.scene.track import Track, vehicle_shape
 from scenewright.tools.gmm_sampler import load_priors
@@ -45,12 +49,12 @@ def recording(*, beside: float = 0.4, speed: float = 8.0) -> Recording:
 
 
 def the_way():
-    return bundle_ways("amsterdam_120")(recording(), recording().agents[0])
+    return load_bundle_routes("amsterdam_120")(recording(), recording().agents[0])
 
 
 def test_the_expected_way_runs_on_beside_the_middle_as_it_began():
     xy = recording().agents[0].track.xy[::4]
-    found = abreast(the_way(), xy[:9], xy)
+    found = find_abreast(the_way(), xy[:9], xy)
     assert np.hypot(*(found - xy)[9:15].T).max() < 0.15
     assert np.hypot(*(found - xy).T).max() < 0.8
 
@@ -58,7 +62,7 @@ def test_the_expected_way_runs_on_beside_the_middle_as_it_began():
 def test_draws_go_on_from_the_place_and_speed_last_seen_until_they_leave_the_map():
     xy = recording().agents[0].track.xy[::4]
     rng = np.random.default_rng(3)
-    drawn = driven(the_way(), xy[:9], steps=60, size=8, rng=rng)
+    drawn = sample_continuations(the_way(), xy[:9], steps=60, size=8, rng=rng)
     first = np.hypot(*(drawn[:, 0] - xy[8]).T)
     assert (np.abs(first - 8.0 * 0.4) < 0.8).all()
     assert np.isnan(drawn[:, -1]).all()
@@ -68,12 +72,12 @@ def test_draws_go_on_from_the_place_and_speed_last_seen_until_they_leave_the_map
 
 
 def test_no_goal_of_the_prior_knows_how_the_track_went_on():
-    way_of = bundle_ways("amsterdam_120")
-    (task,) = tasks([recording()], before_end=0, most=1, way_of=way_of)
+    way_of = load_bundle_routes("amsterdam_120")
+    (task,) = build_tasks([recording()], before_end=0, most=1, way_of=way_of)
     rng = np.random.default_rng(0)
-    draws = list(as_the_prior_goes(task, size=3, rng=rng))
+    draws = list(sample_prior_goals(task, size=3, rng=rng))
     later = np.where(task.given[..., None], task.xy, task.xy + 7.0)
-    other = list(as_the_prior_goes(task._replace(xy=later, goals=later), size=3,
+    other = list(sample_prior_goals(task._replace(xy=later, goals=later), size=3,
                                    rng=np.random.default_rng(0)))  # fmt: skip
     for one, two in zip(draws, other, strict=True):
         assert np.array_equal(one.goals, two.goals, equal_nan=True)
@@ -82,9 +86,9 @@ def test_no_goal_of_the_prior_knows_how_the_track_went_on():
 
 
 def test_goals_on_the_priors_way_are_due_when_the_true_ones_are_and_lie_beside_them():
-    way_of = bundle_ways("amsterdam_120")
-    (task,) = tasks([recording(beside=1.0)], before_end=2, most=1, way_of=way_of)
-    moved = on_the_priors_way(task)
+    way_of = load_bundle_routes("amsterdam_120")
+    (task,) = build_tasks([recording(beside=1.0)], before_end=2, most=1, way_of=way_of)
+    moved = move_goals_to_prior(task)
     due = np.isfinite(task.goals)
     assert np.array_equal(due, np.isfinite(moved.goals))
     off = np.hypot(*(moved.goals - task.goals)[0][due[0, :, 0]].T)
@@ -95,7 +99,9 @@ def test_goals_on_the_priors_way_are_due_when_the_true_ones_are_and_lie_beside_t
 def test_who_has_no_route_is_seen_and_not_asked_for():
     there = recording()
     unknown = replace(there, agents=(replace(there.agents[0], route=None),))
-    assert not list(tasks([unknown], before_end=2, most=1, way_of=bundle_ways("amsterdam_120")))
+    assert not list(
+        build_tasks([unknown], before_end=2, most=1, way_of=load_bundle_routes("amsterdam_120"))
+    )
 
 
 # ---- priors without the recording ----------------------------------------------------------------
@@ -130,7 +136,7 @@ def site(tmp_path):
 
 def means(folder):
     """By recording, the expected waypoints of its first agent's way."""
-    way_of = left_out_ways(folder)
+    way_of = fit_left_out_routes(folder)
     ways = {r.name: way_of(r, r.agents[0]) for r in read_taf_bw(folder).recordings}
     assert {way.route.id for way in ways.values()} == {ROUTE}
     return {name: way.prior.means[0] for name, way in ways.items()}
@@ -165,14 +171,14 @@ def test_a_recording_found_twice_is_refused_as_none_would_be_left_out(site):
     (folder / "copy").mkdir()
     shutil.copytree(folder / SITE, folder / "copy" / SITE)
     with pytest.raises(InputError, match="twice"):
-        left_out_ways(folder)
+        fit_left_out_routes(folder)
 
 
 def test_a_corpus_of_another_intersection_is_one_clear_line():
     there = recording()
     foreign = replace(there.agents[0], route="vehicle:up>down:straight")
     with pytest.raises(InputError, match="not of amsterdam_120"):
-        bundle_ways("amsterdam_120")(there, foreign)
+        load_bundle_routes("amsterdam_120")(there, foreign)
 
 
 def test_a_site_without_a_map_or_with_one_recording_is_one_clear_line(site):
@@ -180,7 +186,7 @@ def test_a_site_without_a_map_or_with_one_recording_is_one_clear_line(site):
     for number in (1, 2):
         (folder / SITE / f"vehicle_tracks_{number:03d}.csv").unlink()
     with pytest.raises(InputError, match="only recording of k9"):
-        left_out_ways(folder)
+        fit_left_out_routes(folder)
     (folder / "maps" / f"{SITE}.osm").unlink()
     with pytest.raises(InputError, match=r"no map k9_<date>\.osm"):
-        left_out_ways(folder)
+        fit_left_out_routes(folder)

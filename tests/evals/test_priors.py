@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenewright.errors import InputError
-from scenewright.evals.priors import _poisson_nll, evaluate_priors
+from scenewright.evals.priors import _compute_poisson_nll, evaluate_priors
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def test_counts_are_no_worse_than_poisson_over_the_day(report):
 
 
 def test_poisson_is_the_closed_form():
-    nll = _poisson_nll(np.array([3.0, 1.0]), np.array([[2, 0]]))
+    nll = _compute_poisson_nll(np.array([3.0, 1.0]), np.array([[2, 0]]))
     assert nll == pytest.approx([-math.log(9 / 2 * math.exp(-3)) + 1.0])
 
 

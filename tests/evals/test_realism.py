@@ -9,30 +9,35 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from scenewright.evals.realism import Sample, distance, judge, wasserstein
+from scenewright.evals.realism import Sample, compute_distance, compute_wasserstein, judge
 from scenewright.evals.realism.__main__ import main
-from scenewright.evals.realism.distances import chance, gain, resampled
-from scenewright.evals.realism.manners import cases, paces
+from scenewright.evals.realism.distances import compute_chance, compute_gain, resample_distances
+from scenewright.evals.realism.fit_yielding import find_yield_cases, fit_acceleration_profiles
 from scenewright.evals.realism.samples import (
-    Sieve,
-    doing,
-    in_shares,
-    motion,
-    moving_shares,
-    of_recordings,
-    of_scenes,
-    steady,
+    MotionFilter,
+    classify_motion,
+    compute_moving_shares,
+    compute_steady_share,
+    list_recorded_agents,
+    list_scene_agents,
+    measure_motion,
+    sample_in_shares,
 )
 from scenewright.evals.realism.scenes import (
     YIELDS,
-    Played,
+    SceneTracks,
+    convert_scene,
     cut_scenes,
+    list_requests,
     make_scenes,
-    played,
     read_scenes,
-    requests,
 )
-from scenewright.evals.realism.stops import all_stops, line_gap, standstills, yield_stops
+from scenewright.evals.realism.stops import (
+    find_all_stops,
+    find_standstills,
+    find_yield_stops,
+    measure_line_gap,
+)
 from scenewright.graph.run import synthesize
 from scenewright.intersections import load_map
 from scenewright.scene.track import PEDESTRIAN, STEP, Track, vehicle_shape
@@ -55,43 +60,45 @@ def yielding():
 
 @given(values, values)
 def test_the_distance_is_the_first_wasserstein_distance(first, second):
-    found = wasserstein(first, second)
+    found = compute_wasserstein(first, second)
     assert found == pytest.approx(stats.wasserstein_distance(first, second), abs=1e-9)
-    assert found == pytest.approx(wasserstein(second, first))
+    assert found == pytest.approx(compute_wasserstein(second, first))
 
 
 @given(values, st.floats(-20, 20))
 def test_a_shift_is_as_far_as_it_shifts(first, by):
-    assert wasserstein(first, first + by) == pytest.approx(abs(by), abs=1e-9)
-    assert wasserstein(first, first) == 0.0
+    assert compute_wasserstein(first, first + by) == pytest.approx(abs(by), abs=1e-9)
+    assert compute_wasserstein(first, first) == 0.0
 
 
 def test_without_values_there_is_no_distance():
-    empty, one = Sample.of([[], []]), Sample.of([[1.0, 2.0]])
+    empty, one = Sample.join_parts([[], []]), Sample.join_parts([[1.0, 2.0]])
     rng = np.random.default_rng(0)
-    assert wasserstein(empty.values, one.values) is None
-    assert distance(empty, one, draws=5, rng=rng) is None
-    assert gain(one, empty, one, draws=5, rng=rng) is None
-    assert chance(one, one, draws=5, rng=rng) is None
+    assert compute_wasserstein(empty.values, one.values) is None
+    assert compute_distance(empty, one, draws=5, rng=rng) is None
+    assert compute_gain(one, empty, one, draws=5, rng=rng) is None
+    assert compute_chance(one, one, draws=5, rng=rng) is None
 
 
 def test_clusters_can_be_taken_out():
-    sample = Sample.of([[1.0, 2.0], [], [3.0], [4.0, 5.0]])
-    part = sample.only(np.array([3, 0]))
+    sample = Sample.join_parts([[1.0, 2.0], [], [3.0], [4.0, 5.0]])
+    part = sample.select(np.array([3, 0]))
     assert sorted(part.values) == [1.0, 2.0, 4.0, 5.0]
     assert part.cluster[part.values == 4.0].tolist() == [0]
     assert part.clusters == 2
 
 
 def clustered(rng, count, *, mean=0.0, spread=1.0, between=0.0):
-    return Sample.of([rng.normal(mean + rng.normal(0, between), spread, 20) for _ in range(count)])
+    return Sample.join_parts(
+        [rng.normal(mean + rng.normal(0, between), spread, 20) for _ in range(count)]
+    )
 
 
 def test_intervals_hold_the_distance_and_widen_with_clusters():
     rng = np.random.default_rng(1)
     reference = clustered(rng, 300)
     loose, tied = clustered(rng, 60, mean=1.0), clustered(rng, 60, mean=1.0, between=1.0)
-    found = [distance(s, reference, draws=300, rng=rng) for s in (loose, tied)]
+    found = [compute_distance(s, reference, draws=300, rng=rng) for s in (loose, tied)]
     for each in found:
         assert each.low <= each.value <= each.high
     assert found[0].value == pytest.approx(1.0, abs=0.1)
@@ -101,29 +108,32 @@ def test_intervals_hold_the_distance_and_widen_with_clusters():
 
 def test_resampling_one_cluster_each_gives_the_distance_itself():
     rng = np.random.default_rng(2)
-    one, two = Sample.of([rng.normal(0, 1, 500)]), Sample.of([rng.normal(1, 1, 500)])
-    again = resampled(one, two, draws=3, rng=rng)
-    assert again == pytest.approx(wasserstein(one.values, two.values), abs=0.01)
+    one, two = (
+        Sample.join_parts([rng.normal(0, 1, 500)]),
+        Sample.join_parts([rng.normal(1, 1, 500)]),
+    )
+    again = resample_distances(one, two, draws=3, rng=rng)
+    assert again == pytest.approx(compute_wasserstein(one.values, two.values), abs=0.01)
 
 
 def test_chance_falls_with_size_and_knows_clusters():
     rng = np.random.default_rng(3)
     loose, tied = clustered(rng, 200), clustered(rng, 200, between=1.0)
-    small, large = Sample.of([np.zeros(100)]), Sample.of([np.zeros(1600)])
-    few, many = (chance(s, loose, draws=100, rng=rng)[0] for s in (small, large))
+    small, large = Sample.join_parts([np.zeros(100)]), Sample.join_parts([np.zeros(1600)])
+    few, many = (compute_chance(s, loose, draws=100, rng=rng)[0] for s in (small, large))
     assert few > 2 * many
-    assert chance(large, tied, draws=100, rng=rng)[0] > 2 * many
+    assert compute_chance(large, tied, draws=100, rng=rng)[0] > 2 * many
 
 
 def test_gain_is_the_share_of_the_distance_that_went():
     rng = np.random.default_rng(4)
     reference = clustered(rng, 400)
     far, near = (Sample(reference.values + by, reference.cluster, 400) for by in (2.0, 0.5))
-    found = gain(far, near, reference, draws=200, rng=rng)
+    found = compute_gain(far, near, reference, draws=200, rng=rng)
     assert found.value == pytest.approx(0.75)
     assert found.low < 0.75 < found.high
-    assert gain(far, far, reference, draws=50, rng=rng).value == pytest.approx(0.0)
-    assert gain(near, far, reference, draws=50, rng=rng).value == pytest.approx(-3.0)
+    assert compute_gain(far, far, reference, draws=50, rng=rng).value == pytest.approx(0.0)
+    assert compute_gain(near, far, reference, draws=50, rng=rng).value == pytest.approx(-3.0)
 
 
 def ride(*, speed=8.0, braking=2.0, wait=3.0, starting=1.0, cruise=3.0):
@@ -146,7 +156,7 @@ def mover(s, *, shape=None, origin=(0.0, 0.0), heading=0.0):
 
 
 def test_a_stop_is_measured_as_it_was_driven():
-    (stop,) = all_stops([mover(ride())], intersection_map=None)
+    (stop,) = find_all_stops([mover(ride())], intersection_map=None)
     # At 0.3 m/s or less it stands: 0.15 s of the braking and 0.3 s of the starting.
     assert stop.duration == pytest.approx(3.45, abs=0.2)
     assert stop.braking == pytest.approx(2.0, abs=0.02)
@@ -158,11 +168,11 @@ def test_a_stop_is_measured_as_it_was_driven():
 
 def test_what_the_scene_cuts_off_is_not_measured():
     whole = ride()
-    standing = standstills(mover(whole))[0]
-    (late,) = all_stops([mover(whole[: standing.start + 15])], intersection_map=None)
+    standing = find_standstills(mover(whole))[0]
+    (late,) = find_all_stops([mover(whole[: standing.start + 15])], intersection_map=None)
     assert (late.duration, late.starting) == (None, None)
     assert late.braking == pytest.approx(2.0, abs=0.02)
-    assert not list(all_stops([mover(whole[standing.start + 5 :])], intersection_map=None))
+    assert not list(find_all_stops([mover(whole[standing.start + 5 :])], intersection_map=None))
 
 
 @pytest.mark.parametrize("leg", ["north", "south", "east", "west"])
@@ -175,24 +185,28 @@ def test_the_gap_to_the_stop_line_is_from_the_front_bumper(intersection_map, leg
     for gap in (0.5, 3.0):
         place = middle - inwards * (gap + length / 2)
         here = mover(np.zeros(9), origin=place, heading=bearing + np.pi)
-        assert line_gap(here, 4, intersection_map) == pytest.approx(gap, abs=1e-6)
+        assert measure_line_gap(here, 4, intersection_map) == pytest.approx(gap, abs=1e-6)
     away = mover(np.zeros(9), origin=middle + inwards * 5.0, heading=bearing)
-    assert line_gap(away, 4, intersection_map) is None or line_gap(away, 4, intersection_map) < 1.0
     assert (
-        line_gap(mover(np.zeros(9), shape=PEDESTRIAN, origin=middle), 4, intersection_map) is None
+        measure_line_gap(away, 4, intersection_map) is None
+        or measure_line_gap(away, 4, intersection_map) < 1.0
+    )
+    assert (
+        measure_line_gap(mover(np.zeros(9), shape=PEDESTRIAN, origin=middle), 4, intersection_map)
+        is None
     )
 
 
 def test_the_stop_of_who_was_asked_to_yield_is_found(intersection_map, yielding):
-    scene = played(yielding.record)
-    stops, yields = yield_stops(scene, intersection_map=intersection_map)
+    scene = convert_scene(yielding.record)
+    stops, yields = find_yield_stops(scene, intersection_map=intersection_map)
     assert scene.asked
     (asked,) = [stop for stop in stops if stop.asked]
     assert asked.type == "vehicle"
     assert 0.0 <= asked.gap < 10.0
     assert yields.seen >= yields.stood == len(stops) >= 1
     giver = next(user for user in scene.users if user.id == scene.asked[0][0])
-    lengths = [(s.stop - s.start) * STEP for s in standstills(build_trajectory(giver))]
+    lengths = [(s.stop - s.start) * STEP for s in find_standstills(build_trajectory(giver))]
     assert any(asked.duration == pytest.approx(length) for length in lengths)
 
 
@@ -204,43 +218,43 @@ def with_another(scene):
 
 
 def test_who_lets_one_pass_is_told_from_who_lets_several(intersection_map, yielding):
-    scene = played(yielding.record)
+    scene = convert_scene(yielding.record)
     [stop] = [
-        stop for stop in yield_stops(scene, intersection_map=intersection_map)[0] if stop.asked
+        stop for stop in find_yield_stops(scene, intersection_map=intersection_map)[0] if stop.asked
     ]
     assert (stop.to, stop.alone) == ("pedestrian", True)
     [stop] = [
         stop
-        for stop in yield_stops(with_another(scene), intersection_map=intersection_map)[0]
+        for stop in find_yield_stops(with_another(scene), intersection_map=intersection_map)[0]
         if stop.asked
     ]
     assert (stop.to, stop.alone) == ("pedestrian", False)
 
 
 def test_who_stands_once_for_several_counts_once(intersection_map, yielding):
-    scene = played(yielding.record)
+    scene = convert_scene(yielding.record)
     several = with_another(scene)
     asked = [
         each
-        for each in cases([scene], intersection_map=intersection_map)
+        for each in find_yield_cases([scene], intersection_map=intersection_map)
         if each.pair == ("vehicle", "pedestrian")
     ]
     twice = [
         each
-        for each in cases([several], intersection_map=intersection_map)
+        for each in find_yield_cases([several], intersection_map=intersection_map)
         if each.pair == ("vehicle", "pedestrian")
     ]
     assert len(asked) == len(twice)
     assert all(each.stood_at is not None for each in twice)
-    found = paces(asked * 20)["vehicle"]
+    found = fit_acceleration_profiles(asked * 20)["vehicle"]
     assert 1.0 < found.starts[0] < 2.6
     assert 1.5 < found.brakes[0] < 3.1
-    assert "pedestrian" not in paces(asked * 20)
+    assert "pedestrian" not in fit_acceleration_profiles(asked * 20)
 
 
 def test_requests_are_the_same_for_any_refiner_and_mostly_yields():
-    asked = list(requests(90))
-    assert asked == list(requests(90))
+    asked = list(list_requests(90))
+    assert asked == list(list_requests(90))
     texts = [text for text, _ in asked]
     yields = [t for t in texts if any(t.startswith(y.split("{")[0]) for y in YIELDS)]
     assert len(yields) == 60
@@ -293,18 +307,25 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
         RoadUser(k, Track(m.xy, m.heading, 0.0), vehicle_shape())
         for k, m in enumerate((free, held))
     ]
-    clusters = of_scenes([Played(tuple(users))])
-    both = motion(clusters, Sieve("vehicle"), side=[True]).samples
-    alone = motion(clusters, Sieve("vehicle", doing="is never slow"), side=[True]).samples
+    clusters = list_scene_agents([SceneTracks(tuple(users))])
+    both = measure_motion(clusters, MotionFilter("vehicle"), side=[True]).samples
+    alone = measure_motion(
+        clusters, MotionFilter("vehicle", doing="is never slow"), side=[True]
+    ).samples
     assert len(both["speed, standing too"]) == len(free) + len(held) - 20
     assert both["speed"].values.min() > 0.3
     assert alone["speed"].values == pytest.approx(8.0)
     assert alone["spread of speed"].values == pytest.approx([0.0], abs=1e-9)
-    assert steady(of_scenes([Played(tuple(users[:1]))]), Sieve("vehicle")) == 1.0
-    assert steady(clusters, Sieve("pedestrian")) is None
-    shares = moving_shares(clusters)
+    assert (
+        compute_steady_share(
+            list_scene_agents([SceneTracks(tuple(users[:1]))]), MotionFilter("vehicle")
+        )
+        == 1.0
+    )
+    assert compute_steady_share(clusters, MotionFilter("pedestrian")) is None
+    shares = compute_moving_shares(clusters)
     assert shares["is never slow"] + shares["stops and sets off"] == pytest.approx(1.0)
-    near = motion(clusters, Sieve("vehicle", within=20.0), side=[True]).samples
+    near = measure_motion(clusters, MotionFilter("vehicle", within=20.0), side=[True]).samples
     assert len(near["speed, standing too"]) < len(both["speed, standing too"])
 
 
@@ -320,7 +341,7 @@ def test_motion_is_sorted_into_standing_moving_and_unimpeded():
     ],
 )
 def test_agents_are_told_apart_by_what_they_do_in_view(speed, told):
-    assert doing(np.array(speed), "vehicle") == told
+    assert classify_motion(np.array(speed), "vehicle") == told
 
 
 def test_motion_is_compared_in_the_shares_of_another_set():
@@ -330,28 +351,31 @@ def test_motion_is_compared_in_the_shares_of_another_set():
         RoadUser(k, Track(m.xy, m.heading, 0.0), vehicle_shape())
         for k, m in enumerate([*[driving] * 9, held])
     ]
-    clusters = of_scenes([Played(tuple(users))])
+    clusters = list_scene_agents([SceneTracks(tuple(users))])
     rng = np.random.default_rng(0)
     halves = {"is never slow": 0.5, "stops and sets off": 0.5}
-    found = in_shares(clusters, halves, Sieve("vehicle"), side=[True], rng=rng).samples
-    moving = len(motion(clusters, Sieve("vehicle", doing="stops and sets off"), side=[True])
-                 .samples["acceleration"])  # fmt: skip
+    found = sample_in_shares(
+        clusters, halves, MotionFilter("vehicle"), side=[True], rng=rng
+    ).samples
+    only = MotionFilter("vehicle", doing="stops and sets off")
+    moving = len(measure_motion(clusters, only, side=[True]).samples["acceleration"])
     assert len(found["acceleration"]) == len(found["jerk"]) == 2 * moving
     assert (np.abs(found["acceleration"].values) < 1e-9).sum() >= moving
     only = {"sets off": 1.0}
-    nobody = in_shares(clusters, only, Sieve("vehicle"), side=[True], rng=rng).samples
+    nobody = sample_in_shares(clusters, only, MotionFilter("vehicle"), side=[True], rng=rng).samples
     assert len(nobody["acceleration"]) == 0
 
 
 def test_bicycles_are_no_vehicles_of_ours():
     recording = Recording("r", 0.0, 9.0, (agent(np.arange(50.0), 0.0, subtype="bicycle"),))
-    assert of_recordings([recording]) == []
+    assert list_recorded_agents([recording]) == []
 
 
 def test_parts_of_a_scene_are_told_apart(yielding):
-    scene = played(yielding.record)
+    scene = convert_scene(yielding.record)
     whole, front, back = (
-        len(of_scenes([scene], part=part)[0]) for part in ("all", "foreground", "background")
+        len(list_scene_agents([scene], part=part)[0])
+        for part in ("all", "foreground", "background")
     )
     assert front == 2
     assert front + back == whole
@@ -384,7 +408,7 @@ def test_the_corpus_against_itself_and_against_a_faster_one(intersection_map):
     between = [(r.distance, r.between_means) for r in report.rows if r.distance is not None]
     assert all(least <= d.value + 1e-9 for d, least in between if least is not None)
     assert json.loads(json.dumps(report.to_json(), allow_nan=False))["rows"]
-    assert "| vehicle | speed | fast | 2.0" in report.markdown()
+    assert "| vehicle | speed | fast | 2.0" in report.format_markdown()
     assert report.facts["same: scenes"] == 2
 
 

@@ -10,17 +10,17 @@ import pytest
 
 from scenewright.cli.main import main
 from scenewright.evals.realism.likelihood import measure_features, score_likelihood
-from scenewright.evals.realism.motion_windows import constant_share, cut_windows
+from scenewright.evals.realism.motion_windows import cut_windows, find_constant_speed
 from scenewright.evals.realism.sources import Source, Stretch
 from scenewright.evals.realism.street_measures import (
-    accompanied,
-    close_followers,
-    common_starts,
-    counts_transformed,
-    reactions,
-    share_of,
+    compute_count_ranks,
+    compute_share,
+    find_accompanied,
+    find_close_followers,
+    find_common_starts,
+    find_reactions,
 )
-from scenewright.evals.realism.two_sample import compute_auc, split_halves, tell_apart
+from scenewright.evals.realism.two_sample import compare_windows, compute_auc, split_halves
 from scenewright.scene.track import PEDESTRIAN, Track, vehicle_shape
 from scenewright.tools.relation_checker import RoadUser
 
@@ -61,33 +61,33 @@ def test_who_wavers_is_told_from_who_does_not_and_halves_are_not() -> None:
         cut_windows(source(name, spread, 40, seed=k), "vehicle")
         for k, (name, spread) in enumerate((("a", 0.02), ("b", 0.4)))
     )
-    assert tell_apart(even, wavering)["all"].auc > 0.95
-    assert tell_apart(*split_halves(wavering))["all"].low < 0.6
+    assert compare_windows(even, wavering)["all"].auc > 0.95
+    assert compare_windows(*split_halves(wavering))["all"].low < 0.6
 
 
 def test_too_few_windows_say_nothing() -> None:
     few = cut_windows(source("a", 0.1, 3, seed=0), "vehicle")
-    assert tell_apart(few, few) == {}
+    assert compare_windows(few, few) == {}
 
 
 def test_one_speed_is_within_a_twentieth_of_a_metre_per_second() -> None:
     even = cut_windows(Source("e", (stretch(along(8.0 * TIMES)),)), "vehicle")
     rising = cut_windows(Source("r", (stretch(along(5.0 * TIMES + 0.1 * TIMES**2)),)), "vehicle")
-    assert set(constant_share(even)) == {True}
-    assert set(constant_share(rising)) == {False}
+    assert set(find_constant_speed(even)) == {True}
+    assert set(find_constant_speed(rising)) == {False}
 
 
 @pytest.mark.parametrize(("later", "found"), [(1.5, [False, True]), (2.5, [False, False])])
 def test_a_headway_is_the_time_after_who_passed_the_same_place(later: float, found) -> None:
     s = 8.0 * TIMES[:100]
-    assert close_followers(stretch(along(s), along(s, start=later))) == found
-    assert close_followers(stretch(along(s), along(s, y=3.5, start=later))) == [False, False]
+    assert find_close_followers(stretch(along(s), along(s, start=later))) == found
+    assert find_close_followers(stretch(along(s), along(s, y=3.5, start=later))) == [False, False]
 
 
 def test_companions_keep_within_a_metre_and_a_half() -> None:
     s = 1.3 * TIMES
     three = stretch(along(s), along(s, y=1.0), along(s, y=4.0), shape=PEDESTRIAN)
-    assert accompanied(three) == [True, True, False]
+    assert find_accompanied(three) == [True, True, False]
 
 
 def test_people_set_off_together_within_a_second_and_a_half() -> None:
@@ -95,34 +95,34 @@ def test_people_set_off_together_within_a_second_and_a_half() -> None:
         return along(1.3 * np.maximum(TIMES - until, 0.0), y=y)
 
     crowd = stretch(waits(4.0, 0.0), waits(5.0, 1.0), waits(8.0, 2.0), shape=PEDESTRIAN)
-    assert common_starts(crowd) == [True, True, False]
-    assert common_starts(stretch(along(TIMES[:6]), shape=PEDESTRIAN)) == []
+    assert find_common_starts(crowd) == [True, True, False]
+    assert find_common_starts(stretch(along(TIMES[:6]), shape=PEDESTRIAN)) == []
 
 
 def test_a_number_of_people_is_placed_in_its_hour() -> None:
     """Even chances of 0 to 9 vehicles: three of them lie between 0.3 and 0.4."""
     mass = np.full((10, 1), 0.1)
     scene = stretch(*(along(8.0 * TIMES, y=4.0 * k) for k in range(3)), place="x", hour=8)
-    found = counts_transformed([scene], lambda *_: mass)
+    found = compute_count_ranks([scene], lambda *_: mass)
     assert 0.3 <= found["vehicle"][0][0] <= 0.4
     assert 0.0 <= found["pedestrian"][0][0] <= 1.0
-    assert counts_transformed([stretch(along(TIMES))], lambda *_: mass)["vehicle"] == []
+    assert compute_count_ranks([stretch(along(TIMES))], lambda *_: mass)["vehicle"] == []
 
 
 def test_who_keeps_its_speed_before_a_collision_does_not_react() -> None:
     brakes = along(8.0 * TIMES - 1.0 * np.maximum(TIMES - 8.0, 0.0) ** 2)
     event = SimpleNamespace(type="collision", from_=0, to=1, time=10.0)
-    ((one, other),) = reactions(stretch(brakes, along(8.0 * TIMES, y=2.0), events=(event,)))
+    ((one, other),) = find_reactions(stretch(brakes, along(8.0 * TIMES, y=2.0), events=(event,)))
     assert (one.reacts, other.reacts) == (True, False)
     early = SimpleNamespace(type="collision", from_=0, to=1, time=0.5)
-    assert reactions(stretch(brakes, brakes, events=(early,))) == []
+    assert find_reactions(stretch(brakes, brakes, events=(early,))) == []
 
 
 def test_a_share_has_the_interval_of_its_stretches() -> None:
-    share = share_of([[True, False], [True, True], []])
+    share = compute_share([[True, False], [True, True], []])
     assert (share.value, share.n) == (0.75, 4)
     assert share.low <= 0.75 <= share.high
-    assert share_of([[], []]).value is None
+    assert compute_share([[], []]).value is None
 
 
 def test_motion_is_likelier_under_its_own_kind() -> None:

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 import torch
 
-from scenewright.evals.realism.rollout_tasks import Task, tasks
+from scenewright.evals.realism.rollout_tasks import Task, build_tasks
 from scenewright.evals.realism.rollouts import (
     BEFORE_END,
-    errors,
-    even,
+    build_methods,
+    compare_methods,
+    compute_errors,
+    fit_splines,
+    interpolate_evenly,
     main,
-    methods,
-    rolled,
-    splined,
-    table,
+    run_refiner,
 )
 from scenewright.scene.track import Track, vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
@@ -41,7 +41,7 @@ def recording(seconds: float = 30.0) -> Recording:
 
 @pytest.mark.parametrize("before_end", BEFORE_END)
 def test_the_end_is_never_told(before_end):
-    (task,) = tasks([recording()], before_end=before_end, most=5)
+    (task,) = build_tasks([recording()], before_end=before_end, most=5)
     for told, places in zip(task.given, task.goals, strict=True):
         goals = np.isfinite(places[:, 0])
         assert not (told | goals)[-before_end:].any()
@@ -50,29 +50,31 @@ def test_the_end_is_never_told(before_end):
 
 
 def test_even_motion_and_the_spline_are_right_where_they_must_be():
-    (task,) = tasks([recording()], before_end=4, most=5)
-    straight = errors(task, even(task))
+    (task,) = build_tasks([recording()], before_end=4, most=5)
+    straight = compute_errors(task, interpolate_evenly(task))
     assert straight[0] == pytest.approx((0.0, 0.0), abs=1e-9)
     assert straight[1, 1] > 0.3
-    assert errors(task, splined(task)) == pytest.approx(0.0, abs=1e-6)  # a parabola is a cubic
+    assert compute_errors(task, fit_splines(task)) == pytest.approx(
+        0.0, abs=1e-6
+    )  # a parabola is a cubic
 
 
 def test_a_network_that_has_learned_nothing_keeps_even_motion_even():
     net = Refiner(RefinerConfig(hidden=8, embedding=8, pooled=8, apart=None, mirrored=False)).eval()
     torch.nn.init.zeros_(net.output.weight)
-    (task,) = tasks([recording()], before_end=4, most=5)
-    (first, second) = errors(task, rolled(net, task))
+    (task,) = build_tasks([recording()], before_end=4, most=5)
+    (first, second) = compute_errors(task, run_refiner(net, task))
     assert first[1] < 0.01
     assert second[1] < 5.0
-    rows = list(table(methods(net), [recording()], most=5))
+    rows = list(compare_methods(build_methods(net), [recording()], most=5))
     assert [row.before_end for row in rows] == list(BEFORE_END)
-    lines = [line for row in rows for line in row.lines("here")]
+    lines = [line for row in rows for line in row.format_lines("here")]
     assert len(lines) == 3 * len(BEFORE_END)
     assert all(line.count("|") == 9 for line in lines)
 
 
 def test_who_is_too_short_is_seen_and_not_asked_for():
-    (task,) = tasks([recording()], before_end=4, most=5)
+    (task,) = build_tasks([recording()], before_end=4, most=5)
     short = np.full((1, task.xy.shape[1], 2), np.nan)
     short[0, :10] = 0.0
     more = Task(
@@ -81,15 +83,15 @@ def test_who_is_too_short_is_seen_and_not_asked_for():
         np.concatenate([task.goals, np.full_like(short, np.nan)]),
         (*task.kinds, "pedestrian"),
     )
-    assert len(errors(more, even(more))) == 2
+    assert len(compute_errors(more, interpolate_evenly(more))) == 2
 
 
 def test_a_recording_that_ends_within_a_scene_is_rolled_out_to_its_end():
-    cut = list(tasks([recording(42.0)], before_end=2, most=5))
+    cut = list(build_tasks([recording(42.0)], before_end=2, most=5))
     assert [int(task.there[0].sum()) for task in cut] == [75, 30]
-    (short,) = tasks([recording(8.0)], before_end=2, most=5)
+    (short,) = build_tasks([recording(8.0)], before_end=2, most=5)
     assert int(short.there[0].sum()) == 20
-    assert errors(short, splined(short)) == pytest.approx(0.0, abs=1e-6)
+    assert compute_errors(short, fit_splines(short)) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_no_source_is_said_in_one_line(capsys, tmp_path, monkeypatch):
@@ -101,7 +103,7 @@ def test_no_source_is_said_in_one_line(capsys, tmp_path, monkeypatch):
 def test_a_scene_of_bicycles_alone_holds_nothing_to_roll_out():
     ridden = recording()
     riders = tuple(replace(agent, subtype="bicycle") for agent in ridden.agents)
-    assert not list(tasks([replace(ridden, agents=riders)], before_end=2, most=5))
+    assert not list(build_tasks([replace(ridden, agents=riders)], before_end=2, most=5))
 
 
 @pytest.mark.parametrize(

@@ -15,17 +15,17 @@ from scenewright.dataset.batch.worker import Options
 from scenewright.dataset.orders.order_spec import read_order
 from scenewright.dataset.orders.run import Order, fill
 from scenewright.evals.planning import Share
-from scenewright.evals.tables.diversity import held_out, lateral
+from scenewright.evals.tables.diversity import compare_lateral_positions, load_held_out
 from scenewright.evals.tables.likelihood import (
     AgentScore,
-    gap,
-    nearest_on,
-    passed_waypoints,
+    compute_gap,
+    find_nearest_on,
+    find_passed_waypoints,
+    resample_waypoints,
     score_scene,
-    waypoints_of,
 )
-from scenewright.evals.tables.reading import Dataset, Given
-from scenewright.evals.tables.robustness import robustness
+from scenewright.evals.tables.reading import Dataset, InstructionRow
+from scenewright.evals.tables.robustness import compute_robustness
 from scenewright.graph.run import load_scene
 from scenewright.scene.record import AgentRecord, SceneRecord
 from scenewright.tools.gmm_sampler import compute_waypoint_nll, load_priors, sample_waypoints
@@ -83,7 +83,7 @@ def test_a_track_cut_short_is_unlikely_as_a_track_and_likely_as_a_path() -> None
 def test_a_metre_aside_shows_where_it_was_driven_alone() -> None:
     points = drawn()
     aside = between(points)[:1000] + np.array([1.0, 0.0])
-    passed = passed_waypoints(agent(aside, points))
+    passed = find_passed_waypoints(agent(aside, points))
     off = np.hypot(*(passed - points).T)
     assert off[1:4] == pytest.approx(1.0, abs=0.05)
     assert off[6:] == pytest.approx(0.0)
@@ -91,18 +91,20 @@ def test_a_metre_aside_shows_where_it_was_driven_alone() -> None:
 
 def test_who_stands_at_the_end_has_not_passed_what_lies_beyond() -> None:
     track = np.array([[0.0, 0.0], [5.0, 0.0], *[[10.0, 0.0]] * 20])
-    _, passed = nearest_on(track, np.array([[-1.0, 0.0], [4.0, 1.0], [12.0, 0.0], [10.0, 9.0]]))
+    _, passed = find_nearest_on(
+        track, np.array([[-1.0, 0.0], [4.0, 1.0], [12.0, 0.0], [10.0, 9.0]])
+    )
     assert passed.tolist() == [False, True, False, False]
 
 
 def test_waypoints_lie_at_equal_arc_length_and_standing_has_none() -> None:
     corner = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
-    found = waypoints_of(corner)
+    found = resample_waypoints(corner)
     assert found is not None
     assert np.hypot(*np.diff(found, axis=0).T) == pytest.approx(
         [2.0] * 4 + [np.sqrt(2)] + [2.0] * 4
     )
-    assert waypoints_of(np.zeros((50, 2))) is None
+    assert resample_waypoints(np.zeros((50, 2))) is None
 
 
 def scores(group: str, *values: float) -> list[AgentScore]:
@@ -114,26 +116,28 @@ def scores(group: str, *values: float) -> list[AgentScore]:
 
 def test_gap_is_equation_8_with_its_sign() -> None:
     rng = np.random.default_rng(0)
-    found = gap(scores("x", 30.0, 50.0), scores("normal", 20.0, 20.0), "path", draws=50, rng=rng)
+    found = compute_gap(
+        scores("x", 30.0, 50.0), scores("normal", 20.0, 20.0), "path", draws=50, rng=rng
+    )
     assert found is not None
     assert (found.nll, found.normal) == (40.0, 20.0)
     assert found.s2r == pytest.approx(-1.0)
     assert found.delta == pytest.approx(2.0)
     assert found.delta_interval[0] <= found.delta <= found.delta_interval[1]
-    assert gap([], scores("normal", 1.0), "path", draws=5, rng=rng) is None
+    assert compute_gap([], scores("normal", 1.0), "path", draws=5, rng=rng) is None
 
 
 def test_rates_count_refusals_and_wrong_scenes_as_failures() -> None:
     rows = [
-        Given("a", "builtin", "collision", True, True),
-        Given(None, "builtin", "collision", False, True),
-        Given("b", "builtin", "yielding", False, True),
-        Given(None, "builtin", None, False, False),
-        Given("c", "other", "yielding", True, True),
+        InstructionRow("a", "builtin", "collision", True, True),
+        InstructionRow(None, "builtin", "collision", False, True),
+        InstructionRow("b", "builtin", "yielding", False, True),
+        InstructionRow(None, "builtin", None, False, False),
+        InstructionRow("c", "other", "yielding", True, True),
     ]
     found = {
         (rate.backend, rate.event): rate.share
-        for rate in robustness(Dataset(Path(), {}, tuple(rows)))
+        for rate in compute_robustness(Dataset(Path(), {}, tuple(rows)))
     }
     assert found["builtin", "collision"] == Share(1, 2)
     assert found["builtin", "overall"] == found["builtin", "all"] == Share(1, 3)
@@ -147,12 +151,12 @@ def test_tracks_of_the_prior_spread_as_the_corpus_does_and_modes_do_not() -> Non
     ratios = []
     for points in (many, alike):
         scenes = [scene_of(agent(between(each, 200), each)) for each in points]
-        (spread,) = lateral(scenes, bundle="amsterdam_120", draws=20, seed=0)
+        (spread,) = compare_lateral_positions(scenes, bundle="amsterdam_120", draws=20, seed=0)
         assert spread.low <= spread.high
         ratios.append(spread.ratio)
     assert ratios[0] == pytest.approx(1.0, abs=0.2)
     assert ratios[1] == pytest.approx(0.0, abs=0.01)
-    assert len(held_out("amsterdam_120")) > 30
+    assert len(load_held_out("amsterdam_120")) > 30
 
 
 def test_one_page_and_one_object_for_a_dataset(

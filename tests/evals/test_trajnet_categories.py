@@ -15,7 +15,7 @@ from scenewright.evals.trajnet.categories import (
     OTHER_INTERACTION,
     STATIC,
     categorise,
-    filtered,
+    filter_path,
 )
 
 T = np.arange(21)[:, None] - 8.0
@@ -74,7 +74,7 @@ def test_a_partner_seen_only_for_a_while_makes_no_group() -> None:
 
 def test_the_filter_goes_on_as_before() -> None:
     """After nine steps of even motion it knows the speed to a few per cent."""
-    ahead = filtered(straight()[:9], steps=12)
+    ahead = filter_path(straight()[:9], steps=12)
     assert ahead[:, 1] == pytest.approx(0.0)
     assert ahead[-1, 0] == pytest.approx(6.0, abs=0.15)
     assert np.diff(ahead[:, 0], n=2) == pytest.approx(0.0)

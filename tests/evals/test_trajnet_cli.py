@@ -11,9 +11,9 @@ import pytest
 from scenewright.cli.main import main
 from scenewright.errors import InputError
 from scenewright.evals.trajnet.recording import read_recording
-from scenewright.evals.trajnet.score import mean_with_interval
+from scenewright.evals.trajnet.score import compute_mean_with_interval
 from scenewright.evals.trajnet.training import check_split
-from scenewright.evals.trajnet.windows import BENDING, Weights, training_windows
+from scenewright.evals.trajnet.windows import BENDING, Weights, cut_training_windows
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 
 SHIPPED_WEIGHTS = str(find_bundle_folder("amsterdam_120") / REFINER_WEIGHTS)
@@ -123,7 +123,7 @@ def test_test_recordings_are_never_trained_on(recording: Path, tmp_path: Path) -
 
 def test_windows_hold_everybody_who_is_there_and_weigh_by_type(recording: Path) -> None:
     """40 steps: a window begins at each of the first 31, at whose ninth step all are there."""
-    windows = training_windows([read_recording(recording)], weights=Weights({3: 2.0, 4: 3.0}))
+    windows = cut_training_windows([read_recording(recording)], weights=Weights({3: 2.0, 4: 3.0}))
     assert len(windows) == 31
     assert all(w.xy.shape == (12, 21, 2) for w in windows)
     assert [w.weight[0] for w in windows[:16]] == [2.0] + 14 * [0.6] + [3.0]
@@ -133,7 +133,7 @@ def test_windows_hold_everybody_who_is_there_and_weigh_by_type(recording: Path) 
 
 def test_backwards_everybody_goes_to_where_they_came_from(recording: Path) -> None:
     read = read_recording(recording)
-    ahead, both = training_windows([read]), training_windows([read], both_ways=True)
+    ahead, both = cut_training_windows([read]), cut_training_windows([read], both_ways=True)
     back = both[len(ahead) :]
     assert all(
         np.array_equal(a.xy, b.xy, equal_nan=True) for a, b in zip(ahead, both, strict=False)
@@ -162,7 +162,7 @@ def test_who_bends_can_count_more_than_who_keeps_going(tmp_path: Path) -> None:
     scene = {"id": 0, "p": 4, "s": 0, "e": 20, "fps": 2.5, "tag": [3, [1]]}
     file = tmp_path / "four.ndjson"
     file.write_text("".join(json.dumps(row) + "\n" for row in [{"scene": scene}, *rows]))
-    windows = training_windows([read_recording(file)], weights=BENDING)
+    windows = cut_training_windows([read_recording(file)], weights=BENDING)
     assert windows[0].weight.tolist() == [0.1, 0.1, 1.0, 0.4, 1.0]
 
 
@@ -170,10 +170,10 @@ def test_intervals_are_over_people_not_scenes() -> None:
     """Ten people with ten equal scenes each know no more than with one scene each."""
     x = np.arange(10.0)
     draws = np.random.default_rng(0).multinomial(10, np.full(10, 0.1), size=4000)
-    once = mean_with_interval(x, np.arange(10), draws)
-    often = mean_with_interval(np.repeat(x, 10), np.repeat(np.arange(10), 10), draws)
+    once = compute_mean_with_interval(x, np.arange(10), draws)
+    often = compute_mean_with_interval(np.repeat(x, 10), np.repeat(np.arange(10), 10), draws)
     assert once == (pytest.approx(often[0]), pytest.approx(often[1]))
     assert once[1] is not None
     expected = 1.96 * np.std(x) / np.sqrt(10)
     assert (once[1][1] - once[1][0]) / 2 == pytest.approx(expected, rel=0.1)
-    assert mean_with_interval(np.full(10, np.nan), np.arange(10), draws) == (None, None)
+    assert compute_mean_with_interval(np.full(10, np.nan), np.arange(10), draws) == (None, None)

@@ -11,9 +11,15 @@ import numpy as np
 import pytest
 
 from scenewright.errors import InputError
-from scenewright.evals.trajnet.predictors import constant_velocity
+from scenewright.evals.trajnet.predictors import predict_constant_velocity
 from scenewright.evals.trajnet.recording import read_recording
-from scenewright.evals.trajnet.score import Goals, lines, predict_scenes, score_scenes, table
+from scenewright.evals.trajnet.score import (
+    Goals,
+    build_table,
+    format_predictions,
+    predict_scenes,
+    score_scenes,
+)
 
 Row = dict[str, object]
 
@@ -35,12 +41,12 @@ def test_round_trip_of_a_straight_walk(tmp_path: Path) -> None:
     """Constant velocity is right about it; the file it writes is read back as it was."""
     rows = [scene(), *walk(3, 0, 0, 0.5), *walk(9, 0, 2, 0.25)]
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
-    predicted = predict_scenes(recording, constant_velocity)
+    predicted = predict_scenes(recording, predict_constant_velocity)
     (score,) = score_scenes(recording, predicted)
     assert (score.type, score.subtypes, score.person) == (3, (2,), ("a", 3))
     assert score.ade == pytest.approx(0.0, abs=0.004)  # written in centimetres
     assert (score.col1, score.col2) == (False, False)
-    text = list(lines(recording, predicted))
+    text = list(format_predictions(recording, predicted))
     assert len(text) == 1 + 2 * 12
     assert json.loads(text[1])["track"] == {
         "f": 190, "p": 3, "x": 4.5, "y": 0.0, "prediction_number": 0, "scene_id": 7,
@@ -60,11 +66,11 @@ def test_the_benchmarks_own_collision_file(tmp_path: Path) -> None:
         rows.append({"track": {"f": 1 + k, "p": 1, "x": 0.1, "y": 6.2 - 0.4 * k}})
         rows.append({"track": {"f": 1 + k, "p": 2, "x": 0.0, "y": -6.2 + 0.4 * k}})
     recording = read_recording(written(tmp_path / "collision_test.ndjson", rows))
-    predicted = predict_scenes(recording, constant_velocity)
+    predicted = predict_scenes(recording, predict_constant_velocity)
     assert score_scenes(recording, predicted) == []  # the future is not in the file
-    from scenewright.evals.trajnet.metrics import collides
+    from scenewright.evals.trajnet.metrics import find_collisions
 
-    assert collides(predicted[0].xy[0], predicted[0].xy[1:]).tolist() == [True]
+    assert find_collisions(predicted[0].xy[0], predicted[0].xy[1:]).tolist() == [True]
 
 
 @pytest.mark.parametrize("goals", ["destination", "horizon"])
@@ -82,7 +88,7 @@ def test_goals_are_ends_of_tracks_or_of_the_scene(tmp_path: Path, goals: Goals) 
     ) -> list[np.ndarray]:
         assert goals is not None
         told.extend([*goals, due, step])
-        return constant_velocity(pasts)
+        return predict_constant_velocity(pasts)
 
     predict_scenes(recording, listener, goals=goals)
     assert told[0].tolist() == [[15.0, 0.0] if goals == "destination" else [10.0, 0.0]]
@@ -94,7 +100,7 @@ def test_longer_steps_are_predicted_at_the_networks_own_pace(tmp_path: Path) -> 
     import torch
 
     from scenewright.evals.trajnet.predictors import Refining
-    from scenewright.evals.trajnet.windows import training_windows
+    from scenewright.evals.trajnet.windows import cut_training_windows
     from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 
     net = Refiner(RefinerConfig(hidden=8, embedding=8, pooled=8)).eval()
@@ -104,15 +110,15 @@ def test_longer_steps_are_predicted_at_the_networks_own_pace(tmp_path: Path) -> 
     for goals in ("none", "horizon"):
         (predicted,) = predict_scenes(recording, Refining(net), goals=goals)
         assert predicted.xy[0] == pytest.approx(recording.stretch(100)[0, 9:], abs=0.011)
-    window = training_windows([recording])[0]
+    window = cut_training_windows([recording])[0]
     assert window.xy[0, :, 0] == pytest.approx(4.0 + 0.4 * np.arange(-8, 13))
 
 
 def test_types_are_worked_out_where_they_are_missing(tmp_path: Path) -> None:
     rows = [scene(tag=0), *walk(3, 0, 0, 0.5)]
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
-    scores = score_scenes(recording, predict_scenes(recording, constant_velocity))
-    assert [row.name for row in table(scores)] == ["all", "2 linear"]
+    scores = score_scenes(recording, predict_scenes(recording, predict_constant_velocity))
+    assert [row.name for row in build_table(scores)] == ["all", "2 linear"]
     assert scores[0].col1 is False  # nobody else is there, which the official evaluator counts
 
 
@@ -136,7 +142,7 @@ def test_types_are_worked_out_where_they_are_missing(tmp_path: Path) -> None:
 def test_bad_files_are_refused_by_line(tmp_path: Path, rows: list[Row], word: str) -> None:
     path = written(tmp_path / "a.ndjson", rows)
     with pytest.raises(InputError, match=r"a\.ndjson") as caught:
-        predict_scenes(read_recording(path), constant_velocity)
+        predict_scenes(read_recording(path), predict_constant_velocity)
     assert word in str(caught.value)
 
 
@@ -151,7 +157,7 @@ def test_who_left_before_the_ninth_step_is_written_and_goes_on_evenly(tmp_path: 
     early, once = range(100, 161, 10), range(100, 101)
     rows = [scene(), *walk(3, 0, 0, 0.5), *walk(9, 0, 2, 0.25, early), *walk(4, 8, 8, 1.0, once)]
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
-    (predicted,) = predict_scenes(recording, constant_velocity)
+    (predicted,) = predict_scenes(recording, predict_constant_velocity)
     places = {int(p): xy for p, xy in zip(recording.ids[predicted.who], predicted.xy, strict=True)}
     assert list(places) == [3, 4, 9]
     assert places[9] == pytest.approx(
@@ -163,5 +169,5 @@ def test_who_left_before_the_ninth_step_is_written_and_goes_on_evenly(tmp_path: 
 def test_who_comes_after_the_ninth_step_is_nobody_to_collide_with(tmp_path: Path) -> None:
     rows = [scene(), *walk(3, 0, 0, 0.5), *walk(9, 0, 0.1, 0.5, range(200, 301, 10))]
     recording = read_recording(written(tmp_path / "a.ndjson", rows))
-    (score,) = score_scenes(recording, predict_scenes(recording, constant_velocity))
+    (score,) = score_scenes(recording, predict_scenes(recording, predict_constant_velocity))
     assert (score.col1, score.col2) == (False, False)

@@ -55,7 +55,7 @@ def runtime(backend=None, *, told=None, **more):
         ground=GROUND,
         priors=PRIORS,
         seed=3,
-        tell=(lambda stage, line: told.append((stage, line))) if told is not None else _nothing,
+        log=(lambda stage, line: told.append((stage, line))) if told is not None else _nothing,
         **more,
     )
     return SimpleNamespace(context=context)

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from test_wording import drawn, fits
 
 from scenewright.backends import Question
-from scenewright.backends.scripted import scripted
+from scenewright.backends.scripted import build_scripted_backend
 from scenewright.backends.staged import Staged
 from scenewright.errors import Rejected
 from scenewright.nodes.revision import Turn, read_by_model
@@ -231,7 +231,7 @@ def test_words_stay_data() -> None:
 
 
 def test_a_model_that_says_nothing_of_use_is_asked_three_times() -> None:
-    model = scripted({"edits": [{"edits": []}]}, forever=True)
+    model = build_scripted_backend({"edits": [{"edits": []}]}, forever=True)
     backend = Staged(dict.fromkeys(("plan", "constraints", "summary", "behavior"), model))
     turn = Turn("make it so", SITUATION, "A car yields", FOUR_LEGS)
     paid: list[Any] = []

@@ -17,7 +17,7 @@ from scenewright.nodes.context import RunContext
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS, SHARES, refine_trajectories
 from scenewright.scene.rejection import Rejection
 from scenewright.tools.gmm_sampler import load_priors
-from scenewright.tools.trajnet_refiner.bundled import Learned
+from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 
 GROUND = MapAreas(load_map("amsterdam_120"))
@@ -33,7 +33,7 @@ def run() -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def learned() -> Learned:
+def learned() -> BundledRefiner:
     """A network with a will of its own."""
     torch.manual_seed(0)
     config = RefinerConfig(
@@ -41,10 +41,10 @@ def learned() -> Learned:
     )
     net = Refiner(config)
     torch.nn.init.normal_(net.output.weight, std=0.1)
-    return Learned(net.eval(), "0123456789abcdef")
+    return BundledRefiner(net.eval(), "0123456789abcdef")
 
 
-def runtime(learned: Learned | None) -> Any:
+def runtime(learned: BundledRefiner | None) -> Any:
     context = RunContext(
         backend=load_backend("builtin"), ground=GROUND, priors=PRIORS, seed=3, refiner="trajnet",
         learned=learned,
@@ -58,7 +58,7 @@ def refused(*names: str) -> Rejection:
     )
 
 
-def again(state: dict[str, Any], learned: Learned, *names: str) -> dict[str, Any]:
+def again(state: dict[str, Any], learned: BundledRefiner, *names: str) -> dict[str, Any]:
     """The same after the verifier has named somebody."""
     told = refused(*names)
     # Another figure each time, as after another refinement.
@@ -68,7 +68,7 @@ def again(state: dict[str, Any], learned: Learned, *names: str) -> dict[str, Any
     return state | refine_trajectories(state, runtime=runtime(learned))
 
 
-def first(run: dict[str, Any], learned: Learned) -> dict[str, Any]:
+def first(run: dict[str, Any], learned: BundledRefiner) -> dict[str, Any]:
     state = {k: v for k, v in run.items() if k not in ("refinement", "rolled")}
     return state | refine_trajectories(state, runtime=runtime(learned))
 

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from scenewright import synthesize
 from scenewright.backends import TASKS, Question, Wording, load_backend
-from scenewright.backends.scripted import ScriptedSpeaker, scripted
+from scenewright.backends.scripted import ScriptedSpeaker, build_scripted_backend
 from scenewright.backends.spoken import Spoken
 from scenewright.backends.staged import Staged
 from scenewright.errors import Rejected
@@ -232,7 +232,7 @@ def test_a_plan_of_nothing_is_none_where_the_request_tells_an_event(
     request_: str, empty_is_a_plan: bool
 ) -> None:
     """Its scene would be verified: nothing would be left to prove."""
-    backend = scripted({"plan": ['{"agents": [], "relations": []}']})
+    backend = build_scripted_backend({"plan": ['{"agents": [], "relations": []}']})
     question = Question(
         "plan",
         {"instruction": request_, "previous": None},

@@ -29,10 +29,10 @@ def die() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def opened(file: str, tell: Callable[[str, str], None] | None = None) -> tuple[Threads, Session]:
+def opened(file: str, log: Callable[[str, str], None] | None = None) -> tuple[Threads, Session]:
     threads = Threads(file)
     heading = {"intersection": "amsterdam_120", "seed": 1, "refiner": "none"}
-    session = Session(threads, "story", backend=load_backend("builtin"), setting=heading, tell=tell)
+    session = Session(threads, "story", backend=load_backend("builtin"), setting=heading, log=log)
     return threads, session
 
 

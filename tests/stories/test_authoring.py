@@ -14,7 +14,7 @@ from conversation import Conversation, agents, events, same
 
 from scenewright.authoring.session import Shown
 from scenewright.backends import TASKS, Backend, Question, Task, load_backend
-from scenewright.backends.scripted import scripted
+from scenewright.backends.scripted import build_scripted_backend
 from scenewright.backends.staged import Staged
 from scenewright.scene.behavior import Segment
 from scenewright.scene.yielding_behavior import YieldingModel
@@ -267,7 +267,7 @@ def test_words_that_the_grammar_does_not_know_go_to_the_planner_that_is_a_model(
     hit = {"edit": "relate", "from": "vehicle-1", "to": "pedestrian-1", "type": "collide_at"}
     strangers = {"edits": [{**hit, "to": "pedestrian-40"}]}
     more = {"edits": [{"edit": "change_context", "vehicles": 4}]}
-    model = scripted(
+    model = build_scripted_backend(
         {"plan": [plan], "edits": ["no JSON at all", strangers, {"edits": [hit]}, more]}
     )
     builtin = load_backend("builtin")
@@ -294,7 +294,7 @@ def test_a_model_asks_back_once() -> None:
     two = "A car from the north follows a car, and the first car yields to a pedestrian at 5 am"
     ask = {"edits": [], "ask": {"about": "car", "among": ["vehicle-1", "vehicle-2"]}}
     slower = {"edits": [{"edit": "set_pace", "agent": "vehicle-2", "factor": 0.8}]}
-    model = scripted({"edits": [ask, ask, slower]})
+    model = build_scripted_backend({"edits": [ask, ask, slower]})
     builtin = load_backend("builtin")
     talk = Conversation(backend=Staged({**dict.fromkeys(TASKS, builtin), "plan": _Reads(model)}))
     talk.made(two)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenewright import synthesize, verify
-from scenewright.graph.run import scene_bytes
+from scenewright.graph.run import encode_scene
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 
 pytestmark = pytest.mark.skipif(
@@ -44,12 +44,12 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process():
     text = STORIES["yielding"]
     program = (
         "import sys; from scenewright import synthesize; "
-        "from scenewright.graph.run import scene_bytes; "
+        "from scenewright.graph.run import encode_scene; "
         f"made = synthesize({text!r}, seed=4, refiner='trajnet'); "
-        "sys.stdout.buffer.write(scene_bytes(made.record))"
+        "sys.stdout.buffer.write(encode_scene(made.record))"
     )
     there = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
-    here = scene_bytes(synthesize(text, seed=4, refiner="trajnet").record)
+    here = encode_scene(synthesize(text, seed=4, refiner="trajnet").record)
     assert there.stdout == here
 
 

@@ -18,7 +18,7 @@ from leaving import Leaving
 from scenewright import synthesize, verify
 from scenewright.backends import Question, Task
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
-from scenewright.graph.run import Scene, scene_bytes
+from scenewright.graph.run import Scene, encode_scene
 from scenewright.scene.record import SignalRecord
 
 EXAMPLES = (Path(__file__).parents[2] / "examples" / "instructions.txt").read_text("utf-8")
@@ -133,7 +133,7 @@ def test_nothing_happens_where_nothing_shall() -> None:
 def test_a_saved_scene_is_the_scene(tmp_path: Path) -> None:
     scene = synthesize(YIELD, seed=1)
     folder = scene.save(tmp_path / "scene")
-    assert (folder / "scene.json").read_bytes() == scene_bytes(scene.record)
+    assert (folder / "scene.json").read_bytes() == encode_scene(scene.record)
     assert verify(folder) == scene.proof
     assert verify(folder / "scene.json") == scene.proof
 
@@ -146,7 +146,7 @@ def test_every_example_ends_verified(text: str) -> None:
 
 def bytes_of(request: tuple[str, int]) -> bytes:
     text, seed = request
-    return scene_bytes(synthesize(text, seed=seed).record)
+    return encode_scene(synthesize(text, seed=seed).record)
 
 
 def test_same_seed_same_bytes_on_any_number_of_workers() -> None:

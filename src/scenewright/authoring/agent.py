@@ -20,7 +20,7 @@ from langgraph.graph.message import add_messages
 
 from scenewright.backends import Question, load_backend
 from scenewright.errors import BackendFault, InputError, OutOfTime, Unsatisfiable
-from scenewright.graph.run import DEFAULT_INTERSECTION, Tell, ground_of, json_bytes
+from scenewright.graph.run import DEFAULT_INTERSECTION, ProgressCallback, ground_of, json_bytes
 from scenewright.nodes.context import RunContext
 from scenewright.nodes.toolbox import Recorder, Workbench, build_tools
 from scenewright.scene.events import Proof
@@ -81,7 +81,7 @@ def author(
     most_calls: int = MOST_CALLS,
     record: Recorder | None = None,
     time_limit: float = DEFAULT_LIMIT,
-    tell: Tell | None = None,
+    log: ProgressCallback | None = None,
     hide: Callable[[str], str] = lambda text: text,
 ) -> Authored:
     """A verified scene made with the tools alone.
@@ -98,7 +98,7 @@ def author(
         Unsatisfiable: no verified scene came of it; carries every rejection.
         BackendFault: the model cannot be reached.
     """
-    bench = workbench(instruction, intersection=intersection, seed=seed, record=record, tell=tell)
+    bench = workbench(instruction, intersection=intersection, seed=seed, record=record, log=log)
     calls: list[tuple[str, bool]] = []
     tools = {each.name: each for each in build_tools(bench)}
     try:
@@ -127,7 +127,7 @@ def workbench(
     intersection: str = DEFAULT_INTERSECTION,
     seed: int = 0,
     record: Recorder | None = None,
-    tell: Tell | None = None,
+    log: ProgressCallback | None = None,
 ) -> Workbench:
     """A workbench with nothing on it but the instruction; InputError if there is no such map."""
     context = RunContext(
@@ -136,7 +136,7 @@ def workbench(
         priors=load_priors(intersection),
         seed=seed,
         entropy=zlib.crc32(instruction.encode("utf-8", "surrogatepass")),
-        tell=tell or (lambda _stage, _line: None),
+        log=log or (lambda _stage, _line: None),
     )
     return Workbench(instruction, context, record=record)
 

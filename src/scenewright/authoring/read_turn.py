@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
-from scenewright.backends import Account, Backend, speaker, unaccounted
+from scenewright.backends import Account, Backend, get_backend_of_task, ignore_account
 from scenewright.errors import BackendFault
 from scenewright.scene.edits import (
     AgentView,
@@ -55,7 +55,7 @@ def read_words(
     chosen: Mapping[str, str],
     intersection_map: IntersectionMap,
     seed: int,
-    account: Account = unaccounted,
+    account: Account = ignore_account,
 ) -> Reading:
     """What the words amount to: as the planner reads them, by rule where it is the grammar.
 
@@ -70,7 +70,7 @@ def read_words(
     from scenewright.backends.offline import begins_anew, read, site_of
 
     by_rule = read(words, situation, chosen=chosen, site=site_of(intersection_map))
-    asked = not speaker(backend, "edits").deterministic
+    asked = not get_backend_of_task(backend, "edits").deterministic
     if situation is None or begins_anew(words) or not asked:
         return by_rule
     from scenewright.nodes.revision import Turn, read_by_model

@@ -41,18 +41,18 @@ from scenewright.authoring.second_opinion import (
 from scenewright.authoring.thread_state import Heading, Pending, Refused, ThreadState, Version
 from scenewright.authoring.turn_kind import TurnKind
 from scenewright.authoring.versions import Made, Setting, begin, change
-from scenewright.backends import Account, Backend, Call, speaker
+from scenewright.backends import Account, Backend, Call, get_backend_of_task
 from scenewright.backends.offline import answered, begins_anew
 from scenewright.errors import BackendFault, InputError, Rejected, Unsatisfiable
 from scenewright.graph.run import (
+    ProgressCallback,
     Scene,
-    Tell,
     check_arguments,
     check_time_limit,
+    encode_proof,
+    encode_scene,
     json_bytes,
-    paid_by_task,
-    proof_bytes,
-    scene_bytes,
+    sum_costs_by_task,
 )
 from scenewright.intersections import load_map
 from scenewright.memory.products import deserialize_version, serialize_version
@@ -98,14 +98,14 @@ class SessionContext:
     """What a turn happens in.
 
     Attributes:
-        backend: who plans and reasons; tell: called with (stage, line) as the turn goes.
+        backend: the planner and reasoner; log: called with (stage, line) as the turn goes.
         recall: finds accepted answers to requests like this one, for prompts.
         time_limit: longest that a turn may compute [s].
     """
 
     threads: Threads
     backend: Backend
-    tell: Tell = field(default=lambda _stage, _line: None)
+    log: ProgressCallback = field(default=lambda _stage, _line: None)
     recall: ExampleRetriever = recall_nothing
     time_limit: float = DEFAULT_LIMIT
 
@@ -146,7 +146,7 @@ class Session:
         *,
         backend: Backend,
         setting: Heading,
-        tell: Tell | None = None,
+        log: ProgressCallback | None = None,
         recall: ExampleRetriever | None = None,
         time_limit: float = DEFAULT_LIMIT,
     ) -> None:
@@ -156,7 +156,7 @@ class Session:
         self._context = SessionContext(
             threads,
             backend,
-            tell or (lambda _stage, _line: None),
+            log or (lambda _stage, _line: None),
             recall or recall_nothing,
             time_limit,
         )
@@ -353,7 +353,7 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     reading = _read(turn.words, chosen, state, runtime.context, said=words, account=calls.append)
     pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None
     taken: Clarification | None = None
-    if isinstance(reading, NewScene) and speaker(runtime.context.backend, "plan").deterministic:
+    if isinstance(reading, NewScene) and get_backend_of_task(runtime.context.backend, "plan").deterministic:
         intersection_map = load_map(state["heading"]["intersection"])
         doubtful = ask_what_is_meant(turn.words, intersection_map)
         likeliest = None if doubtful is None else _take_likeliest(doubtful, state)
@@ -374,7 +374,7 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
         open_ = {"words": turn.words, "ask": asked, "chosen": chosen}
     out: ThreadState = {
         "words": turn.words, "reading": plain, "pending": open_, "before": words,
-        "models": paid_by_task(calls),
+        "models": sum_costs_by_task(calls),
     }  # fmt: skip
     return {**out, "current": state.get("current")} if other else out
 
@@ -449,7 +449,11 @@ def _read(
         SceneRecord.model_validate_json(context.threads.kept(version["scene"])),
         deserialize_version(context.threads.kept(version["earlier"])),
     )
-    if chosen or begins_anew(words) or not speaker(context.backend, "plan").deterministic:
+    if (
+        chosen
+        or begins_anew(words)
+        or not get_backend_of_task(context.backend, "plan").deterministic
+    ):
         return _read_with(words, situation, chosen, state, context, account=account)
     proof = Proof.model_validate_json(context.threads.kept(version["proof"]))
     talk = Talk(situation, _list_touched(state), proof.events)
@@ -522,7 +526,7 @@ def solve(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadStat
             made = _apart(setting, _changed, text, reading.edits, version, setting, context)
         else:
             text = _keep_hour(_OPENING.sub("", state["words"]), version)
-            made = _apart(setting, begin, text, setting, tell=context.tell)
+            made = _apart(setting, begin, text, setting, log=context.log)
     except (InputError, Unsatisfiable, Rejected, BackendFault) as error:
         return _refusal(state, error)
     edits = reading.edits if isinstance(reading, Edits) else ()
@@ -568,7 +572,7 @@ def _changed(
         record=SceneRecord.model_validate_json(threads.kept(version["scene"])),
         pace=version["pace"],
         by_hand=version["by_hand"],
-        tell=context.tell,
+        log=context.log,
     )
 
 
@@ -596,8 +600,8 @@ def _entered(
         "edits": [each.model_dump(mode="json", by_alias=True) for each in edits],
         "graph": made.graph.model_dump(mode="json", by_alias=True),
         "pace": dict(made.pace),
-        "scene": keep(scene_bytes(scene.record)),
-        "proof": keep(proof_bytes(scene.proof)),
+        "scene": keep(encode_scene(scene.record)),
+        "proof": keep(encode_proof(scene.proof)),
         "provenance": keep(json_bytes(_provenance(scene, edits, state.get("models", {})))),
         "earlier": keep(serialize_version(made.earlier)),
         "moved": list(made.moved),

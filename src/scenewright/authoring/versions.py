@@ -9,7 +9,7 @@ from scenewright.authoring.apply_edits import Revision, revised
 from scenewright.authoring.attempts import attempts
 from scenewright.backends import Backend
 from scenewright.errors import Unsatisfiable
-from scenewright.graph.run import Scene, Tell, synthesize
+from scenewright.graph.run import ProgressCallback, Scene, synthesize
 from scenewright.intersections import load_map
 from scenewright.nodes.context import Budgets
 from scenewright.nodes.wording import ExampleRetriever, recall_nothing
@@ -68,7 +68,7 @@ class Made:
     let_go: tuple[str, ...] = ()
 
 
-def begin(text: str, setting: Setting, *, tell: Tell | None = None) -> Made:
+def begin(text: str, setting: Setting, *, log: ProgressCallback | None = None) -> Made:
     """The first version, from an instruction (see `synthesize` for what it raises)."""
     scene = synthesize(
         text,
@@ -78,7 +78,7 @@ def begin(text: str, setting: Setting, *, tell: Tell | None = None) -> Made:
         refiner=setting.refiner,
         recall=setting.recall,
         time_limit=setting.time_limit,
-        tell=tell,
+        log=log,
     )
     return Made(scene, scene.state["social_graph"], earlier_of(scene))
 
@@ -93,7 +93,7 @@ def change(
     record: SceneRecord,
     pace: Mapping[str, float],
     by_hand: Sequence[str] = (),
-    tell: Tell | None = None,
+    log: ProgressCallback | None = None,
 ) -> Made:
     """The next version: as little else as possible is other than before.
 
@@ -110,7 +110,7 @@ def change(
     revision = revised(
         earlier, before, edits, intersection_map=load_map(setting.intersection), pace=pace
     )
-    trial = _Trial(text, setting, revision, tell)
+    trial = _Trial(text, setting, revision, log)
     refused = Unsatisfiable("there is nothing to try")
     for pins in attempts(revision):
         if trial.idle(pins, refused):
@@ -125,9 +125,11 @@ def change(
 class _Trial:
     """One edit, tried with pins that get looser."""
 
-    def __init__(self, text: str, setting: Setting, revision: Revision, tell: Tell | None) -> None:
+    def __init__(
+        self, text: str, setting: Setting, revision: Revision, log: ProgressCallback | None
+    ) -> None:
         self._text, self._setting, self._revision = text, setting, revision
-        self._tell = tell or (lambda _stage, _line: None)
+        self._log = log or (lambda _stage, _line: None)
         self._tries = 0
 
     def idle(self, pins: FrozenAgents, refused: Unsatisfiable) -> bool:
@@ -143,9 +145,9 @@ class _Trial:
         while pins is not None:
             self._tries += 1
             everybody = len(pins.earlier.agents)
-            self._tell("session", f"trying with {len(pins.same)} of {everybody} agents as they are")
+            self._log("session", f"trying with {len(pins.same)} of {everybody} agents as they are")
             try:
-                scene = _solved(self._text, self._setting, self._revision, pins, self._tell)
+                scene = _solved(self._text, self._setting, self._revision, pins, self._log)
             except Unsatisfiable as error:
                 refused, pins = error, _loosened(pins, self._revision, error)
             else:
@@ -154,7 +156,11 @@ class _Trial:
 
 
 def _solved(
-    text: str, setting: Setting, revision: Revision, pins: FrozenAgents, tell: Tell | None
+    text: str,
+    setting: Setting,
+    revision: Revision,
+    pins: FrozenAgents,
+    log: ProgressCallback | None,
 ) -> Scene:
     return synthesize(
         text,
@@ -167,7 +173,7 @@ def _solved(
         budgets=_PINNED if pins.known else _UNPINNED,
         recall=setting.recall,
         time_limit=setting.time_limit,
-        tell=tell,
+        log=log,
     )
 
 

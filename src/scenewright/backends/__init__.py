@@ -65,14 +65,14 @@ class Call:
     answered: bool = True
 
 
-def _unworded() -> Wording:
+def _get_empty_wording() -> Wording:
     raise TypeError("this question has no words; only a grammar can answer it")
 
 
 Account = Callable[[Call], None]
 
 
-def unaccounted(_: Call) -> None:
+def ignore_account(_: Call) -> None:
     """Nobody counts."""
 
 
@@ -94,8 +94,8 @@ class Question:
     facts: dict[str, Any]
     rejections: tuple[str, ...] = field(default=())
     seed: int = 0
-    wording: Callable[[], Wording] = field(default=_unworded, compare=False, repr=False)
-    account: Account = field(default=unaccounted, compare=False, repr=False)
+    wording: Callable[[], Wording] = field(default=_get_empty_wording, compare=False, repr=False)
+    account: Account = field(default=ignore_account, compare=False, repr=False)
     can_serve: Callable[[SocialGraph], bool] | None = field(default=None, compare=False, repr=False)
 
 
@@ -146,17 +146,17 @@ def load_backend(
         from scenewright.backends.builtin.backend import BuiltinBackend
 
         return BuiltinBackend()
-    from scenewright.backends.choosing import chosen
+    from scenewright.backends.choosing import choose_backend
 
-    return chosen(name, base_url=base_url, record=record, timeout=timeout)
+    return choose_backend(name, base_url=base_url, record=record, timeout=timeout)
 
 
-def speaker(backend: Backend, task: Task) -> Backend:
+def get_backend_of_task(backend: Backend, task: Task) -> Backend:
     """Who answers questions of a task: a backend may be several, one per stage."""
     speakers: Mapping[Task, Backend] | None = getattr(backend, "speakers", None)
-    return backend if speakers is None else speakers[asked_as(task)]
+    return backend if speakers is None else speakers[map_task(task)]
 
 
-def asked_as(task: Task) -> Task:
+def map_task(task: Task) -> Task:
     """The task by which it is chosen who answers: edits are planning."""
     return "plan" if task == "edits" else task

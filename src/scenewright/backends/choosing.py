@@ -17,7 +17,7 @@ STAGES: dict[str, tuple[Task, ...]] = {
 DEFAULT = "builtin"
 
 
-def chosen(
+def choose_backend(
     name: Named,
     *,
     base_url: str | None = None,
@@ -25,7 +25,7 @@ def chosen(
     timeout: float | None = None,
 ) -> Backend:
     """The backend, or one per stage (see `load_backend`)."""
-    names = _by_task(name)
+    names = _parse_by_task(name)
     models = [each for each in names.values() if isinstance(each, str)]
     if base_url is not None and not any(each.startswith("openai:") for each in models):
         raise InputError(
@@ -38,17 +38,17 @@ def chosen(
             speakers[task] = each
             continue
         if each not in made:
-            made[each] = _made(each, base_url=base_url, timeout=timeout)
+            made[each] = _make_backend(each, base_url=base_url, timeout=timeout)
         speakers[task] = made[each][task]
     if record is not None:
-        from scenewright.backends.recorded import recording
+        from scenewright.backends.recorded import record_answers
 
-        speakers = recording(speakers, record)
+        speakers = record_answers(speakers, record)
     only = set(map(id, speakers.values()))
     return speakers[TASKS[0]] if len(only) == 1 else Staged(speakers)
 
 
-def _by_task(name: Named) -> dict[Task, str | Backend]:
+def _parse_by_task(name: Named) -> dict[Task, str | Backend]:
     """Task -> who answers it."""
     if isinstance(name, Mapping):
         pairs: list[tuple[str | None, str | Backend]] = [*name.items()]
@@ -82,16 +82,18 @@ def _pair(text: str) -> tuple[str | None, str]:
     return None, text.strip()
 
 
-def _made(name: str, *, base_url: str | None, timeout: float | None) -> Mapping[Task, Backend]:
+def _make_backend(
+    name: str, *, base_url: str | None, timeout: float | None
+) -> Mapping[Task, Backend]:
     """A backend by its name, for every task."""
     if name == DEFAULT:
         from scenewright.backends.builtin.backend import BuiltinBackend
 
         return dict.fromkeys(TASKS, BuiltinBackend())
     if name.startswith("recorded:"):
-        from scenewright.backends.recorded import replayed
+        from scenewright.backends.recorded import replay_answers
 
-        return replayed(name.removeprefix("recorded:"))
+        return replay_answers(name.removeprefix("recorded:"))
     if name.startswith("vllm:"):
         from scenewright.backends.engine import Engine
         from scenewright.backends.spoken import Spoken
@@ -100,22 +102,24 @@ def _made(name: str, *, base_url: str | None, timeout: float | None) -> Mapping[
     if ":" not in name:
         known = ", ".join(BACKENDS)
         raise InputError(f"there is no backend {name!r}; choose one of: {known}")
-    return dict.fromkeys(TASKS, _chat(name, base_url=base_url, timeout=timeout))
+    return dict.fromkeys(TASKS, _make_chat_backend(name, base_url=base_url, timeout=timeout))
 
 
-def _chat(name: str, *, base_url: str | None, timeout: float | None) -> Backend:
+def _make_chat_backend(name: str, *, base_url: str | None, timeout: float | None) -> Backend:
     from scenewright.backends.chat.model import ChatModel, Limits
-    from scenewright.backends.chat.naming import chat_model
+    from scenewright.backends.chat.naming import load_chat_model
     from scenewright.backends.spoken import Spoken
 
-    limits = Limits() if timeout is None else Limits(timeout=_seconds(timeout))
+    limits = Limits() if timeout is None else Limits(timeout=_parse_seconds(timeout))
     # An endpoint of the user's own serves the models named openai:...; others have their own.
     theirs = base_url if name.startswith("openai:") else None
-    endpoint = chat_model(name, base_url=theirs, timeout=limits.timeout, max_tokens=limits.tokens)
+    endpoint = load_chat_model(
+        name, base_url=theirs, timeout=limits.timeout, max_tokens=limits.tokens
+    )
     return Spoken(ChatModel(endpoint, limits=limits))
 
 
-def _seconds(timeout: float) -> float:
+def _parse_seconds(timeout: float) -> float:
     if not 0.1 <= timeout <= 3600.0:
         raise InputError(f"a timeout is 0.1 to 3600 seconds, got {timeout:g}")
     return timeout

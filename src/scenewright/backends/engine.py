@@ -73,13 +73,13 @@ class Engine:
         try:
             engine = import_module("vllm").LLM(model=model, **settings)
         except Exception as error:  # whatever a large library and its hardware come up with
-            loaded.set_exception(InputError(f"vLLM cannot load {model}: {_first_line(error)}"))
+            loaded.set_exception(InputError(f"vLLM cannot load {model}: {_get_first_line(error)}"))
             return
         loaded.set_result(None)
         while True:
-            self._answer(engine, self._batch())
+            self._answer(engine, self._collect_batch())
 
-    def _batch(self) -> list[_Waiting]:
+    def _collect_batch(self) -> list[_Waiting]:
         """Whoever waits, and who comes within a moment."""
         batch = [self._waiting.get()]
         until = time.monotonic() + _GATHERED_FOR
@@ -92,10 +92,10 @@ class Engine:
 
     def _answer(self, engine: Any, batch: list[_Waiting]) -> None:
         try:
-            found = self._generated(engine, batch)
+            found = self._generate_batch(engine, batch)
         except Exception as error:  # one prompt that the engine cannot take must not cost the rest
             if len(batch) == 1:
-                words = f"{self.name} failed: {_first_line(error)}"
+                words = f"{self.name} failed: {_get_first_line(error)}"
                 batch[0].reply.set_exception(BackendFault(words, final=True))
                 return
             for each in batch:
@@ -104,7 +104,7 @@ class Engine:
         for each, said in zip(batch, found, strict=True):
             each.reply.set_result(said)
 
-    def _generated(self, engine: Any, batch: list[_Waiting]) -> list[Said]:
+    def _generate_batch(self, engine: Any, batch: list[_Waiting]) -> list[Said]:
         talks = [
             [
                 {"role": "system", "content": each.wording.system},
@@ -112,10 +112,10 @@ class Engine:
             ]
             for each in batch
         ]
-        limits = [self._limits(each) for each in batch]
-        return [_said(each) for each in engine.chat(talks, limits, use_tqdm=False)]
+        limits = [self._build_limits(each) for each in batch]
+        return [_read_completion(each) for each in engine.chat(talks, limits, use_tqdm=False)]
 
-    def _limits(self, asked: _Waiting) -> Any:
+    def _build_limits(self, asked: _Waiting) -> Any:
         sampling = import_module("vllm.sampling_params")
         return sampling.SamplingParams(
             temperature=_AGAIN if asked.again else 0.0,
@@ -127,7 +127,7 @@ class Engine:
         )
 
 
-def _said(output: Any) -> Said:
+def _read_completion(output: Any) -> Said:
     reply = output.outputs[0]
     return Said(
         reply.text,
@@ -137,6 +137,6 @@ def _said(output: Any) -> Said:
     )
 
 
-def _first_line(error: Exception) -> str:
+def _get_first_line(error: Exception) -> str:
     lines = str(error).splitlines()
     return f"{type(error).__name__}: {lines[0][:200] if lines else ''}"

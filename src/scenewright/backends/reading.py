@@ -21,7 +21,7 @@ class Unreadable(ValueError):
     """The reply is no answer; the message tells whoever wrote it what to mend."""
 
 
-def object_in(text: str) -> dict[str, Any]:
+def extract_object(text: str) -> dict[str, Any]:
     """The JSON object that a reply is, or the only one that it holds.
 
     Prose around it and a code fence are passed over. NaN, infinity, a key that stands twice and
@@ -36,16 +36,16 @@ def object_in(text: str) -> dict[str, Any]:
     if not plain:
         raise Unreadable("the reply is empty; answer with one JSON object")
     fenced = [each for each in _FENCE.findall(plain) if each.strip()]
-    found = [_decode(each) for each in fenced] or list(_objects(plain))
+    found = [_decode(each) for each in fenced] or list(_find_objects(plain))
     if any(each != found[0] for each in found[1:]):
         raise Unreadable(f"the reply holds {len(found)} JSON values; answer with one object")
     if not isinstance(found[0], dict):
-        raise Unreadable(f"the reply is a JSON {_kind(found[0])}; answer with one JSON object")
+        raise Unreadable(f"the reply is a JSON {_name_kind(found[0])}; answer with one JSON object")
     _refuse_control_characters(found[0])
     return cast("dict[str, Any]", found[0])
 
 
-def _objects(text: str) -> Iterator[Any]:
+def _find_objects(text: str) -> Iterator[Any]:
     """The first JSON value in a text, and whatever whole objects follow it.
 
     The first must be whole: what stands inside a broken one is not what was meant.
@@ -87,7 +87,7 @@ def _decode_at(text: str, at: int) -> tuple[Any, int]:
         raise Unreadable(f"not JSON: {str(error)[:120]}") from None
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _check_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
@@ -96,24 +96,26 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _finite(text: str) -> float:
+def _parse_finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        _no_number(text)
+        _refuse_constant(text)
     return value
 
 
-def _no_number(text: str) -> NoReturn:
+def _refuse_constant(text: str) -> NoReturn:
     raise Unreadable(f"{text[:40]} is no number here; numbers are finite")
 
 
-_DECODER = json.JSONDecoder(object_pairs_hook=_once, parse_float=_finite, parse_constant=_no_number)
+_DECODER = json.JSONDecoder(
+    object_pairs_hook=_check_unique_keys, parse_float=_parse_finite, parse_constant=_refuse_constant
+)
 
 
 def _refuse_control_characters(value: Any) -> None:
     match value:
         case str():
-            found = next((c for c in value if _steers(c)), None)
+            found = next((c for c in value if _is_control_character(c)), None)
             if found is not None:
                 raise Unreadable(f"a text holds the control character U+{ord(found):04X}")
         case dict():
@@ -125,12 +127,12 @@ def _refuse_control_characters(value: Any) -> None:
                 _refuse_control_characters(each)
 
 
-def _steers(char: str) -> bool:
+def _is_control_character(char: str) -> bool:
     """Whether a character has no place in a text, be it a program of several lines."""
     return unicodedata.category(char) in ("Cc", "Cs") and char not in "\n\r\t"
 
 
-def _kind(value: Any) -> str:
+def _name_kind(value: Any) -> str:
     return {list: "list", str: "text", bool: "truth value", type(None): "null"}.get(
         type(value), "number"
     )

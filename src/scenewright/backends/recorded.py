@@ -17,14 +17,14 @@ from typing import IO, Any, Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenewright.backends import TASKS, Backend, Question, Task, Wording
-from scenewright.backends.spoken import Said, Speaker, Spoken, key_of
+from scenewright.backends.spoken import Said, Speaker, Spoken, compute_key
 from scenewright.errors import BackendFault, InputError
 
 FORMAT: Literal["scenewright answers"] = "scenewright answers"
 _MOST_BYTES = 512_000_000
 
 
-class Who(BaseModel):
+class Identity(BaseModel):
     """Who answers a task."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -40,7 +40,7 @@ class Head(BaseModel):
 
     format: Literal["scenewright answers"] = FORMAT
     version: Literal[1] = 1
-    speakers: dict[Task, Who]
+    speakers: dict[Task, Identity]
 
 
 class Answer(BaseModel):
@@ -90,7 +90,7 @@ class Answers:
         Raises:
             InputError: it is missing, unreadable or no file of answers; says which line.
         """
-        head, answers = _parsed(Path(path))
+        head, answers = _parse_answers(Path(path))
         if head is None:
             raise InputError(f"{path} holds no recorded answers")
         found = cls(path, head)
@@ -111,9 +111,10 @@ class Answers:
         except OSError as error:
             raise InputError(f"cannot write {path}: {error.strerror or error}") from error
         found = cls.read(path)
-        if _asked(found.head) != _asked(head):
+        if _list_asked_tasks(found.head) != _list_asked_tasks(head):
             raise InputError(
-                f"{path} holds the answers of {_names(found.head)}, not of {_names(head)}; "
+                f"{path} holds the answers of {_format_names(found.head)}, "
+                f"not of {_format_names(head)}; "
                 "name another file"
             )
         return found
@@ -139,7 +140,7 @@ class Answers:
             self._known[answer.key] = answer
 
 
-class Recording:
+class AnswerRecorder:
     """Somebody whose answers are kept; what the file holds already is not asked again."""
 
     def __init__(self, speaker: Speaker, answers: Answers, *, by_facts: bool = False) -> None:
@@ -148,16 +149,16 @@ class Recording:
 
     def say(self, question: Question, wording: Wording) -> Said:
         """The reply (see `Speaker`)."""
-        key = key_of(self.name, question, wording, by_facts=self._by_facts)
+        key = compute_key(self.name, question, wording, by_facts=self._by_facts)
         known = self._answers.get(key)
         if known is not None:
             return known.said()
         said = self._speaker.say(question, wording)
-        self._answers.add(_line(key, self.name, question, wording, said))
+        self._answers.add(_build_answer(key, self.name, question, wording, said))
         return said
 
 
-class Replay:
+class ReplaySource:
     """Says what a file holds, and nothing else."""
 
     def __init__(self, name: str, answers: Answers, *, by_facts: bool = False) -> None:
@@ -166,7 +167,7 @@ class Replay:
 
     def say(self, question: Question, wording: Wording) -> Said:
         """The recorded reply (see `Speaker`)."""
-        key = key_of(self.name, question, wording, by_facts=self._by_facts)
+        key = compute_key(self.name, question, wording, by_facts=self._by_facts)
         known = self._answers.get(key)
         if known is None:
             raise BackendFault(
@@ -198,26 +199,26 @@ class _Heard(Spoken):
         self.deterministic = deterministic
 
 
-def recording(speakers: Mapping[Task, Backend], path: str | Path) -> dict[Task, Backend]:
+def record_answers(speakers: Mapping[Task, Backend], path: str | Path) -> dict[Task, Backend]:
     """The backends, by task, with every answer kept in the file.
 
     Raises:
         InputError: the file cannot be used.
     """
     who = {
-        task: Who(name=each.name, deterministic=each.deterministic)
+        task: Identity(name=each.name, deterministic=each.deterministic)
         for task, each in speakers.items()
     }
     answers = Answers.to_add_to(path, Head(speakers=who))
     found: dict[Task, Backend] = {}
     for task, each in speakers.items():
         rule = each.deterministic
-        kept = Recording(_aloud(each), answers, by_facts=rule)
+        kept = AnswerRecorder(_get_speaker(each), answers, by_facts=rule)
         found[task] = _Heard(kept, deterministic=rule)
     return found
 
 
-def replayed(path: str | Path) -> dict[Task, Backend]:
+def replay_answers(path: str | Path) -> dict[Task, Backend]:
     """Backends, by task, that answer as those did whose answers the file holds.
 
     Raises:
@@ -226,16 +227,16 @@ def replayed(path: str | Path) -> dict[Task, Backend]:
     answers = Answers.read(path)
     found: dict[Task, Backend] = {}
     for task, who in answers.head.speakers.items():
-        replay = Replay(who.name, answers, by_facts=who.deterministic)
+        replay = ReplaySource(who.name, answers, by_facts=who.deterministic)
         found[task] = _Heard(replay, deterministic=who.deterministic)
     return found
 
 
-def _aloud(backend: Backend) -> Speaker:
+def _get_speaker(backend: Backend) -> Speaker:
     return backend.speaker if isinstance(backend, Spoken) else _Aloud(backend)
 
 
-def _line(key: str, model: str, question: Question, wording: Wording, said: Said) -> Answer:
+def _build_answer(key: str, model: str, question: Question, wording: Wording, said: Said) -> Answer:
     return Answer(
         key=key,
         task=question.task,
@@ -251,7 +252,7 @@ def _line(key: str, model: str, question: Question, wording: Wording, said: Said
     )
 
 
-def _parsed(path: Path) -> tuple[Head | None, list[Answer]]:
+def _parse_answers(path: Path) -> tuple[Head | None, list[Answer]]:
     try:
         if path.stat().st_size > _MOST_BYTES or not path.is_file():
             raise InputError(f"cannot read {path}: no file of answers, or a larger one than 512 MB")
@@ -282,7 +283,7 @@ def _parsed(path: Path) -> tuple[Head | None, list[Answer]]:
 def _append(path: Path, values: list[dict[str, Any]], *, only_if_empty: bool = False) -> None:
     """Adds whole lines, after cutting off one that was never finished."""
     data = "".join(json.dumps(each, ensure_ascii=False) + "\n" for each in values)
-    with path.open("a+b") as file, _locked(file):
+    with path.open("a+b") as file, _lock(file):
         end = file.seek(0, 2)
         if only_if_empty and end:
             return
@@ -304,7 +305,7 @@ def _end_of_last_line(file: IO[bytes], end: int) -> int:
 
 
 @contextmanager
-def _locked(file: IO[bytes]) -> Iterator[None]:
+def _lock(file: IO[bytes]) -> Iterator[None]:
     """Alone with the file, on systems that know such locks."""
     try:
         import fcntl
@@ -318,10 +319,10 @@ def _locked(file: IO[bytes]) -> Iterator[None]:
         fcntl.flock(file, fcntl.LOCK_UN)
 
 
-def _asked(head: Head) -> dict[Task, Who]:
+def _list_asked_tasks(head: Head) -> dict[Task, Identity]:
     """Who answers the tasks that are still asked: files of earlier versions name one more."""
     return {task: head.speakers[task] for task in TASKS}
 
 
-def _names(head: Head) -> str:
+def _format_names(head: Head) -> str:
     return ", ".join(dict.fromkeys(each.name for each in head.speakers.values()))

@@ -46,7 +46,7 @@ class ScriptedSpeaker:
         return Said(made if isinstance(made, str) else json.dumps(made, ensure_ascii=False))
 
 
-def scripted(
+def build_scripted_backend(
     replies: Mapping[Task, Iterable[Script]], *, name: str = "scripted", forever: bool = False
 ) -> Spoken:
     """A backend that gives the replies it is handed, read as those of a model are."""

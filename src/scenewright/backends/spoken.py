@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import Any, Protocol
 
 from scenewright.backends import STAGE_OF, Call, Question, Wording
-from scenewright.backends.reading import LONGEST, Unreadable, object_in
+from scenewright.backends.reading import LONGEST, Unreadable, extract_object
 from scenewright.errors import BackendFault, Rejected
 from scenewright.scene.rejection import Rejection
 
@@ -77,16 +77,16 @@ class Spoken:
     def answer(self, question: Question) -> dict[str, Any]:
         """The reply to a question (see `Backend`)."""
         wording = question.wording()
-        key = key_of(self.name, question, wording, by_facts=self.deterministic)
+        key = compute_key(self.name, question, wording, by_facts=self.deterministic)
         before = perf_counter()
-        said = self._recalled(key)
+        said = self._recall_reply(key)
         asked = 0 if said is not None else 1
         if said is None:
-            said = self._said(question, wording, key)
+            said = self._ask_model(question, wording, key)
         question.account(_call(self.name, question, said, asked, perf_counter() - before, key))
         return _read(said, question)
 
-    def _said(self, question: Question, wording: Wording, key: str) -> Said:
+    def _ask_model(self, question: Question, wording: Wording, key: str) -> Said:
         """A fresh reply; what a question has cost that was left open is told as well."""
         before = perf_counter()
         try:
@@ -100,7 +100,7 @@ class Spoken:
         self._remember(key, said)
         return said
 
-    def _recalled(self, key: str) -> Said | None:
+    def _recall_reply(self, key: str) -> Said | None:
         with self._lock:
             return self._known.get(key)
 
@@ -113,7 +113,7 @@ class Spoken:
                 self._known.popitem(last=False)
 
 
-def key_of(model: str, question: Question, wording: Wording, *, by_facts: bool = False) -> str:
+def compute_key(model: str, question: Question, wording: Wording, *, by_facts: bool = False) -> str:
     """Fingerprint of a question: who is asked what, in which words, for which reply, which seed.
 
     Args:
@@ -129,7 +129,7 @@ def _read(said: Said, question: Question) -> dict[str, Any]:
     try:
         if said.fault is not None:
             raise Unreadable(said.fault)
-        return object_in(said.text)
+        return extract_object(said.text)
     except Unreadable as error:
         raise Rejected(
             Rejection(stage=STAGE_OF[question.task], code="malformed_reply", detail=str(error))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from scenewright.backends import TASKS, Backend, Question, Task, asked_as
+from scenewright.backends import TASKS, Backend, Question, Task, map_task
 
 
 class Staged:
@@ -22,7 +22,7 @@ class Staged:
 
     def answer(self, question: Question) -> dict[str, Any]:
         """The reply of whoever answers such questions (see `Backend`)."""
-        return self.speakers[asked_as(question.task)].answer(question)
+        return self.speakers[map_task(question.task)].answer(question)
 
 
 def _name(speakers: Mapping[Task, Backend]) -> str:

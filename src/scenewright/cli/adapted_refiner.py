@@ -23,7 +23,7 @@ Figures = Mapping[str, float]
 
 
 def adapt_refiner(
-    name: str, files: Sequence[FileTracks], tell: Callable[[str, str], None]
+    name: str, files: Sequence[FileTracks], log: Callable[[str, str], None]
 ) -> tuple[dict[str, bytes], str]:
     """Weights and card of a refiner adapted to recorded tracks, and a note of what it is worth.
 
@@ -33,7 +33,7 @@ def adapt_refiner(
     from scenewright.tools.trajnet_refiner.bundle_training import (
         CARD,
         OVERLAP,
-        figures,
+        compute_figures,
         train_bundle,
     )
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
@@ -43,9 +43,9 @@ def adapt_refiner(
     serving = find_refiner(name)
     if serving is None or {each.split for each in recordings} != {"fit", "test"}:
         return {}, "the refiner is not adapted: too few tracks, or no weights to go on from"
-    tell("training", f"a refiner on {sum(len(r.agents) for r in recordings)} tracks")
+    log("training", f"a refiner on {sum(len(r.agents) for r in recordings)} tracks")
     tried = [each for each in recordings if each.split == "test"]
-    before = figures(serving.net, tried, stride=OVERLAP)
+    before = compute_figures(serving.net, tried, stride=OVERLAP)
     with tempfile.TemporaryDirectory() as scratch:
         about = train_bundle(
             name, recordings, out=Path(scratch), recipe=RECIPE.model_copy(update=GOES_ON),

@@ -160,8 +160,8 @@ def paper(
     )
     fill_and_tell(wanted, out, quiet=quiet, as_json=as_json)
     if tables:
-        with progress(quiet=quiet) as tell:
-            page, _, target = write_tables(wanted.out, tell=lambda line: tell("measuring", line))
+        with progress(quiet=quiet) as log:
+            page, _, target = write_tables(wanted.out, log=lambda line: log("measuring", line))
         if not as_json:
             put(page)
         say(f"written: {target}/tables.md, tables.json")
@@ -179,8 +179,8 @@ def fill_and_tell(order: Order, out: str, *, quiet: bool, as_json: bool) -> None
     if not quiet:
         for line in order.wish.lines():
             say(f"understood: {one_line(line)}")
-    with batch_progress(quiet=quiet, out=out) as tell:
-        report = fill(order, tell=tell)
+    with batch_progress(quiet=quiet, out=out) as log:
+        report = fill(order, log=log)
     if not quiet:
         _tell_report(report, writer=order.writer)
     if report["waiting"]:

@@ -43,14 +43,14 @@ def author(
     instruction = read_instruction(text)
     target = None if out is None else target_folder(out, force=False)
     speaker, hide = _model(model, base_url, timeout)
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         made = authored(
             instruction,
             model=speaker,
             intersection=intersection,
             seed=seed,
             most_calls=most_calls,
-            tell=tell,
+            log=log,
             hide=hide,
         )
     if target is None:
@@ -73,23 +73,23 @@ def _model(
     """The chat model, and what hides its key in whatever is said of it."""
     if name is None:
         return None, lambda text: text
-    from scenewright.backends.chat.faults import hidden
-    from scenewright.backends.chat.naming import chat_model
+    from scenewright.backends.chat.faults import hide_key
+    from scenewright.backends.chat.naming import load_chat_model
 
-    endpoint = chat_model(
+    endpoint = load_chat_model(
         name, base_url=base_url, timeout=timeout or _SECONDS, max_tokens=_MOST_TOKENS
     )
-    return endpoint.model, lambda text: hidden(text, endpoint.key)
+    return endpoint.model, lambda text: hide_key(text, endpoint.key)
 
 
 def _write(made: Authored, target: Path, *, seed: int, model: str | None) -> list[str]:
     from scenewright.authoring.agent import provenance_bytes
     from scenewright.cli.output_folder import whole_folder
     from scenewright.files import write_atomically
-    from scenewright.graph.run import proof_bytes, scene_bytes
+    from scenewright.graph.run import encode_proof, encode_scene
 
     with whole_folder(target) as part:
         write_atomically(part / "provenance.json", provenance_bytes(made, seed=seed, model=model))
-        write_atomically(part / "proof.json", proof_bytes(made.proof))
-        write_atomically(part / "scene.json", scene_bytes(made.record))
+        write_atomically(part / "proof.json", encode_proof(made.proof))
+        write_atomically(part / "scene.json", encode_scene(made.record))
         return sorted(entry.name for entry in part.iterdir())

@@ -28,7 +28,7 @@ from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.dataset.batch.answering import Asking
-    from scenewright.dataset.batch.carry_out import Progress, Tell
+    from scenewright.dataset.batch.carry_out import Progress, ProgressCallback
     from scenewright.dataset.batch.run import Request, Summary
     from scenewright.dataset.batch.worker import Options
 
@@ -138,8 +138,8 @@ def batch(
     if dry_run:
         _tell_what_is_to_do(request, as_json=as_json)
         return
-    with batch_progress(quiet=quiet, out=out) as tell:
-        summary = run_batch(request, tell=tell)
+    with batch_progress(quiet=quiet, out=out) as log:
+        summary = run_batch(request, log=log)
     _export_scenes(request.out, exports if summary.made else None)
     if not quiet:
         tell_summary(summary)
@@ -188,9 +188,9 @@ def options_of(
     """What all rows share, as the command line says it."""
     from scenewright.dataset.batch.answering import BUILTIN
     from scenewright.dataset.batch.worker import Options
-    from scenewright.graph.run import find_refiner_gap, refiner_or_default
+    from scenewright.graph.run import choose_refiner, find_refiner_gap
 
-    refiner = refiner_or_default(refiner)
+    refiner = choose_refiner(refiner)
     gap = find_refiner_gap(intersection, refiner)
     if gap is not None:
         say(f"warning: {gap}")
@@ -270,14 +270,14 @@ def tell_summary(summary: Summary) -> None:
 
 
 @contextmanager
-def batch_progress(*, quiet: bool, out: str) -> Iterator[Tell]:
+def batch_progress(*, quiet: bool, out: str) -> Iterator[ProgressCallback]:
     """Tells how far a batch is: a bar on a terminal, a line every 5 s elsewhere."""
     keep(f"what is done stays in {out}, and the same command goes on from there")
     if quiet:
         yield lambda _: stop_if_asked()
     elif is_terminal(sys.stderr):
-        with _bar() as tell:
-            yield tell
+        with _bar() as log:
+            yield log
     else:
         yield _Lines()
 
@@ -297,7 +297,7 @@ class _Lines:
 
 
 @contextmanager
-def _bar() -> Iterator[Tell]:
+def _bar() -> Iterator[ProgressCallback]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -305,12 +305,12 @@ def _bar() -> Iterator[Tell]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=None)
 
-        def tell(progress: Any) -> None:
+        def log(progress: Any) -> None:
             stop_if_asked()
             words = line_of(progress)
             bar.update(task, total=progress.of, completed=progress.done, description=words)
 
-        yield tell
+        yield log
 
 
 def line_of(progress: Progress) -> str:

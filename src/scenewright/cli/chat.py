@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scenewright.authoring.session import Session, Shown
     from scenewright.backends import Backend
     from scenewright.cli.views import ViewKind
-    from scenewright.graph.run import Tell
+    from scenewright.graph.run import ProgressCallback
     from scenewright.memory.episodes import Episodes
 
 HELP = """\
@@ -72,7 +72,7 @@ def chat(request: ChatRequest) -> None:
     """
     from scenewright.authoring.session import Session
     from scenewright.graph.examples import recall_from
-    from scenewright.graph.run import refiner_or_default
+    from scenewright.graph.run import choose_refiner
     from scenewright.memory.threads import Threads
 
     threads = Threads(threads_file(request.threads))
@@ -81,7 +81,7 @@ def chat(request: ChatRequest) -> None:
         _check_name(thread)
         threads.hold(thread)
         episodes = _episodes(request)
-        teller = _Teller()
+        progress_log = _ProgressLog()
         session = Session(
             threads,
             thread,
@@ -89,13 +89,13 @@ def chat(request: ChatRequest) -> None:
             setting={
                 "intersection": request.intersection,
                 "seed": request.seed,
-                "refiner": refiner_or_default(request.refiner),
+                "refiner": choose_refiner(request.refiner),
             },
-            tell=teller,
+            log=progress_log,
             recall=None if episodes is None else recall_from(episodes),
             time_limit=request.time_limit,
         )
-        talk = _Talk(session, request, teller, episodes)
+        talk = _Talk(session, request, progress_log, episodes)
         talk.run()
     finally:
         threads.close()
@@ -134,11 +134,11 @@ def _check_name(thread: str) -> None:
         )
 
 
-class _Teller:
+class _ProgressLog:
     """Hands what a turn says to whoever shows it just now."""
 
     def __init__(self) -> None:
-        self.to: Tell = lambda _stage, _line: None
+        self.to: ProgressCallback = lambda _stage, _line: None
 
     def __call__(self, stage: str, line: str) -> None:
         self.to(stage, line)
@@ -151,10 +151,10 @@ class _Talk:
         self,
         session: Session,
         request: ChatRequest,
-        teller: _Teller,
+        progress_log: _ProgressLog,
         episodes: Episodes | None,
     ) -> None:
-        self._session, self._request, self._teller = session, request, teller
+        self._session, self._request, self._progress_log = session, request, progress_log
         self._episodes = episodes
         self._json = request.as_json
         self._page = None if request.as_json else _page()
@@ -219,8 +219,8 @@ class _Talk:
         """One turn; Ctrl-C gives it up and leaves the thread as it was."""
         quiet = self._json or self._request.quiet or not is_terminal(sys.stderr)
         try:
-            with progress(quiet=quiet) as tell:
-                self._teller.to = tell
+            with progress(quiet=quiet) as log:
+                self._progress_log.to = log
                 return self._session.say(words)
         except KeyboardInterrupt:
             if was_terminated():
@@ -228,7 +228,7 @@ class _Talk:
             forget_interrupt()
             return {"kind": "nothing", "reason": "given up; the scene is as it was"}
         finally:
-            self._teller.to = lambda _stage, _line: None
+            self._progress_log.to = lambda _stage, _line: None
 
     def _command(self, words: str) -> dict[str, Any]:
         name, *arguments = words[1:].split()

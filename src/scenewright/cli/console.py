@@ -15,7 +15,7 @@ from scenewright.cli.interrupts import stop_if_asked
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from scenewright.graph.run import Tell
+    from scenewright.graph.run import ProgressCallback
 
 LONGEST_LINE = 600
 PIPED_WIDTH = 4000
@@ -108,7 +108,7 @@ def is_terminal(stream: TextIO | None) -> bool:
 
 
 @contextmanager
-def progress(*, quiet: bool) -> Iterator[Tell]:
+def progress(*, quiet: bool) -> Iterator[ProgressCallback]:
     """Tells how a run goes: a changing line on a terminal, plain lines elsewhere.
 
     Every line is also a moment at which a run that shall stop does.
@@ -117,8 +117,8 @@ def progress(*, quiet: bool) -> Iterator[Tell]:
         yield _heeding(lambda *_: None)
     elif is_terminal(sys.stderr):
         _say_if_new()
-        with _spinner() as tell:
-            yield _heeding(tell)
+        with _spinner() as log:
+            yield _heeding(log)
     else:
         yield _heeding(_Lines())
 
@@ -131,10 +131,10 @@ def _say_if_new() -> None:
         say("compiling the innermost loops, once after an installation: some 15 s")
 
 
-def _heeding(tell: Tell) -> Tell:
+def _heeding(log: ProgressCallback) -> ProgressCallback:
     def heed(stage: str, line: str) -> None:
         stop_if_asked()
-        tell(stage, line)
+        log(stage, line)
 
     return heed
 
@@ -155,7 +155,7 @@ class _Lines:
 
 
 @contextmanager
-def _spinner() -> Iterator[Tell]:
+def _spinner() -> Iterator[ProgressCallback]:
     from rich.console import Console
     from rich.text import Text
 

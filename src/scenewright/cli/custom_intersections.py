@@ -36,7 +36,7 @@ from scenewright.tools.map_import.quality_report import build_report, format_rep
 from scenewright.tools.map_import.survey_file import write_survey
 from scenewright.tools.track_io import Recording
 
-Tell = Callable[[str, str], None]
+ProgressCallback = Callable[[str, str], None]
 REFINER_CARD = "refiner.md"
 REPORT, REPORT_PICTURE, SURVEY = "report.json", "report.png", "survey.json"
 _FORMATS = {
@@ -62,7 +62,7 @@ def import_file(
     signals: str,
     licence: str | None,
     force: bool,
-    tell: Tell,
+    log: ProgressCallback,
     streets: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Imports a map and writes its bundle; what was made, for printing.
@@ -75,7 +75,7 @@ def import_file(
     check_name(name)
     if (find_custom_root() / name).exists() and not force:
         raise InputError(f"intersection {name!r} exists already; --force replaces it")
-    tell("reading", file)
+    log("reading", file)
     made = import_map(
         file,
         name=name,
@@ -87,7 +87,7 @@ def import_file(
         signals=signals,
         streets=streets,
     )
-    tell("deriving", "priors from the map, nothing was seen there yet")
+    log("deriving", "priors from the map, nothing was seen there yet")
     place, lines = made.intersection_map, made.route_lines
     report = build_report(made.items, made.crosswalks, made.notes)
     folder = write_custom_bundle(
@@ -143,7 +143,9 @@ def _report_files(file: str, made: ImportedMap, report: Mapping[str, Any]) -> di
     return {REPORT: facts.encode(), REPORT_PICTURE: drawn}
 
 
-def simulate_own(name: str, *, minutes: int, seed: int, train: bool, tell: Tell) -> dict[str, Any]:
+def simulate_own(
+    name: str, *, minutes: int, seed: int, train: bool, log: ProgressCallback
+) -> dict[str, Any]:
     """Simulates traffic on an imported map, fits its priors anew and trains its refiner.
 
     Args:
@@ -160,9 +162,9 @@ def simulate_own(name: str, *, minutes: int, seed: int, train: bool, tell: Tell)
         bundle.route_lines,
         minutes=minutes,
         seed=seed,
-        progress=lambda line: tell("simulating", line),
+        progress=lambda line: log("simulating", line),
     )
-    tell("fitting", f"priors on {len(made.trips)} trips")
+    log("fitting", f"priors on {len(made.trips)} trips")
     priors = fit_simulated_priors(
         bundle.intersection_map, bundle.route_lines, made.trips, made.present
     )
@@ -170,7 +172,7 @@ def simulate_own(name: str, *, minutes: int, seed: int, train: bool, tell: Tell)
     facts: dict[str, Any] = {}
     if train:
         command = f"scenewright intersections simulate {name} --minutes {minutes} --seed {seed}"
-        extra, facts = _trained(name, made.recordings, command, seed, tell)
+        extra, facts = _trained(name, made.recordings, command, seed, log)
     on_foot = sum(trip.subtype is None for trip in made.trips)
     folder = _rewritten(
         bundle,
@@ -193,7 +195,7 @@ def simulate_own(name: str, *, minutes: int, seed: int, train: bool, tell: Tell)
 
 
 def _trained(
-    name: str, recordings: Sequence[Recording], command: str, seed: int, tell: Tell
+    name: str, recordings: Sequence[Recording], command: str, seed: int, log: ProgressCallback
 ) -> tuple[dict[str, bytes], dict[str, Any]]:
     """A refiner for the simulated traffic, as files of the bundle, and what it is worth.
 
@@ -204,17 +206,17 @@ def _trained(
 
     from scenewright.intersections import SHIPPED
     from scenewright.tools.trajnet_refiner.bundle_training import CARD, train_bundle
-    from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+    from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
-    shipped = bundled_refiner(SHIPPED)
+    shipped = load_bundled_refiner(SHIPPED)
     recipe = RECIPE.model_copy(update={**GOES_ON, "seed": seed})
-    tell("training", f"a refiner on {len(recordings)} recordings")
+    log("training", f"a refiner on {len(recordings)} recordings")
     with tempfile.TemporaryDirectory() as scratch:
         about = train_bundle(
             name, recordings, out=Path(scratch), recipe=recipe, command=command,
             start=None if shipped is None else shipped.net,
-            after_epoch=lambda epoch: tell(
+            after_epoch=lambda epoch: log(
                 "training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}"
             ),
         )  # fmt: skip
@@ -232,7 +234,7 @@ def fit_own(
     start: str | None,
     counts: str | None,
     licence: str | None,
-    tell: Tell,
+    log: ProgressCallback,
     scale: float | None = None,
     pool: Sequence[str] = (),
     pool_scale: float | None = None,
@@ -259,7 +261,7 @@ def fit_own(
     from scenewright.tools.track_io.track_files import read_track_files
 
     bundle, lit = _with_recorded_lights(open_custom_bundle(name), lights, light_legs)
-    tell("reading", f"{len(paths)} files or folders")
+    log("reading", f"{len(paths)} files or folders")
     files = read_track_files(
         paths,
         columns=None if columns is None else parsed_columns(columns),
@@ -274,7 +276,7 @@ def fit_own(
     )
     bundle, learned, new_report = learn_walks(bundle, files, frame)
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
-    tell("fitting", f"{sum(len(file.tracks) for file in files)} tracks")
+    log("fitting", f"{sum(len(file.tracks) for file in files)} tracks")
     fitted = fit_tracks(
         bundle.intersection_map,
         bundle.route_lines,
@@ -284,7 +286,7 @@ def fit_own(
         hourly=None if counts is None else read_hourly_counts(counts),
         elsewhere=elsewhere,
     )
-    adapted, note = adapt_refiner(name, files, tell) if train else ({}, None)
+    adapted, note = adapt_refiner(name, files, log) if train else ({}, None)
     folder = _rewritten(
         bundle,
         fitted.priors,

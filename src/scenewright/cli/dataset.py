@@ -15,7 +15,7 @@ from scenewright.cli.export import Form, OutFolder, To, tell_files
 from scenewright.cli.interrupts import stop_if_asked
 
 if TYPE_CHECKING:
-    from scenewright.graph.run import Tell
+    from scenewright.graph.run import ProgressCallback
 
 dataset = typer.Typer(name="dataset", help="Datasets of scenes: check them, make the paper's.")
 
@@ -25,9 +25,9 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summ
 _SHOWN = 20
 
 
-def _tell_now_and_then(tell: Tell, done: int, of: int) -> None:
+def _log_now_and_then(log: ProgressCallback, done: int, of: int) -> None:
     if done % 100 == 0 or done == of:
-        tell("checking", f"{done} of {of} scenes")
+        log("checking", f"{done} of {of} scenes")
     stop_if_asked()
 
 
@@ -53,11 +53,11 @@ def check(
 
     unsigned = None if public_key is None else find_signature_fault(Path(folder), public_key)
 
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         found = audit(
             Path(folder),
             workers=workers or cores(),
-            tell=lambda done, of: _tell_now_and_then(tell, done, of),
+            log=lambda done, of: _log_now_and_then(log, done, of),
         )
     if unsigned is not None:
         found = replace(found, faults=(Fault(SIGNATURE, unsigned), *found.faults))

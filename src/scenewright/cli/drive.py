@@ -52,10 +52,10 @@ def drive(
     sys.path.insert(0, "")  # a policy may lie in the folder in which the command is typed
     driver = load_policy(policy)
     target = None if out is None else target_folder(out, force=False)
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         reports, failed = [], []
         for k in range(n):
-            tell("driving", f"{k + 1} of {n}")
+            log("driving", f"{k + 1} of {n}")
             try:
                 reports.append(_drive_once(
                     text_or_scene, driver, name=policy, others=others, ego=ego, seed=seed + k,
@@ -67,7 +67,7 @@ def drive(
                 failed.append({"seed": seed + k, "reason": one_line(str(error))})
         if target is not None:
             _save(reports, target)
-    _tell(reports, failed, out=out, as_json=as_json)
+    _print_reports(reports, failed, out=out, as_json=as_json)
 
 
 def _drive_once(
@@ -97,7 +97,7 @@ def _save(reports: list[Report], target: Path) -> None:
             save_drive(report, folder)
 
 
-def _tell(
+def _print_reports(
     reports: list[Report], failed: list[dict[str, Any]], *, out: str | None, as_json: bool
 ) -> None:
     from scenewright.driving.summary import summarise

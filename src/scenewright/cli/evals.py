@@ -25,9 +25,9 @@ from scenewright.errors import InputError
 if TYPE_CHECKING:
     from scenewright.evals.realism.assessment import Assessment
     from scenewright.evals.trajnet.evaluate import Evaluated
-    from scenewright.evals.trajnet.recording import Recording
-    from scenewright.evals.trajnet.score import Row
-    from scenewright.tools.trajnet_refiner.train import Epoch, Tell
+    from scenewright.evals.trajnet.recording import BenchmarkRecording
+    from scenewright.evals.trajnet.score import ScoreRow
+    from scenewright.tools.trajnet_refiner.train import Epoch, ProgressCallback
 
 evals = typer.Typer(name="evals", help="Benchmarks of the parts on data of your own.")
 
@@ -60,11 +60,11 @@ def trajnet(
     from scenewright.evals.trajnet.evaluate import evaluate
 
     recordings = read_recordings(files)
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         evaluated = evaluate(
             recordings,
             weights=None if weights is None else Path(weights),
-            tell=lambda line: tell("predicting", line),
+            log=lambda line: log("predicting", line),
         )
     if out is not None:
         write_predictions(Path(out), recordings, evaluated)
@@ -77,7 +77,7 @@ def trajnet(
         put("".join(scores_table(each) for each in evaluated if each.rows) or f"{out or ''}\n")
 
 
-def read_recordings(files: Iterable[str]) -> list[Recording]:
+def read_recordings(files: Iterable[str]) -> list[BenchmarkRecording]:
     """Every file, in order.
 
     Raises:
@@ -94,14 +94,14 @@ def read_recordings(files: Iterable[str]) -> list[Recording]:
 
 
 def write_predictions(
-    folder: Path, recordings: Iterable[Recording], evaluated: Iterable[Evaluated]
+    folder: Path, recordings: Iterable[BenchmarkRecording], evaluated: Iterable[Evaluated]
 ) -> None:
     """One folder per predictor and kind of goals, one file per recording.
 
     Raises:
         InputError: it cannot be written.
     """
-    from scenewright.evals.trajnet.score import lines
+    from scenewright.evals.trajnet.score import format_predictions
     from scenewright.files import write_atomically
 
     for each in evaluated:
@@ -112,7 +112,7 @@ def write_predictions(
         except OSError as error:
             raise InputError(f"cannot write {place}: {error.strerror or error}") from error
         for recording, scenes in zip(recordings, each.predicted, strict=True):
-            text = "".join(line + "\n" for line in lines(recording, scenes))
+            text = "".join(line + "\n" for line in format_predictions(recording, scenes))
             write_atomically(place / f"{recording.name}.ndjson", text.encode())
 
 
@@ -133,7 +133,7 @@ def scores_table(evaluated: Evaluated) -> str:
     return one_line(f"{evaluated.predictor}{told}") + "\n" + rendered(page)
 
 
-def _cell(row: Row, measure: str) -> str:
+def _cell(row: ScoreRow, measure: str) -> str:
     value, interval = row.values[measure], row.intervals[measure]
     if value is None or interval is None:
         return "none"
@@ -156,19 +156,19 @@ def trajnet_train(
     as_json: Json = False,
 ) -> None:
     """Train the refiner on recordings; started again after a kill, it goes on where it was."""
-    from scenewright.evals.trajnet.training import own_recipe, train_on
+    from scenewright.evals.trajnet.training import build_own_recipe, train_on
 
     target = Path(out)
     if not target.parent.is_dir():
         raise InputError(f"cannot write {out}: there is no folder {target.parent}")
     recordings, held = read_recordings(files), read_recordings(held_out or [])
-    with training_bar(quiet=quiet) as (tell, told):
+    with training_bar(quiet=quiet) as (log, told):
         about = train_on(
             recordings,
             held_out=held,
             out=target,
-            recipe=own_recipe(epochs=epochs, seed=seed),
-            tell=tell,
+            recipe=build_own_recipe(epochs=epochs, seed=seed),
+            log=log,
             after_epoch=told,
         )
     if as_json:
@@ -178,7 +178,9 @@ def trajnet_train(
 
 
 @contextmanager
-def training_bar(*, quiet: bool) -> Iterator[tuple[Tell | None, Callable[[Epoch], None]]]:
+def training_bar(
+    *, quiet: bool
+) -> Iterator[tuple[ProgressCallback | None, Callable[[Epoch], None]]]:
     """A bar over all batches on a terminal, and a line after every epoch, unless `quiet`."""
     if quiet:
         yield None, lambda _: stop_if_asked()
@@ -244,7 +246,7 @@ def realism(
     beside = [read_source(each, scale=scale) for each in real or ()]
     simulated = None if corpus is None else read_source(corpus, place=intersection)
     check_names([each.name for each in (*judged, *beside, *([simulated] if simulated else []))])
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         report = assess(
             judged,
             beside,
@@ -252,14 +254,14 @@ def realism(
             mass_of=lambda place, hour: load_priors(place).counts[hour].mass,
             ground_of=load_map,
             seed=seed,
-            tell=lambda line: tell("judging", line),
+            log=lambda line: log("judging", line),
         )
     if out is not None:
         write_assessment(Path(out), report)
     if as_json:
         put_json({"ok": True, "out": out, **report.to_json()})
     else:
-        put(report.markdown())
+        put(report.format_markdown())
 
 
 def check_names(names: list[str]) -> None:
@@ -283,6 +285,6 @@ def write_assessment(folder: Path, report: Assessment) -> None:
 
     target = make_folder(folder)
     text = json.dumps(report.to_json(), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
-    write_atomically(target / "realism.md", report.markdown().encode("utf-8"))
+    write_atomically(target / "realism.md", report.format_markdown().encode("utf-8"))
     write_atomically(target / "realism.json", text.encode("utf-8"))
     write_atomically(target / "realism.png", draw_assessment(report))

@@ -56,7 +56,7 @@ def import_map_file(
     """Make an intersection of your own from a map file: scenes can be made there at once."""
     from scenewright.cli.custom_intersections import import_file, import_text
 
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         facts = import_file(
             file,
             name=name,
@@ -69,9 +69,9 @@ def import_map_file(
             signals=signals,
             licence=licence,
             force=force,
-            tell=tell,
+            log=log,
         )
-    _tell(facts, () if quiet else import_text(facts), as_json=as_json)
+    _print_facts(facts, () if quiet else import_text(facts), as_json=as_json)
 
 
 def junctions(
@@ -125,9 +125,9 @@ def simulate(
     """
     from scenewright.cli.custom_intersections import simulate_own
 
-    with progress(quiet=quiet) as tell:
-        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, tell=tell)
-    _tell(facts, (), as_json=as_json)
+    with progress(quiet=quiet) as log:
+        facts = simulate_own(name, minutes=minutes, seed=seed, train=train, log=log)
+    _print_facts(facts, (), as_json=as_json)
 
 
 def fit(
@@ -194,7 +194,7 @@ def fit(
     """Fit an imported intersection's priors on recorded tracks, few or many."""
     from scenewright.cli.custom_intersections import fit_own, fit_text
 
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         facts = fit_own(
             name,
             tracks,
@@ -204,7 +204,7 @@ def fit(
             start=start,
             counts=counts,
             licence=licence,
-            tell=tell,
+            log=log,
             scale=scale,
             pool=pool or (),
             pool_scale=pool_scale,
@@ -213,10 +213,10 @@ def fit(
             lights=lights,
             light_legs=light_legs,
         )
-    _tell(facts, () if quiet else fit_text(facts), as_json=as_json)
+    _print_facts(facts, () if quiet else fit_text(facts), as_json=as_json)
 
 
-def _tell(facts: Mapping[str, Any], lines: Iterable[str], *, as_json: bool) -> None:
+def _print_facts(facts: Mapping[str, Any], lines: Iterable[str], *, as_json: bool) -> None:
     """Remarks to people; then the facts as one object, or just where the bundle is."""
     for line in lines:
         say(one_line(line))

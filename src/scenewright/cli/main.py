@@ -177,8 +177,8 @@ def make(
         max_agents=max_agents,
         time_limit=time_limit,
     )
-    with progress(quiet=quiet) as tell:
-        made = make_scene(request, tell=tell)
+    with progress(quiet=quiet) as log:
+        made = make_scene(request, log=log)
     for warning in made.warnings:
         say(f"warning: {warning}")
     if not quiet:
@@ -359,14 +359,14 @@ def build(
 
     if seed < 0:
         raise typer.BadParameter(f"a seed is a whole number from 0, got {seed}")
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         folder = build_bundle(
             name,
             # A name that there is no plan for is refused before anything is written.
             out=Path(out or Path("intersections") / name),
             counts=None if counts is None else Path(counts),
             seed=seed,
-            progress=lambda line: tell("building", line),
+            progress=lambda line: log("building", line),
         )
     if as_json:
         put_json({"ok": True, "name": name, "folder": str(folder)})
@@ -388,13 +388,13 @@ def corpus(
 
     if seed < 0:
         raise typer.BadParameter(f"a seed is a whole number from 0, got {seed}")
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         made = record_traffic(
             name,
             out=Path(out),
             hours=hours,
             seed=seed,
-            progress=lambda line: tell("recording", line),
+            progress=lambda line: log("recording", line),
         )
     if as_json:
         agents = sum(len(each.agents) for each in made)
@@ -432,9 +432,9 @@ def train(
     """Train an intersection's refiner; started again after a kill, it goes on where it was."""
     from scenewright.cli.train import train_refiner
 
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         made = train_refiner(
-            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, tell=tell,
+            name, corpus=Path(corpus), out=out, epochs=epochs, seed=seed, log=log,
             walkers=walkers or (), go_on=go_on, most=most,
         )  # fmt: skip
     if as_json:

@@ -19,7 +19,7 @@ from scenewright.time_limit import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
     from scenewright.backends import Backend
-    from scenewright.graph.run import Scene, Tell
+    from scenewright.graph.run import ProgressCallback, Scene
 
 SCENES = "scenes"
 MOST_TEXT = 1 << 20
@@ -98,7 +98,7 @@ def read_instruction(text: str) -> str:
     return text
 
 
-def make_scene(request: Request, *, tell: Tell) -> Made:
+def make_scene(request: Request, *, log: ProgressCallback) -> Made:
     """Synthesises a scene and writes its folder as a whole.
 
     A picture or a recording that cannot be drawn is a warning: the scene is worth more.
@@ -107,13 +107,13 @@ def make_scene(request: Request, *, tell: Tell) -> Made:
         InputError, Unsatisfiable, BackendFault: as `synthesize`; or the folder cannot be written.
     """
     target = None if request.out is None else target_folder(request.out, force=request.force)
-    scene = _synthesize(request, tell)
+    scene = _synthesize(request, log)
     if target is None:
         name = Path(SCENES) / folder_name(scene.record.meta.scene_id)
         target = target_folder(str(name), force=request.force)
     with whole_folder(target) as part:
         scene.save(part, profile=request.profile)
-        warnings = (*_unrefined(scene), *_add_views(scene, part, request, tell))
+        warnings = (*_unrefined(scene), *_add_views(scene, part, request, log))
         files = tuple(sorted(entry.name for entry in part.iterdir()))
         stop_if_asked()
     return Made(scene, _shown(target), files, warnings)
@@ -131,7 +131,7 @@ def _shown(target: Path) -> Path:
     return target.relative_to(here) if target.is_relative_to(here) else target
 
 
-def _synthesize(request: Request, tell: Tell) -> Scene:
+def _synthesize(request: Request, log: ProgressCallback) -> Scene:
     from scenewright.graph.run import synthesize
 
     return synthesize(
@@ -144,7 +144,7 @@ def _synthesize(request: Request, tell: Tell) -> Scene:
         lenient=request.lenient,
         max_agents=request.max_agents,
         time_limit=request.time_limit,
-        tell=tell,
+        log=log,
     )
 
 
@@ -154,7 +154,9 @@ def _unrefined(scene: Scene) -> list[str]:
     return [ran["note"]] if asked == "trajnet" and ran["refiner"] == "none" else []
 
 
-def _add_views(scene: Scene, folder: Path, request: Request, tell: Tell) -> tuple[str, ...]:
+def _add_views(
+    scene: Scene, folder: Path, request: Request, log: ProgressCallback
+) -> tuple[str, ...]:
     views: list[tuple[bool, str, Callable[[Scene, Path], None]]] = [
         (request.picture, "scene.png", partial(_write, "png")),
         (request.recording, "scene.rrd", _record),
@@ -164,7 +166,7 @@ def _add_views(scene: Scene, folder: Path, request: Request, tell: Tell) -> tupl
     warnings = []
     for wanted, name, write in views:
         if wanted:
-            tell("writing", name)
+            log("writing", name)
             warnings += _attempt(partial(write, scene, folder / name), name)
     return tuple(warnings)
 

@@ -99,7 +99,7 @@ class _Desk:
         """The session of a thread, held by this process alone; InputError if another has it."""
         from scenewright.authoring.session import Session
         from scenewright.cli.user_folders import threads_file
-        from scenewright.graph.run import refiner_or_default
+        from scenewright.graph.run import choose_refiner
         from scenewright.memory.threads import Threads
 
         served, threads = self._served, Threads(threads_file(self._served.threads))
@@ -116,7 +116,7 @@ class _Desk:
             setting={
                 "intersection": served.intersection,
                 "seed": served.seed,
-                "refiner": refiner_or_default(None),
+                "refiner": choose_refiner(None),
             },
             time_limit=served.time_limit,
         )
@@ -327,13 +327,13 @@ class _Desk:
     def _keep(self, record: Any, proof: Any) -> str:
         """A scene of the workbench, under the server's folder."""
         from scenewright.files import write_atomically
-        from scenewright.graph.run import make_folder, proof_bytes, scene_bytes
+        from scenewright.graph.run import encode_proof, encode_scene, make_folder
 
         if self._served.out is None:
             return "nowhere: the server was started without --out"
         folder = make_folder(Path(self._served.out) / record.meta.scene_id)
-        write_atomically(folder / "proof.json", proof_bytes(proof))
-        write_atomically(folder / "scene.json", scene_bytes(record))
+        write_atomically(folder / "proof.json", encode_proof(proof))
+        write_atomically(folder / "scene.json", encode_scene(record))
         return str(folder)
 
     def _shown_record(self) -> Any:

@@ -129,9 +129,9 @@ def all_planned(
             plan_rows(rows, backend, intersection_map=intersection_map, account=calls.append)
         )
     except BackendFault as fault:
-        from scenewright.graph.run import paid_by_task
+        from scenewright.graph.run import sum_costs_by_task
 
-        fault.models = paid_by_task(calls)
+        fault.models = sum_costs_by_task(calls)
         raise
 
 
@@ -168,9 +168,9 @@ def _understood_all(
 
 def _at_once(backend: Backend) -> int:
     """How many rows are worth planning at a time: one by rule, several by who has to be awaited."""
-    from scenewright.backends import speaker
+    from scenewright.backends import get_backend_of_task
 
-    return int(getattr(speaker(backend, "plan"), "at_once", 1))
+    return int(getattr(get_backend_of_task(backend, "plan"), "at_once", 1))
 
 
 def _understood(
@@ -241,11 +241,11 @@ def ask_for_plan(
     account: Account = lambda _call: None,
 ) -> Plan:
     """The backend's plan; told what was wrong, it may mend a malformed one."""
-    from scenewright.backends import speaker
+    from scenewright.backends import get_backend_of_task
     from scenewright.nodes import scene_planner
 
     wrong: list[str] = []
-    for _ in range(1 if speaker(backend, "plan").deterministic else ATTEMPTS):
+    for _ in range(1 if get_backend_of_task(backend, "plan").deterministic else ATTEMPTS):
         ways = (
             scene_planner.FOUR_LEGS
             if intersection_map is None

@@ -67,11 +67,11 @@ def train(
             raise InputError(f"{path}: {fault}")
     if not out.parent.is_dir():
         raise InputError(f"cannot write {out}: --out must name a file in a folder that exists")
-    with progress(quiet=False) as tell:
+    with progress(quiet=False) as log:
         rows = train_reader(
             [*package_files(), *own], own=own, out=out, minilm=minilm,
             steps=steps or (400 if minilm is None else 8000), seed=seed,
-            tell=lambda line: tell("training", line),
+            log=lambda line: log("training", line),
         )  # fmt: skip
     if as_json:
         put_json({"ok": True, "rows": rows, "out": str(out)})

@@ -53,13 +53,13 @@ def satisfaction(
     if rows is not None:
         _write_rows(Path(rows), labelled)
         return
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         verdicts = []
         for done, row in enumerate(labelled, start=1):
             found = judging.read_submission(Path(str(folder)), row["id"], intersection=intersection)
             verdicts.append(judging.judge(row, found))
             if done % 50 == 0:
-                tell("judging", f"{done} of {len(labelled)} instructions")
+                log("judging", f"{done} of {len(labelled)} instructions")
             stop_if_asked()
     if all(each.outcome.endswith("refused") for each in verdicts):
         raise InputError(f"{folder} holds no scene for any of the instructions; see --rows")

@@ -39,7 +39,7 @@ def tables(
 
     Writes tables.md and tables.json. How scenes move and differ needs recorded hours.
     """
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=quiet) as log:
         page, values, target = write_tables(
             Path(folder),
             out=out,
@@ -48,7 +48,7 @@ def tables(
             understand=understanding,
             draws=draws,
             seed=seed,
-            tell=lambda line: tell("measuring", line),
+            log=lambda line: log("measuring", line),
         )
     if as_json:
         put_json({"ok": True, "out": str(target), **values})
@@ -66,13 +66,13 @@ def write_tables(
         out: folder to write; FOLDER/evaluation if None. options: as of `make_tables`.
     """
     from scenewright.evals.tables.produce import make_tables
-    from scenewright.evals.tables.report import markdown, to_json
+    from scenewright.evals.tables.report import format_markdown, to_json
     from scenewright.files import write_atomically
     from scenewright.graph.run import make_folder
 
     found = make_tables(folder, **options)
     target = make_folder(out or folder / FOLDER)
-    page, values = markdown(found), to_json(found)
+    page, values = format_markdown(found), to_json(found)
     data = json.dumps(values, ensure_ascii=False, indent=1, allow_nan=False)
     write_atomically(target / "tables.json", (data + "\n").encode("utf-8"))
     write_atomically(target / "tables.md", page.encode("utf-8"))

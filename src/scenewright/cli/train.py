@@ -19,7 +19,7 @@ def train_refiner(
     out: str | None,
     epochs: int | None,
     seed: int,
-    tell: Callable[[str, str], None],
+    log: Callable[[str, str], None],
     walkers: Sequence[str] = (),
     go_on: bool = False,
     most: int | None = None,
@@ -36,7 +36,7 @@ def train_refiner(
     """
     from scenewright.intersections import find_bundle_folder
     from scenewright.tools.track_io import load_recordings
-    from scenewright.tools.trajnet_refiner.bundle_training import out_folder, train_bundle
+    from scenewright.tools.trajnet_refiner.bundle_training import find_out_folder, train_bundle
     from scenewright.tools.trajnet_refiner.bundled import find_refiner
     from scenewright.tools.trajnet_refiner.supervised import RECIPE
 
@@ -46,14 +46,14 @@ def train_refiner(
     own = {**({"rate": _SMALLER} if go_on else {}), **({"goals": _WITH_GOALS} if walkers else {})}
     recipe = RECIPE.model_copy(update={**own, **changed})
     serving = find_refiner(name) if go_on else None
-    folder = out_folder(name, out)
+    folder = find_out_folder(name, out)
 
     def told(epoch: Epoch) -> None:
-        tell("training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}")
+        log("training", f"epoch {epoch.number} of {recipe.epochs}: loss {epoch.loss:.4f}")
 
     about = train_bundle(
         name, recordings, out=folder, recipe=recipe, after_epoch=told,
-        tell=lambda done, of: tell("training", f"{100 * done // of} %") if done % 20 == 0 else None,
+        log=lambda done, of: log("training", f"{100 * done // of} %") if done % 20 == 0 else None,
         start=None if serving is None else serving.net, walkers=_read_walkers(walkers),
         most=most,
     )  # fmt: skip

@@ -81,12 +81,12 @@ def understanding(
     ) else None  # fmt: skip
     _check_places(out, write_observations)
     with progress(quiet=quiet) as told:
-        tell: ProgressLog = lambda line: told("understanding", line)  # noqa: E731
-        cases = load_cases(Path(folder), split=_split(half), whole=whole, log=tell)
+        log: ProgressLog = lambda line: told("understanding", line)  # noqa: E731
+        cases = load_cases(Path(folder), split=_split(half), whole=whole, log=log)
         if write_observations is not None:
             _write_observations(Path(write_observations), cases, lengths)
         found = [
-            evaluate(cases, each, windows=lengths, backend=named, log=tell) for each in method or ()
+            evaluate(cases, each, windows=lengths, backend=named, log=log) for each in method or ()
         ]
     if board is not None:
         say(f"written: {board}, {_enter(found[0], Path(board), str(name))}")

@@ -69,10 +69,10 @@ def check_tracks(path: Path, *, intersection: str | None) -> list[CheckedTracks]
 
 
 def _check_recording(path: Path, tracks: ExternalTracks, intersection: str | None) -> CheckedTracks:
-    from scenewright.graph.run import off_ground_in, verify_tracks
+    from scenewright.graph.run import find_off_ground, verify_tracks
 
     events = verify_tracks(tracks, intersection=intersection)
-    findings = () if intersection is None else off_ground_in(tracks, intersection=intersection)
+    findings = () if intersection is None else find_off_ground(tracks, intersection=intersection)
     return CheckedTracks(path, tracks, events, findings)
 
 

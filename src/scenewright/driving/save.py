@@ -8,7 +8,7 @@ from pathlib import Path
 from scenewright.driving.report import Report
 from scenewright.errors import InputError
 from scenewright.files import write_atomically
-from scenewright.graph.run import json_bytes, make_folder, proof_bytes, scene_bytes
+from scenewright.graph.run import encode_proof, encode_scene, json_bytes, make_folder
 from scenewright.scene.record import SceneRecord
 
 
@@ -28,8 +28,8 @@ def save_drive(
     scene, proof = report.scene.record, report.scene.proof
     write_atomically(target / "provenance.json", json_bytes(_describe_origin(report)))
     write_atomically(target / "drive.json", json_bytes(report.to_json()))
-    write_atomically(target / "proof.json", proof_bytes(proof))
-    write_atomically(target / "scene.json", scene_bytes(scene))
+    write_atomically(target / "proof.json", encode_proof(proof))
+    write_atomically(target / "scene.json", encode_scene(scene))
     if picture:
         _draw(report, target / "scene.png")
     if recording:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.evals.tables.likelihood import AgentScore, Gap, gap, score_drawn
+from scenewright.evals.tables.likelihood import AgentScore, Gap, compute_gap, score_drawn
 from scenewright.graph.run import load_scene
 from scenewright.scene.candidates import K
 from scenewright.scene.record import SceneRecord
@@ -53,14 +53,14 @@ def weigh(scenes: Iterable[SceneRecord]) -> Iterator[AgentScore]:
         yield from score_drawn(scene, priors, number=number, group=" + ".join(kinds or ["normal"]))
 
 
-def lines(agents: Sequence[AgentScore]) -> Iterator[Line]:
+def compute_lines(agents: Sequence[AgentScore]) -> Iterator[Line]:
     """The table; normal scenes are the reference, foreground and background together."""
     groups = sorted({(a.group != "normal", a.group, a.type, a.role) for a in agents})
     for event, relation, kind, role in groups:
         here = [a for a in agents if (a.group, a.type, a.role) == (relation, kind, role)]
         normal = [a for a in agents if a.group == "normal" and a.type == kind]
         rng = np.random.default_rng(0)
-        found = gap(here, normal, "drawn", draws=_DRAWS, rng=rng) if event else None
+        found = compute_gap(here, normal, "drawn", draws=_DRAWS, rng=rng) if event else None
         nll = [a.nll["drawn"] for a in here]
         beyond = [a.nll["drawn"] - (a.expected or 0.0) for a in here]
         yield Line(
@@ -68,16 +68,16 @@ def lines(agents: Sequence[AgentScore]) -> Iterator[Line]:
         )
 
 
-def markdown(rows: Iterable[Line]) -> str:
+def format_markdown(rows: Iterable[Line]) -> str:
     """The table as Markdown."""
     head = (
         "| scenes | class | role | agents | NLL [nats] | S2R, signed | S2R, size "
         "| dNLL per waypoint, 95 % | dNLL against own route |\n" + "|---" * 9 + "|"
     )
-    return "\n".join([head, *map(_row, rows)]) + "\n"
+    return "\n".join([head, *map(_format_row, rows)]) + "\n"
 
 
-def _row(line: Line) -> str:
+def _format_row(line: Line) -> str:
     s2r = size = delta = "–"
     if line.gap is not None:
         s2r, size = f"{line.gap.s2r:+.3f}", f"{abs(line.gap.s2r):.3f}"
@@ -109,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")
     told = words.parse_args(argv)
     try:
-        sys.stdout.write(markdown(lines(list(weigh(read(told.folders))))))
+        sys.stdout.write(format_markdown(compute_lines(list(weigh(read(told.folders))))))
     except InputError as fault:
         print(fault, file=sys.stderr)
         return fault.exit_code

@@ -100,48 +100,48 @@ def evaluate_priors(name: str | Path) -> PriorReport:
         raise InputError(f"intersection {folder.name!r} keeps no held-out tracks")
     with np.load(file, allow_pickle=False) as stored:
         held = {key: np.asarray(stored[key]) for key in stored.files}
-    return PriorReport(tuple(_waypoint_rows(priors, held)), tuple(_count_rows(priors, held)))
+    return PriorReport(tuple(_evaluate_waypoints(priors, held)), tuple(_count_rows(priors, held)))
 
 
 _Held = dict[str, np.ndarray]
 _Pair = tuple[FloatArray, FloatArray]
 
 
-def _waypoint_rows(priors: Priors, held: _Held) -> Iterator[WaypointRow]:
+def _evaluate_waypoints(priors: Priors, held: _Held) -> Iterator[WaypointRow]:
     ends = np.cumsum(held["test_tracks"])[:-1]
     tracks = np.split(held["waypoints"].astype(np.float64), ends)
     groups: dict[str, list[_Pair]] = {}
     for i, route in enumerate(str(name) for name in held["routes"]):
-        single = _single(route, held["gaussian_means"][i], held["gaussian_cholesky"][i])
+        single = _build_single(route, held["gaussian_means"][i], held["gaussian_cholesky"][i])
         pair = (
             compute_waypoint_nll(priors.waypoints[route], tracks[i]),
             compute_waypoint_nll(single, tracks[i]),
         )
-        for group in _groups(route):
+        for group in _get_groups(route):
             groups.setdefault(group, []).append(pair)
     for group in sorted(groups, key=lambda name: (name.count(","), name)):
-        yield _waypoint_row(group, groups[group])
+        yield _build_waypoint_row(group, groups[group])
 
 
-def _groups(route: str) -> tuple[str, str]:
+def _get_groups(route: str) -> tuple[str, str]:
     """A route counts for its class, and for its movement or (on foot) its pair of sidewalks."""
     parts = route.split(":")
     return parts[0], f"{parts[0]}, {parts[-1]}"
 
 
-def _single(route: str, mean: FloatArray, cholesky: FloatArray) -> WaypointPrior:
+def _build_single(route: str, mean: FloatArray, cholesky: FloatArray) -> WaypointPrior:
     return WaypointPrior(route, np.ones(1), mean[None], cholesky[None], np.zeros((1, 1, 2)), 0)
 
 
-def _waypoint_row(group: str, pairs: Sequence[_Pair]) -> WaypointRow:
+def _build_waypoint_row(group: str, pairs: Sequence[_Pair]) -> WaypointRow:
     mixture = np.concatenate([pair[0] for pair in pairs])
     single = np.concatenate([pair[1] for pair in pairs])
     return WaypointRow(
-        group, len(mixture), float(mixture.mean()), _error(mixture), float(single.mean())
+        group, len(mixture), float(mixture.mean()), _compute_error(mixture), float(single.mean())
     )
 
 
-def _error(values: FloatArray) -> float:
+def _compute_error(values: FloatArray) -> float:
     return float(values.std(ddof=1) / np.sqrt(len(values)))
 
 
@@ -151,16 +151,18 @@ _DAY = (("00-06", 0, 6), ("06-10", 6, 10), ("10-15", 10, 15), ("15-20", 15, 20),
 def _count_rows(priors: Priors, held: _Held) -> Iterator[CountRow]:
     for label, first, last in (*_DAY, ("all", 0, 24)):
         hours = range(first, last)
-        mixture = np.concatenate([_mixture_nll(priors, h, held["counts"][h]) for h in hours])
+        mixture = np.concatenate(
+            [_compute_mixture_nll(priors, h, held["counts"][h]) for h in hours]
+        )
         poisson = np.concatenate(
-            [_poisson_nll(held["poisson_rates"][h], held["counts"][h]) for h in hours]
+            [_compute_poisson_nll(held["poisson_rates"][h], held["counts"][h]) for h in hours]
         )
         total = held["counts"][first:last].sum(axis=2).mean()
         yield CountRow(
             label,
             len(mixture),
             float(mixture.mean()),
-            _error(mixture),
+            _compute_error(mixture),
             float(poisson.mean()),
             float(total),
         )
@@ -170,14 +172,14 @@ _LEAST_MASS = 1e-6
 """Counts beyond the grid, or all but impossible, cost no more than this."""
 
 
-def _mixture_nll(priors: Priors, hour: int, counts: np.ndarray) -> FloatArray:
+def _compute_mixture_nll(priors: Priors, hour: int, counts: np.ndarray) -> FloatArray:
     mass = priors.counts[hour].mass
     inside = (counts < np.array(mass.shape)).all(axis=1)
     row, column = np.minimum(counts, np.array(mass.shape) - 1).T
     return -np.log(np.maximum(np.where(inside, mass[row, column], 0.0), _LEAST_MASS))
 
 
-def _poisson_nll(rates: FloatArray, counts: np.ndarray) -> FloatArray:
+def _compute_poisson_nll(rates: FloatArray, counts: np.ndarray) -> FloatArray:
     most = int(counts.max()) + 1
     log_factorial = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, most + 1)))])
     safe = np.maximum(rates, 1e-3)

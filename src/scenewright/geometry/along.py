@@ -11,7 +11,7 @@ from scenewright.scene.candidates import Path, sample_evenly
 
 def sample_poses(path: Path, s: FloatArray) -> FloatArray:
     """[N, 3] x, y [m] and heading [rad] at arc lengths [m], in any order; held at both ends."""
-    return _poses(s, path.s, path.xy, path.heading)
+    return _interpolate_poses(s, path.s, path.xy, path.heading)
 
 
 def sample_nodes(path: Path, spacing: float) -> FloatArray:
@@ -30,7 +30,9 @@ def to_cosines(poses: FloatArray) -> FloatArray:
 
 
 @compiled
-def _poses(s: FloatArray, nodes: FloatArray, xy: FloatArray, heading: FloatArray) -> FloatArray:
+def _interpolate_poses(
+    s: FloatArray, nodes: FloatArray, xy: FloatArray, heading: FloatArray
+) -> FloatArray:
     poses, last, k = np.empty((len(s), 3)), len(nodes) - 1, 0
     step = nodes[last] / last
     for n in range(len(s)):

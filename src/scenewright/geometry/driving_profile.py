@@ -80,7 +80,7 @@ class Motion:
 
     def find_time_at(self, s: float) -> float:
         """First time [s, local] at which the centre is at arc length `s`; inf if it never is."""
-        return _time_at(self.s, s)
+        return _find_time_at(self.s, s)
 
     def compute_positions(self, times: FloatArray) -> FloatArray:
         """Arc length [m] at local times [s]; held at both ends."""
@@ -95,7 +95,7 @@ def compute_motion(
     candidate: Candidate, *, holds: tuple[StopCommand, ...] = (), slowings: tuple[Slowing, ...] = ()
 ) -> Motion:
     """The candidate in motion; hold releases are in local time (0 = enters the map)."""
-    return _moved(
+    return _compute_motion(
         candidate,
         tuple(StopCommand(h.s, round(h.release, 6), h.braking, h.speed) for h in holds),
         slowings,
@@ -103,19 +103,19 @@ def compute_motion(
 
 
 @lru_cache(maxsize=1024)
-def _moved(
+def _compute_motion(
     candidate: Candidate, holds: tuple[StopCommand, ...], slowings: tuple[Slowing, ...]
 ) -> Motion:
     """Solver, summary and editor ask for the same motions; candidates are known by identity."""
     law = candidate.time_law
-    nodes, held = candidate.path.s, _table_of_holds(holds, law)
+    nodes, held = candidate.path.s, _build_hold_table(holds, law)
     return Motion(
         candidate,
-        _driven(
+        _compute_arc_lengths(
             nodes,
             compute_squared_speed_limit(candidate),
             held,
-            _table_of(slowings),
+            _build_slowing_table(slowings),
             law.acceleration,
         ),
     )
@@ -126,8 +126,8 @@ def compute_arrival(
 ) -> float:
     """Local time [s] at which the candidate comes to a standstill at `hold`."""
     law = candidate.time_law
-    held = _table_of_holds((*earlier, hold), law)
-    return _arriving(
+    held = _build_hold_table((*earlier, hold), law)
+    return _find_arrival(
         candidate.path.s, compute_squared_speed_limit(candidate), held, law.acceleration, hold.s
     )
 
@@ -167,7 +167,7 @@ def sample_track(motion: Motion, *, enters: float, until: float) -> Track | None
 _NOWHERE = np.empty((0, 5))
 
 
-def _table_of_holds(holds: tuple[StopCommand, ...], law: DrivingProfile) -> FloatArray:
+def _build_hold_table(holds: tuple[StopCommand, ...], law: DrivingProfile) -> FloatArray:
     """[N, 5] place [m], until when [s], braking [m/s^2], speed there [m/s] and 0, by place."""
     if not holds:
         return _NOWHERE
@@ -175,7 +175,7 @@ def _table_of_holds(holds: tuple[StopCommand, ...], law: DrivingProfile) -> Floa
     return np.array(sorted(rows, key=itemgetter(0)))
 
 
-def _table_of(slowings: tuple[Slowing, ...]) -> FloatArray:
+def _build_slowing_table(slowings: tuple[Slowing, ...]) -> FloatArray:
     """[N, 5] as of holds that nobody stands at; last, how far the speed is kept [m]."""
     if not slowings:
         return _NOWHERE
@@ -186,7 +186,7 @@ def _table_of(slowings: tuple[Slowing, ...]) -> FloatArray:
 
 
 @compiled
-def _time_at(moved: FloatArray, s: float) -> float:
+def _find_time_at(moved: FloatArray, s: float) -> float:
     """First time [s] at which an ascending arc length [m] is reached; inf if it never is."""
     index = np.searchsorted(moved, s - 1e-9)
     if index >= len(moved):
@@ -227,7 +227,7 @@ def _reach_forward(s: FloatArray, w: FloatArray, acceleration: float) -> None:
 
 
 @compiled
-def _driven(
+def _compute_arc_lengths(
     nodes: FloatArray,
     limit: FloatArray,
     holds: FloatArray,
@@ -235,29 +235,29 @@ def _driven(
     acceleration: float,
 ) -> FloatArray:
     """Arc length every 0.1 s; holds and slowings [N, 5], holds in order of place."""
-    holds = holds[: _within(holds, nodes[-1])]
-    s, w = _profile(nodes, limit, holds, slowings, acceleration)
-    v, times, took = _timed(s, w)
+    holds = holds[: _count_within(holds, nodes[-1])]
+    s, w = _compute_profile(nodes, limit, holds, slowings, acceleration)
+    v, times, took = _compute_times(s, w)
     for k in range(len(holds)):
-        _dwell(s, times, holds[k])
+        _delay_after_hold(s, times, holds[k])
     return _smooth(_sample(s, v, times, took))
 
 
 @compiled
-def _arriving(
+def _find_arrival(
     nodes: FloatArray, limit: FloatArray, holds: FloatArray, acceleration: float, at: float
 ) -> float:
     """When it stands at the hold at `at`, after those before it."""
-    s, w = _profile(nodes, limit, holds, holds[:0], acceleration)
-    _, times, _ = _timed(s, w)
+    s, w = _compute_profile(nodes, limit, holds, holds[:0], acceleration)
+    _, times, _ = _compute_times(s, w)
     for k in range(len(holds)):
         if holds[k, 0] < at:
-            _dwell(s, times, holds[k])
+            _delay_after_hold(s, times, holds[k])
     return float(times[np.searchsorted(s, at - 1e-9)])
 
 
 @compiled
-def _within(holds: FloatArray, length: float) -> int:
+def _count_within(holds: FloatArray, length: float) -> int:
     """How many of the holds lie on the path."""
     count = 0
     while count < len(holds) and holds[count, 0] < length:
@@ -266,7 +266,7 @@ def _within(holds: FloatArray, length: float) -> int:
 
 
 @compiled
-def _profile(
+def _compute_profile(
     nodes: FloatArray,
     limit: FloatArray,
     holds: FloatArray,
@@ -277,20 +277,20 @@ def _profile(
     s, w = nodes, limit
     for places in (holds, slowings):
         for k in range(len(places)):
-            s, w = _with_node(s, w, places[k, 0])
+            s, w = _insert_node(s, w, places[k, 0])
             if places[k, 4] > 0.0:
-                s, w = _with_node(s, w, places[k, 0] + places[k, 4])
+                s, w = _insert_node(s, w, places[k, 0] + places[k, 4])
     if len(holds) + len(slowings) > 0:
         w = w.copy()
         for places in (holds, slowings):
             for k in range(len(places)):
-                _approach(s, w, places[k])
+                _slow_down(s, w, places[k])
         _reach_forward(s, w, acceleration)
     return s, w
 
 
 @compiled
-def _with_node(s: FloatArray, w: FloatArray, at: float) -> tuple[FloatArray, FloatArray]:
+def _insert_node(s: FloatArray, w: FloatArray, at: float) -> tuple[FloatArray, FloatArray]:
     """The nodes with one more among them, unless it is there already; in between w is even."""
     at = min(max(at, 0.0), s[-1])
     k = np.searchsorted(s, at)
@@ -305,7 +305,7 @@ def _with_node(s: FloatArray, w: FloatArray, at: float) -> tuple[FloatArray, Flo
 
 
 @compiled
-def _approach(s: FloatArray, w: FloatArray, place: FloatArray) -> None:
+def _slow_down(s: FloatArray, w: FloatArray, place: FloatArray) -> None:
     """Slows down in time for a speed at a place, and keeps to it as far as it says."""
     at, braking, speed, kept = place[0], place[2], place[3], place[4]
     for k in range(len(s)):
@@ -315,7 +315,7 @@ def _approach(s: FloatArray, w: FloatArray, place: FloatArray) -> None:
 
 
 @compiled
-def _timed(s: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _compute_times(s: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Speeds and times at the nodes without dwelling, and the time from each to the next."""
     v = np.sqrt(w)
     times, took = np.zeros(len(s)), np.empty(len(s) - 1)
@@ -326,7 +326,7 @@ def _timed(s: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatA
 
 
 @compiled
-def _dwell(s: FloatArray, times: FloatArray, hold: FloatArray) -> None:
+def _delay_after_hold(s: FloatArray, times: FloatArray, hold: FloatArray) -> None:
     """Everything after a hold comes later by how long it still lasts then."""
     if hold[3] > 0.0:
         return

@@ -60,12 +60,12 @@ def find_landmarks(candidate: Candidate, *, map_areas: MapAreas) -> Landmarks:
     """The landmarks on a candidate's path; candidates are known by identity."""
     route, intersection_map = candidate.route, map_areas.intersection_map
     visits = map_areas.find_crosswalk_visits(candidate.path.xy)
-    crossed, group = _crosswalks(candidate, visits), intersection_map.signal_group_of(route)
+    crossed, group = _list_crosswalks(candidate, visits), intersection_map.signal_group_of(route)
     if route.type == "vehicle":
         line = _stop_line(candidate, intersection_map)
         return Landmarks(line, crossed, group, left_hand=intersection_map.left_hand_traffic)
     if route.movement == "jaywalking":
-        return Landmarks(_kerb(candidate, intersection_map), crossed, group)
+        return Landmarks(_find_kerb(candidate, intersection_map), crossed, group)
     own = f"{route.crosswalk}:crosswalk"
     line = next((begins for name, begins, _ in crossed if name == own), None)
     steps_on = sum(each.steps_on for each in visits if each.crosswalk == own)
@@ -79,13 +79,13 @@ def _stop_line(candidate: Candidate, intersection_map: IntersectionMap) -> float
     )
     if stop is None:
         return None
-    at = _crossing(candidate.path, stop.line)
+    at = _find_crossing(candidate.path, stop.line)
     return None if at is None else at - candidate.shape.length / 2
 
 
-def _crossing(path: Path, line: tuple[Point, Point]) -> float | None:
+def _find_crossing(path: Path, line: tuple[Point, Point]) -> float | None:
     """Arc length at which the path crosses the infinite line, nearest to the segment itself."""
-    node, share = _crosses(path.xy, *line)
+    node, share = _find_crossed_segment(path.xy, *line)
     if node < 0:
         return None
     before, after = path.s[node : node + 2].tolist()
@@ -93,7 +93,7 @@ def _crossing(path: Path, line: tuple[Point, Point]) -> float | None:
 
 
 @compiled
-def _crosses(xy: FloatArray, a: Point, b: Point) -> tuple[int, float]:
+def _find_crossed_segment(xy: FloatArray, a: Point, b: Point) -> tuple[int, float]:
     """After which of points [N, 2], and at what share of the way to the next; -1 if nowhere."""
     length = np.hypot(b[0] - a[0], b[1] - a[1])
     ex, ey = (b[0] - a[0]) / length, (b[1] - a[1]) / length
@@ -108,7 +108,7 @@ def _crosses(xy: FloatArray, a: Point, b: Point) -> tuple[int, float]:
     return node, share
 
 
-def _crosswalks(
+def _list_crosswalks(
     candidate: Candidate, visits: Iterable[Visit]
 ) -> tuple[tuple[str, float, float], ...]:
     s, half = candidate.path.s, candidate.shape.length / 2
@@ -118,7 +118,7 @@ def _crosswalks(
     return tuple(sorted(found, key=itemgetter(1)))
 
 
-def _kerb(candidate: Candidate, intersection_map: IntersectionMap) -> float | None:
+def _find_kerb(candidate: Candidate, intersection_map: IntersectionMap) -> float | None:
     """Where a jaywalker steps onto the roadway: the leg's kerb line, as its crosswalk has it."""
     leg = candidate.route.crosswalk
     crosswalk = next((each for each in intersection_map.crosswalks if each.leg == leg), None)

@@ -44,11 +44,11 @@ class MapAreas:
         self.intersection_map = intersection_map
         crosswalks = [geos.Polygon(each.polygon) for each in intersection_map.crosswalks]
         self._crosswalks = [each.id for each in intersection_map.crosswalks]
-        self._corners, self._ends, self._boxes = _strung(
+        self._corners, self._ends, self._boxes = _concatenate_polygons(
             each.polygon for each in intersection_map.crosswalks
         )
-        self._road = _union(intersection_map.road)
-        self._walkable = geos.union_all([_union(intersection_map.walkable), *crosswalks])
+        self._road = _merge_areas(intersection_map.road)
+        self._walkable = geos.union_all([_merge_areas(intersection_map.walkable), *crosswalks])
         for area in (self._road, self._walkable):
             geos.prepare(area)
 
@@ -74,7 +74,7 @@ class MapAreas:
 
     def find_crosswalk_visits(self, xy: FloatArray) -> list[Visit]:
         """The crosswalks that any of the points [N, 2] of a path lies on, in the map's order."""
-        visits = _visits(xy, self._corners, self._ends, self._boxes).tolist()
+        visits = _find_visits(xy, self._corners, self._ends, self._boxes).tolist()
         each = zip(self._crosswalks, visits, strict=True)
         return [Visit(name, *visit) for name, visit in each if visit[0] >= 0]
 
@@ -83,7 +83,7 @@ def _share(inside: NDArray[np.bool_]) -> float:
     return int(np.count_nonzero(inside)) / len(inside)
 
 
-def _strung(
+def _concatenate_polygons(
     polygons: Iterable[Sequence[Point]],
 ) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
     """[M, 2] corners of all polygons, [P + 1] where those of each begin, [P, 4] their boxes."""
@@ -94,7 +94,7 @@ def _strung(
 
 
 @compiled
-def _visits(
+def _find_visits(
     xy: FloatArray, corners: FloatArray, ends: NDArray[np.intp], boxes: FloatArray
 ) -> NDArray[np.intp]:
     """[P, 3] first and last of points [N, 2] in each polygon, and how often they come into it.
@@ -108,7 +108,7 @@ def _visits(
         for n in range(len(xy)):
             x, y = xy[n, 0], xy[n, 1]
             inside = west <= x <= east and south <= y <= north
-            inside = inside and _surrounds(corners[ends[p] : ends[p + 1]], x, y)
+            inside = inside and _is_inside(corners[ends[p] : ends[p + 1]], x, y)
             if inside:
                 visits[p, 0] = n if visits[p, 0] < 0 else visits[p, 0]
                 visits[p, 1] = n
@@ -119,7 +119,7 @@ def _visits(
 
 
 @compiled
-def _surrounds(corners: FloatArray, x: float, y: float) -> bool:
+def _is_inside(corners: FloatArray, x: float, y: float) -> bool:
     """Whether a point lies in a polygon [M, 2]: a ray from it crosses its sides an odd time."""
     inside = False
     for k in range(len(corners)):
@@ -130,5 +130,5 @@ def _surrounds(corners: FloatArray, x: float, y: float) -> bool:
     return inside
 
 
-def _union(areas: tuple[PolygonWithHoles, ...]) -> Any:
+def _merge_areas(areas: tuple[PolygonWithHoles, ...]) -> Any:
     return geos.union_all([geos.Polygon(area.exterior, area.holes) for area in areas])

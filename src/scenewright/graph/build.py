@@ -39,9 +39,9 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     graph: StateGraph[SceneState, RunContext, Any, Any] = StateGraph(
         SceneState, context_schema=RunContext
     )
-    transport = RetryPolicy(max_attempts=3, retry_on=_may_pass)
+    transport = RetryPolicy(max_attempts=3, retry_on=_is_transient)
     for name, node in STAGES.items():
-        graph.add_node(name, _routed(node), retry_policy=transport)
+        graph.add_node(name, _catch_rejection(node), retry_policy=transport)
     graph.add_node("give_up", give_up)
     graph.add_edge(START, "scene_planner")
     graph.add_conditional_edges("scene_planner", routes.after_scene_planner)
@@ -57,7 +57,7 @@ def build_graph() -> StateGraph[SceneState, RunContext, Any, Any]:
     return graph
 
 
-def _may_pass(error: Exception) -> bool:
+def _is_transient(error: Exception) -> bool:
     """A fault of a backend that has not itself insisted as long as makes sense."""
     return isinstance(error, BackendFault) and not error.final
 
@@ -68,7 +68,7 @@ def give_up(state: SceneState) -> SceneState:
     return {}
 
 
-def _routed(node: NodeT) -> NodeT:
+def _catch_rejection(node: NodeT) -> NodeT:
     """A refused product becomes a rejection in the state, for the routes to act on."""
 
     @wraps(node)
@@ -77,7 +77,7 @@ def _routed(node: NodeT) -> NodeT:
         try:
             return {**node(state, runtime=runtime), "refused": None}
         except Rejected as error:
-            runtime.context.tell(error.rejection.stage, f"refused: {error.rejection.detail}")
+            runtime.context.log(error.rejection.stage, f"refused: {error.rejection.detail}")
             return {**error.kept, "refused": error.rejection, "rejections": [error.rejection]}
 
     return run  # type: ignore[return-value]

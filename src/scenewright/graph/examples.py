@@ -15,12 +15,12 @@ def recall_from(episodes: Episodes) -> ExampleRetriever:
     """Recalls for the planner; the other stages' answers depend on more than the request."""
 
     def recall(task: str, instruction: str) -> Sequence[Example]:
-        return examples(episodes.recall(instruction, MOST_EXAMPLES)) if task == "plan" else ()
+        return list_examples(episodes.recall(instruction, MOST_EXAMPLES)) if task == "plan" else ()
 
     return recall
 
 
-def examples(episodes: Sequence[Episode]) -> tuple[Example, ...]:
+def list_examples(episodes: Sequence[Episode]) -> tuple[Example, ...]:
     """The episodes whose plan is one: the file is data that anybody may have written."""
     found = []
     for each in episodes:

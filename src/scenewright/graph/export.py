@@ -94,7 +94,7 @@ class _Staging:
         try:
             self._part.mkdir(parents=True)
         except OSError as error:
-            raise self._unwritable(error) from error
+            raise self._build_write_error(error) from error
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -108,7 +108,7 @@ class _Staging:
                 (self._part / name).write_bytes(content)
                 self._names.append(name)
         except OSError as error:
-            raise self._unwritable(error) from error
+            raise self._build_write_error(error) from error
 
     def publish(self) -> list[Path]:
         """Move all files into the output folder."""
@@ -117,8 +117,8 @@ class _Staging:
                 (self._out / name).parent.mkdir(parents=True, exist_ok=True)
                 os.replace(self._part / name, self._out / name)
         except OSError as error:
-            raise self._unwritable(error) from error
+            raise self._build_write_error(error) from error
         return [self._out / name for name in self._names]
 
-    def _unwritable(self, error: OSError) -> InputError:
+    def _build_write_error(self, error: OSError) -> InputError:
         return InputError(f"cannot write {self._out}: {error.strerror or error}")

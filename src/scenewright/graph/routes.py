@@ -6,7 +6,7 @@ from typing import Literal
 
 from langgraph.runtime import Runtime
 
-from scenewright.backends import speaker
+from scenewright.backends import get_backend_of_task
 from scenewright.memory.state import SceneState
 from scenewright.nodes.context import RunContext
 from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
@@ -22,9 +22,10 @@ def after_scene_planner(
     if refused is None:
         return "agent_generator"
     final = refused.code in _FINAL and (
-        speaker(runtime.context.backend, "plan").deterministic or refused.code != "ungroundable"
+        get_backend_of_task(runtime.context.backend, "plan").deterministic
+        or refused.code != "ungroundable"
     )
-    if final or _spent(state, "scene_planner") > runtime.context.budgets.planner:
+    if final or _count_attempts(state, "scene_planner") > runtime.context.budgets.planner:
         return "give_up"
     return "scene_planner"
 
@@ -40,8 +41,10 @@ def after_waypoint_filter(
     if refused.code in _FINAL:
         return "give_up"
     if refused.code in ("malformed_program", "malformed_reply"):
-        malformed = _spent(state, "waypoint_filter", "malformed_program", "malformed_reply")
-        rule = speaker(runtime.context.backend, "constraints").deterministic
+        malformed = _count_attempts(
+            state, "waypoint_filter", "malformed_program", "malformed_reply"
+        )
+        rule = get_backend_of_task(runtime.context.backend, "constraints").deterministic
         idle = rule or malformed > budgets.filter
         return "give_up" if idle else "waypoint_filter"
     return _sample_afresh(state, budgets.generator)
@@ -56,8 +59,8 @@ def after_event_reasoner(
         return "trajectory_refiner"
     if refused.code in _FINAL:
         return "give_up"
-    idle = not refused.repairable or speaker(context.backend, "behavior").deterministic
-    if not idle and _spent(state, "event_reasoner") <= context.budgets.reasoner:
+    idle = not refused.repairable or get_backend_of_task(context.backend, "behavior").deterministic
+    if not idle and _count_attempts(state, "event_reasoner") <= context.budgets.reasoner:
         return "event_reasoner"
     return _sample_afresh(state, context.budgets.generator)
 
@@ -71,33 +74,38 @@ def after_scene_verifier(
     if refused is None:
         return "end"
     refinement, budgets = state.get("refinement"), runtime.context.budgets
-    if _spent(state, "scene_verifier", *MISPLANNED) > budgets.misplanned:
+    if _count_attempts(state, "scene_verifier", *MISPLANNED) > budgets.misplanned:
         return "give_up"
-    if refused.code in MISPLANNED and _plans_anew(state, runtime.context):
-        asked = _spent(state, "scene_planner") + _spent(state, "scene_verifier", *MISPLANNED)
+    if refused.code in MISPLANNED and _can_plan_anew(state, runtime.context):
+        asked = _count_attempts(state, "scene_planner") + _count_attempts(
+            state, "scene_verifier", *MISPLANNED
+        )
         return "scene_planner" if asked <= budgets.planner else "give_up"
     if refinement is not None and refinement.may_retry and refinement.attempt <= budgets.refiner:
         return "trajectory_refiner"
     return _sample_afresh(state, budgets.generator)
 
 
-def _plans_anew(state: SceneState, context: RunContext) -> bool:
+def _can_plan_anew(state: SceneState, context: RunContext) -> bool:
     """Whether the planner, asked again, may give another plan."""
-    return state.get("planned") is None and not speaker(context.backend, "plan").deterministic
+    return (
+        state.get("planned") is None
+        and not get_backend_of_task(context.backend, "plan").deterministic
+    )
 
 
 def _sample_afresh(state: SceneState, budget: int) -> Literal["agent_generator", "give_up"]:
     """Every refusal after the planner costs one fresh sample, unless it only refined less."""
     spent = sum(each.stage != "scene_planner" for each in state.get("rejections", []))
-    return "agent_generator" if spent - _refined_less(state) <= budget else "give_up"
+    return "agent_generator" if spent - _count_refined_less(state) <= budget else "give_up"
 
 
-def _refined_less(state: SceneState) -> int:
+def _count_refined_less(state: SceneState) -> int:
     """How many refusals of the verifier led back to the refiner."""
     refinement = state.get("refinement")
     return 0 if refinement is None else refinement.retries
 
 
-def _spent(state: SceneState, stage: Stage, *codes: str) -> int:
+def _count_attempts(state: SceneState, stage: Stage, *codes: str) -> int:
     found: list[Rejection] = state.get("rejections", [])
     return sum(each.stage == stage and (not codes or each.code in codes) for each in found)

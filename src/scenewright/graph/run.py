@@ -64,7 +64,7 @@ from scenewright.tools.track_io.external_tracks import (
 )
 
 if TYPE_CHECKING:
-    from scenewright.tools.trajnet_refiner.bundled import Learned
+    from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
 
 DEFAULT_INTERSECTION = "amsterdam_120"
 REFINERS = ("none", "trajnet")
@@ -73,7 +73,7 @@ MAX_SEED = 2**63 - 1
 _PAPER_LACKS = {"intersection", "step", "duration", "heading", "length", "width"}
 
 Profile = Literal["full", "paper"]
-Tell = Callable[[str, str], None]
+ProgressCallback = Callable[[str, str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +102,9 @@ class Scene:
         """
         target = make_folder(folder)
         write_atomically(target / "provenance.json", json_bytes(self.provenance))
-        write_atomically(target / "proof.json", proof_bytes(self.proof))
+        write_atomically(target / "proof.json", encode_proof(self.proof))
         scene = (
-            scene_bytes(self.record) if profile == "full" else json_bytes(self.record.to_paper())
+            encode_scene(self.record) if profile == "full" else json_bytes(self.record.to_paper())
         )
         write_atomically(target / "scene.json", scene)
         return target
@@ -127,7 +127,7 @@ def synthesize(
     lenient: bool = False,
     max_agents: int | None = None,
     time_limit: float | None = DEFAULT_LIMIT,
-    tell: Tell | None = None,
+    log: ProgressCallback | None = None,
 ) -> Scene:
     """A verified scene for an instruction in plain language.
 
@@ -152,7 +152,7 @@ def synthesize(
         time_limit: longest that the stages may compute [s], without what models take to answer;
             None for as long as their budgets of attempts last. It never changes a scene: a run
             that reaches it is refused (OutOfTime).
-        tell: called with (stage, line) as the run goes.
+        log: called with (stage, line) as the run goes.
 
     Raises:
         InputError: the text is not a request for a scene, or an argument is unusable.
@@ -164,27 +164,27 @@ def synthesize(
 
     def note(stage: str, line: str) -> None:
         messages.append((stage, line))
-        if tell is not None:
-            tell(stage, line)
+        if log is not None:
+            log(stage, line)
 
-    refiner = refiner_or_default(refiner)
+    refiner = choose_refiner(refiner)
     check_arguments(seed, refiner)
     check_length(instruction)
     check_time_limit(time_limit)
     context = RunContext(
-        backend=_made(backend, base_url),
+        backend=_load_backend(backend, base_url),
         ground=ground_of(intersection),
         priors=load_priors(intersection),
         seed=seed,
         entropy=zlib.crc32(instruction.encode("utf-8", "surrogatepass")),
         refiner=cast(RefinerName, refiner),
-        learned=_learned(intersection) if refiner == "trajnet" else None,
+        learned=_load_refiner(intersection) if refiner == "trajnet" else None,
         selection=selection,
         budgets=budgets or Budgets(),
         recall=recall or recall_nothing,
         lenient=lenient,
-        max_agents=max_agents_or_default(max_agents),
-        tell=note,
+        max_agents=choose_max_agents(max_agents),
+        log=note,
         account=calls.append,
     )
     start: SceneState = {
@@ -198,12 +198,14 @@ def synthesize(
         with limit_time(time_limit):
             state, seconds = _run(start, context)
         if "scene" not in state or state.get("refused") is not None:
-            raise _refusal(state)
+            raise _build_refusal(state)
     except ScenewrightError as error:
-        error.models = paid_by_task(calls)
+        error.models = sum_costs_by_task(calls)
         raise
-    models = paid_by_task(calls)
-    provenance = _provenance(context, state, seconds) | ({"models": models} if models else {})
+    models = sum_costs_by_task(calls)
+    provenance = _describe_provenance(context, state, seconds) | (
+        {"models": models} if models else {}
+    )
     return Scene(state["scene"], state["proof"], provenance, state, tuple(messages))
 
 
@@ -226,7 +228,7 @@ def verify(
     """
     written: Proof | None = None
     if isinstance(scene, str | Path):
-        file = scene_file(scene)
+        file = find_scene_file(scene)
         record, digest = _read_scene(file)
         # Beside a file of another name may lie the proof of something else.
         beside = file.with_name("proof.json")
@@ -259,7 +261,7 @@ def verify_tracks(
     return find_recorded_events(tracks, intersection_map=ground)
 
 
-def off_ground_in(tracks: ExternalTracks, *, intersection: str) -> tuple[Finding, ...]:
+def find_off_ground(tracks: ExternalTracks, *, intersection: str) -> tuple[Finding, ...]:
     """Agents of foreign tracks that leave the ground of their class on a map.
 
     Raises:
@@ -286,10 +288,10 @@ def load_recordings(path: str | Path) -> dict[str, ExternalTracks]:
     Raises:
         InputError: missing or unreadable; names the place and what to mend.
     """
-    return read_external_recordings(_content(Path(path)), name=str(path))
+    return read_external_recordings(_read_content(Path(path)), name=str(path))
 
 
-def _content(file: Path) -> bytes:
+def _read_content(file: Path) -> bytes:
     """The bytes of a file; devices and pipes, which may never end, are refused.
 
     Raises:
@@ -308,7 +310,7 @@ def _content(file: Path) -> bytes:
     return data
 
 
-def scene_file(path: str | Path) -> Path:
+def find_scene_file(path: str | Path) -> Path:
     """The scene.json that a path names: the file, or that of a folder.
 
     Raises:
@@ -325,12 +327,12 @@ def load_scene(path: str | Path) -> SceneRecord:
     Raises:
         InputError: missing, unreadable or not a scene; says where the first fault is.
     """
-    return _read_scene(scene_file(path))[0]
+    return _read_scene(find_scene_file(path))[0]
 
 
 def _read_scene(file: Path) -> tuple[SceneRecord, str]:
     """The scene in a file, and the digest of the file."""
-    data = _content(file)
+    data = _read_content(file)
     record = _parse_scene(file, data)
     if "schema_version" not in record.meta.model_fields_set:
         raise InputError(f"{file} is not a scene: meta.schema_version is missing")
@@ -365,7 +367,7 @@ def make_folder(folder: str | Path) -> Path:
     return target
 
 
-def scene_bytes(record: SceneRecord) -> bytes:
+def encode_scene(record: SceneRecord) -> bytes:
     """scene.json: the same scene, the same bytes."""
     try:
         return record.model_dump_json(by_alias=True).encode() + b"\n"
@@ -373,7 +375,7 @@ def scene_bytes(record: SceneRecord) -> bytes:
         return json_bytes(record.to_json())
 
 
-def proof_bytes(proof: Proof) -> bytes:
+def encode_proof(proof: Proof) -> bytes:
     """proof.json."""
     return json_bytes(proof.model_dump(mode="json", by_alias=True))
 
@@ -390,7 +392,7 @@ def ground_of(name: str) -> MapAreas:
 
 
 @cache
-def _compiled() -> Any:
+def _compile_graph() -> Any:
     from scenewright.graph.build import build_graph
 
     return build_graph().compile()
@@ -403,7 +405,7 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
     seconds: dict[str, float] = {}
     state: dict[str, Any] = {}
     before = time.perf_counter()
-    stream = _compiled().stream(
+    stream = _compile_graph().stream(
         start,
         context=context,
         config={"recursion_limit": limit},
@@ -421,11 +423,11 @@ def _run(start: SceneState, context: RunContext) -> tuple[SceneState, dict[str, 
                     seconds[stage] = seconds.get(stage, 0.0) + now - before
                 before = now
     except TimeLimitReachedError as error:
-        raise _out_of_time(cast(SceneState, state), error) from error
+        raise _build_out_of_time(cast(SceneState, state), error) from error
     return cast(SceneState, state), seconds
 
 
-def _learned(name: str) -> Learned | None:
+def _load_refiner(name: str) -> BundledRefiner | None:
     """The network that serves an intersection; torch is loaded only where there is one."""
     if find_refiner_gap(name, "trajnet") is not None:
         return None
@@ -440,12 +442,12 @@ def find_refiner_gap(intersection: str, refiner: str) -> str | None:
     return NO_WEIGHTS if refiner == "trajnet" and not served else None
 
 
-def refiner_or_default(name: str | None) -> str:
+def choose_refiner(name: str | None) -> str:
     """The refiner that is named, else what SCENEWRIGHT_REFINER says, else `trajnet`."""
     return name or os.environ.get("SCENEWRIGHT_REFINER") or DEFAULT_REFINER
 
 
-def max_agents_or_default(most: int | None) -> int | None:
+def choose_max_agents(most: int | None) -> int | None:
     """The most agents of a scene that are named, else what SCENEWRIGHT_MAX_AGENTS says, else None.
 
     Raises:
@@ -484,7 +486,7 @@ def check_time_limit(seconds: float | None) -> None:
         )
 
 
-def _refusal(state: SceneState) -> InputError | Unsatisfiable | BackendFault:
+def _build_refusal(state: SceneState) -> InputError | Unsatisfiable | BackendFault:
     rejections: tuple[Rejection, ...] = tuple(state.get("rejections", []))
     last = rejections[-1]
     if last.code == "out_of_scope":
@@ -498,7 +500,7 @@ def _refusal(state: SceneState) -> InputError | Unsatisfiable | BackendFault:
     return Unsatisfiable(f"no verified scene within {len(rejections)} attempts; {told}", rejections)
 
 
-def _out_of_time(state: SceneState, error: TimeLimitReachedError) -> OutOfTime:
+def _build_out_of_time(state: SceneState, error: TimeLimitReachedError) -> OutOfTime:
     rejections = tuple(state.get("rejections", []))
     told = _tell_best_reason(rejections) if rejections else "the first attempt was not done"
     count = f"{len(rejections)} attempt{'' if len(rejections) == 1 else 's'}"
@@ -513,15 +515,15 @@ def _tell_best_reason(rejections: tuple[Rejection, ...]) -> str:
     # Where most attempts failed on a clause that never held, the nearest of them tells most.
     unserved = [each for each in rejections if each.missed is not None]
     if 2 * len(unserved) > len(rejections):
-        return f"nearest: {min(unserved, key=_missed).detail}"
+        return f"nearest: {min(unserved, key=_rank_miss).detail}"
     return f"last: {rejections[-1].detail}"
 
 
-def _missed(rejection: Rejection) -> tuple[int, float]:
+def _rank_miss(rejection: Rejection) -> tuple[int, float]:
     return rejection.missed or (0, 0.0)
 
 
-def _provenance(
+def _describe_provenance(
     context: RunContext, state: SceneState, seconds: dict[str, float]
 ) -> dict[str, Any]:
     return {
@@ -531,32 +533,34 @@ def _provenance(
         "selection": context.selection,
         **({} if context.max_agents is None else {"max_agents": context.max_agents}),
         **({"lenient": True} if context.lenient else {}),
-        **_optimality(state["selection"], context.selection),
+        **_describe_optimality(state["selection"], context.selection),
         "refiner": context.refiner,
         "refinement": state["refinement"].model_dump(mode="json"),
         "intersection": context.intersection.name,
-        "versions": _versions(),
+        "versions": _list_versions(),
         "constraints": [format_clause(each) for each in state["constraints"].clauses],
         "patterns": [each.pattern for each in state["candidates"].cast.patterns],
-        "taxonomy": [_leaf(each.pattern) for each in state["candidates"].cast.patterns],
+        "taxonomy": [
+            _find_taxonomy_leaf(each.pattern) for each in state["candidates"].cast.patterns
+        ],
         "rejections": [each.model_dump(mode="json") for each in state.get("rejections", [])],
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
     }
 
 
-def _made(backend: Named | Backend, base_url: str | None) -> Backend:
+def _load_backend(backend: Named | Backend, base_url: str | None) -> Backend:
     if isinstance(backend, str | Sequence | Mapping):
         return load_backend(backend, base_url=base_url)
     return backend
 
 
-def paid_by_task(calls: Sequence[Call]) -> dict[str, Any]:
+def sum_costs_by_task(calls: Sequence[Call]) -> dict[str, Any]:
     """What models were asked and what that took, by task; nothing where none was."""
     tasks: dict[str, None] = dict.fromkeys(call.task for call in calls)
-    return {task: _sum([call for call in calls if call.task == task]) for task in tasks}
+    return {task: _sum_costs([call for call in calls if call.task == task]) for task in tasks}
 
 
-def _sum(calls: Sequence[Call]) -> dict[str, Any]:
+def _sum_costs(calls: Sequence[Call]) -> dict[str, Any]:
     """Answers and requests, tokens of answers (None: not counted), seconds, prompts."""
     answers = [call for call in calls if call.answered]
     counted = {
@@ -576,21 +580,21 @@ def _sum(calls: Sequence[Call]) -> dict[str, Any]:
     }
 
 
-def _optimality(selection: Selection, mode: Mode) -> dict[str, Any]:
+def _describe_optimality(selection: Selection, mode: Mode) -> dict[str, Any]:
     """Whether no other combination can cost less, and if so by how much [nats] (`map`)."""
     if mode != "map":
         return {}
     return {"optimal": selection.optimal, "gap": round(selection.figures["gap"], 3)}
 
 
-def _leaf(pattern: str) -> str:
+def _find_taxonomy_leaf(pattern: str) -> str:
     """Where a pattern stands in the taxonomy (paper 3.1)."""
     found = get_pattern(pattern)
     return f"{found.theme} / {found.subtype} / {found.id}"
 
 
 @cache
-def _versions() -> dict[str, str]:
+def _list_versions() -> dict[str, str]:
     packages = ("scenewright", "langgraph", "numpy", "ortools", "pydantic", "shapely")
     return {package: version(package) for package in packages}
 

@@ -76,24 +76,24 @@ def make(state: MakeRequest) -> MakeReply:
     write = get_stream_writer()
     try:
         scene = synthesize(
-            _text(state),
-            seed=_seed(state),
+            _get_text(state),
+            seed=_get_seed(state),
             intersection=state.get("intersection") or DEFAULT_INTERSECTION,
-            tell=lambda stage, line: write({"stage": stage, "line": line}),
+            log=lambda stage, line: write({"stage": stage, "line": line}),
         )
     except (InputError, Unsatisfiable) as error:
-        return {"scene": None, "proof": None, "refusal": _refused(error)}
-    return _reply(scene)
+        return {"scene": None, "proof": None, "refusal": _build_refusal(error)}
+    return _build_reply(scene)
 
 
-def _text(request: MakeRequest) -> str:
+def _get_text(request: MakeRequest) -> str:
     text: object = request.get("instruction")
     if not isinstance(text, str):
         raise InputError("a request needs an instruction, as a string")
     return text
 
 
-def _seed(request: MakeRequest) -> int:
+def _get_seed(request: MakeRequest) -> int:
     seed: object = request.get("seed")
     if seed is None:
         return 0
@@ -102,12 +102,12 @@ def _seed(request: MakeRequest) -> int:
     return seed
 
 
-def _reply(scene: Scene) -> MakeReply:
+def _build_reply(scene: Scene) -> MakeReply:
     proof = scene.proof.model_dump(mode="json", by_alias=True)
     return {"scene": scene.record.to_json(), "proof": proof, "refusal": None}
 
 
-def _refused(error: InputError | Unsatisfiable) -> Refused:
+def _build_refusal(error: InputError | Unsatisfiable) -> Refused:
     rejections = error.rejections if isinstance(error, Unsatisfiable) else ()
     return {
         "code": "unsatisfiable" if isinstance(error, Unsatisfiable) else "unusable_input",

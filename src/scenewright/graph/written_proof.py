@@ -63,7 +63,7 @@ def _find_difference(
             f"proof.json is that of {written.scene_digest}, the scene is {found.scene_digest}: "
             "it was changed since, or the proof belongs to another scene",
         )
-    place = _find_first_difference(_as_json(written, keys), _as_json(found, keys))
+    place = _find_first_difference(_convert_to_json(written, keys), _convert_to_json(found, keys))
     if place is None:
         return None
     return _report("proof_contradicted", f"proof.json has another {place} than the checker finds")
@@ -73,7 +73,7 @@ def _report(rule: str, detail: str) -> Finding:
     return Finding(rule=rule, agents=(), detail=detail)
 
 
-def _as_json(proof: Proof, keys: tuple[str, ...] | None) -> dict[str, Any]:
+def _convert_to_json(proof: Proof, keys: tuple[str, ...] | None) -> dict[str, Any]:
     plain = proof.model_dump(mode="json", by_alias=True)
     plain.pop("scene_digest", None)
     return plain if keys is None else {key: plain[key] for key in keys}

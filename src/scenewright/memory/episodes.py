@@ -66,7 +66,7 @@ class Episodes:
             return []
         except OSError as error:
             raise InputError(f"cannot read {self.path}: {error.strerror or error}") from error
-        found = (_episode(line) for line in lines[-2 * self.most :])
+        found = (_parse_episode(line) for line in lines[-2 * self.most :])
         return [each for each in found if each is not None][-self.most :]
 
     def accept(self, *, request: str, graph: Mapping[str, Any], taxonomy: Sequence[str]) -> None:
@@ -95,7 +95,7 @@ class Episodes:
         """
         wanted = embed_text(text)
         scored = [
-            (_cosine(wanted, embed_text(each.request)), n, each)
+            (_compute_cosine(wanted, embed_text(each.request)), n, each)
             for n, each in enumerate(self.all())
         ]
         near = sorted((s for s in scored if s[0] >= _LEAST_ALIKE), key=lambda s: (-s[0], -s[1]))
@@ -139,11 +139,11 @@ def embed_text(text: str) -> dict[int, float]:
     return {place: value / length for place, value in damped.items()} if length else {}
 
 
-def _cosine(a: Mapping[int, float], b: Mapping[int, float]) -> float:
+def _compute_cosine(a: Mapping[int, float], b: Mapping[int, float]) -> float:
     return sum(value * b.get(place, 0.0) for place, value in a.items())
 
 
-def _episode(line: str) -> Episode | None:
+def _parse_episode(line: str) -> Episode | None:
     """The episode of a line; None where somebody wrote something else."""
     try:
         value = json.loads(line)

@@ -38,7 +38,7 @@ def serialize_version(earlier: PreviousVersion) -> bytes:
         "signal_offset": earlier.signal_offset,
         "events": [asdict(each) for each in earlier.events],
         "patterns": [each.model_dump(mode="json") for each in earlier.patterns],
-        "agents": [_agent(each) for each in earlier.agents.values()],
+        "agents": [_serialize_agent(each) for each in earlier.agents.values()],
         **(
             {"objects": [each.model_dump(mode="json") for each in earlier.objects]}
             if earlier.objects
@@ -67,7 +67,7 @@ def deserialize_version(data: bytes) -> PreviousVersion:
             patterns=tuple(AssignedPattern.model_validate(each) for each in value["patterns"]),
             hour=float(value["hour"]),
             duration=float(value["duration"]),
-            signal_offset=_optional(value["signal_offset"]),
+            signal_offset=_parse_optional(value["signal_offset"]),
             events=tuple(_read_event(each) for each in value["events"]),
             objects=tuple(ObjectRecord.model_validate(each) for each in value.get("objects", ())),
         )
@@ -75,7 +75,7 @@ def deserialize_version(data: bytes) -> PreviousVersion:
         raise InputError(f"a kept version cannot be read: {error}") from error
 
 
-def _agent(each: PreviousAgent) -> dict[str, Any]:
+def _serialize_agent(each: PreviousAgent) -> dict[str, Any]:
     agent, candidate = each.agent, each.agent.candidate
     path = candidate.path
     return {
@@ -90,15 +90,15 @@ def _agent(each: PreviousAgent) -> dict[str, Any]:
         "violates": agent.violates,
         "segments": [segment.model_dump(mode="json") for segment in each.segments],
         "track": {
-            "xy": _array(each.track.xy),
-            "heading": _array(each.track.heading),
+            "xy": _serialize_array(each.track.xy),
+            "heading": _serialize_array(each.track.heading),
             "start": each.track.start,
             "step": each.track.step,
         },
         "candidate": {
             "route": candidate.route.model_dump(mode="json"),
-            "waypoints": _array(candidate.waypoints),
-            "path": [_array(a) for a in (path.xy, path.s, path.heading, path.curvature)],
+            "waypoints": _serialize_array(candidate.waypoints),
+            "path": [_serialize_array(a) for a in (path.xy, path.s, path.heading, path.curvature)],
             "nll": candidate.nll,
             "time_law": _write_profile(candidate.time_law),
             "time_nll": candidate.time_nll,
@@ -114,13 +114,13 @@ def _read_agent(value: Mapping[str, Any]) -> PreviousAgent:
         number=int(value["number"]),
         agent=SelectedAgent(
             name=str(value["name"]),
-            role=_role(value["role"]),
+            role=_parse_role(value["role"]),
             candidate=_read_candidate(value["candidate"]),
             index=int(value["index"]),
             enters=float(value["enters"]),
             stops=tuple(Stop(**each) for each in value["stops"]),
             slowings=tuple(Slowing(**each) for each in value["slowings"]),
-            contact=_optional(value["contact"]),
+            contact=_parse_optional(value["contact"]),
             violates=bool(value["violates"]),
         ),
         segments=tuple(Segment.model_validate(each) for each in value["segments"]),
@@ -160,13 +160,13 @@ def _read_event(value: Mapping[str, Any]) -> PlannedEvent:
     return PlannedEvent(value["clause"], (first, second), float(value["time"]), (x, y))
 
 
-def _role(text: str) -> Any:
+def _parse_role(text: str) -> Any:
     if text not in ("foreground", "background"):
         raise ValueError(f"there is no role {text!r}")
     return text
 
 
-def _array(values: FloatArray) -> dict[str, Any]:
+def _serialize_array(values: FloatArray) -> dict[str, Any]:
     exact = np.ascontiguousarray(values, dtype="<f8")
     return {"shape": list(exact.shape), "f8": base64.b64encode(exact.tobytes()).decode()}
 
@@ -176,5 +176,5 @@ def _read_array(value: Mapping[str, Any]) -> FloatArray:
     return np.array(flat.reshape(value["shape"]), dtype=np.float64)
 
 
-def _optional(value: Any) -> float | None:
+def _parse_optional(value: Any) -> float | None:
     return None if value is None else float(value)

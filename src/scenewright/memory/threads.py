@@ -35,7 +35,7 @@ class PlainSerializer:
         Raises:
             TypeError: the value is no plain one.
         """
-        text = json.dumps(_plain(obj), allow_nan=False, ensure_ascii=False)
+        text = json.dumps(_make_plain(obj), allow_nan=False, ensure_ascii=False)
         return "json", text.encode("utf-8", "surrogatepass")
 
     def loads_typed(self, data: tuple[str, bytes]) -> Any:
@@ -46,16 +46,16 @@ class PlainSerializer:
         return json.loads(body.decode("utf-8", "surrogatepass"))
 
 
-def _plain(value: Any) -> Any:
+def _make_plain(value: Any) -> Any:
     """The value with tuples as lists; a fault that ended a step is kept as its words."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, dict):
         if not all(isinstance(key, str) for key in value):
             raise TypeError("a key of a checkpoint must be text")
-        return {key: _plain(each) for key, each in value.items()}
+        return {key: _make_plain(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
+        return [_make_plain(each) for each in value]
     if isinstance(value, BaseException):
         return f"{type(value).__name__}: {value}"
     raise TypeError(f"a checkpoint holds plain values, not {type(value).__name__}")

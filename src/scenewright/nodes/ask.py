@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from scenewright.backends import Backend, Question, speaker
+from scenewright.backends import Backend, Question, get_backend_of_task
 from scenewright.errors import Rejected
 from scenewright.scene.rejection import MISPLANNED, Rejection, Stage
 from scenewright.time_limit import stopped_clock
@@ -39,7 +39,7 @@ def ask(
 
 def _get_answer(backend: Backend, question: Question) -> Any:
     """The answer; how long a model takes for it does not count against the time limit."""
-    if speaker(backend, question.task).deterministic:
+    if get_backend_of_task(backend, question.task).deterministic:
         return backend.answer(question)
     with stopped_clock():
         return backend.answer(question)

@@ -18,7 +18,7 @@ from scenewright.tools.gmm_sampler import Priors
 from scenewright.tools.solver.select import Mode
 
 if TYPE_CHECKING:
-    from scenewright.tools.trajnet_refiner.bundled import Learned
+    from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
 
 RefinerName = Literal["none", "trajnet"]
 
@@ -49,7 +49,7 @@ class RunContext:
             that different requests with one seed share nothing.
         learned: the network that refines; None where none shall, or no weights serve.
         draws: M, candidates per agent (paper 3.2).
-        tell: called with a short line whenever a stage has something to say.
+        log: called with a short line whenever a stage has something to say.
         account: called with what every answer of a model has cost.
         recall: finds accepted answers to requests like this one, for prompts.
         lenient: words that cannot be realised are left out and listed, not refused.
@@ -62,11 +62,11 @@ class RunContext:
     seed: int
     entropy: int = 0
     refiner: RefinerName = "none"
-    learned: Learned | None = None
+    learned: BundledRefiner | None = None
     selection: Mode = "draw"
     draws: int = 16
     budgets: Budgets = field(default_factory=Budgets)
-    tell: Callable[[str, str], None] = lambda _stage, _message: None
+    log: Callable[[str, str], None] = lambda _stage, _message: None
     account: Callable[[Call], None] = lambda _call: None
     recall: ExampleRetriever = recall_nothing
     lenient: bool = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal
 
-from scenewright.backends import STAGE_OF, Backend, Task, speaker
+from scenewright.backends import STAGE_OF, Backend, Task, get_backend_of_task
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import list_latest_rejections
 from scenewright.scene.account import SaidSpan
@@ -42,7 +42,7 @@ def is_last_answer(
 ) -> bool:
     """Whether the stage may not ask again: a rule answers alike, and a model has its budget."""
     return (
-        speaker(backend, task).deterministic
+        get_backend_of_task(backend, task).deterministic
         or len(list_latest_rejections(rejections, STAGE_OF[task])) >= budget
     )
 

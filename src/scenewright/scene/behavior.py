@@ -59,15 +59,15 @@ class AgentSummary(Model):
             if stay.until <= 0.0:
                 continue
             start, until = min(stay.start, self.leaves), min(stay.until, self.leaves)
-            segments.append(_segment(now, start, stay.anchor, moving))
+            segments.append(_build_segment(now, start, stay.anchor, moving))
             if stay.until > stay.start:
-                segments.append(_segment(start, until, stay.anchor, "stop"))
+                segments.append(_build_segment(start, until, stay.anchor, "stop"))
             now, moving = until, "proceed"
         if self.contact is not None:
-            segments.append(_segment(now, self.contact, "contact", moving))
-            segments.append(_segment(self.contact, self.contact, "contact", "terminate"))
+            segments.append(_build_segment(now, self.contact, "contact", moving))
+            segments.append(_build_segment(self.contact, self.contact, "contact", "terminate"))
         elif self.leaves > now:
-            segments.append(_segment(now, min(self.leaves, duration), "goal", moving))
+            segments.append(_build_segment(now, min(self.leaves, duration), "goal", moving))
         return tuple(segments)
 
 
@@ -99,7 +99,7 @@ class BehaviorProgram(Model):
     segments: dict[str, tuple[Segment, ...]]
 
 
-def _segment(start: float, end: float, anchor: str, status: str) -> Segment:
+def _build_segment(start: float, end: float, anchor: str, status: str) -> Segment:
     return Segment.model_validate(
         {
             "start": round(max(start, 0.0), 3),

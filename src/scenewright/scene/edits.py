@@ -230,12 +230,12 @@ def apply_edits(graph: SocialGraph, edits: Iterable[Edit]) -> SocialGraph:
     """
     try:
         for edit in edits:
-            edited = _without_idle_hiding(_applied(graph, edit))
+            edited = _drop_idle_hiding(_apply_edit(graph, edit))
             graph = SocialGraph.model_validate(edited.model_dump(by_alias=True))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise _refused(f"{where}: {first['msg']}" if where else str(first["msg"])) from error
+        raise _build_refusal(f"{where}: {first['msg']}" if where else str(first["msg"])) from error
     return graph.model_copy(update={"said": tuple(e for e in graph.said if still_holds(e, graph))})
 
 
@@ -279,37 +279,37 @@ def still_holds(entry: SaidSpan, graph: SocialGraph) -> bool:
         case "normal" | "denied" | "cause" | "tie" | "measure" | "impact_point":
             return False
         case _:
-            return entry.became not in ("object", "sight") or _stands(entry, graph)
+            return entry.became not in ("object", "sight") or _is_in_place(entry, graph)
 
 
-def _stands(entry: SaidSpan, graph: SocialGraph) -> bool:
+def _is_in_place(entry: SaidSpan, graph: SocialGraph) -> bool:
     """Whether an object is in the graph and, if that is said, hides an agent."""
     name = (entry.value or "").split(" ", maxsplit=1)[0]
     kept = (each for each in graph.objects if each.id == name)
     return any(entry.became == "object" or each.hides is not None for each in kept)
 
 
-def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:
+def _apply_edit(graph: SocialGraph, edit: Edit) -> SocialGraph:
     match edit:
         case ChangeAgent(node=node):
-            _known(graph, node.id)
+            _check_known(graph, node.id)
             agents = tuple(node if each.id == node.id else each for each in graph.agents)
             return graph.model_copy(update={"agents": agents})
         case AddAgent(node=node):
             return graph.model_copy(update={"agents": (*graph.agents, node)})
         case RemoveAgent(agent=name):
-            return _without(graph, name)
+            return _drop_agent(graph, name)
         case Relate(edge=edge):
             pair = {edge.from_, edge.to}
             kept = [each for each in graph.relations if {each.from_, each.to} != pair]
             at = next((i for i, e in enumerate(graph.relations) if {e.from_, e.to} == pair), None)
             kept.insert(len(kept) if at is None else min(at, len(kept)), edge)
             same = any({e.from_, e.to} == pair and e.type == edge.type for e in graph.relations)
-            measures = graph.measures if same else _measures_without(graph, pair)
+            measures = graph.measures if same else _drop_measures(graph, pair)
             return graph.model_copy(update={"relations": tuple(kept), "measures": measures})
         case Unrelate(first=first, second=second):
             kept = [each for each in graph.relations if {each.from_, each.to} != {first, second}]
-            measures = _measures_without(graph, {first, second})
+            measures = _drop_measures(graph, {first, second})
             return graph.model_copy(update={"relations": tuple(kept), "measures": measures})
         case SetMeasure(measure=measure):
             about = (measure.kind, measure.agent, measure.other)
@@ -326,7 +326,7 @@ def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:
         case RemoveObject(object=name):
             objects = tuple(each for each in graph.objects if each.id != name)
             if len(objects) == len(graph.objects):
-                raise _refused(f"there is no {name} in the scene")
+                raise _build_refusal(f"there is no {name} in the scene")
             return graph.model_copy(update={"objects": objects})
         case SetBackground():
             before = graph.context.background or Background()
@@ -339,9 +339,9 @@ def _applied(graph: SocialGraph, edit: Edit) -> SocialGraph:
     return graph
 
 
-def _without_idle_hiding(graph: SocialGraph) -> SocialGraph:
+def _drop_idle_hiding(graph: SocialGraph) -> SocialGraph:
     """The graph in which nothing hides an agent from another that it has no relation with, and
-    nobody meets an object who is not there."""
+    no agent meets an object that is not there."""
     there = {agent.id for agent in graph.agents}
     bound = {frozenset((edge.from_, edge.to)) for edge in graph.relations}
     free = {"hides": None, "hidden_from": None, "lead": None}
@@ -355,7 +355,7 @@ def _without_idle_hiding(graph: SocialGraph) -> SocialGraph:
     return graph.model_copy(update={"objects": objects})
 
 
-def _without(graph: SocialGraph, name: str) -> SocialGraph:
+def _drop_agent(graph: SocialGraph, name: str) -> SocialGraph:
     """The graph without the agent; an agent of the background is in no graph."""
     return graph.model_copy(
         update={
@@ -367,17 +367,17 @@ def _without(graph: SocialGraph, name: str) -> SocialGraph:
     )
 
 
-def _measures_without(graph: SocialGraph, pair: set[str]) -> tuple[Measure, ...]:
+def _drop_measures(graph: SocialGraph, pair: set[str]) -> tuple[Measure, ...]:
     """The figures asked for, but for those of what happens between two agents."""
     return tuple(each for each in graph.measures if {each.agent, each.other} != pair)
 
 
-def _known(graph: SocialGraph, name: str) -> None:
+def _check_known(graph: SocialGraph, name: str) -> None:
     if name not in {each.id for each in graph.agents}:
-        raise _refused(f"there is no {name} in the scene")
+        raise _build_refusal(f"there is no {name} in the scene")
 
 
-def _refused(detail: str) -> Rejected:
+def _build_refusal(detail: str) -> Rejected:
     return Rejected(Rejection(stage="scene_planner", code="contradictory", detail=detail))
 
 
@@ -388,7 +388,7 @@ def diff_graphs(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
     found: list[Edit] = [RemoveAgent(agent=name) for name in old if name not in new]
     found += [ChangeAgent(node=n) for name, n in new.items() if name in old and n != old[name]]
     found += [AddAgent(node=node) for name, node in new.items() if name not in old]
-    found += _related(before, after, set(new))
+    found += _compare_relations(before, after, set(new))
     if _open_ties(before, set(new)) != after.ties:
         found.append(Tie(ties=after.ties))
     found += [RemoveObject(object=o.id) for o in before.objects if o not in after.objects]
@@ -402,7 +402,7 @@ def diff_graphs(before: SocialGraph, after: SocialGraph) -> tuple[Edit, ...]:
     return tuple(found)
 
 
-def _related(before: SocialGraph, after: SocialGraph, present: set[str]) -> list[Edit]:
+def _compare_relations(before: SocialGraph, after: SocialGraph, present: set[str]) -> list[Edit]:
     pairs = {frozenset((each.from_, each.to)): each for each in before.relations}
     now = {frozenset((each.from_, each.to)) for each in after.relations}
     found: list[Edit] = [

@@ -46,7 +46,7 @@ _DENSITY = {"low": "light", "medium": "moderate", "high": "heavy"}
 
 def describe_graph(graph: SocialGraph) -> str:
     """The graph in plain English, one short sentence for each agent and each relation."""
-    names = _names(graph)
+    names = _choose_names(graph)
     sentences = [_describe_agent(agent, names[agent.id]) for agent in graph.agents]
     sentences += [_describe_relation(edge, names) for edge in graph.relations]
     sentences += [
@@ -60,7 +60,7 @@ def describe_graph(graph: SocialGraph) -> str:
     return ". ".join(each[0].upper() + each[1:] for each in sentences) + "."
 
 
-def _names(graph: SocialGraph) -> dict[str, str]:
+def _choose_names(graph: SocialGraph) -> dict[str, str]:
     """ "the car", or "car 1" and "car 2" where there are several of a kind."""
     nouns = {
         agent.id: f"group of {agent.members} pedestrians"
@@ -79,11 +79,11 @@ def _names(graph: SocialGraph) -> dict[str, str]:
 
 def _describe_agent(agent: AgentNode, name: str) -> str:
     subject = name.replace("the e-", "an e-", 1).replace("the ", "a ", 1)
-    told = list(_ways(agent))
+    told = list(_describe_route(agent))
     return f"{subject} {' and '.join(told)}" if told else f"there is {subject}"
 
 
-def _ways(agent: AgentNode) -> Iterator[str]:
+def _describe_route(agent: AgentNode) -> Iterator[str]:
     walks = agent.type == "pedestrian" or agent.movement == "crossing"
     if agent.crosswalk is not None and agent.movement != "jaywalking":
         way = f"crosses on the {agent.crosswalk} crosswalk"

@@ -21,7 +21,7 @@ def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
     `first` is there where the text says which of the two passes first.
     """
     if isinstance(plan, Refusal):
-        row = _row(row_id, SocialGraph(agents=()), relations=[], reason=plan.reason)
+        row = _build_row(row_id, SocialGraph(agents=()), relations=[], reason=plan.reason)
         return {**row, "did_you_mean": list(plan.did_you_mean)}
     relations: list[dict[str, Any]] = [
         {"type": EVENT_OF_RELATION[edge.type], "from": edge.from_, "to": edge.to}
@@ -29,17 +29,20 @@ def plan_to_row(row_id: str, plan: Plan) -> dict[str, Any]:
         for edge in plan.relations
     ]
     normal = [{"type": "normal", "from": None, "to": None}]
-    return {**_row(row_id, plan, relations=relations or normal, reason=None), "did_you_mean": []}
+    return {
+        **_build_row(row_id, plan, relations=relations or normal, reason=None),
+        "did_you_mean": [],
+    }
 
 
-def _row(
+def _build_row(
     row_id: str, plan: SocialGraph, *, relations: list[dict[str, Any]], reason: str | None
 ) -> dict[str, Any]:
     return {
         "id": row_id,
-        "agents": [_agent(agent) for agent in plan.agents],
+        "agents": [_build_agent(agent) for agent in plan.agents],
         "relations": relations,
-        "context": _context(plan.context),
+        "context": _build_context(plan.context),
         "refused": reason is not None,
         "reason": reason,
         "said": [each.model_dump(mode="json") for each in plan.said],
@@ -52,13 +55,13 @@ def _row(
     }
 
 
-def _agent(agent: AgentNode) -> dict[str, Any]:
+def _build_agent(agent: AgentNode) -> dict[str, Any]:
     return agent.model_dump(
         mode="json", include={"id", "type", "subtype", "entry", "exit", "movement", "crosswalk"}
     )
 
 
-def _context(context: SceneContext) -> dict[str, Any]:
+def _build_context(context: SceneContext) -> dict[str, Any]:
     """The context; numbers of the background also under the plural keys that rows once had."""
     time, counts = context.time_of_day, context.background
     span = time.split("-") if time is not None and "-" in time else time

@@ -198,15 +198,15 @@ class SceneRecord(Model):
         wants one row `normal` that names two agents: the first two, as far as there are any.
         """
         rows = [each for each in self.events if each.type in ("collision", "yielding")]
-        events = [_only(each, PAPER_EVENT) for each in rows]
+        events = [_select_fields(each, PAPER_EVENT) for each in rows]
         if not events:
             ids = [*(agent.id for agent in self.agents[:2]), None, None]
             events = [
                 {"type": "normal", "from": ids[0], "to": ids[1], "time": None, "location": None}
             ]
         return {
-            "meta": _only(self.meta, PAPER_META),
-            "agents": [_only(agent, PAPER_AGENT) for agent in self.agents],
+            "meta": _select_fields(self.meta, PAPER_META),
+            "agents": [_select_fields(agent, PAPER_AGENT) for agent in self.agents],
             "events": events,
         }
 
@@ -216,5 +216,5 @@ PAPER_AGENT = ("id", "type", "spawn_time", "goal", "trajectory")
 PAPER_EVENT = ("type", "from_", "to", "time", "location")
 
 
-def _only(model: Model, fields: tuple[str, ...]) -> dict[str, Any]:
+def _select_fields(model: Model, fields: tuple[str, ...]) -> dict[str, Any]:
     return model.model_dump(mode="json", by_alias=True, include=set(fields))

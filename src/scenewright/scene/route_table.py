@@ -40,7 +40,7 @@ def describe_routes(intersection_map: IntersectionMap) -> tuple[RouteDescription
     )
 
 
-def _four_legs() -> tuple[RouteDescription, ...]:
+def _build_four_legs() -> tuple[RouteDescription, ...]:
     ring = ("north", "east", "south", "west")
     turns = {"left": 1, "straight": 2, "right": 3}
     driven = [
@@ -58,7 +58,7 @@ def _four_legs() -> tuple[RouteDescription, ...]:
     return (*driven, *turned, *walked)
 
 
-FOUR_LEGS = _four_legs()
+FOUR_LEGS = _build_four_legs()
 """Where no map is named: a crossing of two roads that run to the four compass points."""
 
 

@@ -13,11 +13,11 @@ _LOCK = threading.Lock()
 def stem_word(word: str) -> str:
     """The Snowball stem of a lower-case English word."""
     with _LOCK:
-        return str(_stemmer().stemWord(word))
+        return str(_load_stemmer().stemWord(word))
 
 
 @cache
-def _stemmer() -> Any:
+def _load_stemmer() -> Any:
     import snowballstemmer
 
     return snowballstemmer.stemmer("english")

@@ -44,7 +44,7 @@ def _derive(intersection_map: IntersectionMap, leg: Leg) -> VehicleMovement | No
     if not into or not out or not own:
         return None
     ends = {each.id: np.array(each.centreline[0]) for each in out}
-    inner = min(into, key=lambda lane: _apart(lane.centreline[-1], ends.values()))
+    inner = min(into, key=lambda lane: _compute_distance(lane.centreline[-1], ends.values()))
     away = {name: float(np.hypot(*(end - inner.centreline[-1]))) for name, end in ends.items()}
     outer = max(out, key=lambda lane: away[lane.id])
     if away[outer.id] < _NARROWEST:
@@ -59,7 +59,7 @@ def _derive(intersection_map: IntersectionMap, leg: Leg) -> VehicleMovement | No
     )  # fmt: skip
 
 
-def _apart(point: Point, ends: Iterable[FloatArray]) -> float:
+def _compute_distance(point: Point, ends: Iterable[FloatArray]) -> float:
     return min(float(np.hypot(*(end - np.array(point)))) for end in ends)
 
 
@@ -87,15 +87,15 @@ def find_conflicts(
     line = _resample(np.array(movement.centreline))
     for other in intersection_map.movements:
         theirs = _resample(np.array(other.centreline))
-        if other.entry != movement.entry and _gap(line, theirs) < 2 * _SWEEP:
+        if other.entry != movement.entry and _compute_gap(line, theirs) < 2 * _SWEEP:
             yield frozenset((movement.id, other.id))
     for crosswalk in intersection_map.crosswalks:
         middle = _resample(np.array(crosswalk.centreline))
-        if _gap(line, middle) < crosswalk.width / 2 + _SWEEP:
+        if _compute_gap(line, middle) < crosswalk.width / 2 + _SWEEP:
             yield frozenset((movement.id, crosswalk.id))
 
 
-def _gap(one: FloatArray, two: FloatArray) -> float:
+def _compute_gap(one: FloatArray, two: FloatArray) -> float:
     return float(np.hypot(*(one[:, None] - two[None]).transpose(2, 0, 1)).min())
 
 

@@ -22,7 +22,7 @@ from scenewright.scene.remaining import AddedStop, AddedStops
 from scenewright.scene.selection import SelectedAgent, Selection, Stop
 from scenewright.scene.track import STEP
 from scenewright.tools.event_summary import summarise
-from scenewright.tools.segment_editor import get_motion_edits, to_stop_command
+from scenewright.tools.segment_editor import get_motion_edits, make_stop_command
 
 ASKED = "asked"
 """Reason of a standstill that words ask for."""
@@ -55,8 +55,10 @@ def place_stops(
     placed: dict[int, Stop] = {}
     for name in dict.fromkeys(each.agent for each in added.stops):
         own = [each for each in added.stops if each.agent == name]
-        asked = sorted(((_arc_length(each, anchors[name]), each) for each in own), key=_first)
-        agents[name], stops = _with_stops(agents[name], asked, selection)
+        asked = sorted(
+            ((_find_arc_length(each, anchors[name]), each) for each in own), key=_get_first
+        )
+        agents[name], stops = _add_stops(agents[name], asked, selection)
         placed |= {id(each): stop for (_, each), stop in zip(asked, stops, strict=True)}
     done = tuple(
         each.model_copy(
@@ -70,21 +72,21 @@ def place_stops(
     return added.model_copy(update={"stops": done}), replace(selection, agents=agents)
 
 
-def _first(pair: tuple[float, AddedStop]) -> float:
+def _get_first(pair: tuple[float, AddedStop]) -> float:
     return pair[0]
 
 
-def _arc_length(stop: AddedStop, anchors: Sequence[Anchor]) -> float:
+def _find_arc_length(stop: AddedStop, anchors: Sequence[Anchor]) -> float:
     """Where on its path the agent is to stand [m]; on another sample, at an anchor of that kind."""
-    for name in (str, _kind):
+    for name in (str, _get_anchor_kind):
         for anchor in anchors:
             if name(anchor.id) == name(stop.place):
                 return anchor.s - stop.ahead
     known = ", ".join(anchor.id for anchor in anchors)
-    raise _refused("unknown_anchor", stop.agent, f"has no anchor {stop.place!r}, but {known}")
+    raise _build_refusal("unknown_anchor", stop.agent, f"has no anchor {stop.place!r}, but {known}")
 
 
-def _kind(anchor: str) -> str:
+def _get_anchor_kind(anchor: str) -> str:
     """ "yield_point" of "yield_point@34.6", "stop" of "south:stop"."""
     name = anchor.partition("@")[0]
     return name.partition(":")[2] or name
@@ -98,32 +100,32 @@ class _Due:
     at_red: bool = False
 
 
-def _with_stops(
+def _add_stops(
     agent: SelectedAgent, asked: Sequence[tuple[float, AddedStop]], selection: Selection
 ) -> tuple[SelectedAgent, list[Stop]]:
     """The agent with the standstills, which are in order of place, and these."""
-    known = [_known(agent, s) for s, _ in asked]
+    known = [_find_known_stop(agent, s) for s, _ in asked]
     if all(known):  # an agent that stays as it was in an earlier version
         return agent, [stop for stop in known if stop is not None]
     _refuse_crowded(agent, [s for s, _ in asked])
-    due = _due(agent, selection)
+    due = _list_due_places(agent, selection)
     before = [(s, each.lasts) for s, each in asked if not due or s < due[0].s]
     before = before if due else []
     after = [(s, each.lasts) for s, each in asked[len(before) :]]
     _refuse_between(agent, due, after)
-    holds, lost = _held_before(agent, before, due)
-    held = _shifted(agent, holds, lost)
-    held = _held_after(held, after)
+    holds, lost = _plan_holds_before(agent, before, due)
+    held = _shift_agent(agent, holds, lost)
+    held = _hold_after(held, after)
     stops = [stop for stop in held.stops if stop.reason == ASKED]
     _refuse_unseen(agent, stops, selection.duration)
     return held, stops
 
 
-def _known(agent: SelectedAgent, s: float) -> Stop | None:
+def _find_known_stop(agent: SelectedAgent, s: float) -> Stop | None:
     return next((t for t in agent.stops if t.reason == ASKED and abs(t.s - s) < _APART), None)
 
 
-def _due(agent: SelectedAgent, selection: Selection) -> list[_Due]:
+def _list_due_places(agent: SelectedAgent, selection: Selection) -> list[_Due]:
     """Where it stands in view, and where it is when it meets others, in order of place."""
     editing = get_motion_edits(agent)
     motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
@@ -137,7 +139,7 @@ def _due(agent: SelectedAgent, selection: Selection) -> list[_Due]:
     return sorted(found, key=lambda each: each.s)
 
 
-def _held_before(
+def _plan_holds_before(
     agent: SelectedAgent, asked: Sequence[tuple[float, float]], due: Sequence[_Due]
 ) -> tuple[list[StopCommand], float]:
     """Holds in local time ahead of the first place that is due, and the time lost there [s].
@@ -162,7 +164,7 @@ def _held_before(
     return holds, whole
 
 
-def _shifted(agent: SelectedAgent, holds: Sequence[StopCommand], lost: float) -> SelectedAgent:
+def _shift_agent(agent: SelectedAgent, holds: Sequence[StopCommand], lost: float) -> SelectedAgent:
     """The agent that enters so much earlier and stands at the holds; what it waited for before the
     scene begins was earlier as well."""
     enters = round(agent.enters - lost, 1)
@@ -172,7 +174,7 @@ def _shifted(agent: SelectedAgent, holds: Sequence[StopCommand], lost: float) ->
         else each
         for each in agent.stops
     ]
-    upstream = [to_stop_command(each, enters) for each in earlier if each.until <= 0.0]
+    upstream = [make_stop_command(each, enters) for each in earlier if each.until <= 0.0]
     for hold in holds:
         stands = _find_standing_time(agent, hold.s, [*upstream, *holds])
         earlier.append(
@@ -187,7 +189,7 @@ def _find_standing_time(agent: SelectedAgent, s: float, holds: Sequence[StopComm
     return compute_arrival(agent.candidate, StopCommand(s, 0.0), upstream)
 
 
-def _held_after(agent: SelectedAgent, asked: Sequence[tuple[float, float]]) -> SelectedAgent:
+def _hold_after(agent: SelectedAgent, asked: Sequence[tuple[float, float]]) -> SelectedAgent:
     """The agent that stands behind everything that is due, and is so much later from there on."""
     for s, lasts in asked:
         start = agent.enters + _find_standing_time(agent, s, get_motion_edits(agent).holds)
@@ -201,9 +203,11 @@ def _refuse_crowded(agent: SelectedAgent, places: Sequence[float]) -> None:
     taken = [each.s for each in agent.stops if not each.rolls and each.until > 0.0]
     for s in places:
         if not _APART < s < agent.candidate.path.length - _APART:
-            raise _refused("segment_off_track", agent.name, f"has no way {s:.1f} m along its path")
+            raise _build_refusal(
+                "segment_off_track", agent.name, f"has no way {s:.1f} m along its path"
+            )
         if any(abs(s - other) < _APART for other in taken):
-            raise _refused(
+            raise _build_refusal(
                 "segment_off_track", agent.name,
                 f"stands {s:.1f} m along its way already; put the stop at least {_APART:g} m away",
             )  # fmt: skip
@@ -219,7 +223,7 @@ def _refuse_between(
     for s, _ in after:
         if s < due[-1].s or agent.contact is not None:
             passed = [each for each in due if each.s <= s]
-            raise _refused(
+            raise _build_refusal(
                 "segment_off_track", agent.name,
                 f"has no time to stand {s:.1f} m along its way, after {passed[-1].s:.1f} m and "
                 "before what it is in; put the stop before the first",
@@ -231,14 +235,16 @@ def _refuse_between(
 def _refuse_unseen(agent: SelectedAgent, stops: Sequence[Stop], duration: float) -> None:
     for stop in stops:
         if stop.start < _IN_VIEW or stop.until > duration - _IN_VIEW:
-            raise _refused(
+            raise _build_refusal(
                 "segment_off_track", agent.name,
                 f"would stand from {stop.start:.1f} to {stop.until:.1f} s of {duration:g} s",
                 repairable=False,
             )  # fmt: skip
 
 
-def _refused(code: RejectionCode, agent: str, what: str, *, repairable: bool = True) -> Rejected:
+def _build_refusal(
+    code: RejectionCode, agent: str, what: str, *, repairable: bool = True
+) -> Rejected:
     return Rejected(
         Rejection(
             stage="event_reasoner",

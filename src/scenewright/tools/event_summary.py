@@ -17,7 +17,8 @@ from scenewright.tools.segment_editor import get_motion_edits
 def summarise(selection: Selection, *, map_areas: MapAreas) -> EventSummary:
     """What the selected tracks pass and when, and the stays that the solver found to work."""
     agents = tuple(
-        _agent(agent, selection.duration, map_areas) for agent in selection.agents.values()
+        _summarize_agent(agent, selection.duration, map_areas)
+        for agent in selection.agents.values()
     )
     evidence = tuple(
         {"clause": e.clause, "agents": list(e.agents), "time": e.time, "location": list(e.location)}
@@ -37,7 +38,7 @@ def name_anchor(stop: Stop, candidate: Candidate, *, map_areas: MapAreas) -> str
     return f"{stop.anchor}@{stop.s:.1f}"
 
 
-def _agent(agent: SelectedAgent, duration: float, map_areas: MapAreas) -> AgentSummary:
+def _summarize_agent(agent: SelectedAgent, duration: float, map_areas: MapAreas) -> AgentSummary:
     editing = get_motion_edits(agent)
     motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
     leaves = min(agent.enters + STEP * (len(motion.s) - 1), duration)
@@ -55,14 +56,14 @@ def _agent(agent: SelectedAgent, duration: float, map_areas: MapAreas) -> AgentS
         agent=agent.name,
         enters=agent.enters,
         leaves=round(leaves, 3),
-        anchors=_anchors(agent, compute_motion(agent.candidate), duration, map_areas),
+        anchors=_list_anchors(agent, compute_motion(agent.candidate), duration, map_areas),
         stays=stays,
         # 14.330000000000002 would be later than it leaves.
         contact=None if agent.contact is None else round(agent.contact, 9),
     )
 
 
-def _anchors(
+def _list_anchors(
     agent: SelectedAgent, prior: Motion, duration: float, map_areas: MapAreas
 ) -> tuple[Anchor, ...]:
     """Every anchor on the path in order of arc length, timed by the unedited prior."""
@@ -79,12 +80,12 @@ def _anchors(
         places += [(f"{crosswalk}:entry", enters), (f"{crosswalk}:exit", leaves)]
     places.append(("goal", agent.candidate.path.length))
     return tuple(
-        Anchor(id=name, s=round(s, 3), time=_when(agent, prior, s, duration))
+        Anchor(id=name, s=round(s, 3), time=_find_time(agent, prior, s, duration))
         for name, s in sorted(places, key=lambda place: place[1])
     )
 
 
-def _when(agent: SelectedAgent, prior: Motion, s: float, duration: float) -> float | None:
+def _find_time(agent: SelectedAgent, prior: Motion, s: float, duration: float) -> float | None:
     time = agent.enters + prior.find_time_at(s)
     return round(time, 3) if 0.0 <= time <= duration else None
 

@@ -34,14 +34,14 @@ class MotionEdits:
     end: float | None
 
 
-def to_stop_command(stop: Stop, enters: float) -> StopCommand:
+def make_stop_command(stop: Stop, enters: float) -> StopCommand:
     """A stop in the time of an agent that enters then [s]."""
     return StopCommand(stop.s, stop.until - enters, stop.braking, stop.speed)
 
 
 def get_motion_edits(agent: SelectedAgent) -> MotionEdits:
     """The edits that the solver found for a selected agent."""
-    holds = tuple(to_stop_command(stop, agent.enters) for stop in agent.stops)
+    holds = tuple(make_stop_command(stop, agent.enters) for stop in agent.stops)
     end = None if agent.contact is None else agent.contact - agent.enters
     return MotionEdits(holds, agent.slowings, end)
 
@@ -73,7 +73,7 @@ def compute_edited_motion(
     duration: float,
 ) -> Motion:
     """The same as motion along the path, from where the agent enters the map to where it ends."""
-    editing = _editing(agent, segments, anchors, duration)
+    editing = _build_edits(agent, segments, anchors, duration)
     motion = compute_motion(agent.candidate, holds=editing.holds, slowings=editing.slowings)
     return motion if editing.end is None else end_motion(motion, editing.end)
 
@@ -83,7 +83,7 @@ def end_motion(motion: Motion, time: float) -> Motion:
     return motion.cut(int(np.ceil(time / STEP - 1e-6)))
 
 
-def _editing(
+def _build_edits(
     agent: SelectedAgent,
     segments: tuple[Segment, ...],
     anchors: dict[str, float],
@@ -92,7 +92,7 @@ def _editing(
     # An agent that started before the scene began shows no stop in it, but comes from there; and
     # one that rolls never stands.
     unseen = [stop for stop in agent.stops if stop.rolls or stop.until <= 0.0]
-    holds = [to_stop_command(stop, agent.enters) for stop in unseen]
+    holds = [make_stop_command(stop, agent.enters) for stop in unseen]
     end = None
     for segment in segments:
         if segment.status == "stop":

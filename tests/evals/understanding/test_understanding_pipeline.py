@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from scenewright.backends import Question, load_backend
-from scenewright.backends.scripted import scripted
+from scenewright.backends.scripted import build_scripted_backend
 from scenewright.errors import BackendFault, InputError
 from scenewright.evals.understanding.cases import SceneCase
 from scenewright.evals.understanding.language_model import TASK, require_language_model
@@ -22,7 +22,7 @@ from scenewright.evals.understanding.scene_description import name_agents
 
 
 def asking(*replies: Any) -> tuple[MethodSettings, Any]:
-    backend = scripted({TASK: list(replies)})
+    backend = build_scripted_backend({TASK: list(replies)})
     settings = MethodSettings(
         "posterior",
         "language_model",

@@ -21,7 +21,7 @@ from scenewright.cli.main import main
 from scenewright.dataset.batch.manifest import write_manifest
 from scenewright.dataset.batch.scenes import list_scenes
 from scenewright.errors import InputError
-from scenewright.graph.run import load_tracks, scene_bytes, verify_tracks
+from scenewright.graph.run import encode_scene, load_tracks, verify_tracks
 from scenewright.scene.objects import ObjectRecord
 from scenewright.tools.exporters import FORMATS, ExportedScene, prepare_scene, write_scene
 from scenewright.tools.exporters.exported_scene import wrap_angles
@@ -374,7 +374,7 @@ def test_what_cannot_be_exported_leaves_nothing(
 
 
 def test_the_command_says_what_it_wrote(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "scene.json").write_bytes(scene_bytes(make_record()))
+    (tmp_path / "scene.json").write_bytes(encode_scene(make_record()))
     out = tmp_path / "out"
     words = ["export", str(tmp_path), "--to", "openscenario", "--out", str(out), "--json"]
     assert main(words) == 0

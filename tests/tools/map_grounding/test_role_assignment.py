@@ -15,7 +15,7 @@ from scenewright.tools.map_grounding.grounding import (
     count_signal_conflicts,
     find_assignments,
     ground_graph,
-    lies_on_side,
+    is_on_side,
     share_green,
 )
 
@@ -69,7 +69,7 @@ def refusal(of: SocialGraph) -> str:
 )
 def test_how_an_entry_lies_to_the_north(entry, sides):
     every = ("same", "other", "opposite", "lateral", "left", "right")
-    assert {side for side in every if lies_on_side(side, entry, of="north")} == sides | (
+    assert {side for side in every if is_on_side(side, entry, of="north")} == sides | (
         {"other"} if entry != "north" else set()
     )
 
@@ -79,7 +79,7 @@ def test_tied_entries_hold_in_every_cast(side):
     found = drawn(graph(node(CAR), node(OTHER), edge("near_miss", CAR, OTHER), tie(side)))
     assert len({cast.routes[CAR].entry for cast in found}) > 1
     for cast in found:
-        assert lies_on_side(side, cast.routes[OTHER].entry, of=cast.routes[CAR].entry)
+        assert is_on_side(side, cast.routes[OTHER].entry, of=cast.routes[CAR].entry)
 
 
 def test_a_tie_holds_for_whom_no_relation_binds():
@@ -89,8 +89,8 @@ def test_a_tie_holds_for_whom_no_relation_binds():
     )  # fmt: skip
     for cast in drawn(free):
         entries = {name: route.entry for name, route in cast.routes.items()}
-        assert lies_on_side("left", entries[OTHER], of=entries[CAR])
-        assert lies_on_side("opposite", entries[THIRD], of=entries[OTHER])
+        assert is_on_side("left", entries[OTHER], of=entries[CAR])
+        assert is_on_side("opposite", entries[THIRD], of=entries[OTHER])
 
 
 def test_a_tie_that_forbids_the_relation_is_named():

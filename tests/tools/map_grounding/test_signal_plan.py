@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scenewright.intersections import load_map
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.tools.map_grounding.signal_plan import (
-    Demand,
     SignalClock,
+    SignalDemand,
     build_signal_records,
-    feasible_offsets,
+    find_feasible_offsets,
     get_red_duration,
     is_showing,
 )
@@ -63,7 +63,7 @@ DEMANDS = st.lists(
 @given(PHASES, DEMANDS)
 def test_feasible_offsets_are_those_that_meet_every_demand(phases, wanted):
     running = program(phases)
-    demands = tuple(Demand("g", at, at + lasts, tuple(c)) for at, lasts, c in wanted)
+    demands = tuple(SignalDemand("g", at, at + lasts, tuple(c)) for at, lasts, c in wanted)
     expected = [
         offset
         for offset in np.arange(0, running.cycle, 0.5)
@@ -73,7 +73,7 @@ def test_feasible_offsets_are_those_that_meet_every_demand(phases, wanted):
             for t in np.arange(demand.start, demand.end + 1e-9, 0.25)
         )
     ]
-    assert feasible_offsets(running, demands).tolist() == expected
+    assert find_feasible_offsets(running, demands).tolist() == expected
 
 
 @given(PHASES, st.integers(0, 400))

@@ -13,7 +13,7 @@ from scenewright.intersections import load_map
 from scenewright.scene.constraints import Contact, GivesWay
 from scenewright.scene.map import SignalGroup, SignalPhase, SignalProgram
 from scenewright.scene.track import STEP
-from scenewright.tools.map_grounding.signal_plan import SignalClock, feasible_offsets
+from scenewright.tools.map_grounding.signal_plan import SignalClock, find_feasible_offsets
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.foreground import ForegroundSolver, list_signal_demands
 from scenewright.tools.solver.red_light_start import draw_red_light_starts
@@ -121,7 +121,9 @@ def test_who_is_hit_later_has_a_light_that_allows_it():
     for schedule in staged(0):
         giver = schedule.actors[GIVER]
         hit = giver.ended(giver.stops[1].start + 1.0)
-        assert len(feasible_offsets(CYCLE, list_signal_demands(hit, violates=False, until=60.0)))
+        assert len(
+            find_feasible_offsets(CYCLE, list_signal_demands(hit, violates=False, until=60.0))
+        )
 
 
 @pytest.mark.parametrize("shift", [0.0, 12.0])
@@ -133,7 +135,9 @@ def test_its_light_is_red_until_shortly_before_it_starts(seed, shift):
         giver = schedule.actors[GIVER].shifted(round(shift - light.until, 1))
         light = giver.stops[0]
         crosses = giver.enters + giver.motion.find_time_at(40.0)
-        offsets = feasible_offsets(CYCLE, list_signal_demands(giver, violates=False, until=30.0))
+        offsets = find_feasible_offsets(
+            CYCLE, list_signal_demands(giver, violates=False, until=30.0)
+        )
         assert len(offsets)
         for offset in offsets.tolist():
             clock = SignalClock(CYCLE, offset)

@@ -14,13 +14,13 @@ from scenewright.errors import InputError
 from scenewright.intersections import REFINER_WEIGHTS, check_bundle, find_bundle_folder
 from scenewright.scene.track import PEDESTRIAN, Track, vehicle_shape
 from scenewright.tools.track_io import RecordedAgent, Recording
-from scenewright.tools.trajnet_refiner.bundle_training import CARD, out_folder, train_bundle
+from scenewright.tools.trajnet_refiner.bundle_training import CARD, find_out_folder, train_bundle
 from scenewright.tools.trajnet_refiner.model import RefinerConfig
 from scenewright.tools.trajnet_refiner.store import load_refiner, read_tensors
 from scenewright.tools.trajnet_refiner.supervised import (
     RECIPE,
-    recorded_windows,
-    supervised_batches,
+    build_supervised_batches,
+    cut_recorded_windows,
 )
 from scenewright.tools.trajnet_refiner.windows import Variation
 
@@ -81,16 +81,16 @@ def test_hours_that_cannot_be_used_are_refused(tmp_path):
 
 
 def test_what_is_shipped_is_not_written_over(tmp_path):
-    assert not out_folder(NAME, None).is_absolute()
-    assert out_folder(NAME, str(tmp_path)) == tmp_path
+    assert not find_out_folder(NAME, None).is_absolute()
+    assert find_out_folder(NAME, str(tmp_path)) == tmp_path
 
 
 def test_every_goal_is_a_place_on_the_way_at_the_time_it_is_due():
-    windows = recorded_windows([HOURS[0]], observed=9, predicted=12)
+    windows = cut_recorded_windows([HOURS[0]], observed=9, predicted=12)
     assert all(window.xy.shape[1] == 33 for window in windows)
     exactly = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=1.0)
     rng = np.random.default_rng(0)
-    (scenes, future, _), *_ = supervised_batches(
+    (scenes, future, _), *_ = build_supervised_batches(
         windows, observed=9, agents=1000, variation=exactly, rng=rng
     )
     within = scenes.due <= 12

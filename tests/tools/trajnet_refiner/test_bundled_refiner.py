@@ -12,7 +12,7 @@ from scenewright.errors import InputError
 from scenewright.graph.run import find_refiner_gap
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.nodes.trajectory_refiner import NO_WEIGHTS
-from scenewright.tools.trajnet_refiner.bundled import bundled_refiner, find_refiner
+from scenewright.tools.trajnet_refiner.bundled import find_refiner, load_bundled_refiner
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 from scenewright.tools.trajnet_refiner.store import save_refiner
 
@@ -42,34 +42,34 @@ def put(folder, seed: int, *, listed: bool = True) -> str:
 
 
 def test_a_bundle_without_weights_has_no_refiner(folder):
-    assert bundled_refiner(NAME) is None
+    assert load_bundled_refiner(NAME) is None
 
 
 def test_the_weights_are_read_once_and_again_when_they_change(folder):
     first = put(folder, 1)
-    learned = bundled_refiner(NAME)
-    assert learned is bundled_refiner(NAME)
+    learned = load_bundled_refiner(NAME)
+    assert learned is load_bundled_refiner(NAME)
     assert first.startswith(learned.digest)
     second = put(folder, 2)
-    assert second.startswith(bundled_refiner(NAME).digest)
+    assert second.startswith(load_bundled_refiner(NAME).digest)
 
 
 def test_weights_other_than_the_bundle_lists_are_refused(folder):
     put(folder, 1)
     put(folder, 2, listed=False)
     with pytest.raises(InputError, match=rf"{REFINER_WEIGHTS} of '{NAME}' does not match"):
-        bundled_refiner(NAME)
+        load_bundled_refiner(NAME)
 
 
 def test_weights_that_were_changed_after_they_were_read_are_refused(folder):
     put(folder, 1)
-    assert bundled_refiner(NAME) is not None
+    assert load_bundled_refiner(NAME) is not None
     file = folder / REFINER_WEIGHTS
     whole = bytearray(file.read_bytes())
     whole[-1] ^= 1
     file.write_bytes(whole)
     with pytest.raises(InputError, match="checksum"):
-        bundled_refiner(NAME)
+        load_bundled_refiner(NAME)
 
 
 def test_a_file_that_is_no_weights_is_refused_even_if_listed(folder):
@@ -78,25 +78,25 @@ def test_a_file_that_is_no_weights_is_refused_even_if_listed(folder):
     digest = hashlib.sha256(b"nothing of the kind").hexdigest()
     (folder / "bundle.toml").write_text(f'[sha256]\n"{REFINER_WEIGHTS}" = "{digest}"\n', "utf-8")
     with pytest.raises(InputError, match="not a safetensors file"):
-        bundled_refiner(NAME)
+        load_bundled_refiner(NAME)
 
 
 def test_the_shipped_refiner_is_the_one_that_its_bundle_lists():
-    learned = bundled_refiner("amsterdam_120")
+    learned = load_bundled_refiner("amsterdam_120")
     assert learned is not None
     assert len(learned.digest) == 16
 
 
 def test_a_card_says_where_nobody_could_be_tried() -> None:
-    from scenewright.tools.trajnet_refiner.bundle_training import card, figures
+    from scenewright.tools.trajnet_refiner.bundle_training import compute_figures, format_card
 
-    net = bundled_refiner("amsterdam_120").net
-    found = figures(net, [])
+    net = load_bundled_refiner("amsterdam_120").net
+    found = compute_figures(net, [])
     assert found == {"pedestrian_n": 0.0, "vehicle_n": 0.0}
     hours: dict[str, list[str]] = {"fit": [], "validation": [], "test": []}
     about = {"intersection": "amsterdam_120", "hours": hours, "command": "x", "started": False}
     about |= {"windows": 0, "recipe": {"epochs": 1, "seed": 0}, "losses": [], "figures": found}
-    assert "| vehicle | 0 | – | – | – | – |" in card(net, about)
+    assert "| vehicle | 0 | – | – | – | – |" in format_card(net, about)
 
 
 def test_an_intersection_without_weights_is_served_by_the_shipped_ones(folder):
@@ -104,7 +104,7 @@ def test_an_intersection_without_weights_is_served_by_the_shipped_ones(folder):
     assert served is not None
     assert (served.place, served.digest) == (
         "amsterdam_120",
-        bundled_refiner("amsterdam_120").digest,
+        load_bundled_refiner("amsterdam_120").digest,
     )
 
 

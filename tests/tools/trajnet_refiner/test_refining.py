@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scenewright.intersections import REFINER_WEIGHTS, find_bundle_folder
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Track
-from scenewright.tools.trajnet_refiner.guided import Guide, deviation_of, deviations
+from scenewright.tools.trajnet_refiner.guided import Guide, compute_deviation, compute_deviations
 from scenewright.tools.trajnet_refiner.kinematic_layer import (
     LIMITS,
     SMOOTHING,
-    feasible,
-    free_parts,
-    smoothed,
+    find_free_parts,
+    limit_deviation,
+    smooth_proposal,
 )
 from scenewright.tools.trajnet_refiner.model import Refiner, RefinerConfig
 from scenewright.tools.trajnet_refiner.store import load_refiner
@@ -75,7 +75,7 @@ def waves(n: int, heights: list[float], periods: list[float]) -> np.ndarray:
 def test_whatever_is_proposed_the_result_keeps_the_limits_and_the_standstill(heights, periods):
     prior = stop_and_go()
     kept = rates(prior)[0] <= 0.3
-    s, share = feasible(
+    s, share = limit_deviation(
         prior, waves(len(prior), heights, periods), kept=kept, path=straight(), kind="vehicle"
     )
     v, a = rates(s)
@@ -94,7 +94,7 @@ def test_a_curve_is_not_taken_faster_than_its_lateral_limit(height, period):
     prior = speed * STEP * np.arange(round(path.length / speed / STEP))
     kept = np.zeros(len(prior), dtype=bool)
     kept[:8] = True
-    s, _ = feasible(
+    s, _ = limit_deviation(
         prior, waves(len(prior), [height], [period]), kept=kept, path=path, kind="vehicle"
     )
     curvature = np.interp(s, path.s, path.curvature)
@@ -104,11 +104,11 @@ def test_a_curve_is_not_taken_faster_than_its_lateral_limit(height, period):
 def test_one_stretch_that_asks_too_much_costs_no_other_its_share():
     prior = stop_and_go(rate=1.6)
     kept = rates(prior)[0] <= 0.3
-    before, after = free_parts(kept)
+    before, after = find_free_parts(kept)
     wish = np.zeros(len(prior))
     wish[before] = 20.0 * np.sin(np.linspace(0, np.pi, before.stop - before.start)) ** 2
     wish[after] = 0.3 * np.sin(np.linspace(0, np.pi, after.stop - after.start)) ** 2
-    _, share = feasible(prior, wish, kept=kept, path=straight(), kind="vehicle")
+    _, share = limit_deviation(prior, wish, kept=kept, path=straight(), kind="vehicle")
     assert share[before].max() < 1.0
     assert (share[after] == 1.0).all()
 
@@ -116,10 +116,10 @@ def test_one_stretch_that_asks_too_much_costs_no_other_its_share():
 def test_even_motion_stays_as_it_is_and_jitter_goes():
     prior = 1.3 * STEP * np.arange(200)
     kept = np.zeros(200, dtype=bool)
-    same = smoothed(prior, prior, kept=kept, over=SMOOTHING["pedestrian"])
+    same = smooth_proposal(prior, prior, kept=kept, over=SMOOTHING["pedestrian"])
     assert same == pytest.approx(prior, abs=1e-6)
     jitter = 0.05 * np.cos(np.pi * np.arange(200))
-    calm = smoothed(prior + jitter, prior, kept=kept, over=SMOOTHING["pedestrian"])
+    calm = smooth_proposal(prior + jitter, prior, kept=kept, over=SMOOTHING["pedestrian"])
     assert np.abs(calm - prior)[20:-20].max() < 0.001
 
 
@@ -129,7 +129,7 @@ def test_people_stop_and_start_more_softly_than_they_walk():
     stands = np.flatnonzero(kept)
     wave = 0.1 * np.sin(2.0 * np.pi * STEP * np.arange(len(prior)) / 2.0)
     alike, soft = (
-        smoothed(prior + wave, prior, kept=kept, over=(1.5, near)) for near in (1.5, 3.5)
+        smooth_proposal(prior + wave, prior, kept=kept, over=(1.5, near)) for near in (1.5, 3.5)
     )
     assert soft[kept] == pytest.approx(prior[kept], abs=1e-6)
     rough, calm = (np.abs(np.diff(each - prior, 3)) for each in (alike, soft))
@@ -144,7 +144,7 @@ def test_who_gets_to_the_end_of_its_path_sooner_leaves_sooner():
     kept = np.zeros(64, dtype=bool)
     kept[:8] = True
     ahead = np.linspace(0.0, 2.0, 64)
-    s, _ = feasible(prior, ahead, kept=kept, path=path, kind="vehicle")
+    s, _ = limit_deviation(prior, ahead, kept=kept, path=path, kind="vehicle")
     assert len(s) < 64
     assert s[-1] <= path.length
 
@@ -155,21 +155,21 @@ def test_who_is_not_at_the_end_of_its_path_when_its_prior_leaves_goes_on_to_it()
     kept = np.zeros(64, dtype=bool)
     kept[:8] = True
     behind = np.linspace(0.0, -3.0, 64)
-    s, share = feasible(prior, behind, kept=kept, path=path, kind="vehicle")
+    s, share = limit_deviation(prior, behind, kept=kept, path=path, kind="vehicle")
     assert share.any()
     assert len(s) > 64
     pace = s[63] - s[62]
     assert np.diff(s[62:]) == pytest.approx(np.full(len(s) - 63, pace))
     assert path.length - pace < s[-1] <= path.length
     # Whose prior ends on its way, in a wreck, say, is not carried on.
-    short, _ = feasible(0.8 * prior, behind, kept=kept, path=path, kind="vehicle")
+    short, _ = limit_deviation(0.8 * prior, behind, kept=kept, path=path, kind="vehicle")
     assert len(short) == 64
 
 
 def test_no_share_leaves_the_prior_untouched():
     prior = stop_and_go()
     kept = np.zeros(len(prior), dtype=bool)
-    s, share = feasible(
+    s, share = limit_deviation(
         prior, np.ones(len(prior)), kept=kept, path=straight(), kind="vehicle", most=0.0
     )
     assert np.array_equal(s, prior)
@@ -183,8 +183,10 @@ def test_who_is_supervised_more_strongly_moves_less(seed, most):
     kept = rates(prior)[0] <= 0.3
     knots = np.random.default_rng(seed).uniform(-6.0, 6.0, 9)
     wish = np.interp(np.arange(len(prior)), np.linspace(0, len(prior), 9), knots)
-    whole, share = feasible(prior, wish, kept=kept, path=straight(), kind="vehicle")
-    less, smaller = feasible(prior, wish, kept=kept, path=straight(), kind="vehicle", most=most)
+    whole, share = limit_deviation(prior, wish, kept=kept, path=straight(), kind="vehicle")
+    less, smaller = limit_deviation(
+        prior, wish, kept=kept, path=straight(), kind="vehicle", most=most
+    )
     assert (smaller <= most * share + 1e-9).all()
     n = min(len(whole), len(less), len(prior))
     assert (np.abs(less - prior[:n])[:n] <= np.abs(whole - prior[:n])[:n] + 1e-6).all()
@@ -198,7 +200,7 @@ def test_only_whom_a_relation_is_about_is_told_where_to_be_just_before_it_stands
     off = {}
     for bound in (True, False):
         one = Guide("vehicle", straight(), s, 0.0, kept, bound=bound)
-        off[bound] = deviations(silent(), {"a": one}, duration=20.0)["a"][80]
+        off[bound] = compute_deviations(silent(), {"a": one}, duration=20.0)["a"][80]
     assert abs(off[True]) < 1.0
     assert off[False] < -2.0
 
@@ -225,19 +227,19 @@ def silent() -> Refiner:
 
 @pytest.mark.parametrize("path", [straight(), corner()], ids=["straight", "corner"])
 def test_who_has_learned_nothing_follows_an_even_prior(path):
-    found = deviations(silent(), {"a": guide(path, 5.0, enters=1.3)}, duration=20.0)
+    found = compute_deviations(silent(), {"a": guide(path, 5.0, enters=1.3)}, duration=20.0)
     bound = 0.01 if path.curvature.max() == 0 else 3.0  # without a map a curve is cut
     assert np.abs(found["a"]).max() < bound
 
 
 def test_the_same_draws_give_the_same_motion_on_any_number_of_threads():
     scene = {"a": guide(straight(), 6.0), "b": guide(straight(y=3.5), 8.0, enters=2.0)}
-    first = deviations(awake(), scene, duration=15.0, rng=np.random.default_rng(1))
+    first = compute_deviations(awake(), scene, duration=15.0, rng=np.random.default_rng(1))
     torch.set_num_threads(2)
-    second = deviations(awake(), scene, duration=15.0, rng=np.random.default_rng(1))
+    second = compute_deviations(awake(), scene, duration=15.0, rng=np.random.default_rng(1))
     assert torch.get_num_threads() == 2
     torch.set_num_threads(1)
-    other = deviations(awake(), scene, duration=15.0, rng=np.random.default_rng(2))
+    other = compute_deviations(awake(), scene, duration=15.0, rng=np.random.default_rng(2))
     for name in scene:
         assert np.array_equal(first[name], second[name])
         assert not np.array_equal(first[name], other[name])
@@ -246,7 +248,7 @@ def test_the_same_draws_give_the_same_motion_on_any_number_of_threads():
 def test_who_is_fixed_stays_so():
     scene = {"a": guide(straight(), 6.0), "b": guide(straight(y=3.5), 8.0)}
     given = 0.2 * np.sin(np.linspace(0, 6, len(scene["a"].s)))
-    found = deviations(awake(), scene, duration=15.0, fixed={"a": given})
+    found = compute_deviations(awake(), scene, duration=15.0, fixed={"a": given})
     inside = STEP * np.arange(len(given)) <= 15.0
     assert found["a"][inside] == pytest.approx(given[inside], abs=0.01)
 
@@ -256,7 +258,7 @@ def test_a_track_says_how_far_it_is_ahead():
     ahead = np.linspace(0.0, 1.5, len(one.s))
     s = np.minimum(one.s + ahead, one.path.length)
     xy = np.column_stack([np.interp(s, one.path.s, one.path.xy[:, k]) for k in (0, 1)])
-    found = deviation_of(one, Track(xy, np.zeros(len(xy)), 2.0))
+    found = compute_deviation(one, Track(xy, np.zeros(len(xy)), 2.0))
     assert found == pytest.approx(s - one.s, abs=0.02)
 
 
@@ -271,7 +273,7 @@ def test_who_is_ahead_of_its_prior_is_past_the_end_of_its_path_and_does_not_wait
     one = guide(straight(50.0), 10.0)
     times = np.arange(0.0, 4.8, 0.1)
     xy = np.column_stack([10.0 * times + 4.0, np.zeros_like(times)])
-    found = deviation_of(one, Track(xy, np.zeros(len(xy)), 0.0))
+    found = compute_deviation(one, Track(xy, np.zeros(len(xy)), 0.0))
     assert found[: len(times)] == pytest.approx(np.full(len(times), 4.0))
 
 
@@ -283,8 +285,10 @@ def test_take_the_leader_away_and_its_follower_moves_otherwise_and_nobody_far_aw
         "leader": guide(straight(x=14.0), 5.0),
         "stranger": guide(straight(y=120.0), 8.0),
     }
-    together = deviations(net, everybody, duration=12.0)
-    alone = deviations(net, {n: g for n, g in everybody.items() if n != "leader"}, duration=12.0)
+    together = compute_deviations(net, everybody, duration=12.0)
+    alone = compute_deviations(
+        net, {n: g for n, g in everybody.items() if n != "leader"}, duration=12.0
+    )
     changed = {name: np.abs(together[name] - alone[name]).max() for name in alone}
     assert changed["follower"] > 0.1
     assert changed["stranger"] < 1e-3

@@ -16,26 +16,26 @@ from scenewright.tools.trajnet_refiner.model import (
     Refiner,
     RefinerConfig,
     Scenes,
+    _build_present,
     _Now,
-    _present,
-    goal_features,
-    heading,
-    nearest,
+    compute_goal_features,
+    compute_heading,
+    find_nearest,
     pair_features,
     predict,
     turn,
     turn_back,
 )
-from scenewright.tools.trajnet_refiner.rollout import Waypoints, roll_out
+from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 from scenewright.tools.trajnet_refiner.separation import separate
 from scenewright.tools.trajnet_refiner.store import load_refiner, save_refiner
 from scenewright.tools.trajnet_refiner.train import (
     Epoch,
     Recipe,
-    negative_log_density,
+    compute_negative_log_density,
     train,
 )
-from scenewright.tools.trajnet_refiner.windows import Variation, Window, batches, varied
+from scenewright.tools.trajnet_refiner.windows import Variation, Window, build_batches, vary_window
 
 torch.set_num_threads(1)  # networks this small only wait for each other
 SMALL = RefinerConfig(hidden=16, embedding=8, pooled=8, neighbours=4, apart=None)
@@ -201,11 +201,11 @@ def test_a_short_past_is_a_past_with_its_beginning_unseen() -> None:
 
 def test_heading_and_turning_by_hand() -> None:
     xy = torch.tensor([[[0.0, 0.0], [9.0, 9.0], [0.0, 3.0]]])[None]
-    north = heading(xy, torch.ones(1, 1, 3, dtype=torch.bool))
+    north = compute_heading(xy, torch.ones(1, 1, 3, dtype=torch.bool))
     assert close(north, torch.tensor([[[0.0, 1.0]]]))
     assert close(turn(torch.tensor([[[2.0, 1.0]]]), north), torch.tensor([[[-1.0, 2.0]]]))
     assert close(turn_back(torch.tensor([[[-1.0, 2.0]]]), north), torch.tensor([[[2.0, 1.0]]]))
-    nobody = heading(xy, torch.tensor([[[False, False, True]]]))
+    nobody = compute_heading(xy, torch.tensor([[[False, False, True]]]))
     assert close(nobody, torch.tensor([[[1.0, 0.0]]]))
 
 
@@ -216,14 +216,14 @@ def test_the_goal_lies_ahead_not_behind() -> None:
         torch.zeros(1, 1, 9, 2), torch.zeros(1, 1, dtype=torch.long),
         torch.tensor([[[5.0, 4.0]]]), torch.tensor([[12.0]]),
     )  # fmt: skip
-    told = goal_features(torch.tensor([[[1.0, 1.0]]]), scenes, 2, north, unit)
+    told = compute_goal_features(torch.tensor([[[1.0, 1.0]]]), scenes, 2, north, unit)
     expected = [0.6, -0.8, math.log1p(5 / 6), 1.0, 3 / 10 / 0.5, -4 / 10 / 0.5, 1.0]
     assert told.shape[-1] == GOAL_FEATURES
     assert told.flatten().tolist() == pytest.approx(expected, abs=1e-4)
-    late = goal_features(torch.tensor([[[1.0, 1.0]]]), scenes, 12, north, unit)
+    late = compute_goal_features(torch.tensor([[[1.0, 1.0]]]), scenes, 12, north, unit)
     assert late.flatten()[4:].tolist() == [0.0, 0.0, 0.0]
     none = scenes._replace(goal=torch.full((1, 1, 2), torch.nan))
-    assert not goal_features(torch.zeros(1, 1, 2), none, 0, north, unit).any()
+    assert not compute_goal_features(torch.zeros(1, 1, 2), none, 0, north, unit).any()
 
 
 def test_what_is_noticed_of_a_neighbour_by_hand() -> None:
@@ -241,7 +241,7 @@ def test_what_is_noticed_of_a_neighbour_by_hand() -> None:
     )  # fmt: skip
     along = torch.tensor([[[0.0, 1.0], [-1.0, 0.0]]])
     classes, unit = torch.tensor([[0, 1]]), torch.full((1, 2, 1), 0.5)
-    near, who = nearest(now.xy, here, torch.tensor([[8.0, 4.0]]), 3)
+    near, who = find_nearest(now.xy, here, torch.tensor([[8.0, 4.0]]), 3)
     assert near.tolist() == [[[True], [False]]]
     assert who.tolist() == [[[1], [0]]]
     told = pair_features(now, who, classes, along, unit)[0, 0, 0].tolist()
@@ -261,10 +261,10 @@ def test_the_present_by_hand() -> None:
     y = torch.tensor([0.0, 1.0, 3.0, 6.0, 10.0])
     xy = torch.stack((torch.zeros(5), y), -1)[None, None]
     seen = torch.ones(1, 1, 5, dtype=torch.bool)
-    now = _present(xy, seen, xy.diff(dim=2), seen[:, :, 1:])
+    now = _build_present(xy, seen, xy.diff(dim=2), seen[:, :, 1:])
     assert [each.flatten().tolist() for each in now[:4]] == [[0, 10], [0, 4], [0, 1], [0, 0]]
     seen[0, 0, 2] = False
-    now = _present(xy, seen, xy.diff(dim=2), seen[:, :, 1:] & seen[:, :, :-1])
+    now = _build_present(xy, seen, xy.diff(dim=2), seen[:, :, 1:] & seen[:, :, :-1])
     assert now.change.flatten().tolist() == [0, 0]
     assert [bool(each) for each in now[4:]] == [True, True, True]
 
@@ -279,7 +279,7 @@ def test_the_density_is_that_of_the_normal_distribution() -> None:
     truth = torch.tensor([[[[1.3, 1.9]]]])
     normal = torch.distributions.MultivariateNormal(torch.zeros(2), cov)
     expected = -normal.log_prob(turn_back(torch.tensor([0.3, -0.1]), along[0, 0]))
-    assert close(negative_log_density(predicted, truth).flatten(), expected[None])
+    assert close(compute_negative_log_density(predicted, truth).flatten(), expected[None])
 
 
 # ---- keeping apart ------------------------------------------------------------------------------
@@ -428,7 +428,7 @@ def test_variations_keep_the_present_and_the_shape() -> None:
     window = bending_windows(1)[0]
     by = Variation(stretch=0.1, noise=0.0, unseen=1.0, goals=0.0)
     for seed in range(20):
-        other = varied(window, observed=9, by=by, rng=np.random.default_rng(seed))
+        other = vary_window(window, observed=9, by=by, rng=np.random.default_rng(seed))
         assert np.isnan(other.xy[:, :8, 0]).any(axis=1).all()
         assert not np.isnan(other.xy[:, 8:]).any()
         factor = np.abs(other.xy[:, 8:] / window.xy[:, 8:])
@@ -443,7 +443,7 @@ def test_batches_hold_every_window_once_and_goals_that_are_true() -> None:
         windows.append(Window(w.xy[:n], w.classes[:n], w.destination[:n], weight))
     none = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=1.0)
     seen, due = [], []
-    for scenes, future, weight in batches(
+    for scenes, future, weight in build_batches(
         windows, observed=9, agents=8, variation=none, rng=np.random.default_rng(0)
     ):
         seen += weight.amax(dim=1).tolist()
@@ -507,7 +507,7 @@ def test_everybody_rolls_straight_on_and_known_positions_stay() -> None:
     known[0, 0, :9, 0] = 0.5 * torch.arange(9)
     known[0, 0, :9, 1] = 0.0
     known[0, 1, 20:22] = torch.tensor([[5.0, 5.0], [5.0, 6.0]])
-    result = roll_out(
+    result = run_rollout(
         net, known, classes=torch.zeros(1, 3, dtype=torch.long),
         until=torch.tensor([[40, 30, 40]]), keep=5,
     )  # fmt: skip
@@ -519,12 +519,12 @@ def test_everybody_rolls_straight_on_and_known_positions_stay() -> None:
 
 
 def test_the_next_waypoint_is_the_goal() -> None:
-    from scenewright.tools.trajnet_refiner.rollout import _next
+    from scenewright.tools.trajnet_refiner.rollout import _select_next_waypoints
 
     waypoints = Waypoints(
         torch.tensor([[[[1.0, 0.0], [2.0, 0.0]]]]), torch.tensor([[[12.0, 14.0]]])
     )
-    goal, due = _next(waypoints, 11, 6)
+    goal, due = _select_next_waypoints(waypoints, 11, 6)
     assert goal[0, 0, :, 0].tolist()[:4] == [1.0, 1.0, 2.0, 2.0]
     assert goal[0, 0, 4:].isnan().all()
     assert due[0, 0].tolist()[:4] == [2.0, 2.0, 4.0, 4.0]
@@ -532,10 +532,10 @@ def test_the_next_waypoint_is_the_goal() -> None:
 
 def test_each_agent_can_look_further_ahead_than_the_others() -> None:
     """Whoever leads by two heads for the second waypoint from two steps before the first is due."""
-    from scenewright.tools.trajnet_refiner.rollout import _next
+    from scenewright.tools.trajnet_refiner.rollout import _select_next_waypoints
 
     places = torch.tensor([[1.0, 0.0], [2.0, 0.0]]).expand(1, 2, 2, 2)
     waypoints = Waypoints(places, torch.tensor([12.0, 16.0]).expand(1, 2, 2))
-    goal, due = _next(waypoints, 10, 4, torch.tensor([[0, 2]]))
+    goal, due = _select_next_waypoints(waypoints, 10, 4, torch.tensor([[0, 2]]))
     assert goal[0, :, :, 0].tolist() == [[1.0, 1.0, 1.0, 2.0], [1.0, 2.0, 2.0, 2.0]]
     assert due[0].tolist() == [[3.0, 3.0, 3.0, 7.0], [3.0, 7.0, 7.0, 7.0]]

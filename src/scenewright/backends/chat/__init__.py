@@ -8,6 +8,6 @@ what an endpoint may send, `model` puts the question.
 from __future__ import annotations
 
 from scenewright.backends.chat.model import ChatModel, Limits
-from scenewright.backends.chat.naming import Endpoint, chat_model
+from scenewright.backends.chat.naming import Endpoint, load_chat_model
 
-__all__ = ["ChatModel", "Endpoint", "Limits", "chat_model"]
+__all__ = ["ChatModel", "Endpoint", "Limits", "load_chat_model"]

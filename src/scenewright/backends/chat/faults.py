@@ -41,7 +41,7 @@ def is_filtered(error: Exception) -> bool:
     return _FILTERED in _names(error)
 
 
-def refused_option(error: Exception) -> str | None:
+def find_refused_option(error: Exception) -> str | None:
     """The option of a request that the endpoint does not take, if that is what is wrong."""
     status, words = _status(error), _message(error).lower()
     if status == 500 and "response_format" in words:
@@ -54,7 +54,7 @@ def refused_option(error: Exception) -> str | None:
     return None
 
 
-def fault_of(error: Exception, *, model: str, key: str | None) -> Exception | None:
+def convert_fault(error: Exception, *, model: str, key: str | None) -> Exception | None:
     """A TransientError or a BackendFault; None if the exception is no fault of an endpoint."""
     names = _names(error)
     status = _status(error)
@@ -109,10 +109,10 @@ def _told(error: Exception, status: int, key: str | None) -> str:
         case 300 | 301 | 302 | 303 | 307 | 308:
             return ": it redirects elsewhere, which is not followed"
     text = " ".join("".join(c if c.isprintable() else " " for c in _message(error)).split())
-    return f": {hidden(text, key)[:_LONGEST]}" if text else ""
+    return f": {hide_key(text, key)[:_LONGEST]}" if text else ""
 
 
-def hidden(text: str, key: str | None) -> str:
+def hide_key(text: str, key: str | None) -> str:
     """The text without the key, should somebody have quoted it."""
     return text.replace(key, "[key]") if key and len(key) > 3 else text
 

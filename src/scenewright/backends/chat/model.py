@@ -9,11 +9,11 @@ from typing import Any
 
 from scenewright.backends import Question, Wording
 from scenewright.backends.chat.faults import (
-    fault_of,
-    hidden,
+    convert_fault,
+    find_refused_option,
+    hide_key,
     is_cut_off,
     is_filtered,
-    refused_option,
 )
 from scenewright.backends.chat.naming import Endpoint
 from scenewright.backends.chat.retry import RetryPolicy, retry_transient
@@ -65,8 +65,8 @@ class ChatModel:
             lambda: self._once(question, wording), policy=self._limits.retries
         )
         return Said(
-            text=hidden(said.text, self._key),
-            fault=None if said.fault is None else hidden(said.fault, self._key),
+            text=hide_key(said.text, self._key),
+            fault=None if said.fault is None else hide_key(said.fault, self._key),
             asked=asked,
             input_tokens=said.input_tokens,
             output_tokens=said.output_tokens,
@@ -81,7 +81,7 @@ class ChatModel:
                 return self._cut_off(error)
             if is_filtered(error):
                 return Said("", fault=_declined("content filter"))
-            fault = fault_of(error, model=self.name, key=self._key)
+            fault = convert_fault(error, model=self.name, key=self._key)
             if fault is None:
                 raise
             raise fault from None
@@ -93,7 +93,7 @@ class ChatModel:
             try:
                 return _said(self._model.invoke(messages, **options))
             except Exception as error:
-                refused = refused_option(error)
+                refused = find_refused_option(error)
                 if refused not in options:
                     raise
                 self._leave_out(str(refused), options)

@@ -36,7 +36,7 @@ class Endpoint:
     key: str | None = field(default=None, repr=False)
 
 
-def chat_model(
+def load_chat_model(
     name: str,
     *,
     base_url: str | None = None,
@@ -53,9 +53,9 @@ def chat_model(
     if not model.strip() or not provider:
         raise InputError(f"a model is named PROVIDER:MODEL, such as openai:MODEL, got {name!r}")
     if base_url is not None:
-        base_url = _checked(base_url)
+        base_url = _check_url(base_url)
     if provider not in _PACKAGE:
-        return Endpoint(_any_other(name, provider, base_url), name)
+        return Endpoint(_load_other(name, provider, base_url), name)
     if provider == "anthropic" and base_url is not None:
         raise InputError("--base-url is for OpenAI-compatible endpoints; name the model openai:...")
     if find_spec(_PACKAGE[provider]) is None:
@@ -63,8 +63,8 @@ def chat_model(
             f"{name} needs the package {_PACKAGE[provider].replace('_', '-')}; "
             "pip install 'scenewright[chat]'"
         )
-    key = _key_for(provider, base_url)
-    make = _openai if provider == "openai" else _anthropic
+    key = _find_key(provider, base_url)
+    make = _load_openai if provider == "openai" else _load_anthropic
     made = make(
         model,
         key=key or "none",
@@ -76,7 +76,7 @@ def chat_model(
     return Endpoint(made, name if base_url is None else f"{name} at {base_url}", key)
 
 
-def _checked(base_url: str) -> str:
+def _check_url(base_url: str) -> str:
     """The URL, which has no secrets in it."""
     try:
         parts = urlsplit(base_url)
@@ -94,7 +94,7 @@ def _checked(base_url: str) -> str:
     return base_url.rstrip("/")
 
 
-def _key_for(provider: str, base_url: str | None) -> str | None:
+def _find_key(provider: str, base_url: str | None) -> str | None:
     """The key; an endpoint of the user's own needs none."""
     variable = _KEY[provider] if base_url is None else OWN_KEY
     key = os.environ.get(variable, "").strip()
@@ -105,13 +105,13 @@ def _key_for(provider: str, base_url: str | None) -> str | None:
     return key or None
 
 
-def _openai(
+def _load_openai(
     model: str, *, key: str, base_url: str, timeout: float, max_tokens: int, most_bytes: int
 ) -> BaseChatModel:
     from langchain_openai import ChatOpenAI
     from pydantic import SecretStr
 
-    from scenewright.backends.chat.transport import bounded_client
+    from scenewright.backends.chat.transport import build_bounded_client
 
     own = base_url != _HOME["openai"]
     # Servers of one's own know `max_tokens`; the name that replaced it is OpenAI's alone.
@@ -126,12 +126,12 @@ def _openai(
         timeout=timeout,
         max_retries=0,
         use_responses_api=False,
-        http_client=bounded_client(base_url, seconds=timeout, most_bytes=most_bytes),
+        http_client=build_bounded_client(base_url, seconds=timeout, most_bytes=most_bytes),
         **limit,
     )
 
 
-def _anthropic(
+def _load_anthropic(
     model: str, *, key: str, base_url: str, timeout: float, max_tokens: int, most_bytes: int
 ) -> BaseChatModel:
     del most_bytes  # its client takes none of ours
@@ -149,7 +149,7 @@ def _anthropic(
     )
 
 
-def _any_other(name: str, provider: str, base_url: str | None) -> BaseChatModel:
+def _load_other(name: str, provider: str, base_url: str | None) -> BaseChatModel:
     """A model of another provider, if the package `langchain` is there and knows it."""
     if base_url is not None:
         raise InputError("--base-url is for OpenAI-compatible endpoints; name the model openai:...")

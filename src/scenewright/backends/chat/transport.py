@@ -45,14 +45,14 @@ class _BoundedTransport(httpx.HTTPTransport):
         return response
 
 
-def bounded_client(base_url: str, *, seconds: float, most_bytes: int) -> httpx.Client:
+def build_bounded_client(base_url: str, *, seconds: float, most_bytes: int) -> httpx.Client:
     """A client whose replies end within `seconds` and `most_bytes`, and that is never redirected.
 
     A redirect would carry the prompt to an address that the user has not named. A proxy is taken
     from the environment, as elsewhere.
     """
     transport = _BoundedTransport(
-        seconds=seconds, most_bytes=most_bytes, proxy=_proxy_for(base_url)
+        seconds=seconds, most_bytes=most_bytes, proxy=_find_proxy(base_url)
     )
     client = httpx.Client(transport=transport, timeout=seconds, follow_redirects=False)
     # Nobody closes a model; its connections go when it does.
@@ -60,7 +60,7 @@ def bounded_client(base_url: str, *, seconds: float, most_bytes: int) -> httpx.C
     return client
 
 
-def _proxy_for(url: str) -> str | None:
+def _find_proxy(url: str) -> str | None:
     """The HTTP proxy that the environment names for an address; none for this machine's own."""
     parts = urlsplit(url)
     host = parts.hostname or ""

@@ -18,12 +18,12 @@ from scenewright.cli.chat import facts
 from scenewright.cli.page.answers import BusyError
 from scenewright.cli.turn_report import told
 from scenewright.errors import InputError
-from scenewright.graph.run import refiner_or_default
+from scenewright.graph.run import choose_refiner
 from scenewright.intersections import load_map
 from scenewright.memory.threads import Threads
 from scenewright.viz.html_player import build_player
 
-Tell = Callable[[str, str], None]
+ProgressCallback = Callable[[str, str], None]
 LONGEST_WORDS = 20_000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
@@ -34,10 +34,10 @@ class Conversation:
 
     session: Session
     threads: Threads
-    tell: Tell = field(default=lambda _stage, _line: None)
+    log: ProgressCallback = field(default=lambda _stage, _line: None)
     lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def act(self, action: str, argument: str, tell: Tell) -> dict[str, Any]:
+    def act(self, action: str, argument: str, log: ProgressCallback) -> dict[str, Any]:
         """One turn: `say`, `edit`, `undo`, `redo` or `branch`; the reply with lines for people.
 
         Raises:
@@ -47,10 +47,10 @@ class Conversation:
         if not self.lock.acquire(blocking=False):
             raise BusyError("a turn of this conversation is still being worked on")
         try:
-            self.tell = tell
+            self.log = log
             return self._report(self._turn(action, argument))
         finally:
-            self.tell = lambda _stage, _line: None
+            self.log = lambda _stage, _line: None
             self.lock.release()
 
     def _turn(self, action: str, argument: str) -> dict[str, Any]:
@@ -195,19 +195,19 @@ class Conversations:
         for each in self._open.values():
             each.threads.close()
 
-    def _tell(self, name: str, stage: str, line: str) -> None:
-        self._open[name].tell(stage, line)
+    def _log(self, name: str, stage: str, line: str) -> None:
+        self._open[name].log(stage, line)
 
     def _start(self, name: str, intersection: str, seed: int) -> Conversation:
         threads = Threads(self._file)
         try:
             threads.hold(name)
             setting: Heading = {
-                "intersection": intersection, "seed": seed, "refiner": refiner_or_default(None)
+                "intersection": intersection, "seed": seed, "refiner": choose_refiner(None)
             }  # fmt: skip
             session = Session(
                 threads, name, backend=self._backend, setting=setting,
-                tell=lambda stage, line: self._tell(name, stage, line),
+                log=lambda stage, line: self._log(name, stage, line),
             )  # fmt: skip
         except BaseException:
             threads.close()

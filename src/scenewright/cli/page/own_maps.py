@@ -102,7 +102,7 @@ class OwnMaps:
                 str(path), name=name, center=None, junction=junction or None,
                 left_hand=None if not side else side == "left", extent=None, title=None,
                 signals=signals or "keep", licence=None, force=False,
-                tell=lambda _stage, _line: None,
+                log=lambda _stage, _line: None,
             )  # fmt: skip
         return {"name": facts["name"], "lines": import_text(facts)}
 

@@ -221,11 +221,11 @@ async def _work(
 ) -> None:
     loop = asyncio.get_running_loop()
 
-    def tell(stage: str, line: str) -> None:
+    def log(stage: str, line: str) -> None:
         loop.call_soon_threadsafe(lines.put_nowait, {"stage": stage, "line": line})
 
     try:
-        reply = await run_in_threadpool(found.act, action, argument, tell)
+        reply = await run_in_threadpool(found.act, action, argument, log)
     except (InputError, Unsatisfiable, BackendFault, BusyError) as error:
         reply = {"kind": "refused", "lines": [f"refused: {error}"], "why": [], "choices": []}
     except Exception as error:

@@ -62,12 +62,12 @@ class Audit:
 
 
 def audit(
-    folder: Path, *, workers: int = 1, tell: Callable[[int, int], None] = lambda _, __: None
+    folder: Path, *, workers: int = 1, log: Callable[[int, int], None] = lambda _, __: None
 ) -> Audit:
     """Recomputes everything that a dataset says of itself.
 
     Args:
-        tell: called with (scenes checked, scenes in all).
+        log: called with (scenes checked, scenes in all).
 
     Raises:
         InputError: there is no manifest.
@@ -83,7 +83,7 @@ def audit(
         if name.endswith("/scene.json") and name not in outside
     ]
     faults += _table_faults(folder, manifest)
-    checked = list(_checked(folder, scenes, workers=workers, tell=tell))
+    checked = list(_checked(folder, scenes, workers=workers, log=log))
     faults += [fault for fault in checked if fault is not None]
     return Audit(
         files=len(files),
@@ -213,7 +213,7 @@ def _compared(folder: Path, again: Path, name: str, manifest: Mapping[str, Any])
 
 
 def _checked(
-    folder: Path, scenes: list[str], *, workers: int, tell: Callable[[int, int], None]
+    folder: Path, scenes: list[str], *, workers: int, log: Callable[[int, int], None]
 ) -> Iterator[Fault | None]:
     jobs = [str(folder / scene) for scene in scenes]
     results = (
@@ -222,7 +222,7 @@ def _checked(
         else spread(jobs, recheck, workers=workers)
     )
     for count, (job, result) in enumerate(results, start=1):
-        tell(count, len(jobs))
+        log(count, len(jobs))
         what = "the checker died of it" if isinstance(result, Died | Overdue) else result
         yield None if what is None else Fault(Path(job).name, what)
 

@@ -40,7 +40,7 @@ class Progress:
     left: float | None
 
 
-Tell = Callable[[Progress], None]
+ProgressCallback = Callable[[Progress], None]
 
 
 class Batch:
@@ -93,19 +93,19 @@ class Batch:
         workers: int,
         engine: Engine = "process",
         limit: float | None = None,
-        tell: Tell = lambda _: None,
+        log: ProgressCallback = lambda _: None,
     ) -> int:
         """Does every job that is not done; how many those were.
 
         Args:
             of: how many jobs there are, for the progress.
             limit: longest that one row may take [s].
-            tell: called after every row.
+            log: called after every row.
 
         Raises:
             InputError: the folder cannot be written any more; what is done stays.
         """
-        clock = _Clock(of, tell)
+        clock = _Clock(of, log)
         todo = self._open(jobs, clock)
         for job, result in _engine(engine)(todo, work, workers=workers, limit=limit):
             if not clock.now:
@@ -155,8 +155,8 @@ class Batch:
 class _Clock:
     """Counts rows and tells how it goes."""
 
-    def __init__(self, of: int, tell: Tell) -> None:
-        self._of, self._tell = of, tell
+    def __init__(self, of: int, log: ProgressCallback) -> None:
+        self._of, self._log = of, log
         self._counts = Counter[str]()
         self._first: float | None = None
         self.now = 0
@@ -168,7 +168,7 @@ class _Clock:
             self._first = self._first or time.monotonic()
         rate, done = self._rate(), self._counts.total()
         left = (self._of - done) / rate if rate else None
-        self._tell(Progress(done, self._of, dict(self._counts), rate, left))
+        self._log(Progress(done, self._of, dict(self._counts), rate, left))
 
     def _rate(self) -> float:
         """Rows a second since the first one: what workers need to start says nothing."""

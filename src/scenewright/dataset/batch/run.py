@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from scenewright.dataset.batch.answering import PLAINLY, Asking, check_asking, speaking
-from scenewright.dataset.batch.carry_out import JOURNAL, Batch, Engine, Tell
+from scenewright.dataset.batch.carry_out import JOURNAL, Batch, Engine, ProgressCallback
 from scenewright.dataset.batch.finish import finish
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
@@ -82,7 +82,7 @@ def shard_of(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-def run_batch(request: Request, *, tell: Tell = lambda _: None) -> Summary:
+def run_batch(request: Request, *, log: ProgressCallback = lambda _: None) -> Summary:
     """Carries out an input; what an earlier run has done is left alone.
 
     Raises:
@@ -98,7 +98,7 @@ def run_batch(request: Request, *, tell: Tell = lambda _: None) -> Summary:
     with Batch(request.out, header=header, name=name) as batch:
         now = batch.carry_out(
             ours, of=len(ours), workers=request.workers, engine=request.engine,
-            limit=request.row_timeout, tell=tell,
+            limit=request.row_timeout, log=log,
         )  # fmt: skip
         with batch.settled() as journal:
             if now or not (request.out / MANIFEST).exists():

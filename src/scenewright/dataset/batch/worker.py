@@ -174,7 +174,7 @@ def _outcome(job: Job) -> Outcome:
 
 
 def _made(job: Job) -> Outcome:
-    from scenewright.graph.run import scene_bytes, synthesize
+    from scenewright.graph.run import encode_scene, synthesize
 
     backend = _backend(job.backend, job.base_url, job.asking)
     scene = synthesize(
@@ -193,7 +193,7 @@ def _made(job: Job) -> Outcome:
     files = {
         "provenance.json": json_bytes({**about, "row": job.key, "overrides": dict(job.context)}),
         "proof.json": json_bytes(scene.proof.model_dump(mode="json", by_alias=True)),
-        "scene.json": scene_bytes(scene.record),
+        "scene.json": encode_scene(scene.record),
     }
     attempts = 1 + len(scene.provenance["rejections"])
     return Outcome(

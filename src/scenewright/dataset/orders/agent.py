@@ -25,13 +25,13 @@ from langgraph.graph import END, START, StateGraph
 from langgraph.runtime import Runtime
 
 from scenewright.dataset.batch.answering import BUILTIN, Asking, Names, plain_name, url_for
-from scenewright.dataset.batch.carry_out import Batch, Engine, Tell
+from scenewright.dataset.batch.carry_out import Batch, Engine, ProgressCallback
 from scenewright.dataset.batch.journal import Entry as Done
 from scenewright.dataset.batch.worker import Job, Options
 from scenewright.dataset.orders.order_log import Book, Entry
 from scenewright.dataset.orders.order_spec import Quota, Wish
 from scenewright.dataset.orders.scenario_spec import Party, Story, minute_in, particulars, passers
-from scenewright.dataset.orders.templates import tell, voices_for
+from scenewright.dataset.orders.templates import render_text, voices_for
 from scenewright.dataset.orders.writers import Asked, Told, Writer
 from scenewright.intersections import load_map
 from scenewright.scene.relations import get_pattern
@@ -100,7 +100,7 @@ class OrderContext:
     engine: Engine
     limit: float
     asking: Mapping[Names, Asking]
-    tell: Tell
+    log: ProgressCallback
 
 
 class WriteReads(TypedDict):
@@ -135,7 +135,7 @@ def make(state: OrderState, *, runtime: Runtime[OrderContext]) -> OrderState:
     jobs = jobs_of(context.book.entries, context.options, context.asking)
     context.batch.carry_out(
         jobs, of=len(jobs), workers=context.workers, engine=context.engine, limit=context.limit,
-        tell=context.tell,
+        log=context.log,
     )  # fmt: skip
     return {}
 
@@ -265,7 +265,7 @@ def _worded(
             return story, told
     # Told as it is: the pipeline will say what is wrong with it.
     voice = voices_for(story)[0]
-    return story, Told(tell(story, voice, rng), voice, STORIES)
+    return story, Told(render_text(story, voice, rng), voice, STORIES)
 
 
 def story_of(slot: Slot, context: OrderContext, rng: np.random.Generator) -> Story:

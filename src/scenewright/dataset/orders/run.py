@@ -17,7 +17,7 @@ from scenewright.dataset.batch.answering import (
     plain_name,
     url_for,
 )
-from scenewright.dataset.batch.carry_out import Batch, Engine, Tell
+from scenewright.dataset.batch.carry_out import Batch, Engine, ProgressCallback
 from scenewright.dataset.batch.finish import finish
 from scenewright.dataset.batch.journal import Journal
 from scenewright.dataset.batch.manifest import MANIFEST
@@ -93,7 +93,7 @@ class Order:
         }
 
 
-def fill(order: Order, *, tell: Tell = lambda _: None) -> dict[str, Any]:
+def fill(order: Order, *, log: ProgressCallback = lambda _: None) -> dict[str, Any]:
     """Fills an order and writes its dataset; the report.
 
     Raises:
@@ -116,7 +116,7 @@ def fill(order: Order, *, tell: Tell = lambda _: None) -> dict[str, Any]:
         context = OrderContext(
             wish=order.wish, batch=batch, book=book, writer=writer, options=order.options,
             budget=order.most, workers=order.workers, engine=order.engine,
-            limit=order.row_timeout, asking=speakers, tell=tell,
+            limit=order.row_timeout, asking=speakers, log=log,
         )  # fmt: skip
         before = _written(order.out)
         state = _run(context)

@@ -131,7 +131,7 @@ def _has_all(text: str, story: Story) -> bool:
     )
 
 
-def tell(story: Story, voice: str, rng: np.random.Generator) -> str:
+def render_text(story: Story, voice: str, rng: np.random.Generator) -> str:
     """The story as that voice tells it."""
     if story.leaf is None:
         return _normal(story, voice, rng)

@@ -12,7 +12,7 @@ import numpy as np
 from scenewright.backends import STAGE_OF, Backend, Question, Wording, load_backend
 from scenewright.dataset.batch.answering import PLAINLY, Asking, speaking, url_for
 from scenewright.dataset.orders.scenario_spec import Story
-from scenewright.dataset.orders.templates import tell, voices_for
+from scenewright.dataset.orders.templates import render_text, voices_for
 from scenewright.errors import BackendFault, Rejected
 from scenewright.scene.events import EVENT_OF_RELATION
 from scenewright.scene.map import IntersectionMap
@@ -78,7 +78,7 @@ class Builtin:
         voices = voices_for(story)
         for k in range(TRIES):
             voice = voices[(asked.turn + k) % len(voices)]
-            text = tell(story, voice, rng)
+            text = render_text(story, voice, rng)
             if text not in asked.avoid and reads_as(
                 self._reader, text, story, intersection_map=self._on
             ):

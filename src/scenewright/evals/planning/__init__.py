@@ -94,7 +94,8 @@ def compare(expected: Row, predicted: Row) -> dict[str, bool]:
         return {"refused": refused == bool(predicted["refused"])}
     context = _compare_context(expected["context"], predicted["context"])
     candidates = [
-        _compare_agents(expected, predicted, names) for names in _renamings(expected, predicted)
+        _compare_agents(expected, predicted, names)
+        for names in _list_renamings(expected, predicted)
     ]
     fallback = {"agents": False, **dict.fromkeys(_AGENT_FIELDS, False), "relations": False}
     best = max(candidates, key=lambda fields: sum(fields.values()), default=fallback)
@@ -106,7 +107,7 @@ def _share(name: str, verdicts: Any) -> Share:
     return Share(sum(seen), len(seen))
 
 
-def _renamings(expected: Row, predicted: Row) -> list[dict[str, str]]:
+def _list_renamings(expected: Row, predicted: Row) -> list[dict[str, str]]:
     """Every map from predicted to expected ids that keeps the class; none if the counts differ.
 
     More agents of a class than `_MOST_PERMUTED` are taken in order of mention.
@@ -131,16 +132,16 @@ def _compare_agents(expected: Row, predicted: Row, names: Mapping[str, str]) -> 
         key: all(theirs[names[a["id"]]][key] == a[key] for a in predicted["agents"])
         for key in _AGENT_FIELDS
     }
-    ours = {_edge(edge, names) for edge in predicted["relations"]}
+    ours = {_normalize_edge(edge, names) for edge in predicted["relations"]}
     same = {name: name for name in theirs}
     return {
         "agents": True,
         **fields,
-        "relations": ours == {_edge(edge, same) for edge in expected["relations"]},
+        "relations": ours == {_normalize_edge(edge, same) for edge in expected["relations"]},
     }
 
 
-def _edge(edge: Row, names: Mapping[str, str]) -> tuple[Any, ...]:
+def _normalize_edge(edge: Row, names: Mapping[str, str]) -> tuple[Any, ...]:
     if edge["type"] == "normal":
         return ("normal",)
     ends = (names[edge["from"]], names[edge["to"]])
@@ -151,11 +152,11 @@ def _compare_context(expected: Row, predicted: Row) -> dict[str, bool]:
     return {
         "density": expected["density"] == predicted["density"],
         "time_of_day": does_time_fit(expected["time_of_day"], predicted["time_of_day"]),
-        "background": _counts(expected["background"]) == _counts(predicted["background"]),
+        "background": _get_counts(expected["background"]) == _get_counts(predicted["background"]),
     }
 
 
-def _counts(background: Row | None) -> tuple[int | None, int | None]:
+def _get_counts(background: Row | None) -> tuple[int | None, int | None]:
     known = background or {}
     return known.get("vehicles"), known.get("pedestrians")
 
@@ -170,12 +171,12 @@ def does_time_fit(label: str | list[str] | None, time: str | list[str] | None) -
         return any(does_time_fit(one, time) for one in label)
     if label == time or "-" not in label:
         return label == time
-    start, length = _range(label)
-    first, ours = _range(time)
+    start, length = _parse_range(label)
+    first, ours = _parse_range(time)
     return (first - start) % _DAY + ours <= length
 
 
-def _range(text: str) -> tuple[int, int]:
+def _parse_range(text: str) -> tuple[int, int]:
     """Start [min of day] and length [min] of HH:MM or HH:MM-HH:MM."""
     ends = [int(part[:2]) * 60 + int(part[3:5]) for part in text.split("-")]
     return ends[0], (ends[-1] - ends[0]) % _DAY

@@ -1,12 +1,27 @@
-"""How near generated scenes are to traffic: motion and stops against a corpus and real tracks.
+"""Realism of generated scenes: motion and stops compared with a corpus and real tracks.
 
 `python -m scenewright.evals.realism --corpus FILE.npz --scenes edited=FOLDER` prints the tables,
 `--make 120 --into FOLDER` makes the scenes first. Distances are first Wasserstein distances with
 bootstrap intervals over scenes; beside them stands what two halves of the reference differ by.
 """
 
-from scenewright.evals.realism.distances import Distance, Gain, Sample, distance, wasserstein
+from scenewright.evals.realism.distances import (
+    Distance,
+    Gain,
+    Sample,
+    compute_distance,
+    compute_wasserstein,
+)
 from scenewright.evals.realism.judge import judge
-from scenewright.evals.realism.report import Report, Row
+from scenewright.evals.realism.report import Comparison, ComparisonReport
 
-__all__ = ["Distance", "Gain", "Report", "Row", "Sample", "distance", "judge", "wasserstein"]
+__all__ = [
+    "Comparison",
+    "ComparisonReport",
+    "Distance",
+    "Gain",
+    "Sample",
+    "compute_distance",
+    "compute_wasserstein",
+    "judge",
+]

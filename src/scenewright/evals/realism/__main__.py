@@ -20,7 +20,7 @@ from scenewright.tools.track_io.taf_bw import read_taf_bw
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Make scenes if asked to, then judge all sets that are named."""
-    words = _words().parse_args(argv)
+    words = _build_parser().parse_args(argv)
     try:
         if words.make:
             counts = make_scenes(
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _words() -> argparse.ArgumentParser:
+def _build_parser() -> argparse.ArgumentParser:
     words = argparse.ArgumentParser(prog="python -m scenewright.evals.realism", description=__doc__)
     words.add_argument("--intersection", default="amsterdam_120")
     words.add_argument("--make", type=int, metavar="N", help="scenes to make into --into")
@@ -55,7 +55,7 @@ def _words() -> argparse.ArgumentParser:
 
 
 def _judge(words: argparse.Namespace) -> None:
-    sets = dict(_named(each) for each in words.scenes)
+    sets = dict(_parse_named_folder(each) for each in words.scenes)
     corpus = load_recordings(words.corpus, split="test")
     if not sets or not corpus:
         raise InputError("name a set with --scenes NAME=FOLDER, and a corpus with test hours")
@@ -67,13 +67,13 @@ def _judge(words: argparse.Namespace) -> None:
         draws=words.draws,
         seed=words.seed,
     )
-    print(report.markdown(), end="")
+    print(report.format_markdown(), end="")
     if words.out:
         text = json.dumps(report.to_json(), ensure_ascii=False, indent=1, allow_nan=False)
         write_atomically(words.out, (text + "\n").encode("utf-8"))
 
 
-def _named(word: str) -> tuple[str, Path]:
+def _parse_named_folder(word: str) -> tuple[str, Path]:
     name, separator, folder = word.partition("=")
     if not (name and separator and folder):
         raise InputError(f"--scenes takes NAME=FOLDER, got {word!r}")

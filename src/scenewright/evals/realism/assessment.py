@@ -1,4 +1,4 @@
-"""The judge: every measure of realism of data sets against real tracks, in one report.
+"""Assess data sets against real tracks: every measure of realism in one report.
 
 `scenewright evals realism SET... --real NAME=PATH...` prints it. What is measured is in
 `two_sample`, `motion_windows`, `street_measures` and `likelihood`; what is read in `sources`.
@@ -15,21 +15,21 @@ import numpy as np
 
 from scenewright.evals.markdown import format_table
 from scenewright.evals.realism.likelihood import FEATURES, measure_features, score_likelihood
-from scenewright.evals.realism.motion_windows import Windows, constant_share, cut_windows
+from scenewright.evals.realism.motion_windows import Windows, cut_windows, find_constant_speed
 from scenewright.evals.realism.sources import Source
 from scenewright.evals.realism.street_measures import (
     MEASURES,
-    Share,
-    counts_transformed,
-    reactions,
-    share_of,
+    MeanShare,
+    compute_count_ranks,
+    compute_share,
+    find_reactions,
 )
-from scenewright.evals.realism.two_sample import Told, split_halves, tell_apart
+from scenewright.evals.realism.two_sample import Separability, compare_windows, split_halves
 from scenewright.scene.base import AgentClass, FloatArray
 
 CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
 PARTS = ("all", "foreground", "background")
-Tell = Callable[[str], None]
+ProgressLog = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Test:
     """One two-sample test.
 
     Attributes:
-        type: class of agents; one, other: what is told apart; part: of the first, whose agents.
-        situation: `all`, or what the agents do; told: how well.
-        floor: both are traffic that nobody made here, or halves of it.
+        type: class of agents; one, other: the data sets compared; part: of the first's agents.
+        situation: `all`, or what the agents do; told: how well the two are separated.
+        floor: whether both are recorded traffic, or halves of it.
     """
 
     type: AgentClass
@@ -47,7 +47,7 @@ class Test:
     other: str
     part: str
     situation: str
-    told: Told
+    told: Separability
     floor: bool = False
 
 
@@ -58,7 +58,7 @@ class Measure:
     source: str
     name: str
     part: str
-    share: Share
+    share: MeanShare
 
 
 @dataclass(frozen=True)
@@ -84,11 +84,11 @@ class Assessment:
         """Plain JSON."""
         return {"schema_version": 1, **asdict(self)}
 
-    def markdown(self) -> str:
+    def format_markdown(self) -> str:
         """The tables."""
         notes = [f"- {name}: {line}" for name, lines in self.notes.items() for line in lines]
-        parts = [_tests_table(self.tests), _measures_table(self.measures)]
-        parts += [_likelihood_table(self.likelihoods), "\n".join(notes)]
+        parts = [_format_tests(self.tests), _format_measures(self.measures)]
+        parts += [_format_likelihoods(self.likelihoods), "\n".join(notes)]
         return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -100,9 +100,9 @@ def assess(
     mass_of: Callable[[str, int], FloatArray] | None = None,
     ground_of: Callable[[str], Any] | None = None,
     seed: int = 0,
-    tell: Tell = lambda _: None,
+    log: ProgressLog = lambda _: None,
 ) -> Assessment:
-    """Every measure of every set, and of the real tracks beside them.
+    """Compute every measure of every set, and of the real tracks for comparison.
 
     Args:
         sets: what is judged; real: recordings of real traffic; corpus: simulated traffic, reported
@@ -111,49 +111,55 @@ def assess(
     """
     beside = (*real, *([corpus] if corpus is not None else []))
     tests = [
-        each for kind in CLASSES for each in _tests(sets, real, beside, kind, seed=seed, tell=tell)
+        each
+        for kind in CLASSES
+        for each in _run_tests(sets, real, beside, kind, seed=seed, log=log)
     ]
-    measures = [each for source in (*sets, *beside) for each in _measures(source, mass_of, seed)]
-    tell("likelihoods")
-    likelihoods = [each for kind in CLASSES for each in _likelihoods(sets, beside, kind, ground_of)]
+    measures = [
+        each for source in (*sets, *beside) for each in _compute_measures(source, mass_of, seed)
+    ]
+    log("likelihoods")
+    likelihoods = [
+        each for kind in CLASSES for each in _score_likelihoods(sets, beside, kind, ground_of)
+    ]
     notes = {each.name: each.notes for each in beside if each.notes}
     return Assessment(tuple(tests), tuple(measures), tuple(likelihoods), notes)
 
 
-def _tests(
+def _run_tests(
     sets: Sequence[Source],
     real: Sequence[Source],
     beside: Sequence[Source],
     kind: AgentClass,
     *,
     seed: int,
-    tell: Tell,
+    log: ProgressLog,
 ) -> Iterator[Test]:
     cut = {each.name: cut_windows(each, kind) for each in (*sets, *beside)}
     for each in beside:
-        tell(f"{kind}s: halves of {each.name}")
+        log(f"{kind}s: halves of {each.name}")
         halves = split_halves(cut[each.name])
-        yield from _told(kind, f"{each.name}, half", "the other", halves, floor=True, seed=seed)
+        yield from _run_test(kind, f"{each.name}, half", "the other", halves, floor=True, seed=seed)
     for one, other in combinations(real, 2):
-        tell(f"{kind}s: {one.name} against {other.name}")
+        log(f"{kind}s: {one.name} against {other.name}")
         pair = (cut[one.name], cut[other.name])
-        yield from _told(kind, one.name, other.name, pair, floor=True, seed=seed)
+        yield from _run_test(kind, one.name, other.name, pair, floor=True, seed=seed)
     for source, other, part in product(sets, beside, PARTS):
-        tell(f"{kind}s: {source.name}, {part}, against {other.name}")
-        own = _part(cut[source.name], part)
+        log(f"{kind}s: {source.name}, {part}, against {other.name}")
+        own = _select_part(cut[source.name], part)
         if part == "all" or 0 < len(own) < len(cut[source.name]):
-            yield from _told(
+            yield from _run_test(
                 kind, source.name, other.name, (own, cut[other.name]), part=part, seed=seed
             )
 
 
-def _part(windows: Windows, part: str) -> Windows:
+def _select_part(windows: Windows, part: str) -> Windows:
     if part == "all":
         return windows
-    return windows.only(windows.foreground == (part == "foreground"))
+    return windows.select(windows.foreground == (part == "foreground"))
 
 
-def _told(
+def _run_test(
     kind: AgentClass,
     one: str,
     other: str,
@@ -163,52 +169,58 @@ def _told(
     part: str = "all",
     floor: bool = False,
 ) -> Iterator[Test]:
-    for situation, told in tell_apart(*pair, seed=seed).items():
+    for situation, told in compare_windows(*pair, seed=seed).items():
         yield Test(kind, one, other, part, situation, told, floor)
 
 
-def _measures(
+def _compute_measures(
     source: Source, mass_of: Callable[[str, int], FloatArray] | None, seed: int
 ) -> Iterator[Measure]:
     for kind in CLASSES:
         windows = cut_windows(source, kind)
         for part in PARTS if windows.foreground.any() else PARTS[:1]:
-            own = _part(windows, part)
-            parts = [constant_share(own.only(own.group == name)) for name in np.unique(own.group)]
+            own = _select_part(windows, part)
+            parts = [
+                find_constant_speed(own.select(own.group == name)) for name in np.unique(own.group)
+            ]
             name = f"{kind}s: 3 s at one speed"
-            yield Measure(source.name, name, part, share_of(parts, seed=seed))
+            yield Measure(source.name, name, part, compute_share(parts, seed=seed))
     for name, measure in MEASURES.items():
         shares = [measure(stretch) for stretch in source.stretches]
-        yield Measure(source.name, name, "all", share_of(shares, seed=seed))
-    yield from _reaction_measures(source, seed)
+        yield Measure(source.name, name, "all", compute_share(shares, seed=seed))
+    yield from _measure_reactions(source, seed)
     if mass_of is not None:
-        for kind, values in counts_transformed(source.stretches, mass_of, seed=seed).items():
+        for kind, values in compute_count_ranks(source.stretches, mass_of, seed=seed).items():
             if values:
                 name = f"{kind}s in 30 s: place in p_tod, mean"
-                yield Measure(source.name, name, "all", share_of(values, seed=seed))
+                yield Measure(source.name, name, "all", compute_share(values, seed=seed))
 
 
-def _reaction_measures(source: Source, seed: int) -> Iterator[Measure]:
-    found = [reactions(stretch) for stretch in source.stretches]
+def _measure_reactions(source: Source, seed: int) -> Iterator[Measure]:
+    found = [find_reactions(stretch) for stretch in source.stretches]
     for event in ("collision", "near_miss"):
         pairs = [[pair for pair in own if pair[0].event == event] for own in found]
         word = event.replace("_", " ")
         either = [[one.reacts or two.reacts for one, two in own] for own in pairs]
-        yield Measure(source.name, f"{word}: a party reacts", "all", share_of(either, seed=seed))
+        yield Measure(
+            source.name, f"{word}: a party reacts", "all", compute_share(either, seed=seed)
+        )
         for kind in CLASSES:
             own = [[p.reacts for pair in each for p in pair if p.kind == kind] for each in pairs]
             name = f"{word}: {kind}s that react"
-            yield Measure(source.name, name, "all", share_of(own, seed=seed))
+            yield Measure(source.name, name, "all", compute_share(own, seed=seed))
 
 
-def _likelihoods(
+def _score_likelihoods(
     sets: Sequence[Source],
     beside: Sequence[Source],
     kind: AgentClass,
     ground_of: Callable[[str], Any] | None,
 ) -> Iterator[Likelihood]:
-    features = {each.name: measure_features(each.stretches, kind, ground=_ground(each, ground_of))
-                for each in (*sets, *beside)}  # fmt: skip
+    features = {
+        each.name: measure_features(each.stretches, kind, ground=_find_ground(each, ground_of))
+        for each in (*sets, *beside)
+    }
     for reference in beside:
         asked = features[reference.name][1::2]
         oracle = score_likelihood(features[reference.name][::2], asked, kind)
@@ -220,14 +232,14 @@ def _likelihoods(
                 yield Likelihood(source.name, reference.name, kind, scores)
 
 
-def _ground(source: Source, ground_of: Callable[[str], Any] | None) -> Any:
-    """The map of a source whose stretches all lie at one intersection."""
+def _find_ground(source: Source, ground_of: Callable[[str], Any] | None) -> Any:
+    """Return the map of a source whose stretches all lie at one intersection."""
     places = {each.place for each in source.stretches}
     place = places.pop() if len(places) == 1 else None
     return None if place is None or ground_of is None else ground_of(place)
 
 
-def _tests_table(tests: Sequence[Test]) -> str:
+def _format_tests(tests: Sequence[Test]) -> str:
     rows = [
         [t.type, t.one, t.part, t.other, t.situation, f"{t.told.auc:.3f}",
          f"{t.told.low:.3f}–{t.told.high:.3f}", t.told.n, t.told.groups]
@@ -237,10 +249,10 @@ def _tests_table(tests: Sequence[Test]) -> str:
     return "### Two-sample test\n\n" + format_table(head, rows)
 
 
-def _measures_table(measures: Sequence[Measure]) -> str:
+def _format_measures(measures: Sequence[Measure]) -> str:
     sources = list(dict.fromkeys(m.source for m in measures))
     names = list(dict.fromkeys((m.name, m.part) for m in measures))
-    cells = {(m.source, m.name, m.part): _cell(m.share) for m in measures}
+    cells = {(m.source, m.name, m.part): _format_share(m.share) for m in measures}
     rows = [
         [name, part, *(cells.get((source, name, part), "–") for source in sources)]
         for name, part in names
@@ -248,13 +260,13 @@ def _measures_table(measures: Sequence[Measure]) -> str:
     return "### On the street\n\n" + format_table(("measure", "part", *sources), rows)
 
 
-def _cell(share: Share) -> str:
+def _format_share(share: MeanShare) -> str:
     if share.value is None:
         return "–"
     return f"{share.value:.3f} [{share.low:.3f}, {share.high:.3f}], n = {share.n}"
 
 
-def _likelihood_table(likelihoods: Sequence[Likelihood]) -> str:
+def _format_likelihoods(likelihoods: Sequence[Likelihood]) -> str:
     names = ("all", *FEATURES)
     rows = [
         [each.type, each.reference, each.source,

@@ -1,4 +1,4 @@
-"""One page of plots of an assessment: who is told from whom, and what the street shows."""
+"""One page of plots of an assessment: two-sample tests, street measures and likelihoods."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scenewright.evals.realism.assessment import CLASSES, Assessment, Measure, T
 
 
 def draw_assessment(report: Assessment) -> bytes:
-    """The page as PNG: two-sample tests by class, shares, likelihoods."""
+    """Draw the page as PNG: two-sample tests by class, shares, likelihoods."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -28,7 +28,7 @@ def draw_assessment(report: Assessment) -> bytes:
 
 
 def _draw_tests(ax: Any, tests: Sequence[Test]) -> None:
-    """A bar for each test; floors, between real tracks, are grey."""
+    """Draw a bar for each test; floors, between real tracks, are grey."""
     for k, test in enumerate(reversed(tests)):
         color = "0.6" if test.floor else "#3b6ea5"
         ax.barh(k, test.told.auc - 0.5, left=0.5, color=color)

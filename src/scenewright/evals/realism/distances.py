@@ -31,8 +31,8 @@ class Sample:
     clusters: int
 
     @classmethod
-    def of(cls, parts: Iterable[Sequence[float] | FloatArray]) -> Sample:
-        """One cluster from each part."""
+    def join_parts(cls, parts: Iterable[Sequence[float] | FloatArray]) -> Sample:
+        """Build a sample with one cluster from each part."""
         arrays = [np.asarray(part, dtype=np.float64) for part in parts]
         sizes = [len(array) for array in arrays]
         return cls(
@@ -44,16 +44,16 @@ class Sample:
     def __len__(self) -> int:
         return len(self.values)
 
-    def only(self, clusters: NDArray[np.int64]) -> Sample:
-        """Some of the clusters, renumbered."""
+    def select(self, clusters: NDArray[np.int64]) -> Sample:
+        """Select some of the clusters, renumbered."""
         number = np.full(self.clusters, -1)
         number[clusters] = np.arange(len(clusters))
         kept = number[self.cluster] >= 0
         return Sample(self.values[kept], number[self.cluster[kept]], len(clusters))
 
 
-def wasserstein(first: FloatArray, second: FloatArray) -> float | None:
-    """First Wasserstein distance of two samples, in the unit of their values.
+def compute_wasserstein(first: FloatArray, second: FloatArray) -> float | None:
+    """Compute the first Wasserstein distance of two samples, in the unit of their values.
 
     W1 = integral of |F - G|, F and G their empirical distribution functions: how far on average a
     value has to move for the one to become the other. None where a sample is empty.
@@ -84,17 +84,17 @@ class Distance:
     clusters: int
 
 
-def distance(
+def compute_distance(
     sample: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
 ) -> Distance | None:
-    """The distance of two samples; clusters of both are resampled for the interval.
+    """Compute the distance of two samples; clusters of both are resampled for the interval.
 
     None where a sample is empty.
     """
-    value = wasserstein(sample.values, reference.values)
+    value = compute_wasserstein(sample.values, reference.values)
     if value is None:
         return None
-    again = resampled(sample, reference, draws=draws, rng=rng)
+    again = resample_distances(sample, reference, draws=draws, rng=rng)
     low, high = compute_interval(again)
     return Distance(
         value, low, high, len(sample), len(reference),
@@ -102,47 +102,47 @@ def distance(
     )  # fmt: skip
 
 
-def resampled(
+def resample_distances(
     sample: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
 ) -> FloatArray:
-    """[draws] distances of samples whose clusters were drawn anew with replacement."""
-    edges = _edges(sample.values, reference.values)
-    one, two = (_cumulated(each, edges, draws, rng) for each in (sample, reference))
+    """Compute [draws] distances of samples whose clusters are drawn with replacement."""
+    edges = _compute_edges(sample.values, reference.values)
+    one, two = (_resample_cumulated(each, edges, draws, rng) for each in (sample, reference))
     return np.asarray(np.abs(one - two).sum(axis=1) * (edges[1] - edges[0]))
 
 
-def _edges(*values: FloatArray) -> FloatArray:
+def _compute_edges(*values: FloatArray) -> FloatArray:
     low = min(float(each.min()) for each in values)
     high = max(float(each.max()) for each in values)
     return np.linspace(low, max(high, low + 1e-9), CELLS + 1)
 
 
-def _cumulated(
+def _resample_cumulated(
     sample: Sample, edges: FloatArray, draws: int, rng: np.random.Generator
 ) -> FloatArray:
-    """[draws, CELLS] distribution functions of resampled clusters."""
-    table = _histograms(sample, edges)
+    """Compute [draws, CELLS] distribution functions of resampled clusters."""
+    table = _count_histograms(sample, edges)
     weights = rng.multinomial(len(table), np.full(len(table), 1 / len(table)), size=draws)
-    return _function(weights @ table)
+    return _compute_cumulated(weights @ table)
 
 
-def _histograms(sample: Sample, edges: FloatArray) -> FloatArray:
-    """[C, CELLS] how many values of each cluster lie in each cell; clusters that have any."""
+def _count_histograms(sample: Sample, edges: FloatArray) -> FloatArray:
+    """Count the values of each non-empty cluster in each cell: [C, CELLS]."""
     used, number = np.unique(sample.cluster, return_inverse=True)
     cell = np.clip(np.searchsorted(edges, sample.values, side="right") - 1, 0, CELLS - 1)
     flat = np.bincount(number * CELLS + cell, minlength=len(used) * CELLS)
     return flat.reshape(len(used), CELLS).astype(np.float64)
 
 
-def _function(counts: FloatArray) -> FloatArray:
-    """[draws, CELLS] distribution functions of histograms."""
+def _compute_cumulated(counts: FloatArray) -> FloatArray:
+    """Compute [draws, CELLS] distribution functions of histograms."""
     return np.asarray(np.cumsum(counts, axis=1) / counts.sum(axis=1, keepdims=True))
 
 
-def chance(
+def compute_chance(
     sample: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
 ) -> tuple[float, float] | None:
-    """What chance alone gives: mean and 95 % quantile of the distance where nothing differs.
+    """Compute mean and 95 % quantile of the distance by chance, between parts of the reference.
 
     Clusters are drawn from the reference without replacement until they hold as many values as
     `sample` (at most half of the reference's), and compared with the rest. None where there are
@@ -150,15 +150,15 @@ def chance(
     """
     if len(np.unique(reference.cluster)) < 2:
         return None
-    edges = _edges(reference.values)
-    table = _histograms(reference, edges)
+    edges = _compute_edges(reference.values)
+    table = _count_histograms(reference, edges)
     sizes, wanted = table.sum(axis=1), min(len(sample), len(reference) // 2)
     drawn = np.zeros((draws, len(table)))
     for row in drawn:
         order = rng.permutation(len(table))
         count = 1 + int(np.searchsorted(np.cumsum(sizes[order])[:-1], wanted))
         row[order[: min(count, len(table) - 1)]] = 1.0
-    gaps = np.abs(_function(drawn @ table) - _function((1.0 - drawn) @ table))
+    gaps = np.abs(_compute_cumulated(drawn @ table) - _compute_cumulated((1.0 - drawn) @ table))
     found = gaps.sum(axis=1) * (edges[1] - edges[0])
     return float(found.mean()), float(np.quantile(found, 0.95))
 
@@ -172,20 +172,20 @@ class Gain:
     high: float
 
 
-def gain(
+def compute_gain(
     first: Sample, second: Sample, reference: Sample, *, draws: int, rng: np.random.Generator
 ) -> Gain | None:
-    """How much nearer to the reference the second sample is than the first.
+    """Compute how much nearer to the reference the second sample is than the first.
 
     The reference is resampled once for both, the samples each for itself. None where a sample is
     empty or the first has no distance.
     """
-    before = wasserstein(first.values, reference.values)
-    after = wasserstein(second.values, reference.values)
+    before = compute_wasserstein(first.values, reference.values)
+    after = compute_wasserstein(second.values, reference.values)
     if before is None or after is None or before < _NOTHING:
         return None
-    edges = _edges(first.values, second.values, reference.values)
-    one, two, ref = (_cumulated(s, edges, draws, rng) for s in (first, second, reference))
+    edges = _compute_edges(first.values, second.values, reference.values)
+    one, two, ref = (_resample_cumulated(s, edges, draws, rng) for s in (first, second, reference))
     whole, left = np.abs(one - ref).sum(axis=1), np.abs(two - ref).sum(axis=1)
     drawn = 1 - left[whole > _NOTHING] / whole[whole > _NOTHING]
     if len(drawn) == 0:

@@ -1,4 +1,4 @@
-"""Sets of scenes judged against a corpus and, where they are at hand, real tracks."""
+"""Judge sets of scenes against a corpus and, where available, real tracks."""
 
 from __future__ import annotations
 
@@ -9,24 +9,30 @@ from typing import Any
 
 import numpy as np
 
-from scenewright.evals.realism.report import Report, Row, compare
+from scenewright.evals.realism.report import Comparison, ComparisonReport, compare
 from scenewright.evals.realism.samples import (
     MOTION,
     Agents,
-    Doing,
-    Measured,
+    MeasuredSamples,
+    MotionFilter,
+    MotionKind,
     Part,
-    Sieve,
-    in_shares,
-    motion,
-    moving_shares,
-    of_recordings,
-    of_scenes,
-    steady,
-    stopping,
+    compute_moving_shares,
+    compute_steady_share,
+    list_recorded_agents,
+    list_scene_agents,
+    measure_motion,
+    measure_stops,
+    sample_in_shares,
 )
-from scenewright.evals.realism.scenes import Played, cut_scenes
-from scenewright.evals.realism.stops import MEASURES, Stop, Yields, all_stops, yield_stops
+from scenewright.evals.realism.scenes import SceneTracks, cut_scenes
+from scenewright.evals.realism.stops import (
+    MEASURES,
+    ObservedStop,
+    YieldCounts,
+    find_all_stops,
+    find_yield_stops,
+)
 from scenewright.scene.base import AgentClass
 from scenewright.scene.map import IntersectionMap
 from scenewright.tools.relation_checker import build_trajectories
@@ -42,31 +48,31 @@ ROUGH_SMOOTHING = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class MeasuredScenes:
     """A set of scenes with its stops.
 
     Attributes:
         scenes: the scenes; side: which half each belongs to.
-        stops: of those who yield, by scene; any: of everybody, by scene; yields: counts by scene.
+        stops: of yielding agents, by scene; any: of all agents, by scene; yields: counts by scene.
     """
 
-    scenes: tuple[Played, ...]
+    scenes: tuple[SceneTracks, ...]
     side: tuple[bool, ...]
-    stops: tuple[tuple[Stop, ...], ...]
-    any: tuple[tuple[Stop, ...], ...]
-    yields: tuple[Yields, ...]
+    stops: tuple[tuple[ObservedStop, ...], ...]
+    any: tuple[tuple[ObservedStop, ...], ...]
+    yields: tuple[YieldCounts, ...]
 
 
 def judge(
-    sets: Mapping[str, Sequence[Played]],
+    sets: Mapping[str, Sequence[SceneTracks]],
     corpus: Sequence[Recording],
     *,
     intersection_map: IntersectionMap,
     real: RealTracks | None = None,
     draws: int = 200,
     seed: int = 0,
-) -> Report:
-    """Every measure of every set against the corpus and the real tracks.
+) -> ComparisonReport:
+    """Compare every measure of every set with the corpus and the real tracks.
 
     Args:
         sets: scenes by name; later sets are compared with the first one, too.
@@ -79,66 +85,78 @@ def judge(
     hours = list(dict.fromkeys(name for name, _ in cut))
     side = [hours.index(name) % 2 == 0 if len(hours) > 1 else k % 2 == 0
             for k, (name, _) in enumerate(cut)]  # fmt: skip
-    known = seen([scene for _, scene in cut], intersection_map=intersection_map, side=side)
-    made = {name: seen(scenes, intersection_map=intersection_map) for name, scenes in sets.items()}
-    options: dict[str, Any] = {"draws": draws, "seed": seed}
-    rows = list(_motion_rows(made, known, options))
-    rows += _alike_shares(
-        "corpus", of_scenes(known.scenes), known.side, Sieve("vehicle"), made, options
+    known = measure_scenes(
+        [scene for _, scene in cut], intersection_map=intersection_map, side=side
     )
-    rows += [*_stop_rows(made, known, options)]
-    rows += _alike_rows(made, known, options)
+    made = {
+        name: measure_scenes(scenes, intersection_map=intersection_map)
+        for name, scenes in sets.items()
+    }
+    options: dict[str, Any] = {"draws": draws, "seed": seed}
+    rows = list(_compare_motion(made, known, options))
+    rows += _compare_in_shares(
+        "corpus",
+        list_scene_agents(known.scenes),
+        known.side,
+        MotionFilter("vehicle"),
+        made,
+        options,
+    )
+    rows += [*_compare_stops(made, known, options)]
+    rows += _compare_lone_stops(made, known, options)
     if real is not None:
-        rows += _real_rows(made, known, real, options)
-    return Report(tuple(rows), _facts(made, known, hours, real))
+        rows += _compare_real(made, known, real, options)
+    return ComparisonReport(tuple(rows), _collect_facts(made, known, hours, real))
 
 
-def seen(
-    scenes: Sequence[Played],
+def measure_scenes(
+    scenes: Sequence[SceneTracks],
     *,
     intersection_map: IntersectionMap,
     side: Sequence[bool] | None = None,
-) -> Seen:
-    """Scenes with their stops measured."""
-    measured = [yield_stops(scene, intersection_map=intersection_map) for scene in scenes]
+) -> MeasuredScenes:
+    """Measure the stops of scenes."""
+    measured = [find_yield_stops(scene, intersection_map=intersection_map) for scene in scenes]
     halves = side if side is not None else [k % 2 == 0 for k in range(len(scenes))]
-    anybody = (
-        tuple(all_stops(build_trajectories(list(scene.users)), intersection_map=intersection_map))
+    every_stop = (
+        tuple(
+            find_all_stops(build_trajectories(list(scene.users)), intersection_map=intersection_map)
+        )
         for scene in scenes
     )
-    return Seen(
+    return MeasuredScenes(
         tuple(scenes),
         tuple(halves),
         tuple(stops for stops, _ in measured),
-        tuple(anybody),
+        tuple(every_stop),
         tuple(yields for _, yields in measured),
     )
 
 
-_NEVER_SLOW: Doing = "is never slow"
-_OF_VEHICLES: tuple[Doing, ...] = (
+_NEVER_SLOW: MotionKind = "is never slow"
+_OF_VEHICLES: tuple[MotionKind, ...] = (
     "slows down", "comes to stand", "sets off", "stops and sets off",
 )  # fmt: skip
-"""What else vehicles do while they are seen; who stands hardly moves."""
+"""The other kinds of motion of vehicles; standing ones hardly move."""
 _OF_NO_USE = {False: ("spread of speed",), True: ("speed, standing too",)}
-"""Measures that say nothing about everybody, and about who is never slow."""
+"""Measures without meaning for all agents, and for unimpeded ones."""
 
 
-def _motion_rows(
-    made: Mapping[str, Seen], known: Seen, options: Mapping[str, Any]
-) -> Iterator[Row]:
-    apart: list[tuple[AgentClass, Doing | None]] = [
+def _compare_motion(
+    made: Mapping[str, MeasuredScenes], known: MeasuredScenes, options: Mapping[str, Any]
+) -> Iterator[Comparison]:
+    apart: list[tuple[AgentClass, MotionKind | None]] = [
         *itertools.product(CLASSES, (None, _NEVER_SLOW)),
         *itertools.product(CLASSES[:1], _OF_VEHICLES),
     ]
     for kind, doing in apart:
-        sieve = Sieve(kind, doing=doing)
+        sieve = MotionFilter(kind, doing=doing)
         topic = f"Motion of who {doing}" if doing else "Motion"
-        reference = motion(of_scenes(known.scenes), sieve, side=known.side)
+        reference = measure_motion(list_scene_agents(known.scenes), sieve, side=known.side)
         for part in PARTS[:1] if doing else PARTS:
             sets = {
-                name if part == "all" else f"{name}, {part}": motion(
-                    of_scenes(each.scenes, part=part), sieve, side=each.side
+                name if part == "all" else f"{name}, {part}": measure_motion(
+                    list_scene_agents(each.scenes, part=part), sieve, side=each.side
                 )
                 for name, each in made.items()
             }
@@ -150,38 +168,43 @@ def _motion_rows(
             )
 
 
-def _alike_shares(
+def _compare_in_shares(
     named: str,
     reference: Sequence[Agents],
     side: Sequence[bool],
-    sieve: Sieve,
-    made: Mapping[str, Seen],
+    sieve: MotionFilter,
+    made: Mapping[str, MeasuredScenes],
     options: Mapping[str, Any],
-) -> Iterator[Row]:
-    """Vehicles in the shares of what those of the reference do in view."""
+) -> Iterator[Comparison]:
+    """Compare vehicles, their kinds of motion in the shares of the reference."""
     whole = replace(sieve, within=None)
-    shares = moving_shares(reference, whole)
+    shares = compute_moving_shares(reference, whole)
     sought = {each: shares[each] or 0.0 for each in (_NEVER_SLOW, *_OF_VEHICLES)}
 
-    def alike(clusters: Sequence[Agents], sieve: Sieve, side: Sequence[bool]) -> Measured:
+    def sample(
+        clusters: Sequence[Agents], sieve: MotionFilter, side: Sequence[bool]
+    ) -> MeasuredSamples:
         rng = np.random.default_rng(options["seed"])
-        return in_shares(clusters, sought, sieve, side=side, rng=rng)
+        return sample_in_shares(clusters, sought, sieve, side=side, rng=rng)
 
     yield from compare(
         "Motion in the shares of the reference", "vehicle",
-        {name: alike(of_scenes(each.scenes), sieve, each.side) for name, each in made.items()},
-        alike(reference, whole, side), named=named,
+        {name: sample(list_scene_agents(each.scenes), sieve, each.side)
+         for name, each in made.items()},
+        sample(reference, whole, side), named=named,
         measures=("acceleration", "jerk"), **options,
     )  # fmt: skip
 
 
-def _stop_rows(made: Mapping[str, Seen], known: Seen, options: Mapping[str, Any]) -> Iterator[Row]:
+def _compare_stops(
+    made: Mapping[str, MeasuredScenes], known: MeasuredScenes, options: Mapping[str, Any]
+) -> Iterator[Comparison]:
     for topic, attribute in (("Stops of who yields", "stops"), ("Stops of anybody", "any")):
         measures = MEASURES if attribute == "stops" else [m for m in MEASURES if m != "gap"]
         for kind in CLASSES:
-            reference = stopping(getattr(known, attribute), kind, side=known.side)
+            reference = measure_stops(getattr(known, attribute), kind, side=known.side)
             sets = {
-                name: stopping(getattr(each, attribute), kind, side=each.side)
+                name: measure_stops(getattr(each, attribute), kind, side=each.side)
                 for name, each in made.items()
             }
             yield from compare(
@@ -196,17 +219,19 @@ PAIRS: tuple[tuple[AgentClass, AgentClass], ...] = (
 )
 
 
-def _alike_rows(made: Mapping[str, Seen], known: Seen, options: Mapping[str, Any]) -> Iterator[Row]:
-    """Stops for one other alone, by whom it was for.
+def _compare_lone_stops(
+    made: Mapping[str, MeasuredScenes], known: MeasuredScenes, options: Mapping[str, Any]
+) -> Iterator[Comparison]:
+    """Compare stops for one other agent alone, by its class.
 
-    In a corpus people often let several pass in one standstill. A scene asks for one yield, between
-    classes that the request names and not the corpus' streets.
+    In a corpus agents often let several pass in one standstill. A scene asks for one yield, between
+    the classes that the request names.
     """
     for kind, other in PAIRS:
-        sides: dict[str, Measured] = {}
+        sides: dict[str, MeasuredSamples] = {}
         for name, each in {**made, "": known}.items():
             chosen = [[s for s in stops if s.alone and s.to == other] for stops in each.stops]
-            sides[name] = stopping(chosen, kind, side=each.side)
+            sides[name] = measure_stops(chosen, kind, side=each.side)
         reference = sides.pop("")
         topic = f"Stops of who lets one {other} pass"
         yield from compare(
@@ -214,36 +239,39 @@ def _alike_rows(made: Mapping[str, Seen], known: Seen, options: Mapping[str, Any
         )
 
 
-def _real_rows(
-    made: Mapping[str, Seen], known: Seen, real: RealTracks, options: Mapping[str, Any]
-) -> Iterator[Row]:
-    """Real tracks: fine ones as they are, all of them under a heavier smoothing of both sides."""
-    fine, rough = of_recordings(real.fine), of_recordings(real.recordings)
+def _compare_real(
+    made: Mapping[str, MeasuredScenes],
+    known: MeasuredScenes,
+    real: RealTracks,
+    options: Mapping[str, Any],
+) -> Iterator[Comparison]:
+    """Compare with real tracks: fine ones as they are, all with both sides smoothed more."""
+    fine, rough = list_recorded_agents(real.fine), list_recorded_agents(real.recordings)
     for kind in CLASSES:
-        yield from _against_real(
-            "taf-bw, fine tracks within 25 m", Sieve(kind, within=NEAR_MIDDLE),
+        yield from _compare_with_real(
+            "taf-bw, fine tracks within 25 m", MotionFilter(kind, within=NEAR_MIDDLE),
             fine, made, known, options,
         )  # fmt: skip
         if kind == "vehicle":
-            yield from _against_real(
+            yield from _compare_with_real(
                 "taf-bw, all tracks, both sides smoothed over 1 s",
-                Sieve(kind, smoothing=ROUGH_SMOOTHING), rough, made, known, options,
+                MotionFilter(kind, smoothing=ROUGH_SMOOTHING), rough, made, known, options,
             )  # fmt: skip
 
 
-def _against_real(
+def _compare_with_real(
     named: str,
-    sieve: Sieve,
+    sieve: MotionFilter,
     real: Sequence[Agents],
-    made: Mapping[str, Seen],
-    known: Seen,
+    made: Mapping[str, MeasuredScenes],
+    known: MeasuredScenes,
     options: Mapping[str, Any],
-) -> Iterator[Row]:
+) -> Iterator[Comparison]:
     # Real tracks are in frames of their own: what of them lies near a middle is all of the fine.
     side = [k % 2 == 0 for k in range(len(real))]
-    reference = motion(real, replace(sieve, within=None), side=side)
-    sets: dict[str, Measured] = {
-        name: motion(of_scenes(each.scenes), sieve, side=each.side)
+    reference = measure_motion(real, replace(sieve, within=None), side=side)
+    sets: dict[str, MeasuredSamples] = {
+        name: measure_motion(list_scene_agents(each.scenes), sieve, side=each.side)
         for name, each in {**made, "corpus": known}.items()
     }
     yield from compare(
@@ -251,11 +279,14 @@ def _against_real(
         **options,
     )  # fmt: skip
     if sieve.type == "vehicle":
-        yield from _alike_shares(named, real, side, sieve, {**made, "corpus": known}, options)
+        yield from _compare_in_shares(named, real, side, sieve, {**made, "corpus": known}, options)
 
 
-def _facts(
-    made: Mapping[str, Seen], known: Seen, hours: Sequence[str], real: RealTracks | None
+def _collect_facts(
+    made: Mapping[str, MeasuredScenes],
+    known: MeasuredScenes,
+    hours: Sequence[str],
+    real: RealTracks | None,
 ) -> dict[str, Any]:
     facts: dict[str, Any] = {"corpus hours": ", ".join(hours)}
     for name, each in {**made, "corpus": known}.items():
@@ -263,17 +294,21 @@ def _facts(
         facts[f"{name}: agents"] = sum(len(scene.users) for scene in each.scenes)
         facts[f"{name}: who yields"] = sum(yields.seen for yields in each.yields)
         facts[f"{name}: of these come to stand"] = sum(yields.stood for yields in each.yields)
-        for doing, share in moving_shares(of_scenes(each.scenes)).items():
-            facts[f"{name}: share of moving vehicle samples of who {doing}"] = _rounded(share)
+        for doing, share in compute_moving_shares(list_scene_agents(each.scenes)).items():
+            facts[f"{name}: share of moving vehicle samples of who {doing}"] = _round_share(share)
         for kind in CLASSES:
-            facts[f"{name}: share of {kind} samples standing"] = _rounded(_standing(each, kind))
-            even = steady(of_scenes(each.scenes), Sieve(kind))
-            facts[f"{name}: share of moving {kind} samples without acceleration"] = _rounded(even)
+            facts[f"{name}: share of {kind} samples standing"] = _round_share(
+                _compute_standing_share(each, kind)
+            )
+            even = compute_steady_share(list_scene_agents(each.scenes), MotionFilter(kind))
+            facts[f"{name}: share of moving {kind} samples without acceleration"] = _round_share(
+                even
+            )
     if real is not None:
         for kind in CLASSES:
-            even = steady(of_recordings(real.fine), Sieve(kind))
-            facts[f"taf-bw, fine: share of moving {kind} samples without acceleration"] = _rounded(
-                even
+            even = compute_steady_share(list_recorded_agents(real.fine), MotionFilter(kind))
+            facts[f"taf-bw, fine: share of moving {kind} samples without acceleration"] = (
+                _round_share(even)
             )
         for site, removed in real.removed.items():
             jitter = real.jitter[site]
@@ -281,11 +316,13 @@ def _facts(
     return facts
 
 
-def _standing(each: Seen, kind: AgentClass) -> float | None:
-    samples = motion(of_scenes(each.scenes), Sieve(kind), side=each.side).samples
+def _compute_standing_share(each: MeasuredScenes, kind: AgentClass) -> float | None:
+    samples = measure_motion(
+        list_scene_agents(each.scenes), MotionFilter(kind), side=each.side
+    ).samples
     every = len(samples["speed, standing too"])
     return 1 - len(samples["speed"]) / every if every else None
 
 
-def _rounded(share: float | None) -> float | None:
+def _round_share(share: float | None) -> float | None:
     return None if share is None else round(share, 4)

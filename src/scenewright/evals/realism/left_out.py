@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.evals.realism.prior_goals import Way, WayOf
+from scenewright.evals.realism.prior_goals import FindRoutePrior, RoutePrior
 from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import K
 from scenewright.scene.map import IntersectionMap
@@ -32,31 +32,31 @@ class _Site(NamedTuple):
     files: tuple[FileTracks, ...]
 
 
-def left_out_ways(folder: Path) -> WayOf:
-    """Ways of TAF-BW's recordings, each from priors fitted on all others at the same intersection.
+def fit_left_out_routes(folder: Path) -> FindRoutePrior:
+    """Fit priors for each TAF-BW recording on all others at the same intersection.
 
     The priors of `intersections fit`, as they predict another recording: the map, the other
     recordings' tracks, the pool for the rest. The map is the newest `<site>_<date>.osm`.
 
     Raises:
         InputError: a site has no map below the folder, two recordings of one name, a single one, or
-            one whose fellows do not lie on the map.
+            one whose other recordings do not lie on the map.
     """
     known = {
-        _name(file): _ways(site, file)
-        for site in (_read(folder, *each) for each in _sites(folder).items())
+        _name(file): _fit_routes(site, file)
+        for site in (_read(folder, *each) for each in _find_sessions(folder).items())
         for file in site.files
     }
 
-    def way(recording: Recording, agent: RecordedAgent) -> Way | None:
+    def find_route_prior(recording: Recording, agent: RecordedAgent) -> RoutePrior | None:
         found = known.get(recording.name)
         return None if found is None else found(agent)
 
-    return way
+    return find_route_prior
 
 
-def _sites(folder: Path) -> dict[str, list[Path]]:
-    """The folders with tracks below a folder, by what stands before the date in their names."""
+def _find_sessions(folder: Path) -> dict[str, list[Path]]:
+    """Find the folders with tracks below a folder, by site: their names' part before the date."""
     found: dict[str, list[Path]] = {}
     for session in sorted({file.parent for file in folder.rglob("vehicle_tracks_*.csv")}):
         found.setdefault(session.name.split("_", 1)[0], []).append(session)
@@ -83,10 +83,10 @@ def _name(file: FileTracks) -> str:
     return f"{file.session}/{Path(file.name).stem[-3:]}"
 
 
-def _ways(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Way | None]:
-    """The ways of a recording's agents; which route each took is told by its whole track."""
+def _fit_routes(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], RoutePrior | None]:
+    """Fit priors without a recording; the routes of its agents come from their whole tracks."""
     others = [each for each in site.files if each is not file]
-    fitted = _fitted(site, file, others)
+    fitted = _fit_others(site, file, others)
     fit = WaypointFit(site.place, site.lines, fitted.matches)
     priors = replace(fitted.priors, waypoints=fit.fit_priors(predictive=True))
     frame = FrameChange(site.origin)
@@ -99,16 +99,16 @@ def _ways(site: _Site, file: FileTracks) -> Callable[[RecordedAgent], Way | None
     matcher = Matcher(site.place, site.lines)
     routes = {route.id: route for route in site.place.routes}
 
-    def way(agent: RecordedAgent) -> Way | None:
+    def find_route_prior(agent: RecordedAgent) -> RoutePrior | None:
         found = matcher.match(agent.track.xy + moved, agent.shape.type)
         if not isinstance(found, Match):
             return None
-        return Way(routes[found.route], _shifted(priors, found.route, moved), priors)
+        return RoutePrior(routes[found.route], _shift_prior(priors, found.route, moved), priors)
 
-    return way
+    return find_route_prior
 
 
-def _fitted(site: _Site, file: FileTracks, others: Sequence[FileTracks]) -> FittedTracks:
+def _fit_others(site: _Site, file: FileTracks, others: Sequence[FileTracks]) -> FittedTracks:
     try:
         return fit_tracks(site.place, site.lines, others, FrameChange(site.origin))
     except InputError:
@@ -118,7 +118,7 @@ def _fitted(site: _Site, file: FileTracks, others: Sequence[FileTracks]) -> Fitt
         ) from None
 
 
-def _shifted(priors: Priors, route: str, moved: FloatArray) -> WaypointPrior:
-    """p_wp of a route in the frame of a recording that `moved` takes to the map's."""
+def _shift_prior(priors: Priors, route: str, moved: FloatArray) -> WaypointPrior:
+    """Shift p_wp of a route from the map's frame to that of a recording, by -`moved`."""
     prior = priors.waypoints[route]
     return replace(prior, means=prior.means - np.tile(moved, K), base=prior.base - moved)

@@ -37,7 +37,7 @@ FEATURES: Mapping[str, Mapping[str, tuple[float, float]]] = {
 """By group the range of each feature: m/s, m/s^2, rad/s, rad/s^2, m, s; contact and off are 0/1."""
 _FOR_PEDESTRIANS = {"speed": (0.0, 3.0), "acceleration": (-2.0, 2.0)}
 _MOVES = 0.5
-"""Slower than this [m/s] nobody has a course."""
+"""Below this speed [m/s] an agent has no course."""
 _LATEST = 8.0
 """Times to contact beyond this [s] are all alike."""
 
@@ -47,17 +47,17 @@ Values = dict[str, FloatArray]
 def measure_features(
     stretches: Sequence[Stretch], kind: AgentClass, *, ground: IntersectionMap | None = None
 ) -> list[Values]:
-    """Of each stretch the values of every feature of a class, agent after agent.
+    """Measure every feature of a class in each stretch, agent after agent.
 
     Args:
         ground: the map in whose frame positions are; without one there are no features of it.
     """
-    areas = None if ground is None else _Edge(ground)
-    return [_measured(stretch, kind, areas) for stretch in stretches]
+    areas = None if ground is None else _GroundAreas(ground)
+    return [_measure_stretch(stretch, kind, areas) for stretch in stretches]
 
 
-class _Edge:
-    """How far inside the road, or the ground for walkers, positions are."""
+class _GroundAreas:
+    """The road, and the ground for pedestrians, as polygons."""
 
     def __init__(self, ground: IntersectionMap) -> None:
         crossings = [geos.Polygon(each.polygon) for each in ground.crosswalks]
@@ -70,15 +70,15 @@ class _Edge:
             "pedestrian": geos.union_all([*walkable, *crossings]),
         }
 
-    def inside(self, kind: AgentClass, xy: FloatArray) -> FloatArray:
-        """[T] distance to the edge [m], negative outside."""
+    def measure_inside(self, kind: AgentClass, xy: FloatArray) -> FloatArray:
+        """Return the [T] distances to the edge [m], negative outside."""
         area = self.of.get(kind, self.of["vehicle"])
         points = geos.points(xy)
         away = geos.distance(geos.boundary(area), points)
         return np.asarray(np.where(geos.contains(area, points), away, -away))
 
 
-def _measured(stretch: Stretch, kind: AgentClass, areas: _Edge | None) -> Values:
+def _measure_stretch(stretch: Stretch, kind: AgentClass, areas: _GroundAreas | None) -> Values:
     found: dict[str, list[FloatArray]] = {}
     for user in stretch.users:
         if user.shape.type != kind or len(user.track.xy) < 2 * TRIMMED + 8:
@@ -86,11 +86,15 @@ def _measured(stretch: Stretch, kind: AgentClass, areas: _Edge | None) -> Values
         xy = smooth(user.track.xy, SMOOTHING)
         kept = slice(TRIMMED, len(xy) - TRIMMED, EVERY)
         velocity = np.asarray(np.gradient(xy, STEP, axis=0), dtype=np.float64)
-        rows = {name: values[kept] for name, values in _kinematic(velocity).items()}
-        seen = _Seen(user.id, user.shape.width, user.track.times[kept], xy[kept], velocity[kept])
-        rows |= _interactive(stretch, seen)
+        rows = {
+            name: values[kept] for name, values in _compute_kinematic_features(velocity).items()
+        }
+        seen = _AgentSamples(
+            user.id, user.shape.width, user.track.times[kept], xy[kept], velocity[kept]
+        )
+        rows |= _compute_interactive_features(stretch, seen)
         if areas is not None:
-            inside = areas.inside(kind, xy[kept])
+            inside = areas.measure_inside(kind, xy[kept])
             rows |= {
                 "distance to the edge": inside,
                 "off the road": np.where(inside < 0.0, 1.0, 0.0),
@@ -100,7 +104,7 @@ def _measured(stretch: Stretch, kind: AgentClass, areas: _Edge | None) -> Values
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-class _Seen(NamedTuple):
+class _AgentSamples(NamedTuple):
     """One agent at some times: [T] [s], [T, 2] [m] and [T, 2] [m/s]."""
 
     id: int
@@ -110,7 +114,7 @@ class _Seen(NamedTuple):
     velocity: FloatArray
 
 
-def _kinematic(velocity: FloatArray) -> dict[str, FloatArray]:
+def _compute_kinematic_features(velocity: FloatArray) -> dict[str, FloatArray]:
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     moving = speed > _MOVES
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
@@ -123,8 +127,8 @@ def _kinematic(velocity: FloatArray) -> dict[str, FloatArray]:
     }
 
 
-def _interactive(stretch: Stretch, own: _Seen) -> dict[str, FloatArray]:
-    """Nearest distance, time to contact and contact, everybody a disc as wide as they are."""
+def _compute_interactive_features(stretch: Stretch, own: _AgentSamples) -> dict[str, FloatArray]:
+    """Compute nearest distance, time to contact and contact; agents are discs of their width."""
     nearest, contact = np.full(len(own.xy), np.inf), np.full(len(own.xy), np.inf)
     for other in stretch.users:
         track = other.track
@@ -138,7 +142,7 @@ def _interactive(stretch: Stretch, own: _Seen) -> dict[str, FloatArray]:
         off, closing = place - own.xy[k], own.velocity[k] - (soon - place) / STEP
         radius = (own.width + other.shape.width) / 2.0
         nearest[k] = np.minimum(nearest[k], np.hypot(off[:, 0], off[:, 1]) - radius)
-        contact[k] = np.minimum(contact[k], _contact(off, closing, radius))
+        contact[k] = np.minimum(contact[k], _compute_time_to_contact(off, closing, radius))
     return {
         "distance": nearest,
         "time to contact": np.minimum(contact, _LATEST),
@@ -146,8 +150,8 @@ def _interactive(stretch: Stretch, own: _Seen) -> dict[str, FloatArray]:
     }
 
 
-def _contact(off: FloatArray, closing: FloatArray, radius: float) -> FloatArray:
-    """[T] time until two discs touch at their present velocities [s]; inf if they never do."""
+def _compute_time_to_contact(off: FloatArray, closing: FloatArray, radius: float) -> FloatArray:
+    """Return the [T] times until two discs touch at constant velocity [s]; inf if they never do."""
     a = np.maximum((closing**2).sum(axis=1), 1e-9)
     b = (off * closing).sum(axis=1)
     c = (off**2).sum(axis=1) - radius**2
@@ -160,15 +164,15 @@ def _contact(off: FloatArray, closing: FloatArray, radius: float) -> FloatArray:
 def score_likelihood(
     source: Sequence[Values], reference: Sequence[Values], kind: AgentClass
 ) -> dict[str, float]:
-    """By feature and group (and "all") the likelihood of the reference under the source, 0 to 1."""
+    """Score the reference's likelihood under the source (0 to 1) by feature, group and "all"."""
     scores: dict[str, float] = {}
     for group, ranges in FEATURES.items():
         own = []
         for name, span in ranges.items():
             within = _FOR_PEDESTRIANS.get(name, span) if kind == "pedestrian" else span
-            made, real = (_joined(side, name) for side in (source, reference))
+            made, real = (_concatenate(side, name) for side in (source, reference))
             if len(made) and len(real):
-                scores[name] = _likelihood(made, real, within)
+                scores[name] = _compute_likelihood(made, real, within)
                 own.append(scores[name])
         if own:
             scores[group] = float(np.mean(own))
@@ -176,11 +180,11 @@ def score_likelihood(
     return scores | ({"all": float(np.mean(groups))} if groups else {})
 
 
-def _joined(parts: Sequence[Values], name: str) -> FloatArray:
+def _concatenate(parts: Sequence[Values], name: str) -> FloatArray:
     return np.concatenate([np.zeros(0), *(part[name] for part in parts if name in part)])
 
 
-def _likelihood(made: FloatArray, real: FloatArray, span: tuple[float, float]) -> float:
+def _compute_likelihood(made: FloatArray, real: FloatArray, span: tuple[float, float]) -> float:
     low, high = span
     cells = 2 if span == (0.0, 1.0) else CELLS
     place = [

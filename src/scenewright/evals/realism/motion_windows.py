@@ -1,4 +1,4 @@
-"""Windows of 3.2 s of one agent's motion, as numbers that a classifier can be shown.
+"""Windows of 3.2 s of one agent's motion, as features for a classifier.
 
 Positions are smoothed over 1 s in all first, on both sides: real ones jitter, and no classifier
 shall win by that. Nothing in a window says where on a map it was.
@@ -43,7 +43,7 @@ class Windows:
 
     Attributes:
         features: [W, F]; speed: [W, 33] smoothed [m/s]; situation: [W] what it does; band: [W] of
-            its mean speed; group: [W] who belongs together; foreground: [W].
+            its mean speed; group: [W] agents that are split together; foreground: [W].
     """
 
     features: FloatArray
@@ -56,20 +56,20 @@ class Windows:
     def __len__(self) -> int:
         return len(self.features)
 
-    def only(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Windows:
-        """Some of the windows."""
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Windows:
+        """Select some of the windows."""
         return Windows(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
 def cut_windows(source: Source, kind: AgentClass) -> Windows:
-    """The windows of a class, one every 1.6 s of every track; who stands all along is left out."""
+    """Cut the windows of a class, one every 1.6 s of every track, without standing agents."""
     rows = [
-        (features, speed, _situation(speed, turned, kind), stretch.groups[user.id],
+        (features, speed, _classify_situation(speed, turned, kind), stretch.groups[user.id],
          user.id in stretch.foreground)
         for stretch in source.stretches
         for user in stretch.users
         if user.shape.type == kind
-        for features, speed, turned in _windows(user.track)
+        for features, speed, turned in _cut_track(user.track)
         if speed.max() > _STANDS
     ]  # fmt: skip
     if not rows:
@@ -85,19 +85,19 @@ def cut_windows(source: Source, kind: AgentClass) -> Windows:
     )  # fmt: skip
 
 
-def _windows(track: Track) -> Iterator[tuple[FloatArray, FloatArray, float]]:
-    """Features, speeds [33] and change of course [rad] of each window of a track."""
+def _cut_track(track: Track) -> Iterator[tuple[FloatArray, FloatArray, float]]:
+    """Cut a track into windows: features, speeds [33] and change of course [rad] of each."""
     if abs(track.step - STEP) > 1e-6 or len(track.xy) < SPAN + 3 + 2 * TRIMMED:
         return
     xy = smooth(track.xy, SMOOTHING)
     velocity = (xy[2:] - xy[:-2]) / (2 * STEP)
     velocity = velocity[TRIMMED - 1 : len(velocity) - TRIMMED + 1]
     for first in range(0, len(velocity) - SPAN, SPAN // 2):
-        yield _described(velocity[first : first + SPAN + 1])
+        yield _compute_features(velocity[first : first + SPAN + 1])
 
 
-def _described(velocity: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """What is seen of a window of velocities [33, 2], whose course is 0 at its middle."""
+def _compute_features(velocity: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Compute features of a window of velocities [33, 2]; its course is 0 at the middle."""
     speed = np.hypot(*velocity.T)
     moving = speed > _STANDS
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
@@ -113,7 +113,7 @@ def _described(velocity: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     return np.concatenate([np.asarray(each) for each in features]), speed, turned
 
 
-def _situation(speed: FloatArray, turned: float, kind: AgentClass) -> str:
+def _classify_situation(speed: FloatArray, turned: float, kind: AgentClass) -> str:
     change = float(speed[-1] - speed[0])
     if speed.min() <= _STANDS:
         return "sets off" if change > 0 else "comes to stand"
@@ -124,8 +124,8 @@ def _situation(speed: FloatArray, turned: float, kind: AgentClass) -> str:
     return "goes on"
 
 
-def constant_share(windows: Windows, *, span: int = 30, within: float = 0.05) -> list[bool]:
-    """Of each window that never stands, whether its first 3 s keep one speed within 0.05 m/s."""
+def find_constant_speed(windows: Windows, *, span: int = 30, within: float = 0.05) -> list[bool]:
+    """Return for each moving window whether its first 3 s keep one speed within 0.05 m/s."""
     speed = windows.speed[:, : span + 1]
     moving = speed[speed.min(axis=1) > _STANDS]
     return [bool(np.ptp(row) <= 2 * within) for row in moving]

@@ -1,8 +1,8 @@
-"""Goals for tracks that nobody was fitted on: from p_wp and the time laws, not from the track.
+"""Goals for held-out tracks, from p_wp and the driving profiles and not from the track.
 
-Which route an agent takes is told, as a request tells it; of its track only the beginning. What the
-priors then know of the rest is `given` the beginning: where its way runs, and how it may drive or
-walk along it if nothing holds it up.
+An agent's route is given, as by a request; of its track only the beginning. The rest comes from
+the priors conditioned on the beginning: where its path runs, and how it may drive or walk along it
+if unimpeded.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ from scenewright.tools.track_io.windows import TRAJNET_EVERY
 
 geos: Any = import_module("shapely")
 
-_ANYBODY = PEDESTRIAN
-"""How large an agent is says nothing about how it moves along its way."""
+_ANY_SHAPE = PEDESTRIAN
+"""The size of an agent does not affect its motion along the path."""
 
 
-class Way(NamedTuple):
-    """What is known of an agent's way without its track.
+class RoutePrior(NamedTuple):
+    """An agent's route and priors, known without its track.
 
     Attributes:
-        route: which it takes; prior: p_wp of it, in the frame of the recording [m].
-        priors: that it is one of, for the time laws.
+        route: the agent's; prior: p_wp of it, in the frame of the recording [m].
+        priors: the bundle's, for the driving profiles.
     """
 
     route: Route
@@ -54,12 +54,12 @@ class Way(NamedTuple):
     priors: Priors
 
 
-WayOf = Callable[[Recording, RecordedAgent], Way | None]
-"""The way of an agent of a recording; None where nobody knows its route."""
+FindRoutePrior = Callable[[Recording, RecordedAgent], RoutePrior | None]
+"""Finds the route prior of an agent of a recording; None where its route is unknown."""
 
 
-def bundle_ways(intersection: str) -> WayOf:
-    """Ways of a bundle's own corpus; its priors know nothing of the test hours.
+def load_bundle_routes(intersection: str) -> FindRoutePrior:
+    """Load the route priors of a bundle's own corpus; they were not fitted on its test hours.
 
     Raises:
         InputError: unknown bundle, or, when asked, a track on a route that it does not have.
@@ -67,18 +67,18 @@ def bundle_ways(intersection: str) -> WayOf:
     priors = load_priors(intersection)
     routes = {route.id: route for route in load_map(intersection).routes}
 
-    def way(_: Recording, agent: RecordedAgent) -> Way | None:
+    def find_route_prior(_: Recording, agent: RecordedAgent) -> RoutePrior | None:
         if agent.route is None:
             return None
         if agent.route not in routes:
             raise InputError(f"the corpus is not of {intersection}: that has no {agent.route!r}")
-        return Way(routes[agent.route], priors.waypoints[agent.route], priors)
+        return RoutePrior(routes[agent.route], priors.waypoints[agent.route], priors)
 
-    return way
+    return find_route_prior
 
 
-def abreast(way: Way, seen: FloatArray, xy: FloatArray) -> FloatArray:
-    """[n, 2] where the way that the prior expects comes nearest to places [n, 2].
+def find_abreast(way: RoutePrior, seen: FloatArray, xy: FloatArray) -> FloatArray:
+    """Find the points [n, 2] of the prior's likeliest path that are nearest to places [n, 2].
 
     Args:
         seen: [m, 2] the beginning of the track [m].
@@ -86,16 +86,16 @@ def abreast(way: Way, seen: FloatArray, xy: FloatArray) -> FloatArray:
     rest = condition_prior(way.prior, seen)
     likeliest = int(rest.weights.argmax())
     path = build_path(rest, rest.means[likeliest].reshape(K, 2), likeliest)
-    return sample_poses(path, _along(path, xy))[:, :2]
+    return sample_poses(path, _locate_along(path, xy))[:, :2]
 
 
-def driven(
-    way: Way, seen: FloatArray, *, steps: int, size: int, rng: np.random.Generator
+def sample_continuations(
+    way: RoutePrior, seen: FloatArray, *, steps: int, size: int, rng: np.random.Generator
 ) -> FloatArray:
-    """[size, steps, 2] draws of how it goes on, every 0.4 s; NaN once it has left the map.
+    """Sample continuations [size, steps, 2] every 0.4 s; NaN once the agent has left the map.
 
-    A way is drawn given the beginning, then a time law; from the last place seen it goes on unheld,
-    as fast as there if the law and the way's curves allow.
+    A path is drawn given the beginning, then a driving profile; from the last place seen the agent
+    goes on unimpeded, at its speed there if the profile and the path's curves allow.
 
     Args:
         seen: [m, 2] the beginning of the track, every 0.4 s [m].
@@ -108,27 +108,29 @@ def driven(
     drawn = np.full((size, steps, 2), np.nan)
     for k in range(size):
         path = build_path(rest, waypoints[k], int(component[k]))
-        s = _onward(way.route, path, laws[k], float(_along(path, seen[-1:])[0]), speed)
+        s = _compute_onward(
+            way.route, path, laws[k], float(_locate_along(path, seen[-1:])[0]), speed
+        )
         places = sample_poses(path, s[:steps])[:, :2]
         drawn[k, : len(places)] = places
     return drawn
 
 
-def _onward(
+def _compute_onward(
     route: Route, path: Path, law: DrivingProfile, begin: float, speed: float
 ) -> FloatArray:
-    """Arc length [m] at the next steps of 0.4 s, from a place and speed on until the path ends."""
+    """Compute the arc length [m] every 0.4 s, from a place and speed on until the path ends."""
     if begin > path.length - 2 * SPACING:
         return np.zeros(0)
     rest = build_even_path(
         sample_poses(path, np.append(np.arange(begin, path.length, SPACING), path.length))[:, :2]
     )
-    candidate = Candidate(route, np.zeros((K, 2)), rest, 0.0, law, 0.0, _ANYBODY, None)
+    candidate = Candidate(route, np.zeros((K, 2)), rest, 0.0, law, 0.0, _ANY_SHAPE, None)
     motion = compute_motion(candidate, slowings=(Slowing(0.0, speed, law.braking),))
     return begin + motion.s[TRAJNET_EVERY::TRAJNET_EVERY]
 
 
-def _along(path: Path, xy: FloatArray) -> FloatArray:
-    """[n] arc length [m] at which a path comes nearest to places [n, 2]."""
+def _locate_along(path: Path, xy: FloatArray) -> FloatArray:
+    """Return the arc lengths [n] [m] at which a path is nearest to places [n, 2]."""
     located = geos.line_locate_point(geos.LineString(path.xy), geos.points(xy))
     return np.asarray(located, dtype=np.float64)

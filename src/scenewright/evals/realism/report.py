@@ -1,4 +1,4 @@
-"""The table: how far each set of scenes is from each reference, beside what chance would give."""
+"""Distances of each set of scenes from each reference, with the distance expected by chance."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from scenewright.evals.realism.distances import (
     Distance,
     Gain,
     Sample,
-    chance,
-    distance,
-    gain,
-    wasserstein,
+    compute_chance,
+    compute_distance,
+    compute_gain,
+    compute_wasserstein,
 )
-from scenewright.evals.realism.samples import UNITS, Measured
+from scenewright.evals.realism.samples import UNITS, MeasuredSamples
 from scenewright.scene.base import FloatArray
 
 ALLOWED = 1.5
@@ -27,7 +27,7 @@ _QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 @dataclass(frozen=True)
-class Row:
+class Comparison:
     """One measure of one class: a set of scenes against a reference.
 
     Attributes:
@@ -70,10 +70,10 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Report:
-    """All rows, and what else is worth knowing: counts by name."""
+class ComparisonReport:
+    """All rows, and counts by name."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[Comparison, ...]
     facts: Mapping[str, Any]
 
     def to_json(self) -> dict[str, Any]:
@@ -84,10 +84,10 @@ class Report:
         ]
         return {"schema_version": 1, "facts": dict(self.facts), "rows": rows}
 
-    def markdown(self) -> str:
-        """One table for each topic and reference, and the facts."""
+    def format_markdown(self) -> str:
+        """Format one table for each topic and reference, and the facts."""
         topics = dict.fromkeys((row.topic, row.reference) for row in self.rows)
-        parts = [_table(topic, ref, self.rows) for topic, ref in topics]
+        parts = [_format_topic(topic, ref, self.rows) for topic, ref in topics]
         facts = "\n".join(f"- {name}: {value}" for name, value in self.facts.items())
         return "\n\n".join([*parts, facts]) + "\n"
 
@@ -95,48 +95,49 @@ class Report:
 def compare(
     topic: str,
     kind: str,
-    sets: Mapping[str, Measured],
-    reference: Measured,
+    sets: Mapping[str, MeasuredSamples],
+    reference: MeasuredSamples,
     *,
     named: str,
     measures: Sequence[str],
     draws: int,
     seed: int,
-) -> Iterator[Row]:
-    """A row for each measure and set."""
+) -> Iterator[Comparison]:
+    """Compare each measure of each set with the reference."""
     for measure in measures:
         ref = reference.samples[measure]
-        one, two = reference.halves(measure)
+        one, two = reference.split_halves(measure)
         first: Sample | None = None
         for name, measured in sets.items():
             sample, rng = measured.samples[measure], np.random.default_rng(seed)
-            yield Row(
+            yield Comparison(
                 topic, kind, measure, UNITS[measure], name, named,
-                distance=distance(sample, ref, draws=draws, rng=rng),
-                between_means=_between_means(sample.values, ref.values),
-                halves=wasserstein(one.values, two.values),
-                by_chance=chance(sample, ref, draws=draws, rng=rng),
-                gain=None if first is None else gain(first, sample, ref, draws=draws, rng=rng),
-                quantiles=_quantiles(sample.values),
-                reference_quantiles=_quantiles(ref.values),
+                distance=compute_distance(sample, ref, draws=draws, rng=rng),
+                between_means=_compute_mean_difference(sample.values, ref.values),
+                halves=compute_wasserstein(one.values, two.values),
+                by_chance=compute_chance(sample, ref, draws=draws, rng=rng),
+                gain=None if first is None
+                else compute_gain(first, sample, ref, draws=draws, rng=rng),
+                quantiles=_compute_quantiles(sample.values),
+                reference_quantiles=_compute_quantiles(ref.values),
             )  # fmt: skip
             first = sample if first is None else first
 
 
-def _between_means(values: FloatArray, reference: FloatArray) -> float | None:
+def _compute_mean_difference(values: FloatArray, reference: FloatArray) -> float | None:
     if not len(values) or not len(reference):
         return None
     return abs(float(values.mean() - reference.mean()))
 
 
-def _quantiles(values: FloatArray) -> tuple[float, ...] | None:
+def _compute_quantiles(values: FloatArray) -> tuple[float, ...] | None:
     if len(values) == 0:
         return None
     return tuple(round(float(q), 4) for q in np.quantile(values, _QUANTILES))
 
 
-def _table(topic: str, reference: str, rows: Sequence[Row]) -> str:
-    cells = [_cells(row) for row in rows if (row.topic, row.reference) == (topic, reference)]
+def _format_topic(topic: str, reference: str, rows: Sequence[Comparison]) -> str:
+    cells = [_format_cells(row) for row in rows if (row.topic, row.reference) == (topic, reference)]
     return f"### {topic}, against {reference}\n\n{format_table(_HEAD, cells)}"
 
 
@@ -146,7 +147,7 @@ _HEAD = (
 )  # fmt: skip
 
 
-def _cells(row: Row) -> list[str]:
+def _format_cells(row: Comparison) -> list[str]:
     d = row.distance
     return [
         row.type,

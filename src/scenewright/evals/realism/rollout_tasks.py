@@ -1,4 +1,4 @@
-"""Scenes to roll out: what is told of everybody's track, and where the goals come from."""
+"""Scenes to roll out: the given part of each track, and the goals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenewright.evals.realism.prior_goals import Way, WayOf, abreast, driven
+from scenewright.evals.realism.prior_goals import (
+    FindRoutePrior,
+    RoutePrior,
+    find_abreast,
+    sample_continuations,
+)
 from scenewright.scene.base import FloatArray
 from scenewright.scene.track import STEP
 from scenewright.tools.track_io import Recording, RecordingWindow, cut_windows
@@ -26,71 +31,75 @@ class Task(NamedTuple):
     """One scene to roll out.
 
     Attributes:
-        xy: [N, T, 2] true positions [m], NaN where not there; given: [N, T] which are told.
+        xy: [N, T, 2] true positions [m], NaN where not there; given: [N, T] the positions given.
         goals: [N, T, 2] places to be in at that step [m]; NaN for none.
         kinds: [N] classes.
-        ways: [N] what else is known of who is rolled out; empty if nothing is.
+        ways: [N] the route and prior of agents to roll out; empty if unknown.
     """
 
     xy: FloatArray
     given: BoolArray
     goals: FloatArray
     kinds: tuple[str, ...]
-    ways: tuple[Way | None, ...] = ()
+    ways: tuple[RoutePrior | None, ...] = ()
 
     @property
     def there(self) -> BoolArray:
-        """[N, T] who is there when."""
+        """[N, T] whether an agent is present at a step."""
         return np.asarray(np.isfinite(self.xy).all(-1))
 
     @property
     def sought(self) -> BoolArray:
-        """[N, T] where who is rolled out is to be found."""
+        """[N, T] the steps at which an agent's position is to be found."""
         return self.there & ~self.given
 
     @property
     def asked(self) -> IntArray:
-        """Who is rolled out."""
+        """Indices of the agents that are rolled out."""
         return np.flatnonzero(self.sought.any(axis=1))
 
 
-def tasks(
-    recordings: Sequence[Recording], *, before_end: int, most: int, way_of: WayOf | None = None
+def build_tasks(
+    recordings: Sequence[Recording],
+    *,
+    before_end: int,
+    most: int,
+    way_of: FindRoutePrior | None = None,
 ) -> Iterator[Task]:
-    """Scenes end to end, evenly chosen if there are more than `most`; goals on the true ways.
+    """Build tasks from scenes end to end, evenly chosen if above `most`; goals on the true tracks.
 
     Args:
         before_end: steps of 0.4 s from the last goal to the end.
-        way_of: then only who has a way is rolled out, and the ways are kept.
+        way_of: if given, only agents with a route prior are rolled out, and the priors are kept.
     """
     cuts = [
         (recording, window)
-        for recording in map(_in_whole_scenes, recordings)
+        for recording in map(_extend_to_whole_scenes, recordings)
         for window in cut_windows(recording, steps=COLUMNS, stride=4 * COLUMNS, least_whole=0)
     ]
     chosen = np.unique(np.linspace(0, len(cuts) - 1, min(most, len(cuts))).astype(int))
     for recording, window in (cuts[k] for k in chosen):
-        task = _task(recording, window, before_end, way_of)
+        task = _build_task(recording, window, before_end, way_of)
         if len(task.asked):
             yield task
 
 
-def _in_whole_scenes(recording: Recording) -> Recording:
-    """The recording, its last scene as long as any: nobody is there in what is added."""
+def _extend_to_whole_scenes(recording: Recording) -> Recording:
+    """Extend a recording so that its last scene has full length; the added part is empty."""
     scene = COLUMNS * TRAJNET_EVERY * STEP
     scenes = math.ceil((recording.end - recording.begin) / scene - 1e-6)
     return replace(recording, end=recording.begin + max(scenes, 1) * scene)
 
 
-def _task(
-    recording: Recording, window: RecordingWindow, before_end: int, way_of: WayOf | None
+def _build_task(
+    recording: Recording, window: RecordingWindow, before_end: int, way_of: FindRoutePrior | None
 ) -> Task:
     members = [recording.agents[k] for k in window.members]
     kept = [k for k, agent in enumerate(members) if agent.subtype != "bicycle"]
     there = window.present[kept]
     xy = np.where(there[..., None], window.xy[kept], np.nan)
-    marks = [_told(row, before_end) for row in there]
-    ways: list[Way | None] = []
+    marks = [_split_given(row, before_end) for row in there]
+    ways: list[RoutePrior | None] = []
     if way_of is not None:
         ways = [way_of(recording, members[k]) if marks[n][1].any() else None
                 for n, k in enumerate(kept)]  # fmt: skip
@@ -102,8 +111,8 @@ def _task(
     return Task(xy, given, np.where(goals[..., None], xy, np.nan), kinds, tuple(ways))
 
 
-def _told(present: BoolArray, before_end: int) -> tuple[BoolArray, BoolArray]:
-    """[T] what is given of a track, and its goals; a track that is too short is given whole."""
+def _split_given(present: BoolArray, before_end: int) -> tuple[BoolArray, BoolArray]:
+    """Return the [T] masks of the given part and of the goals; a short track is given whole."""
     given, goals = present.copy(), np.zeros_like(present)
     first, count = int(np.argmax(present)), int(present.sum())
     last_goal = first + count - 1 - before_end
@@ -114,17 +123,19 @@ def _told(present: BoolArray, before_end: int) -> tuple[BoolArray, BoolArray]:
     return given, goals
 
 
-def on_the_priors_way(task: Task) -> Task:
-    """The same task, its goals due at the same times where the prior's way is abreast of them."""
+def move_goals_to_prior(task: Task) -> Task:
+    """Move the goals to the nearest points of the prior's path, due at the same times."""
     goals = task.goals.copy()
     for n in task.asked:
         at = np.flatnonzero(np.isfinite(goals[n, :, 0]))
-        goals[n, at] = abreast(_way(task, n), task.xy[n, task.given[n]], goals[n, at])
+        goals[n, at] = find_abreast(
+            _get_route_prior(task, n), task.xy[n, task.given[n]], goals[n, at]
+        )
     return task._replace(goals=goals)
 
 
-def as_the_prior_goes(task: Task, *, size: int, rng: np.random.Generator) -> Iterator[Task]:
-    """Draws of the same task: where the prior is every `SPACING` steps, and at the last.
+def sample_prior_goals(task: Task, *, size: int, rng: np.random.Generator) -> Iterator[Task]:
+    """Sample goals from the prior: its place every `SPACING` steps, and at the last.
 
     That is at the end of the track, or before the prior has left the map.
     """
@@ -132,7 +143,9 @@ def as_the_prior_goes(task: Task, *, size: int, rng: np.random.Generator) -> Ite
     for n in task.asked:
         steps = int(task.sought[n].sum())
         seen = task.xy[n, task.given[n]]
-        drawn[n] = driven(_way(task, n), seen, steps=steps, size=size, rng=rng)
+        drawn[n] = sample_continuations(
+            _get_route_prior(task, n), seen, steps=steps, size=size, rng=rng
+        )
     for k in range(size):
         goals = np.full_like(task.goals, np.nan)
         for n, places in drawn.items():
@@ -143,8 +156,8 @@ def as_the_prior_goes(task: Task, *, size: int, rng: np.random.Generator) -> Ite
         yield task._replace(goals=goals)
 
 
-def _way(task: Task, n: int) -> Way:
+def _get_route_prior(task: Task, n: int) -> RoutePrior:
     way = task.ways[n]
     if way is None:
-        raise ValueError("who is rolled out with the prior's goals has a way")
+        raise ValueError("an agent rolled out with the prior's goals needs a route prior")
     return way

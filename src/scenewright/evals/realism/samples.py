@@ -1,4 +1,4 @@
-"""What is compared: values of every measure from scenes and from recordings, in clusters."""
+"""Values of every compared measure from scenes and from recordings, in clusters."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenewright.evals.realism.distances import Sample
-from scenewright.evals.realism.scenes import Played
-from scenewright.evals.realism.stops import MEASURES, STANDING, Stop
+from scenewright.evals.realism.scenes import SceneTracks
+from scenewright.evals.realism.stops import MEASURES, STANDING, ObservedStop
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.track import Shape, Track
@@ -34,21 +34,21 @@ UNITS: Mapping[str, str] = {
 }
 MOTION = ("speed", "speed, standing too", "acceleration", "jerk", "spread of speed")
 UNIMPEDED = {"vehicle": 3.0, "pedestrian": 0.5}
-"""Who is never slower than this [m/s] is held up by nobody."""
+"""An agent that is never slower than this [m/s] counts as unimpeded."""
 _GOING = {"vehicle": 1.0, "pedestrian": 0.5}
-"""Who is faster than this [m/s] does not just shift about."""
-Doing = Literal[
+"""An agent faster than this [m/s] is under way and does not just shift about."""
+MotionKind = Literal[
     "is never slow", "slows down", "comes to stand", "sets off", "stops and sets off", "stands"
 ]
 LONG_ENOUGH = 30
 """Samples that a spread of speed needs."""
 STEADY = 0.05
-"""Below this an acceleration is none [m/s^2]: nobody drives or walks that evenly for long."""
+"""Below this an acceleration is none [m/s^2]: real agents do not move that evenly for long."""
 
 
 @dataclass(frozen=True)
-class Sieve:
-    """Which samples of motion count.
+class MotionFilter:
+    """The samples of motion that count.
 
     Attributes:
         type: of the agents; within: half the side of the square around the middle of the map in
@@ -60,11 +60,11 @@ class Sieve:
     type: AgentClass
     within: float | None = None
     smoothing: float = 0.0
-    doing: Doing | None = None
+    doing: MotionKind | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredSamples:
     """Every measure of one source.
 
     Attributes:
@@ -74,17 +74,17 @@ class Measured:
     samples: Mapping[str, Sample]
     side: NDArray[np.bool_]
 
-    def halves(self, measure: str) -> tuple[Sample, Sample]:
-        """The two halves of the source."""
+    def split_halves(self, measure: str) -> tuple[Sample, Sample]:
+        """Return the samples of the two halves of the source."""
         sample, number = self.samples[measure], np.arange(len(self.side))
-        return sample.only(number[self.side]), sample.only(number[~self.side])
+        return sample.select(number[self.side]), sample.select(number[~self.side])
 
 
 Agents = Sequence[tuple[Track, Shape]]
 
 
-def of_scenes(scenes: Sequence[Played], *, part: Part = "all") -> list[Agents]:
-    """Each scene's agents, or those of its foreground or background."""
+def list_scene_agents(scenes: Sequence[SceneTracks], *, part: Part = "all") -> list[Agents]:
+    """List each scene's agents, or those of its foreground or background."""
     return [
         [
             (user.track, user.shape)
@@ -95,8 +95,8 @@ def of_scenes(scenes: Sequence[Played], *, part: Part = "all") -> list[Agents]:
     ]
 
 
-def of_recordings(recordings: Iterable[Recording]) -> list[Agents]:
-    """Each agent of real tracks as a cluster of its own, bicycles left out."""
+def list_recorded_agents(recordings: Iterable[Recording]) -> list[Agents]:
+    """List each agent of real tracks as a cluster of its own, without bicycles."""
     return [
         [(agent.track, agent.shape)]
         for recording in recordings
@@ -105,8 +105,10 @@ def of_recordings(recordings: Iterable[Recording]) -> list[Agents]:
     ]
 
 
-def motion(clusters: Sequence[Agents], sieve: Sieve, *, side: Sequence[bool]) -> Measured:
-    """Speed, acceleration and jerk of all agents of a class.
+def measure_motion(
+    clusters: Sequence[Agents], sieve: MotionFilter, *, side: Sequence[bool]
+) -> MeasuredSamples:
+    """Measure speed, acceleration and jerk of all agents of a class.
 
     Speeds of standing agents (0.3 m/s or less) count in `speed, standing too` alone: how long
     people stand is a matter of lights, and their accelerations are all 0. `spread of speed` is the
@@ -114,22 +116,22 @@ def motion(clusters: Sequence[Agents], sieve: Sieve, *, side: Sequence[bool]) ->
     """
     parts: dict[str, list[FloatArray]] = {name: [] for name in MOTION}
     for agents in clusters:
-        values = [_motion(t, sieve) for t, shape in agents if shape.type == sieve.type]
+        values = [_measure_agent(t, sieve) for t, shape in agents if shape.type == sieve.type]
         for k, name in enumerate(MOTION):
             parts[name].append(np.concatenate([np.zeros(0), *(each[k] for each in values)]))
-    samples = {name: Sample.of(each) for name, each in parts.items()}
-    return Measured(samples, np.asarray(side, dtype=np.bool_))
+    samples = {name: Sample.join_parts(each) for name, each in parts.items()}
+    return MeasuredSamples(samples, np.asarray(side, dtype=np.bool_))
 
 
-def _motion(track: Track, sieve: Sieve) -> tuple[FloatArray, ...]:
-    """The values of one agent, in the order of MOTION."""
+def _measure_agent(track: Track, sieve: MotionFilter) -> tuple[FloatArray, ...]:
+    """Measure the values of one agent, in the order of MOTION."""
     done = compute_kinematics(track.xy, smoothing=sieve.smoothing)
     least = float(done.speed.min(initial=np.inf))
     here = np.ones(len(done), dtype=np.bool_)
     if sieve.within is not None:
         place = track.xy[done.first : done.first + len(done)]
         here = np.abs(place).max(axis=1, initial=0.0) <= sieve.within
-    if sieve.doing is not None and doing(done.speed[here], sieve.type) != sieve.doing:
+    if sieve.doing is not None and classify_motion(done.speed[here], sieve.type) != sieve.doing:
         return tuple(np.zeros(0) for _ in MOTION)
     moving = here & (done.speed > STANDING)
     free = least > UNIMPEDED[sieve.type] and int(here.sum()) >= LONG_ENOUGH
@@ -139,8 +141,8 @@ def _motion(track: Track, sieve: Sieve) -> tuple[FloatArray, ...]:
     )  # fmt: skip
 
 
-def doing(speed: FloatArray, kind: AgentClass) -> Doing:
-    """What an agent does while it is seen, by its speed [T] [m/s]."""
+def classify_motion(speed: FloatArray, kind: AgentClass) -> MotionKind:
+    """Classify what an agent does while it is seen, by its speed [T] [m/s]."""
     if speed.min(initial=np.inf) > UNIMPEDED[kind]:
         return "is never slow"
     standing = np.flatnonzero(speed <= STANDING)
@@ -154,32 +156,32 @@ def doing(speed: FloatArray, kind: AgentClass) -> Doing:
     return "sets off" if goes else "stands"
 
 
-def moving_shares(
-    clusters: Sequence[Agents], sieve: Sieve = Sieve("vehicle")
-) -> dict[Doing, float | None]:
-    """Shares of moving samples of vehicles by what these do; None where none moves."""
-    counts: dict[Doing, int] = {
-        each: len(motion(clusters, replace(sieve, doing=each), side=()).samples["speed"])
-        for each in get_args(Doing)
+def compute_moving_shares(
+    clusters: Sequence[Agents], sieve: MotionFilter = MotionFilter("vehicle")
+) -> dict[MotionKind, float | None]:
+    """Compute the shares of moving vehicle samples by kind of motion; None where none moves."""
+    counts: dict[MotionKind, int] = {
+        each: len(measure_motion(clusters, replace(sieve, doing=each), side=()).samples["speed"])
+        for each in get_args(MotionKind)
     }
     every = sum(counts.values())
     return {each: count / every if every else None for each, count in counts.items()}
 
 
-def in_shares(
+def sample_in_shares(
     clusters: Sequence[Agents],
-    shares: Mapping[Doing, float],
-    sieve: Sieve,
+    shares: Mapping[MotionKind, float],
+    sieve: MotionFilter,
     *,
     side: Sequence[bool],
     rng: np.random.Generator,
-) -> Measured:
-    """Acceleration and jerk of vehicles, as many of each kind as make these shares.
+) -> MeasuredSamples:
+    """Sample acceleration and jerk of vehicles so that the kinds of motion have these shares.
 
-    What people meet with decides how often they stop; this compares how they move, whatever that
-    is. Samples of who is seen too often are left out at random; who is never seen counts nowhere.
+    How often vehicles stop depends on what they meet; this compares how they move apart from that.
+    Samples of kinds that are too frequent are dropped at random, kinds without any left out.
     """
-    kinds = [motion(clusters, replace(sieve, doing=each), side=side) for each in shares]
+    kinds = [measure_motion(clusters, replace(sieve, doing=each), side=side) for each in shares]
     sizes = [len(each.samples["acceleration"]) for each in kinds]
     seen = [(n, share) for n, share in zip(sizes, shares.values(), strict=True) if n and share]
     most = min((n / share for n, share in seen), default=0.0)
@@ -188,13 +190,14 @@ def in_shares(
         for n, share in zip(sizes, shares.values(), strict=True)
     ]
     samples = {
-        name: _joined([m.samples[name] for m in kinds], kept) for name in ("acceleration", "jerk")
+        name: _select_values([m.samples[name] for m in kinds], kept)
+        for name in ("acceleration", "jerk")
     }
-    return Measured(samples, np.asarray(side, dtype=np.bool_))
+    return MeasuredSamples(samples, np.asarray(side, dtype=np.bool_))
 
 
-def _joined(samples: Sequence[Sample], kept: Sequence[NDArray[np.int64]]) -> Sample:
-    """Some values of samples of the same clusters."""
+def _select_values(samples: Sequence[Sample], kept: Sequence[NDArray[np.int64]]) -> Sample:
+    """Select some values of samples of the same clusters."""
     parts = list(zip(samples, kept, strict=True))
     return Sample(
         np.concatenate([each.values[k] for each, k in parts]),
@@ -203,23 +206,24 @@ def _joined(samples: Sequence[Sample], kept: Sequence[NDArray[np.int64]]) -> Sam
     )
 
 
-def steady(clusters: Sequence[Agents], sieve: Sieve) -> float | None:
-    """Share of moving samples without any acceleration; None where nobody moves."""
-    sample = motion(clusters, sieve, side=()).samples["acceleration"].values
+def compute_steady_share(clusters: Sequence[Agents], sieve: MotionFilter) -> float | None:
+    """Compute the share of moving samples without acceleration; None where no agent moves."""
+    sample = measure_motion(clusters, sieve, side=()).samples["acceleration"].values
     return float((np.abs(sample) < STEADY).mean()) if len(sample) else None
 
 
-def stopping(
-    scenes: Sequence[Sequence[Stop]], kind: AgentClass, *, side: Sequence[bool]
-) -> Measured:
-    """Every measure of the stops of a class; a scene is a cluster."""
+def measure_stops(
+    scenes: Sequence[Sequence[ObservedStop]], kind: AgentClass, *, side: Sequence[bool]
+) -> MeasuredSamples:
+    """Measure the stops of a class; a scene is a cluster."""
     samples = {
-        name: Sample.of(list(_values(stops, kind, name)) for stops in scenes) for name in MEASURES
+        name: Sample.join_parts(list(_list_values(stops, kind, name)) for stops in scenes)
+        for name in MEASURES
     }
-    return Measured(samples, np.asarray(side, dtype=np.bool_))
+    return MeasuredSamples(samples, np.asarray(side, dtype=np.bool_))
 
 
-def _values(stops: Iterable[Stop], kind: AgentClass, name: str) -> Iterator[float]:
+def _list_values(stops: Iterable[ObservedStop], kind: AgentClass, name: str) -> Iterator[float]:
     for stop in stops:
         value = getattr(stop, name)
         if stop.type == kind and value is not None:

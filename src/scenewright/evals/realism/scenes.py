@@ -1,8 +1,7 @@
 """Scenes of any origin in one form: generated ones, and scenes of equal length cut from a corpus.
 
-A generated scene lasts up to 30 s and its agents may begin and end inside the map. What it is
-compared with has to be cut the same way, or long waits would look rare for no other reason than
-that the scene was over.
+A generated scene lasts up to 30 s and its agents may begin and end inside the map. The corpus is
+cut the same way; else long waits would look rare in scenes only because they end.
 """
 
 from __future__ import annotations
@@ -45,13 +44,13 @@ OTHERS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
-    """Who moved how in one scene.
+class SceneTracks:
+    """The motion of all agents in one scene.
 
     Attributes:
-        users: everybody, in time of the scene; signals: its lights.
+        users: all agents, in time of the scene; signals: its lights.
         asked: pairs of ids that a relation binds, `from` first.
-        foreground: ids of those the request speaks of; nobody in a scene that was cut.
+        foreground: ids of the agents that the request names; empty in a scene cut from a corpus.
     """
 
     users: tuple[RoadUser, ...]
@@ -60,9 +59,9 @@ class Played:
     foreground: frozenset[int] = frozenset()
 
 
-def played(scene: SceneRecord) -> Played:
-    """A scene of ours."""
-    return Played(
+def convert_scene(scene: SceneRecord) -> SceneTracks:
+    """Convert a generated scene."""
+    return SceneTracks(
         read_users(scene),
         scene.signals,
         tuple((relation.from_, relation.to) for relation in scene.relations),
@@ -70,8 +69,8 @@ def played(scene: SceneRecord) -> Played:
     )
 
 
-def requests(count: int) -> Iterator[tuple[str, int]]:
-    """Instructions and seeds, two in three for yields, spread over relations and times of day."""
+def list_requests(count: int) -> Iterator[tuple[str, int]]:
+    """List instructions and seeds, two in three for yields, over relations and times of day."""
     for n in range(count):
         family, k = (OTHERS, n // 3) if n % 3 == 2 else (YIELDS, n - n // 3 - (n % 3 == 2))
         yield family[k % len(family)].format(time=TIMES[n % len(TIMES)]), n
@@ -80,7 +79,7 @@ def requests(count: int) -> Iterator[tuple[str, int]]:
 def make_scenes(
     folder: Path, count: int, *, intersection: str, refiner: str = "none"
 ) -> dict[str, int]:
-    """Makes `count` scenes into a folder, one folder each, and counts what became of them.
+    """Make `count` scenes into a folder, one folder each, and count the outcomes.
 
     A request that cannot be met leaves no scene; the next ones are the same with any refiner.
 
@@ -88,7 +87,7 @@ def make_scenes(
         InputError: an argument that cannot be used.
     """
     counts = {"made": 0, "unsatisfiable": 0}
-    for text, seed in requests(count):
+    for text, seed in list_requests(count):
         try:
             made = synthesize(text, intersection=intersection, seed=seed, refiner=refiner)
         except Unsatisfiable:
@@ -99,8 +98,8 @@ def make_scenes(
     return counts
 
 
-def read_scenes(folder: Path) -> list[Played]:
-    """The scenes below a folder, in order of their names.
+def read_scenes(folder: Path) -> list[SceneTracks]:
+    """Read the scenes below a folder, in order of their names.
 
     Raises:
         InputError: there are none, or one cannot be read.
@@ -108,25 +107,27 @@ def read_scenes(folder: Path) -> list[Played]:
     files = sorted(folder.rglob("scene.json"))
     if not files:
         raise InputError(f"there is no scene.json below {folder}")
-    return [played(load_scene(file)) for file in files]
+    return [convert_scene(load_scene(file)) for file in files]
 
 
 def cut_scenes(
     recordings: Iterable[Recording], *, intersection_map: IntersectionMap, length: float = LENGTH
-) -> Iterator[tuple[str, Played]]:
-    """Scenes of equal length, end to end, each with the name of its recording."""
+) -> Iterator[tuple[str, SceneTracks]]:
+    """Cut scenes of equal length, end to end, each with the name of its recording."""
     steps = round(length / STEP) + 1
     for recording in recordings:
         for window in cut_windows(recording, steps=steps, every=1, stride=steps - 1, least_whole=0):
-            yield recording.name, _played(window, recording, intersection_map)
+            yield recording.name, _convert_window(window, recording, intersection_map)
 
 
-def _played(
+def _convert_window(
     window: RecordingWindow, recording: Recording, intersection_map: IntersectionMap
-) -> Played:
+) -> SceneTracks:
     users = (
         RoadUser(number, track, recording.agents[member].shape)
-        for number, (member, track) in enumerate(zip(window.members, _tracks(window), strict=True))
+        for number, (member, track) in enumerate(
+            zip(window.members, _cut_tracks(window), strict=True)
+        )
     )
     signals: Sequence[SignalRecord] = ()
     if intersection_map.signals is not None and recording.signal_time is not None:
@@ -137,11 +138,11 @@ def _played(
             intersection_map=intersection_map,
             until=until,
         )
-    return Played(tuple(user for user in users if len(user.track.xy) > 1), tuple(signals))
+    return SceneTracks(tuple(user for user in users if len(user.track.xy) > 1), tuple(signals))
 
 
-def _tracks(window: RecordingWindow) -> Iterator[Track]:
-    """Each agent's track in time of the window; recorded tracks have no gaps."""
+def _cut_tracks(window: RecordingWindow) -> Iterator[Track]:
+    """Cut each agent's track to the time of the window; recorded tracks have no gaps."""
     for xy, heading, present in zip(window.xy, window.heading, window.present, strict=True):
         first = int(np.argmax(present))
         yield Track(xy[present], heading[present], round(first * window.step, 1))

@@ -1,8 +1,8 @@
-"""What the judge looks at: scenes of ours and recordings of any origin, in stretches of 30 s.
+"""Data sets to compare: generated scenes and recordings of any origin, in stretches of 30 s.
 
 A source is a folder of scenes (a batch's output, too), a corpus (`intersections corpus`), or tracks
-in any form that `intersections fit` reads. All are cut alike, so that nobody can be told apart by
-how long they were looked at.
+in any form that `intersections fit` reads. All are cut alike, so that the length
+of a track does not separate them.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ MOST_STRETCHES = 240
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """Who moved how in one scene, or in up to 30 s of a recording.
+    """The motion of all agents in one scene, or in up to 30 s of a recording.
 
     Attributes:
-        users: everybody; foreground: ids of those a request speaks of.
-        groups: by id, who belongs together when data are split: the scene, or for a recording all
-            agents that came into it at about the same time.
-        events: what the scene says happened; None where nobody said.
+        users: all agents; foreground: ids of the agents that a request names.
+        groups: by id, the group that is kept together when data are split: the scene, or for a
+            recording the agents that came into it at about the same time.
+        events: the scene's annotated events; None where there are no annotations.
         place: the intersection; None where it is none of ours. hour: of the day, if a scene's
             number of people was left to the hour; else None.
     """
@@ -65,7 +65,7 @@ class Source:
 
 
 def read_source(text: str, *, place: str | None = None, scale: float | None = None) -> Source:
-    """The data set that NAME=PATH names, or PATH, whose last part is then its name.
+    """Read the data set at NAME=PATH, or at PATH, whose last part is then its name.
 
     Args:
         place: the intersection of a corpus or recording, whose frame its positions are in.
@@ -80,10 +80,10 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
     if path.is_dir() and next(path.rglob("scene.json"), None) is not None:
         return Source(name, tuple(read_scenes(path)))
     if path.suffix == ".npz":
-        return Source(name, tuple(_of_corpus(path, place)))
+        return Source(name, tuple(_cut_corpus(path, place)))
     pixels = path.suffix == ".txt" or (path.is_dir() and any(path.rglob("DJI_*.txt")))
     files = read_track_files([path], scale=scale if pixels else None)
-    stretches = [each for file in files for each in _cut(_of_file(file), place)]
+    stretches = [each for file in files for each in _cut(_read_file_users(file), place)]
     removed = sum((file.removed for file in files[1:]), start=files[0].removed)
     if not stretches:
         raise InputError(f"{path} holds no tracks that can be believed")
@@ -91,13 +91,13 @@ def read_source(text: str, *, place: str | None = None, scale: float | None = No
 
 
 def read_scenes(folder: Path) -> Iterator[Stretch]:
-    """Every scene below a folder, in order of their names."""
+    """Read every scene below a folder, in order of their names."""
     for file in sorted(folder.rglob("scene.json")):
-        yield of_scene(load_scene(file), str(file.parent.relative_to(folder)))
+        yield convert_scene(load_scene(file), str(file.parent.relative_to(folder)))
 
 
-def of_scene(scene: SceneRecord, name: str) -> Stretch:
-    """A scene of ours."""
+def convert_scene(scene: SceneRecord, name: str) -> Stretch:
+    """Convert a generated scene."""
     users = tuple(user for user in read_users(scene) if len(user.track.xy) > 1)
     counted = scene.meta.density is None and scene.meta.duration >= LENGTH - STEP
     return Stretch(
@@ -111,19 +111,19 @@ def of_scene(scene: SceneRecord, name: str) -> Stretch:
     )
 
 
-def _of_corpus(file: Path, place: str | None) -> list[Stretch]:
+def _cut_corpus(file: Path, place: str | None) -> list[Stretch]:
     recordings = load_recordings(file, split="test")
     if not recordings:
         raise InputError(f"{file} holds no test hours")
     every = [
         each
         for recording in recordings
-        for each in _cut((recording.name, _users_of(recording)), place)
+        for each in _cut((recording.name, _list_users(recording)), place)
     ]
     return every[:: max(len(every) // MOST_STRETCHES, 1)][:MOST_STRETCHES]
 
 
-def _users_of(recording: Recording) -> list[RoadUser]:
+def _list_users(recording: Recording) -> list[RoadUser]:
     return [
         RoadUser(k, agent.track, agent.shape)
         for k, agent in enumerate(recording.agents)
@@ -131,19 +131,21 @@ def _users_of(recording: Recording) -> list[RoadUser]:
     ]
 
 
-def _of_file(file: FileTracks) -> tuple[str, list[RoadUser]]:
+def _read_file_users(file: FileTracks) -> tuple[str, list[RoadUser]]:
     shown = [(subtype, track) for subtype, track in file.tracks]
-    return file.name, [RoadUser(k, track, _shape(word)) for k, (word, track) in enumerate(shown)]
+    return file.name, [
+        RoadUser(k, track, _find_shape(word)) for k, (word, track) in enumerate(shown)
+    ]
 
 
-def _shape(subtype: str) -> Shape:
+def _find_shape(subtype: str) -> Shape:
     if subtype == "pedestrian":
         return PEDESTRIAN
     return rider_shape("cyclist") if subtype == "bicycle" else vehicle_shape(subtype)
 
 
 def _cut(recording: tuple[str, Iterable[RoadUser]], place: str | None) -> Iterator[Stretch]:
-    """A recording in stretches of 30 s, end to end; the last may be shorter."""
+    """Cut a recording into stretches of 30 s, end to end; the last may be shorter."""
     name, users = recording[0], list(recording[1])
     begin = min((user.track.start for user in users), default=0.0)
     end = max((user.track.end for user in users), default=0.0)
@@ -157,7 +159,7 @@ def _cut(recording: tuple[str, Iterable[RoadUser]], place: str | None) -> Iterat
 
 
 def clip(track: Track, begin: float, end: float) -> Track | None:
-    """The part of a track from `begin` to before `end` [s], in time since `begin`."""
+    """Cut a track from `begin` to before `end` [s], in time since `begin`."""
     times = track.times
     kept = np.flatnonzero((times >= begin - 1e-6) & (times < end - 1e-6))
     if len(kept) * track.step < _SHORTEST:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from scenewright.evals.realism.scenes import Played
+from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.events import Event
 from scenewright.scene.map import IntersectionMap
@@ -22,13 +22,13 @@ from scenewright.tools.relation_checker import Trajectory, observe
 STANDING = 0.3
 SHORTEST = 0.5
 MOVED = {"vehicle": 2.0, "pedestrian": 0.5}
-"""Who never was faster than this before did not stop [m/s] (SEMANTICS section 4, clause 2)."""
+"""An agent that never was faster than this before did not stop [m/s] (SEMANTICS section 4)."""
 RAMP = 6.0
-"""How long before and after a standstill braking and starting are looked at [s]."""
+"""Time before and after a standstill in which braking and starting are measured [s]."""
 BEGUN = 0.95
 """Braking began when this share of the largest speed was last driven."""
 WAY_AHEAD, OVER_IT, MOVES_ON = 18.0, 1.0, 1.0
-"""Who moves by more than 1 m and comes within 1 m of the next 18 m of a way passes there."""
+"""An agent passes if it moves more than 1 m and comes within 1 m of the next 18 m of the path."""
 LINE_REACH = 12.0
 """A stop further than this before a stop line is no stop at it [m]."""
 INWARDS = 0.7
@@ -36,17 +36,18 @@ INWARDS = 0.7
 
 
 @dataclass(frozen=True)
-class Stop:
+class ObservedStop:
     """One stop; what could not be measured is None.
 
     Attributes:
-        type: of who stopped; yields: whether it gave way; asked: whether a relation asked for it.
-        to: class of who was let pass; alone: nobody else passed ahead of it while it stood, and it
-            gave way to nobody else.
+        type: class of the stopping agent; yields: whether it gave way; asked: whether a relation
+            asked for it.
+        to: class of the agent let pass; alone: no other passed ahead of it while it stood, and it
+            gave way to no other.
         duration: of the standstill [s]; None where the scene began or ended in it.
-        gap: of who gives way: from its front to what it stops for [m]: the stop line ahead or,
-            along its own path, the conflict zone, whichever is nearer. None where it gave way to
-            nobody, where it stands behind another vehicle (or walker), and where it has no line
+        gap: of a giver: from its front to what it stops for [m]: the stop line ahead or,
+            along its own path, the conflict zone, whichever is nearer. None where it did not
+            give way, where it stands behind another vehicle (or walker), and where it has no line
             ahead and never entered.
         line_gap: from its front bumper to the stop line ahead [m]; None where there is none near.
         braking: hardest in the 6 s before [m/s^2]; mean_braking: since its
@@ -68,22 +69,22 @@ class Stop:
     mean_starting: float | None = None
 
 
-MEASURES = tuple(each.name for each in fields(Stop))[5:]
+MEASURES = tuple(each.name for each in fields(ObservedStop))[5:]
 """The measured fields of a stop, in order."""
 
 
 @dataclass(frozen=True)
-class Yields:
+class YieldCounts:
     """The yields of one scene: how many there are, in how many the giver came to stand."""
 
     seen: int
     stood: int
 
 
-def yield_stops(
-    scene: Played, *, intersection_map: IntersectionMap
-) -> tuple[tuple[Stop, ...], Yields]:
-    """The stops of everybody who gives way in a scene, one for each giver."""
+def find_yield_stops(
+    scene: SceneTracks, *, intersection_map: IntersectionMap
+) -> tuple[tuple[ObservedStop, ...], YieldCounts]:
+    """Find the stops of agents that give way in a scene, one for each giver."""
     found = observe(
         scene.users,
         intersection_map=intersection_map,
@@ -92,20 +93,20 @@ def yield_stops(
         detailed=(),
     )
     movers = {mover.id: mover for mover in found.tracks}
-    stops: dict[int, Stop] = {}
+    stops: dict[int, ObservedStop] = {}
     givers: dict[int, bool] = {}
     for event in found.events:
         if event.type != "yielding":
             continue
-        stop = given_way(movers[event.from_], event, scene, intersection_map, found.tracks)
+        stop = find_stop_of_yield(movers[event.from_], event, scene, intersection_map, found.tracks)
         givers[event.from_] = givers.get(event.from_, False) or stop is not None
         if stop is not None:
-            stops[event.from_] = _nearer(stops.get(event.from_), stop)
-    return tuple(stops.values()), Yields(len(givers), sum(givers.values()))
+            stops[event.from_] = _choose_nearer(stops.get(event.from_), stop)
+    return tuple(stops.values()), YieldCounts(len(givers), sum(givers.values()))
 
 
-def _nearer(known: Stop | None, other: Stop) -> Stop:
-    """Who gives way to several stops for the nearest of them; what was asked for stays asked."""
+def _choose_nearer(known: ObservedStop | None, other: ObservedStop) -> ObservedStop:
+    """Choose the nearer of two stops of one giver; it stays asked for if either was."""
     if known is None:
         return other
     gaps = [stop.gap for stop in (known, other) if stop.gap is not None]
@@ -114,41 +115,43 @@ def _nearer(known: Stop | None, other: Stop) -> Stop:
     return replace(kept, asked=asked, gap=min(gaps, default=None), alone=False)
 
 
-def given_way(
+def find_stop_of_yield(
     giver: Trajectory,
     event: Event,
-    scene: Played,
+    scene: SceneTracks,
     intersection_map: IntersectionMap,
-    everybody: Sequence[Trajectory],
-) -> Stop | None:
-    """The last standstill between the giver's slowing and its entering the zone, if it stood."""
+    users: Sequence[Trajectory],
+) -> ObservedStop | None:
+    """Find the last standstill between the giver's slowing and its entering the zone."""
     begin = float(event.evidence["begins_to_slow"])
     entered = event.evidence.get("entered")
     until = giver.end if entered is None else float(entered)
-    inside = [s for s in standstills(giver) if begin <= giver.times[s.start] <= until]
+    inside = [s for s in find_standstills(giver) if begin <= giver.times[s.start] <= until]
     if not inside:
         return None
     stand = inside[-1]
-    stop = _measured(giver, stand, intersection_map, yields=True)
+    stop = _measure_stop(giver, stand, intersection_map, yields=True)
     ahead = [] if stop.line_gap is None or stop.line_gap < 0 else [stop.line_gap]
     if entered is not None:
         zone = np.interp(float(entered), giver.times, giver.s) - giver.s[stand.stop - 1]
         ahead.append(max(float(zone), 0.0))
     asked = (event.from_, event.to) in scene.asked
     gap = min(ahead, default=None)
-    if gap is not None and _queues(giver, stand.stop - 1, gap, everybody):
+    if gap is not None and _is_queueing(giver, stand.stop - 1, gap, users):
         gap = None
-    to = next(each.type for each in everybody if each.id == event.to)
-    alone = not _others_pass(giver, stand, event.to, everybody)
+    to = next(each.type for each in users if each.id == event.to)
+    alone = not _has_others_passing(giver, stand, event.to, users)
     return replace(stop, asked=asked, gap=gap, to=to, alone=alone)
 
 
-def _others_pass(giver: Trajectory, stand: slice, to: int, everybody: Iterable[Trajectory]) -> bool:
-    """Whether anybody but `to` goes over the way ahead of a standing agent."""
+def _has_others_passing(
+    giver: Trajectory, stand: slice, to: int, users: Iterable[Trajectory]
+) -> bool:
+    """Return whether an agent other than `to` crosses the path ahead of a standing agent."""
     last = stand.stop - 1
     driven = giver.s - giver.s[last]
     way = giver.xy[(np.arange(len(driven)) > last) & (driven > 0.0) & (driven < WAY_AHEAD)][::3]
-    for other in everybody:
+    for other in users:
         first = max(float(giver.times[stand.start]), other.start)
         until = min(float(giver.times[last]), other.end)
         if other.id in (giver.id, to) or until <= first or not len(way):
@@ -162,10 +165,10 @@ def _others_pass(giver: Trajectory, stand: slice, to: int, everybody: Iterable[T
     return False
 
 
-def _queues(giver: Trajectory, k: int, gap: float, everybody: Iterable[Trajectory]) -> bool:
-    """Whether another of its class stands in its way before what it waits for."""
+def _is_queueing(giver: Trajectory, k: int, gap: float, users: Iterable[Trajectory]) -> bool:
+    """Return whether another of its class stands between it and what it waits for."""
     forward = np.array([np.cos(giver.heading[k]), np.sin(giver.heading[k])])
-    for other in everybody:
+    for other in users:
         time = giver.times[k]
         if other.id == giver.id or other.type != giver.type:
             continue
@@ -182,43 +185,43 @@ def _queues(giver: Trajectory, k: int, gap: float, everybody: Iterable[Trajector
     return False
 
 
-def all_stops(
+def find_all_stops(
     tracks: Iterable[Trajectory], *, intersection_map: IntersectionMap | None
-) -> Iterator[Stop]:
-    """Every stop of everybody, whatever its reason: what tracks without signals still show."""
+) -> Iterator[ObservedStop]:
+    """Find every stop of all agents, whatever its reason; needs no signals."""
     for mover in tracks:
-        for stand in standstills(mover):
+        for stand in find_standstills(mover):
             if stand.start and float(mover.speed[: stand.start].max()) >= MOVED[mover.type]:
-                yield _measured(mover, stand, intersection_map, yields=False)
+                yield _measure_stop(mover, stand, intersection_map, yields=False)
 
 
-def standstills(mover: Trajectory) -> list[slice]:
-    """Samples of each standstill of 0.5 s or longer."""
+def find_standstills(mover: Trajectory) -> list[slice]:
+    """Find the samples of each standstill of 0.5 s or longer."""
     still = mover.speed <= STANDING
     edges = np.flatnonzero(np.diff(still.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
     least = round(SHORTEST / STEP)
     return [slice(int(a), int(b)) for a, b in edges if b - a >= least]
 
 
-def _measured(
+def _measure_stop(
     mover: Trajectory,
     stand: slice,
     intersection_map: IntersectionMap | None,
     *,
     yields: bool,
-) -> Stop:
+) -> ObservedStop:
     whole = stand.start > 0 and stand.stop < len(mover)
     before = slice(max(stand.start - round(RAMP / STEP), 0), stand.start + 1)
     after = slice(stand.stop - 1, stand.stop + round(RAMP / STEP))
-    braking, mean_braking = _braking(mover, before)
-    starting, mean_starting = _starting(mover, after)
-    return Stop(
+    braking, mean_braking = _measure_braking(mover, before)
+    starting, mean_starting = _measure_starting(mover, after)
+    return ObservedStop(
         type=mover.type,
         yields=yields,
         duration=(stand.stop - stand.start) * STEP if whole else None,
         line_gap=None
         if intersection_map is None
-        else line_gap(mover, stand.start, intersection_map),
+        else measure_line_gap(mover, stand.start, intersection_map),
         braking=braking,
         mean_braking=mean_braking,
         starting=starting,
@@ -226,8 +229,8 @@ def _measured(
     )
 
 
-def _braking(mover: Trajectory, span: slice) -> tuple[float | None, float | None]:
-    """Hardest braking before a standstill, and the mean from the largest speed to its beginning."""
+def _measure_braking(mover: Trajectory, span: slice) -> tuple[float | None, float | None]:
+    """Measure the hardest braking before a standstill, and the mean from the largest speed on."""
     speed = mover.speed[span]
     top = int(np.flatnonzero(speed >= BEGUN * speed.max())[-1])
     taken = (len(speed) - 1 - top) * STEP
@@ -238,8 +241,8 @@ def _braking(mover: Trajectory, span: slice) -> tuple[float | None, float | None
     return float(-mover.acceleration[span].min()), float((speed[top] - speed[-1]) / taken)
 
 
-def _starting(mover: Trajectory, span: slice) -> tuple[float | None, float | None]:
-    """Strongest acceleration after a standstill, and the mean over its first 2 s."""
+def _measure_starting(mover: Trajectory, span: slice) -> tuple[float | None, float | None]:
+    """Measure the strongest acceleration after a standstill, and the mean over its first 2 s."""
     speed = mover.speed[span]
     first = round(2.0 / STEP)
     if len(speed) <= first + 3:
@@ -247,8 +250,8 @@ def _starting(mover: Trajectory, span: slice) -> tuple[float | None, float | Non
     return float(mover.acceleration[span][:-3].max()), float((speed[first] - speed[0]) / 2.0)
 
 
-def line_gap(mover: Trajectory, k: int, intersection_map: IntersectionMap) -> float | None:
-    """Distance from a vehicle's front to the stop line straight ahead of it [m].
+def measure_line_gap(mover: Trajectory, k: int, intersection_map: IntersectionMap) -> float | None:
+    """Measure the distance from a vehicle's front to the stop line straight ahead of it [m].
 
     None for pedestrians and where no line lies within 12 m ahead (or 1 m behind) of the front.
     """
@@ -258,7 +261,7 @@ def line_gap(mover: Trajectory, k: int, intersection_map: IntersectionMap) -> fl
     front = mover.xy[k] + heading * mover.half_length
     bearing = {leg.name: leg.bearing for leg in intersection_map.legs}
     gaps = [
-        _ahead(front, heading, np.array(line.line))
+        _compute_distance_ahead(front, heading, np.array(line.line))
         for line in intersection_map.stop_lines
         if np.cos(mover.heading[k] - bearing[line.leg]) < -INWARDS
     ]
@@ -266,8 +269,10 @@ def line_gap(mover: Trajectory, k: int, intersection_map: IntersectionMap) -> fl
     return min(near, default=None, key=abs)
 
 
-def _ahead(front: FloatArray, heading: FloatArray, line: FloatArray) -> float | None:
-    """How far ahead of a point a line from one end to the other is crossed; None if it is not."""
+def _compute_distance_ahead(
+    front: FloatArray, heading: FloatArray, line: FloatArray
+) -> float | None:
+    """Compute how far ahead of a point a line is crossed; None if it is not."""
     along = line[1] - line[0]
     across = float(heading[0] * along[1] - heading[1] * along[0])
     if abs(across) < INWARDS * float(np.hypot(*along)):

@@ -21,7 +21,7 @@ from scenewright.tools.relation_checker import RoadUser, find_events
 SHORT_HEADWAY = 2.0
 """Passing a place less than this after another [s] is following closely."""
 _PLACES = (0.25, 0.5, 0.75)
-"""Shares of a vehicle's way at which it is asked who passed before."""
+"""Shares of a vehicle's path at which its headway is measured."""
 _SAME_PLACE, _SAME_COURSE = 1.5, 0.5
 """Another passes a place within this distance [m], its course within this angle [rad]."""
 _LEAST_WAY = 10.0
@@ -41,7 +41,7 @@ _TURNS_AWAY = 0.3
 
 
 @dataclass(frozen=True)
-class Share:
+class MeanShare:
     """A mean of values with its interval.
 
     Attributes:
@@ -54,33 +54,41 @@ class Share:
     n: int
 
 
-def share_of(parts: Sequence[Sequence[float] | Sequence[bool]], *, seed: int = 0) -> Share:
-    """The mean of all values, one sequence for each stretch."""
+def compute_share(parts: Sequence[Sequence[float] | Sequence[bool]], *, seed: int = 0) -> MeanShare:
+    """Compute the mean of all values, one sequence for each stretch."""
     count = np.array([len(part) for part in parts], dtype=np.float64)
     total = np.array([float(np.sum(part)) for part in parts])
     if not count.sum():
-        return Share(None, None, None, 0)
+        return MeanShare(None, None, None, 0)
     drawn = draw_resamples(len(parts), draws=500, seed=seed)
     whole = drawn @ count
     low, high = compute_interval((drawn @ total)[whole > 0] / whole[whole > 0])
-    return Share(float(total.sum() / count.sum()), low, high, int(count.sum()))
+    return MeanShare(float(total.sum() / count.sum()), low, high, int(count.sum()))
 
 
-def close_followers(stretch: Stretch) -> list[bool]:
-    """Of each vehicle that drives 10 m, whether it passes a place less than 2 s after another."""
-    vehicles = [u for u in stretch.users if u.shape.type == "vehicle" and _way(u) > _LEAST_WAY]
+def find_close_followers(stretch: Stretch) -> list[bool]:
+    """Return for each vehicle that drives 10 m whether it passes a place within 2 s of another."""
+    vehicles = [
+        u
+        for u in stretch.users
+        if u.shape.type == "vehicle" and _compute_path_length(u) > _LEAST_WAY
+    ]
     return [
-        any(_gap(user, other) < SHORT_HEADWAY for other in vehicles if other.id != user.id)
+        any(
+            _compute_headway(user, other) < SHORT_HEADWAY
+            for other in vehicles
+            if other.id != user.id
+        )
         for user in vehicles
     ]
 
 
-def _way(user: RoadUser) -> float:
+def _compute_path_length(user: RoadUser) -> float:
     return float(np.hypot(*np.diff(user.track.xy, axis=0).T).sum())
 
 
-def _gap(user: RoadUser, other: RoadUser) -> float:
-    """Least time after the other at which a vehicle passes where that one passed [s]."""
+def _compute_headway(user: RoadUser, other: RoadUser) -> float:
+    """Compute the least time at which a vehicle passes a place after another vehicle [s]."""
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(user.track.xy, axis=0).T))])
     least = np.inf
     for part in _PLACES:
@@ -95,17 +103,19 @@ def _gap(user: RoadUser, other: RoadUser) -> float:
     return least
 
 
-def accompanied(stretch: Stretch) -> list[bool]:
-    """Of each pedestrian who walks, whether another keeps within 1.5 m for 3 s or longer."""
-    walkers = [u for u in stretch.users if u.shape.type == "pedestrian" and _mean_speed(u) > _WALKS]
-    return [any(_keeps(u, other) for other in walkers if other.id != u.id) for u in walkers]
+def find_accompanied(stretch: Stretch) -> list[bool]:
+    """Return for each walking pedestrian whether another keeps within 1.5 m for 3 s or longer."""
+    walkers = [
+        u for u in stretch.users if u.shape.type == "pedestrian" and _compute_mean_speed(u) > _WALKS
+    ]
+    return [any(_is_companion(u, other) for other in walkers if other.id != u.id) for u in walkers]
 
 
-def _mean_speed(user: RoadUser) -> float:
-    return _way(user) / max((len(user.track.xy) - 1) * user.track.step, 1e-9)
+def _compute_mean_speed(user: RoadUser) -> float:
+    return _compute_path_length(user) / max((len(user.track.xy) - 1) * user.track.step, 1e-9)
 
 
-def _keeps(user: RoadUser, other: RoadUser) -> bool:
+def _is_companion(user: RoadUser, other: RoadUser) -> bool:
     one, two = user.track, other.track
     first, last = max(one.start, two.start), min(one.end, two.end)
     if last - first < _TOGETHER:
@@ -115,9 +125,11 @@ def _keeps(user: RoadUser, other: RoadUser) -> bool:
     return float(np.hypot(*(places[0] - places[1])).mean()) <= COMPANION
 
 
-def common_starts(stretch: Stretch) -> list[bool]:
-    """Of each pedestrian who stands and sets off, whether another near sets off within 1.5 s."""
-    starts = [each for u in stretch.users if u.shape.type == "pedestrian" for each in _starts(u)]
+def find_common_starts(stretch: Stretch) -> list[bool]:
+    """Return for each pedestrian that sets off whether another nearby does so within 1.5 s."""
+    starts = [
+        each for u in stretch.users if u.shape.type == "pedestrian" for each in _find_starts(u)
+    ]
     return [
         any(
             k != j
@@ -129,8 +141,8 @@ def common_starts(stretch: Stretch) -> list[bool]:
     ]
 
 
-def _starts(user: RoadUser) -> Iterator[tuple[float, FloatArray]]:
-    """Times and places at which a pedestrian who stood for a second walks off."""
+def _find_starts(user: RoadUser) -> Iterator[tuple[float, FloatArray]]:
+    """Find the times and places at which a pedestrian walks off after standing for a second."""
     done = compute_kinematics(user.track.xy, smoothing=0.3)
     if not len(done):
         return
@@ -141,10 +153,10 @@ def _starts(user: RoadUser) -> Iterator[tuple[float, FloatArray]]:
             yield float(user.track.times[at]), user.track.xy[at]
 
 
-def counts_transformed(
+def compute_count_ranks(
     stretches: Sequence[Stretch], mass_of: Callable[[str, int], FloatArray], *, seed: int = 0
 ) -> dict[AgentClass, list[list[float]]]:
-    """By class the place of each scene's number of agents in p_tod of its hour (randomised PIT).
+    """Compute by class the rank of each scene's agent count in p_tod (randomised PIT).
 
     Uniform, with a mean of 0.5, if scenes are as full as the hour is. One value for each scene
     whose request left the number open.
@@ -168,8 +180,8 @@ def counts_transformed(
 
 
 @dataclass(frozen=True)
-class Party:
-    """One of the two of a collision or a near miss.
+class EventParty:
+    """One of the two agents of a collision or a near miss.
 
     Attributes:
         event, kind: what happened and the class of the party; reacts: whether its speed changed by
@@ -181,8 +193,8 @@ class Party:
     reacts: bool
 
 
-def reactions(stretch: Stretch) -> list[tuple[Party, Party]]:
-    """The parties of each collision and near miss, both of which were there for 3 s before it.
+def find_reactions(stretch: Stretch) -> list[tuple[EventParty, EventParty]]:
+    """Find the parties of each collision and near miss, both present for 3 s before it.
 
     In our scenes the events are those of the scene, elsewhere those that the checker finds.
     """
@@ -195,12 +207,12 @@ def reactions(stretch: Stretch) -> list[tuple[Party, Party]]:
         (one, two)
         for event in found
         if event.type in ("collision", "near_miss")
-        and (one := _party(users.get(event.from_), event)) is not None
-        and (two := _party(users.get(event.to), event)) is not None
+        and (one := _measure_party(users.get(event.from_), event)) is not None
+        and (two := _measure_party(users.get(event.to), event)) is not None
     ]
 
 
-def _party(user: RoadUser | None, event: Any) -> Party | None:
+def _measure_party(user: RoadUser | None, event: Any) -> EventParty | None:
     if user is None or event.time is None:
         return None
     done = compute_kinematics(user.track.xy, smoothing=0.1)
@@ -212,12 +224,12 @@ def _party(user: RoadUser | None, event: Any) -> Party | None:
     course = np.unwrap(user.track.heading[done.first : done.first + len(done)][moving])
     turned = float(np.ptp(course)) if len(course) else 0.0
     slowed = float(np.ptp(done.speed[inside]))
-    return Party(event.type, user.shape.type, slowed >= REACTS or turned >= _TURNS_AWAY)
+    return EventParty(event.type, user.shape.type, slowed >= REACTS or turned >= _TURNS_AWAY)
 
 
 MEASURES: Mapping[str, Callable[[Stretch], list[bool]]] = {
-    "vehicles less than 2 s after another": close_followers,
-    "pedestrians with a companion": accompanied,
-    "pedestrians who set off together": common_starts,
+    "vehicles less than 2 s after another": find_close_followers,
+    "pedestrians with a companion": find_accompanied,
+    "pedestrians who set off together": find_common_starts,
 }
 """Shares over agents, by name."""

@@ -1,9 +1,9 @@
-"""The classifier two-sample test: how often a classifier tells two data sets apart.
+"""The classifier two-sample test: how often a classifier separates two data sets.
 
 Windows of both are matched by what the agent does and how fast it is, then boosted trees learn to
-tell them apart on four fifths of the scenes and are asked about the others. 0.5 is chance. Beside
-it stands the floor: what the same test finds between halves of one recording, and between two
-recordings of real traffic (Lopez-Paz & Oquab 2017).
+separate them on four fifths of the scenes and are tested on the others. 0.5 is chance. The floor
+is what the same test finds between halves of one recording, and between two recordings of real
+traffic (Lopez-Paz & Oquab 2017).
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from scenewright.evals.realism.motion_windows import Windows
 from scenewright.scene.base import FloatArray
 
 FEWEST = 40
-"""Windows on either side below which nothing is said."""
+"""Least number of windows on either side for a test."""
 MOST = 2500
-"""Windows on either side that are looked at."""
+"""Largest number of windows used on either side."""
 _FOLDS = 5
 _DRAWS = 200
 
 
 @dataclass(frozen=True)
-class Told:
-    """How well two sets of windows are told apart.
+class Separability:
+    """How well a classifier separates two sets of windows.
 
     Attributes:
-        auc: area under the curve of a classifier that never saw the scene it is asked about; low,
-            high: 95 %, scenes drawn anew; n: windows on each side; groups: scenes on both.
+        auc: area under the ROC curve, each scene scored by a classifier not trained on it; low,
+            high: 95 % interval over resampled scenes; n: windows a side; groups: scenes.
     """
 
     auc: float
@@ -42,13 +42,13 @@ class Told:
     groups: int
 
 
-def tell_apart(one: Windows, other: Windows, *, seed: int = 0) -> dict[str, Told]:
-    """The test over all situations (key "all") and for each that has enough windows.
+def compare_windows(one: Windows, other: Windows, *, seed: int = 0) -> dict[str, Separability]:
+    """Run the test over all situations (key "all") and for each that has enough windows.
 
     Empty where too few windows can be matched.
     """
     rng = np.random.default_rng(seed)
-    first, second = _matched(one, other, rng)
+    first, second = _match_windows(one, other, rng)
     if min(len(first), len(second)) < FEWEST:
         return {}
     features = np.concatenate([first.features, second.features])
@@ -58,29 +58,31 @@ def tell_apart(one: Windows, other: Windows, *, seed: int = 0) -> dict[str, Told
         np.char.add("1 ", second.group.astype(np.str_)),
     ])  # fmt: skip
     group = np.unique(names, return_inverse=True)[1]
-    score = _out_of_fold(features, label, group, seed)
+    score = _predict_out_of_fold(features, label, group, seed)
     if score is None:
         return {}
     situation = np.concatenate([first.situation, second.situation])
     kinds = {"all": np.ones(len(label), dtype=np.bool_)}
     kinds |= {str(each): situation == each for each in np.unique(situation)}
     return {
-        name: _judged(score[chosen], label[chosen], group[chosen], seed)
+        name: _judge_scores(score[chosen], label[chosen], group[chosen], seed)
         for name, chosen in kinds.items()
         if np.bincount(label[chosen], minlength=2).min() >= FEWEST
     }
 
 
 def split_halves(windows: Windows, *, seed: int = 0) -> tuple[Windows, Windows]:
-    """Two halves of a source by its groups: what the test finds there is its floor."""
+    """Split a source into two halves by its groups, for the floor of the test."""
     names = np.unique(windows.group)
     chosen = np.random.default_rng(seed).permutation(names)[: len(names) // 2]
     inside = np.isin(windows.group, chosen)
-    return windows.only(inside), windows.only(~inside)
+    return windows.select(inside), windows.select(~inside)
 
 
-def _matched(one: Windows, other: Windows, rng: np.random.Generator) -> tuple[Windows, Windows]:
-    """As many windows of each situation and band of speed on both sides."""
+def _match_windows(
+    one: Windows, other: Windows, rng: np.random.Generator
+) -> tuple[Windows, Windows]:
+    """Draw equally many windows of each situation and band of speed from both sides."""
     cells = [
         [f"{s} {b}" for s, b in zip(each.situation.tolist(), each.band.tolist(), strict=True)]
         for each in (one, other)
@@ -94,15 +96,15 @@ def _matched(one: Windows, other: Windows, rng: np.random.Generator) -> tuple[Wi
     share = min(1.0, MOST / max(len(kept[0]), 1))
     chosen = np.sort(rng.permutation(len(kept[0]))[: round(share * len(kept[0]))])
     return tuple(
-        each.only(np.array(side, dtype=np.int64)[chosen])
+        each.select(np.array(side, dtype=np.int64)[chosen])
         for each, side in zip((one, other), kept, strict=True)
     )  # type: ignore[return-value]
 
 
-def _out_of_fold(
+def _predict_out_of_fold(
     features: FloatArray, label: NDArray[np.int64], group: NDArray[np.int64], seed: int
 ) -> FloatArray | None:
-    """[W] what is said of each window by trees that did not see its scene; None with too few."""
+    """Return [W] scores of boosted trees not trained on the window's scene; None with too few."""
     from sklearn.ensemble import HistGradientBoostingClassifier
     from sklearn.model_selection import StratifiedGroupKFold
 
@@ -122,16 +124,16 @@ def _out_of_fold(
     return score
 
 
-def _judged(
+def _judge_scores(
     score: FloatArray, label: NDArray[np.int64], group: NDArray[np.int64], seed: int
-) -> Told:
+) -> Separability:
     number = np.unique(group, return_inverse=True)[1]
     units = int(number.max()) + 1
     draws = draw_resamples(units, draws=_DRAWS, seed=seed)
     again = [compute_auc(score, label, drawn[number].astype(np.float64)) for drawn in draws]
     low, high = compute_interval(np.array([each for each in again if np.isfinite(each)]))
     auc = compute_auc(score, label, np.ones(len(label)))
-    return Told(auc, low, high, int((label == 0).sum()), units)
+    return Separability(auc, low, high, int((label == 0).sum()), units)
 
 
 def compute_auc(score: FloatArray, label: NDArray[np.int64], weight: FloatArray) -> float:

@@ -59,11 +59,11 @@ def _find_fault(label: Label, submission: Submission) -> str | None:
         return f"is at {ours}, not at {time}"
     relations = [each for each in label["relations"] if each["type"] != "normal"]
     missing = "what was asked for does not happen between such agents"
-    for bound, pairs in _bind(relations, label, submission, {}, frozenset()):
+    for bound, pairs in _list_bindings(relations, label, submission, {}, frozenset()):
         stray = _find_unasked(submission.events, pairs, frozenset(bound.values()))
         if stray is not None:
             missing = f"unasked {stray.type} of {stray.from_} and {stray.to} at {stray.time:.1f} s"
-        elif _are_there(label, submission, bound):
+        elif _has_other_agents(label, submission, bound):
             return None
         else:
             missing = "an agent that was asked for is not there"
@@ -83,7 +83,7 @@ def _find_unasked(
     return None
 
 
-def _bind(
+def _list_bindings(
     relations: Sequence[Mapping[str, Any]],
     label: Label,
     submission: Submission,
@@ -104,15 +104,17 @@ def _bind(
             ends.append((event.to, event.from_))
         for pair in ends:
             told = dict(zip((first["from"], first["to"]), pair, strict=True))
-            if _agree(told, bound) and _fit(told, label, submission):
-                yield from _bind(rest, label, submission, bound | told, pairs | {_pair(event)})
+            if _is_consistent(told, bound) and _fit(told, label, submission):
+                yield from _list_bindings(
+                    rest, label, submission, bound | told, pairs | {_pair(event)}
+                )
 
 
 def _pair(event: Event) -> frozenset[int]:
     return frozenset((event.from_, event.to))
 
 
-def _agree(told: Mapping[str, int], bound: Mapping[str, int]) -> bool:
+def _is_consistent(told: Mapping[str, int], bound: Mapping[str, int]) -> bool:
     """Whether names and tracks stay one to one."""
     both = {**bound, **told}
     return len({*both.values()}) == len(both) and all(
@@ -138,7 +140,7 @@ def is_like(wanted: Mapping[str, Any], seen: SeenAgent) -> bool:
     return all(a is None or b is None or a == b for a, b in told)
 
 
-def _are_there(label: Label, submission: Submission, bound: Mapping[str, int]) -> bool:
+def _has_other_agents(label: Label, submission: Submission, bound: Mapping[str, int]) -> bool:
     """Whether agents to whom nothing happens can be found among the tracks that are left."""
     left = [each for each in submission.agents if each.id not in bound.values()]
     for wanted in label["agents"]:

@@ -13,14 +13,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenewright.evals.realism.scenes import Played
+from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.scene.base import FloatArray
 from scenewright.tools.relation_checker import RoadUser
 
 
-def windows_beside(
-    scenes: Sequence[Played], windows: Sequence[Played], *, least: int
-) -> list[Played]:
+def match_windows(
+    scenes: Sequence[SceneTracks], windows: Sequence[SceneTracks], *, least: int
+) -> list[SceneTracks]:
     """For every scene a window with as many vehicles, cut to the scene's length.
 
     Where no window has as many, one whose number is nearest; of several, the one that was taken
@@ -28,42 +28,42 @@ def windows_beside(
     """
     if not (scenes and windows):
         return []
-    starts = [_starts(window) for window in windows]
+    starts = [_list_starts(window) for window in windows]
     taken = np.zeros(len(windows), dtype=np.intp)
     found = []
     for scene in [*scenes] * -(-least // len(scenes)):
-        length, vehicles = _length(scene), len(_starts(scene))
-        number = _nearest(starts, length, vehicles, taken)
+        length, vehicles = _get_length(scene), len(_list_starts(scene))
+        number = _find_nearest(starts, length, vehicles, taken)
         taken[number] += 1
-        found.append(shortened(windows[number], length))
+        found.append(shorten_scene(windows[number], length))
     return found
 
 
-def _nearest(
+def _find_nearest(
     starts: Sequence[FloatArray], length: float, vehicles: int, taken: NDArray[np.intp]
 ) -> int:
     seen = np.array([np.searchsorted(each, length) for each in starts])
     return int(np.lexsort((taken, np.abs(seen - vehicles)))[0])
 
 
-def shortened(scene: Played, length: float) -> Played:
+def shorten_scene(scene: SceneTracks, length: float) -> SceneTracks:
     """The first seconds of a scene; who is in them for less than two samples is left out."""
-    users = (_shortened(user, length) for user in scene.users)
+    users = (_shorten_user(user, length) for user in scene.users)
     return replace(scene, users=tuple(user for user in users if len(user.track.xy) > 1))
 
 
-def _shortened(user: RoadUser, length: float) -> RoadUser:
+def _shorten_user(user: RoadUser, length: float) -> RoadUser:
     track = user.track
     kept = max(int(np.floor((length - track.start) / track.step + 1e-6)) + 1, 0)
     cut = replace(track, xy=track.xy[:kept], heading=track.heading[:kept])
     return replace(user, track=cut)
 
 
-def _starts(scene: Played) -> FloatArray:
+def _list_starts(scene: SceneTracks) -> FloatArray:
     """When each vehicle is first seen [s], sorted."""
     first = [user.track.start for user in scene.users if user.shape.type == "vehicle"]
     return np.sort(np.array(first, dtype=np.float64))
 
 
-def _length(scene: Played) -> float:
+def _get_length(scene: SceneTracks) -> float:
     return max((user.track.end for user in scene.users), default=0.0)

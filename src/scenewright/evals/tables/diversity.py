@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 
 from scenewright.evals.bootstrap import compute_interval
-from scenewright.evals.tables.likelihood import nearest_on
-from scenewright.evals.tables.nearness import CLASSES, STANDING, Watched
+from scenewright.evals.tables.likelihood import find_nearest_on
+from scenewright.evals.tables.nearness import CLASSES, STANDING, ObservedTracks
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.intersections import find_bundle_folder
 from scenewright.scene.base import AgentClass, FloatArray
@@ -47,18 +47,20 @@ _LONG = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Reference:
+class CorpusWindows:
     """What a corpus shows.
 
     Attributes:
         beside: windows as long and as busy as the scenes; whole: its windows as they are.
     """
 
-    beside: Sequence[Watched]
-    whole: Sequence[Watched]
+    beside: Sequence[ObservedTracks]
+    whole: Sequence[ObservedTracks]
 
-    def with_ours(
-        self, ours: Sequence[Watched], values: Callable[[Sequence[Watched]], FloatArray]
+    def compute_values(
+        self,
+        ours: Sequence[ObservedTracks],
+        values: Callable[[Sequence[ObservedTracks]], FloatArray],
     ) -> _Values:
         """Values of the dataset, of the windows beside it, and of the whole windows."""
         return values(ours), values(self.beside), values(self.whole)
@@ -102,11 +104,11 @@ class Spread:
         return self.ratio >= BAR
 
 
-def lateral(
+def compare_lateral_positions(
     scenes: Iterable[SceneRecord], *, bundle: str | Path, draws: int, seed: int
 ) -> list[Spread]:
     """Spread across the paths of routes, against the held-out tracks of a bundle."""
-    held = held_out(bundle)
+    held = load_held_out(bundle)
     ours: dict[str, list[FloatArray]] = {}
     for scene in scenes:
         for agent in scene.agents:
@@ -114,16 +116,16 @@ def lateral(
                 xy, drawn = np.array(agent.trajectory), np.array(agent.waypoints)
                 mean, normal = held[agent.route].mean, held[agent.route].normal
                 # Where the track passes the agent's own waypoints, as offsets from the mean path.
-                place, passed = nearest_on(xy, drawn)
+                place, passed = find_nearest_on(xy, drawn)
                 off = np.where(passed, ((place - mean) * normal).sum(axis=1), np.nan)
                 ours.setdefault(agent.route, []).append(off)
     kept = {route: np.array(rows) for route, rows in ours.items() if len(rows) >= FEWEST}
-    found = (_lateral(kind, kept, held, draws, seed) for kind in CLASSES)
+    found = (_compare_lateral_position(kind, kept, held, draws, seed) for kind in CLASSES)
     return [each for each in found if each is not None]
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class HeldOutTracks:
     """Held-out tracks of one route.
 
     Attributes:
@@ -136,7 +138,7 @@ class Held:
     offsets: FloatArray
 
 
-def held_out(bundle: str | Path) -> dict[str, Held]:
+def load_held_out(bundle: str | Path) -> dict[str, HeldOutTracks]:
     """The held-out tracks of a bundle by route; none if it keeps none."""
     file = (bundle if isinstance(bundle, Path) else find_bundle_folder(bundle)) / "heldout.npz"
     if not file.is_file():
@@ -145,21 +147,21 @@ def held_out(bundle: str | Path) -> dict[str, Held]:
         ends = np.cumsum(stored["test_tracks"])[:-1]
         tracks = np.split(stored["waypoints"].astype(np.float64), ends)
         routes = [str(name) for name in stored["routes"]]
-    return {r: _held(t) for r, t in zip(routes, tracks, strict=True) if len(t) >= FEWEST}
+    return {r: _build_held_out(t) for r, t in zip(routes, tracks, strict=True) if len(t) >= FEWEST}
 
 
-def _held(tracks: FloatArray) -> Held:
+def _build_held_out(tracks: FloatArray) -> HeldOutTracks:
     mean = tracks.mean(axis=0)
     along = np.gradient(mean, axis=0)
     along /= np.maximum(np.hypot(*along.T)[:, None], 1e-9)
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    return Held(mean, normal, ((tracks - mean) * normal).sum(axis=2))
+    return HeldOutTracks(mean, normal, ((tracks - mean) * normal).sum(axis=2))
 
 
-def _lateral(
+def _compare_lateral_position(
     kind: AgentClass,
     ours: Mapping[str, FloatArray],
-    held: Mapping[str, Held],
+    held: Mapping[str, HeldOutTracks],
     draws: int,
     seed: int,
 ) -> Spread | None:
@@ -169,11 +171,12 @@ def _lateral(
     # Every route weighs as much on both sides: as many agents as it has in the dataset.
     agents = sum(len(ours[route]) for route in routes)
     weights = [len(ours[route]) / agents for route in routes]
-    spread = _pooled([_variance(ours[r]) for r in routes], weights)
-    corpus = _pooled([_variance(held[r].offsets) for r in routes], weights)
+    spread = _pool_deviations([_compute_variance(ours[r]) for r in routes], weights)
+    corpus = _pool_deviations([_compute_variance(held[r].offsets) for r in routes], weights)
     rng = np.random.default_rng(seed)
     again = [
-        _pooled([_variance(_again(ours[r], rng)) for r in routes], weights) for _ in range(draws)
+        _pool_deviations([_compute_variance(_resample_rows(ours[r], rng)) for r in routes], weights)
+        for _ in range(draws)
     ]
     # Drawing anew from few agents repeats some and narrows; the mean of the draws shows how much.
     level = spread / max(float(np.mean(again)), 1e-9)
@@ -182,11 +185,11 @@ def _lateral(
     return Spread("lateral position", kind, "m", spread, corpus, agents, count, low, high)
 
 
-def _again(rows: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _resample_rows(rows: FloatArray, rng: np.random.Generator) -> FloatArray:
     return np.asarray(rows[rng.integers(len(rows), size=len(rows))])
 
 
-def _variance(offsets: FloatArray) -> float:
+def _compute_variance(offsets: FloatArray) -> float:
     """Mean over the K stations of the variance there; stations that fewer than three pass aside."""
     passed = (~np.isnan(offsets)).sum(axis=0) >= 3
     if not passed.any():
@@ -194,26 +197,30 @@ def _variance(offsets: FloatArray) -> float:
     return float(np.nanvar(offsets[:, passed], axis=0, ddof=1).mean())
 
 
-def _pooled(variances: Sequence[float], weights: Sequence[float]) -> float:
+def _pool_deviations(variances: Sequence[float], weights: Sequence[float]) -> float:
     return float(np.sqrt(np.dot(variances, weights)))
 
 
-def speeds(ours: Sequence[Watched], corpus: Reference, *, draws: int, seed: int) -> list[Spread]:
+def compare_speeds(
+    ours: Sequence[ObservedTracks], corpus: CorpusWindows, *, draws: int, seed: int
+) -> list[Spread]:
     """Spread of how fast agents go where nothing keeps them."""
     found = []
     for kind in CLASSES:
         for what, least in (("speed", 0.0), ("speed of who is never slow", UNIMPEDED[kind])):
-            parts = corpus.with_ours(ours, partial(_column, kind=kind, least=least))
-            found += _spread(what, kind, "m/s", parts, draws, seed)
+            parts = corpus.compute_values(ours, partial(_list_top_speeds, kind=kind, least=least))
+            found += _compare_spread(what, kind, "m/s", parts, draws, seed)
     return found
 
 
-def _column(scenes: Sequence[Watched], *, kind: AgentClass, least: float) -> FloatArray:
-    parts = [_top(each, kind, least) for each in scenes]
+def _list_top_speeds(
+    scenes: Sequence[ObservedTracks], *, kind: AgentClass, least: float
+) -> FloatArray:
+    parts = [_compute_top_speeds(each, kind, least) for each in scenes]
     return np.concatenate([np.zeros(0), *parts])[:, None]
 
 
-def _top(watched: Watched, kind: AgentClass, least: float) -> FloatArray:
+def _compute_top_speeds(watched: ObservedTracks, kind: AgentClass, least: float) -> FloatArray:
     done = (
         compute_kinematics(u.track.xy).speed for u in watched.scene.users if u.shape.type == kind
     )
@@ -222,39 +229,41 @@ def _top(watched: Watched, kind: AgentClass, least: float) -> FloatArray:
     return np.array([np.quantile(speed, _TOP) for speed in moving if len(speed) >= _LONG])
 
 
-def events(ours: Sequence[Watched], corpus: Reference, *, draws: int, seed: int) -> list[Spread]:
+def compare_events(
+    ours: Sequence[ObservedTracks], corpus: CorpusWindows, *, draws: int, seed: int
+) -> list[Spread]:
     """Spread of where and when events happen; kinds that the corpus does not know are left out."""
     found = []
     within = f"time of events, {ASKED_AT[0]:g} to {ASKED_AT[1]:g} s"
     for kind in ("yielding", "near_miss", "follow"):
         for what, unit, part in (
-            ("place of events", "m", _where),
-            ("time of events", "s", _when),
-            (within, "s", _then),
+            ("place of events", "m", _list_event_places),
+            ("time of events", "s", _list_event_times),
+            (within, "s", _list_requested_times),
         ):
-            parts = corpus.with_ours(ours, partial(part, kind=kind))
-            found += _spread(what, kind, unit, parts, draws, seed)
+            parts = corpus.compute_values(ours, partial(part, kind=kind))
+            found += _compare_spread(what, kind, unit, parts, draws, seed)
     return found
 
 
-def _where(scenes: Sequence[Watched], *, kind: str) -> FloatArray:
+def _list_event_places(scenes: Sequence[ObservedTracks], *, kind: str) -> FloatArray:
     """[n, 2] places of the events of a kind [m]."""
-    return _events(scenes, kind)[:, :2]
+    return _list_events(scenes, kind)[:, :2]
 
 
-def _when(scenes: Sequence[Watched], *, kind: str) -> FloatArray:
+def _list_event_times(scenes: Sequence[ObservedTracks], *, kind: str) -> FloatArray:
     """[n, 1] their times [s]."""
-    return _events(scenes, kind)[:, 2:]
+    return _list_events(scenes, kind)[:, 2:]
 
 
-def _then(scenes: Sequence[Watched], *, kind: str) -> FloatArray:
+def _list_requested_times(scenes: Sequence[ObservedTracks], *, kind: str) -> FloatArray:
     """[n, 1] times of those that lie where events that are asked for do [s]."""
-    times = _when(scenes, kind=kind)
+    times = _list_event_times(scenes, kind=kind)
     inside = (times[:, 0] >= ASKED_AT[0]) & (times[:, 0] <= ASKED_AT[1])
     return np.asarray(times[inside])
 
 
-def _events(scenes: Sequence[Watched], kind: str) -> FloatArray:
+def _list_events(scenes: Sequence[ObservedTracks], kind: str) -> FloatArray:
     """[n, 3] x, y [m] and time [s] of every event of a kind, asked for or not."""
     rows = [
         (*event.location, event.time)
@@ -265,24 +274,24 @@ def _events(scenes: Sequence[Watched], kind: str) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
-def _spread(
+def _compare_spread(
     what: str, group: str, unit: str, values: _Values, draws: int, seed: int
 ) -> list[Spread]:
     ours, beside, whole = values
     if min(len(ours), len(beside)) < FEWEST:
         return []
     rng = np.random.default_rng(seed)
-    base = _deviation(beside)
-    again = [_deviation(_again(ours, rng)) / base for _ in range(draws)]
+    base = _compute_deviation(beside)
+    again = [_compute_deviation(_resample_rows(ours, rng)) / base for _ in range(draws)]
     low, high = compute_interval(np.array(again))
     return [
         Spread(
-            what, group, unit, _deviation(ours), base, len(ours), len(beside),
-            low, high, _deviation(whole) if len(whole) >= FEWEST else None,
+            what, group, unit, _compute_deviation(ours), base, len(ours), len(beside),
+            low, high, _compute_deviation(whole) if len(whole) >= FEWEST else None,
         )
     ]  # fmt: skip
 
 
-def _deviation(values: FloatArray) -> float:
+def _compute_deviation(values: FloatArray) -> float:
     """Root of the summed variances of all columns."""
     return float(np.sqrt(values.var(axis=0, ddof=1).sum()))

@@ -11,14 +11,14 @@ from scenewright.evals.tables.likelihood import (
     READINGS,
     AgentScore,
     Gap,
-    Left,
     Reading,
     Role,
-    gap,
-    group_of,
-    mean_nll,
-    picked,
+    UnscoredAgents,
+    compute_gap,
+    compute_mean_nll,
+    get_event_group,
     score_scene,
+    select_scores,
 )
 from scenewright.evals.tables.reading import Dataset
 from scenewright.scene.base import AgentClass
@@ -30,7 +30,7 @@ EVENTS = ("collision", "yielding", "near_miss", "follow")
 
 
 @dataclass(frozen=True)
-class Reference:
+class NormalScenes:
     """NLL of normal scenes: the first row of Table 1.
 
     Attributes:
@@ -47,7 +47,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Cell:
+class FidelityCell:
     """One cell; None where no such agent is in the dataset."""
 
     backend: str
@@ -66,18 +66,18 @@ class Fidelity:
         left: agents without a score; mixed: scenes with several kinds of events, left out.
     """
 
-    references: tuple[Reference, ...]
-    cells: tuple[Cell, ...]
-    left: Left
+    references: tuple[NormalScenes, ...]
+    cells: tuple[FidelityCell, ...]
+    left: UnscoredAgents
     mixed: int
 
 
-def fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
+def compute_fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
     """Scores every agent and compares events with normal scenes, of whichever backend those are."""
     scores: dict[str, list[AgentScore]] = {name: [] for name in dataset.backends}
-    left, mixed = Left(), 0
+    left, mixed = UnscoredAgents(), 0
     for number, scene in dataset.scenes(dataset.rows):
-        group = group_of(scene)
+        group = get_event_group(scene)
         if group is None:
             mixed += 1
             continue
@@ -88,41 +88,42 @@ def fidelity(dataset: Dataset, *, draws: int, seed: int) -> Fidelity:
     everybody = [score for each in scores.values() for score in each]
     rng = np.random.default_rng(seed)
     return Fidelity(
-        tuple(_references(everybody, draws, rng)),
-        tuple(_cells(scores, everybody, draws, rng)),
+        tuple(_compute_references(everybody, draws, rng)),
+        tuple(_compute_cells(scores, everybody, draws, rng)),
         left,
         mixed,
     )
 
 
-def _references(
+def _compute_references(
     scores: Sequence[AgentScore], draws: int, rng: np.random.Generator
-) -> Iterator[Reference]:
+) -> Iterator[NormalScenes]:
     for reading in READINGS:
         for kind in CLASSES:
-            normal = list(picked(scores, group="normal", role=None, kind=kind))
-            found = mean_nll(normal, reading, draws=draws, rng=rng)
+            normal = list(select_scores(scores, group="normal", role=None, kind=kind))
+            found = compute_mean_nll(normal, reading, draws=draws, rng=rng)
             if found is not None:
                 scenes = len({each.scene for each in normal})
                 median = float(np.median([each.nll[reading] for each in normal]))
-                yield Reference(kind, reading, scenes, len(normal), *found, median)
+                yield NormalScenes(kind, reading, scenes, len(normal), *found, median)
 
 
-def _cells(
+def _compute_cells(
     scores: dict[str, list[AgentScore]],
     everybody: Sequence[AgentScore],
     draws: int,
     rng: np.random.Generator,
-) -> Iterator[Cell]:
+) -> Iterator[FidelityCell]:
     normal = {
-        kind: list(picked(everybody, group="normal", role=None, kind=kind)) for kind in CLASSES
+        kind: list(select_scores(everybody, group="normal", role=None, kind=kind))
+        for kind in CLASSES
     }
     for backend, mine in scores.items():
         present = [event for event in EVENTS if any(each.group == event for each in mine)]
         for event in present:
             for role in ROLES:
                 for kind in CLASSES:
-                    agents = list(picked(mine, group=event, role=role, kind=kind))
+                    agents = list(select_scores(mine, group=event, role=role, kind=kind))
                     for reading in READINGS:
-                        found = gap(agents, normal[kind], reading, draws=draws, rng=rng)
-                        yield Cell(backend, event, role, kind, reading, found)
+                        found = compute_gap(agents, normal[kind], reading, draws=draws, rng=rng)
+                        yield FidelityCell(backend, event, role, kind, reading, found)

@@ -68,14 +68,14 @@ class AgentScore:
 
 
 @dataclass(frozen=True)
-class Left:
+class UnscoredAgents:
     """Agents without a score: on routes without tracks in the corpus, or that stand all along."""
 
     assumed: int = 0
     standing: int = 0
 
-    def __add__(self, other: Left) -> Left:
-        return Left(self.assumed + other.assumed, self.standing + other.standing)
+    def __add__(self, other: UnscoredAgents) -> UnscoredAgents:
+        return UnscoredAgents(self.assumed + other.assumed, self.standing + other.standing)
 
 
 @dataclass(frozen=True)
@@ -101,19 +101,19 @@ class Gap:
 
 def score_scene(
     scene: SceneRecord, priors: Priors, *, number: int, group: str
-) -> tuple[list[AgentScore], Left]:
+) -> tuple[list[AgentScore], UnscoredAgents]:
     """The likelihood of every agent of a scene."""
-    scores, left = [], Left()
+    scores, left = [], UnscoredAgents()
     for agent in scene.agents:
         prior = priors.waypoints.get(agent.route)
         if prior is None or prior.tracks == 0:
-            left += Left(assumed=1)
+            left += UnscoredAgents(assumed=1)
             continue
-        driven = waypoints_of(np.array(agent.trajectory))
+        driven = resample_waypoints(np.array(agent.trajectory))
         if driven is None:
-            left += Left(standing=1)
+            left += UnscoredAgents(standing=1)
             continue
-        both = np.stack([driven, passed_waypoints(agent)])
+        both = np.stack([driven, find_passed_waypoints(agent)])
         values = compute_waypoint_nll(prior, both)
         nll: dict[Reading, float] = dict(zip(READINGS, map(float, values), strict=True))
         scores.append(AgentScore(number, group, agent.role, agent.type, nll))
@@ -130,29 +130,29 @@ def score_drawn(
             continue
         nll = float(compute_waypoint_nll(prior, np.array(agent.waypoints)[None])[0])
         drawn: dict[Reading, float] = {"drawn": nll}
-        yield AgentScore(number, group, agent.role, agent.type, drawn, _expected(prior))
+        yield AgentScore(number, group, agent.role, agent.type, drawn, _compute_expected_nll(prior))
 
 
 @lru_cache(maxsize=256)
-def _expected(prior: WaypointPrior) -> float:
+def _compute_expected_nll(prior: WaypointPrior) -> float:
     """The mean NLL of draws from a prior [nats]."""
     drawn = sample_waypoints(prior, np.random.default_rng(0), size=_EXPECTED_OF)
     return float(compute_waypoint_nll(prior, drawn).mean())
 
 
-def waypoints_of(xy: FloatArray) -> FloatArray | None:
+def resample_waypoints(xy: FloatArray) -> FloatArray | None:
     """[K, 2] points at equal arc length along a track [T, 2] [m]; None if it hardly moves."""
     return resample_to_count(xy, K) if measure_arc_lengths(xy)[-1] >= _SHORTEST else None
 
 
-def passed_waypoints(agent: AgentRecord) -> FloatArray:
+def find_passed_waypoints(agent: AgentRecord) -> FloatArray:
     """[K, 2] the agent's drawn waypoints, each where the final track passes it, if it does [m]."""
     drawn, xy = np.array(agent.waypoints), np.array(agent.trajectory)
-    nearest, passed = nearest_on(xy, drawn)
+    nearest, passed = find_nearest_on(xy, drawn)
     return np.where(passed[:, None], nearest, drawn)
 
 
-def nearest_on(xy: FloatArray, points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+def find_nearest_on(xy: FloatArray, points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """The nearest place on a track [T, 2] to each point [P, 2], and whether it was passed.
 
     A point before the track's beginning or beyond its end is not passed, nor one further away than
@@ -176,7 +176,7 @@ def nearest_on(xy: FloatArray, points: FloatArray) -> tuple[FloatArray, NDArray[
     return places[rows, best], (within & (off < _BESIDE)) | (off < _THE_SAME)
 
 
-def gap(
+def compute_gap(
     scores: Sequence[AgentScore],
     normal: Sequence[AgentScore],
     reading: Reading,
@@ -185,12 +185,12 @@ def gap(
     rng: np.random.Generator,
 ) -> Gap | None:
     """The gap of some agents to the normal ones; None where either is empty."""
-    ours, reference = _by_scene(scores, reading), _by_scene(normal, reading)
+    ours, reference = _sum_by_scene(scores, reading), _sum_by_scene(normal, reading)
     if not len(ours) or not len(reference):
         return None
-    nll, base = _mean(ours), _mean(reference)
-    again = _resampled(ours, draws, rng)
-    against = _resampled(reference, draws, rng)
+    nll, base = _compute_mean(ours), _compute_mean(reference)
+    again = _resample_means(ours, draws, rng)
+    against = _resample_means(reference, draws, rng)
     return Gap(
         agents=len(scores),
         scenes=len(ours),
@@ -203,17 +203,17 @@ def gap(
     )
 
 
-def mean_nll(
+def compute_mean_nll(
     scores: Sequence[AgentScore], reading: Reading, *, draws: int, rng: np.random.Generator
 ) -> tuple[float, tuple[float, float]] | None:
     """Mean NLL and its 95 % interval over scenes; None where there is nobody."""
-    sums = _by_scene(scores, reading)
+    sums = _sum_by_scene(scores, reading)
     if not len(sums):
         return None
-    return float(_mean(sums)), compute_interval(_resampled(sums, draws, rng))
+    return float(_compute_mean(sums)), compute_interval(_resample_means(sums, draws, rng))
 
 
-def _by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
+def _sum_by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
     """[S, 2] sum of NLL and number of agents of each scene."""
     found: dict[int, list[float]] = {}
     for each in scores:
@@ -221,19 +221,19 @@ def _by_scene(scores: Iterable[AgentScore], reading: Reading) -> FloatArray:
     return np.array([[sum(values), len(values)] for values in found.values()]).reshape(-1, 2)
 
 
-def _mean(sums: FloatArray) -> float:
+def _compute_mean(sums: FloatArray) -> float:
     total = sums.sum(axis=0)
     return float(total[0] / total[1])
 
 
-def _resampled(sums: FloatArray, draws: int, rng: np.random.Generator) -> FloatArray:
+def _resample_means(sums: FloatArray, draws: int, rng: np.random.Generator) -> FloatArray:
     """[draws] means with scenes drawn anew."""
     weights = rng.multinomial(len(sums), np.full(len(sums), 1 / len(sums)), size=draws)
     total = weights @ sums
     return np.asarray(total[:, 0] / total[:, 1])
 
 
-def group_of(scene: SceneRecord) -> str | None:
+def get_event_group(scene: SceneRecord) -> str | None:
     """The event that a scene was made for, `normal` for none; None where they are of many kinds."""
     kinds = {relation.type for relation in scene.relations}
     if len(kinds) > 1:
@@ -241,7 +241,7 @@ def group_of(scene: SceneRecord) -> str | None:
     return next(iter(kinds), "normal")
 
 
-def picked(
+def select_scores(
     scores: Iterable[AgentScore], *, group: str, role: Role | None, kind: AgentClass
 ) -> Iterator[AgentScore]:
     """Scores of one event, role (None: both) and class."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenewright.evals.realism import Distance, Sample, distance, wasserstein
-from scenewright.evals.realism.scenes import Played
+from scenewright.evals.realism import Distance, Sample, compute_distance, compute_wasserstein
+from scenewright.evals.realism.scenes import SceneTracks
 from scenewright.geometry.kinematics import compute_kinematics
 from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.map import IntersectionMap
@@ -31,15 +31,15 @@ CLASSES: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
+class ObservedTracks:
     """A scene with all that the checker measures in it."""
 
-    scene: Played
+    scene: SceneTracks
     seen: SceneObservation
 
 
 @dataclass(frozen=True)
-class Near:
+class ReferenceDistance:
     """One measure of the dataset against one reference.
 
     Attributes:
@@ -58,9 +58,9 @@ class Near:
     reference_quantiles: tuple[float, ...] | None
 
 
-def watch(
-    scenes: Iterable[Played], *, intersection_map: IntersectionMap | None
-) -> Iterator[Watched]:
+def observe_scenes(
+    scenes: Iterable[SceneTracks], *, intersection_map: IntersectionMap | None
+) -> Iterator[ObservedTracks]:
     """Scenes with what the checker measures."""
     for scene in scenes:
         seen = observe(
@@ -70,48 +70,54 @@ def watch(
             asked=scene.asked,
             detailed=(),
         )
-        yield Watched(scene, seen)
+        yield ObservedTracks(scene, seen)
 
 
 Values = Mapping[tuple[str, str], Sample]
 """(measure, group) -> values."""
 
 
-def values_of(scenes: Sequence[Watched], *, smoothing: float = 0.0) -> Values:
+def measure_scenes(scenes: Sequence[ObservedTracks], *, smoothing: float = 0.0) -> Values:
     """All measures of a set of scenes.
 
     Args:
         smoothing: over positions before derivatives are taken [s].
     """
-    found = motion_of([each.scene for each in scenes], smoothing=smoothing)
-    found["headway", "vehicle"] = Sample.of([headways(each.seen) for each in scenes])
+    found = measure_motion([each.scene for each in scenes], smoothing=smoothing)
+    found["headway", "vehicle"] = Sample.join_parts(
+        [compute_headways(each.seen) for each in scenes]
+    )
     pairs = ("vehicle-vehicle", "vehicle-pedestrian")
     for pair in pairs:
-        found["PET", pair] = Sample.of([pets(each.seen, pair) for each in scenes])
+        found["PET", pair] = Sample.join_parts([list_pets(each.seen, pair) for each in scenes])
     return found
 
 
-def motion_of(scenes: Sequence[Played], *, smoothing: float = 0.0) -> dict[tuple[str, str], Sample]:
+def measure_motion(
+    scenes: Sequence[SceneTracks], *, smoothing: float = 0.0
+) -> dict[tuple[str, str], Sample]:
     """Speed, acceleration and jerk alone."""
     found = {}
     for kind in CLASSES:
-        parts = [_motion(scene, kind, smoothing) for scene in scenes]
+        parts = [_measure_agent_motion(scene, kind, smoothing) for scene in scenes]
         for k, measure in enumerate(_MOTION):
-            found[measure, str(kind)] = Sample.of([part[k] for part in parts])
+            found[measure, str(kind)] = Sample.join_parts([part[k] for part in parts])
     return found
 
 
-def alone(recordings: Iterable[Recording]) -> list[Played]:
+def isolate_agents(recordings: Iterable[Recording]) -> list[SceneTracks]:
     """Every agent of real tracks by itself, as far as it was seen; bicycles left out."""
     return [
-        Played((RoadUser(0, agent.track, agent.shape),))
+        SceneTracks((RoadUser(0, agent.track, agent.shape),))
         for recording in recordings
         for agent in recording.agents
         if agent.subtype != "bicycle" and len(agent.track.xy) > 1
     ]
 
 
-def _motion(scene: Played, kind: AgentClass, smoothing: float) -> tuple[FloatArray, ...]:
+def _measure_agent_motion(
+    scene: SceneTracks, kind: AgentClass, smoothing: float
+) -> tuple[FloatArray, ...]:
     done = [
         compute_kinematics(user.track.xy, smoothing=smoothing)
         for user in scene.users
@@ -126,7 +132,7 @@ def _motion(scene: Played, kind: AgentClass, smoothing: float) -> tuple[FloatArr
     )
 
 
-def headways(seen: SceneObservation) -> FloatArray:
+def compute_headways(seen: SceneObservation) -> FloatArray:
     """Time headways of vehicles [s], every 0.2 s."""
     parts = [np.zeros(0)]
     for lane in seen.lanes:
@@ -136,7 +142,7 @@ def headways(seen: SceneObservation) -> FloatArray:
     return np.concatenate(parts)
 
 
-def pets(seen: SceneObservation, pair: str) -> FloatArray:
+def list_pets(seen: SceneObservation, pair: str) -> FloatArray:
     """PET of every encounter of two classes [s]."""
     walkers = 0 if pair == "vehicle-vehicle" else 1
     return np.array(
@@ -148,25 +154,25 @@ def pets(seen: SceneObservation, pair: str) -> FloatArray:
     )
 
 
-def compared(
+def compare_with_reference(
     ours: Values, reference: Values, *, named: str, draws: int, seed: int
-) -> Iterator[Near]:
+) -> Iterator[ReferenceDistance]:
     """Every measure against one reference."""
     for (measure, group), sample in ours.items():
         ref = reference[measure, group]
         even = np.arange(ref.clusters) % 2 == 0
-        one, two = (ref.only(np.flatnonzero(half)) for half in (even, ~even))
+        one, two = (ref.select(np.flatnonzero(half)) for half in (even, ~even))
         rng = np.random.default_rng(seed)
-        yield Near(
+        yield ReferenceDistance(
             measure, group, named,
-            distance=distance(sample, ref, draws=draws, rng=rng),
-            halves=wasserstein(one.values, two.values),
-            quantiles=_quantiles(sample.values),
-            reference_quantiles=_quantiles(ref.values),
+            distance=compute_distance(sample, ref, draws=draws, rng=rng),
+            halves=compute_wasserstein(one.values, two.values),
+            quantiles=_compute_quantiles(sample.values),
+            reference_quantiles=_compute_quantiles(ref.values),
         )  # fmt: skip
 
 
-def _quantiles(values: FloatArray) -> tuple[float, ...] | None:
+def _compute_quantiles(values: FloatArray) -> tuple[float, ...] | None:
     if not len(values):
         return None
     return tuple(round(float(q), 3) for q in np.quantile(values, [0.05, 0.5, 0.95]))

@@ -18,7 +18,7 @@ _COLUMNS = ["row", "folder", "status", "code", "asked", "backend", "verified", "
 
 
 @dataclass(frozen=True)
-class Given:
+class InstructionRow:
     """One row of the dataset: an instruction and what became of it.
 
     Attributes:
@@ -40,9 +40,9 @@ class Dataset:
 
     folder: Path
     manifest: Mapping[str, Any]
-    rows: tuple[Given, ...]
+    rows: tuple[InstructionRow, ...]
 
-    def scenes(self, rows: tuple[Given, ...]) -> Iterator[tuple[int, SceneRecord]]:
+    def scenes(self, rows: tuple[InstructionRow, ...]) -> Iterator[tuple[int, SceneRecord]]:
         """The scenes of some rows, numbered."""
         for number, row in enumerate(rows):
             if row.folder is not None:
@@ -63,13 +63,13 @@ def read_dataset(folder: Path) -> Dataset:
     manifest = read_manifest(folder)
     try:
         table = parquet().read_table(folder / "tables" / "scenes.parquet", columns=_COLUMNS)
-        rows = tuple(_given(row) for row in table.to_pylist())
+        rows = tuple(_read_instruction(row) for row in table.to_pylist())
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"cannot read the table scenes of {folder}: {error}") from error
     return Dataset(folder, manifest, rows)
 
 
-def _given(row: Mapping[str, Any]) -> Given:
+def _read_instruction(row: Mapping[str, Any]) -> InstructionRow:
     made = row["status"] == "made"
     kinds = set(row["relations"] or ())
     seen = None if not made or len(kinds) > 1 else next(iter(kinds), "normal")
@@ -77,10 +77,10 @@ def _given(row: Mapping[str, Any]) -> Given:
     # A scene that shows something else than was asked for does not satisfy the instruction.
     right = made and bool(row["verified"]) and seen in (event, None)
     scope = row["asked"] is not None or row["code"] not in ("unusable_input", "out_of_scope")
-    return Given(row["folder"], row["backend"], event, right, scope)
+    return InstructionRow(row["folder"], row["backend"], event, right, scope)
 
 
-def commit() -> str | None:
+def find_commit() -> str | None:
     """The commit of the code, where it runs from a checkout."""
     try:
         done = subprocess.run(

@@ -10,9 +10,9 @@ from typing import Any
 from scenewright.evals.markdown import format_table
 from scenewright.evals.tables import paper
 from scenewright.evals.tables.diversity import BAR, Spread
-from scenewright.evals.tables.fidelity_tables import Cell
+from scenewright.evals.tables.fidelity_tables import FidelityCell
 from scenewright.evals.tables.likelihood import READINGS, Gap
-from scenewright.evals.tables.nearness import UNITS, Near
+from scenewright.evals.tables.nearness import UNITS, ReferenceDistance
 from scenewright.evals.tables.produce import INTENT_AT, RELATION_AT, Tables
 from scenewright.evals.tables.robustness import Rate
 from scenewright.scene.candidates import K
@@ -82,21 +82,21 @@ def _rate_json(rate: Rate) -> dict[str, Any]:
     }
 
 
-def markdown(tables: Tables) -> str:
+def format_markdown(tables: Tables) -> str:
     """One page."""
     parts = [
         "# Tables",
-        *_about(tables),
-        *_fidelity(tables),
-        *_robustness(tables),
-        *_understanding(tables),
-        *_nearness(tables.near),
-        *_diversity(tables.spreads),
+        *_format_about(tables),
+        *_format_fidelity(tables),
+        *_format_robustness(tables),
+        *_format_understanding(tables),
+        *_format_distances(tables.near),
+        *_format_diversity(tables.spreads),
     ]
     return "\n\n".join(parts) + "\n"
 
 
-def _about(tables: Tables) -> Iterator[str]:
+def _format_about(tables: Tables) -> Iterator[str]:
     lines = []
     for key, value in tables.about.items():
         told = (
@@ -112,7 +112,7 @@ def _cut(text: str) -> str:
     return text if len(text) <= 60 else f"{text[:12]}…"
 
 
-def _fidelity(tables: Tables) -> Iterator[str]:
+def _format_fidelity(tables: Tables) -> Iterator[str]:
     found = tables.fidelity
     yield "## Tables 1, 4 and 5: likelihood of tracks, and the gap to normal scenes"
     yield (
@@ -123,7 +123,8 @@ def _fidelity(tables: Tables) -> Iterator[str]:
     )
     yield f"Two readings: {'; '.join(f'*{name}*: {_READ[name]}' for name in READINGS)}."
     rows = [
-        [r.type, r.reading, f"{r.agents} / {r.scenes}", f"{r.nll:.2f} {_between(r.interval)}",
+        [r.type, r.reading, f"{r.agents} / {r.scenes}",
+         f"{r.nll:.2f} {_format_interval(r.interval)}",
          f"{r.median:.2f}", f"{r.nll + CENTIMETRES:.2f}"]
         for r in found.references
     ]  # fmt: skip
@@ -141,7 +142,7 @@ def _fidelity(tables: Tables) -> Iterator[str]:
         yield format_table(
             ["event", "agents", "class", "reading", "agents / scenes", "NLL", "S2R, signed",
              "size of S2R", "ΔNLL", *(f"paper: {name}" for name in paper.GAPS)],
-            [_cell(cell) for cell in cells],
+            [_format_cell(cell) for cell in cells],
         )  # fmt: skip
     yield (
         f"Without a score: {found.left.assumed} agents on routes whose prior is assumed "
@@ -150,32 +151,32 @@ def _fidelity(tables: Tables) -> Iterator[str]:
     )
 
 
-def _cell(cell: Cell) -> list[str]:
+def _format_cell(cell: FidelityCell) -> list[str]:
     key = (cell.event, cell.role, cell.type)
     theirs = [gaps.get(key, "–") if cell.reading == "path" else "" for gaps in paper.GAPS.values()]
     role = {"foreground": "FG", "background": "BG"}[cell.role]
-    return [cell.event, role, cell.type, cell.reading, *_gap(cell.gap), *theirs]
+    return [cell.event, role, cell.type, cell.reading, *_format_gap(cell.gap), *theirs]
 
 
-def _gap(gap: Gap | None) -> list[str]:
+def _format_gap(gap: Gap | None) -> list[str]:
     if gap is None:
         return ["0"] + ["–"] * 4
     return [
         f"{gap.agents} / {gap.scenes}",
         f"{gap.nll:.2f}",
-        f"{gap.s2r:+.3f} {_between(gap.s2r_interval, 3)}",
+        f"{gap.s2r:+.3f} {_format_interval(gap.s2r_interval, 3)}",
         f"{abs(gap.s2r):.3f}",
-        f"{gap.delta:+.3f} {_between(gap.delta_interval, 3)}",
+        f"{gap.delta:+.3f} {_format_interval(gap.delta_interval, 3)}",
     ]
 
 
-def _between(interval: tuple[float, float] | None, digits: int = 2) -> str:
+def _format_interval(interval: tuple[float, float] | None, digits: int = 2) -> str:
     if interval is None:
         return ""
     return f"[{interval[0]:.{digits}f}, {interval[1]:.{digits}f}]"
 
 
-def _robustness(tables: Tables) -> Iterator[str]:
+def _format_robustness(tables: Tables) -> Iterator[str]:
     yield "## Table 2: instruction satisfaction rate"
     yield (
         "Scenes that the checker confirms / instructions given; a refusal counts as a failure. "
@@ -186,7 +187,7 @@ def _robustness(tables: Tables) -> Iterator[str]:
         [
             rate.backend, rate.event, f"{rate.share.right} / {rate.share.n}",
             "–" if rate.share.rate is None else f"{100 * rate.share.rate:.2f}",
-            _percent(rate),
+            _format_percent(rate),
         ]
         for rate in tables.rates
     ]  # fmt: skip
@@ -198,12 +199,12 @@ def _robustness(tables: Tables) -> Iterator[str]:
     yield format_table(["backend", "event", "verified / given", "ISR [%]", "95 %"], rows)
 
 
-def _percent(rate: Rate) -> str:
+def _format_percent(rate: Rate) -> str:
     found = rate.share.interval
     return "" if found is None else f"[{100 * found[0]:.1f}, {100 * found[1]:.1f}]"
 
 
-def _understanding(tables: Tables) -> Iterator[str]:
+def _format_understanding(tables: Tables) -> Iterator[str]:
     yield "## Table 3: understanding"
     head = [
         "method", "intent: pedestrian", "vehicle", "overall", "F1: normal", "collision",
@@ -223,7 +224,7 @@ def _understanding(tables: Tables) -> Iterator[str]:
     yield format_table(head, [*ours, *rows])
 
 
-def _nearness(near: Sequence[Near]) -> Iterator[str]:
+def _format_distances(near: Sequence[ReferenceDistance]) -> Iterator[str]:
     yield "## How scenes move and keep apart"
     if not near:
         yield "Not measured: needs recorded hours (`--corpus`), of `intersections corpus`."
@@ -232,7 +233,7 @@ def _nearness(near: Sequence[Near]) -> Iterator[str]:
         "First Wasserstein distances, 95 % over resampled scenes; *halves* is the distance between "
         "two halves of the reference. Against real tracks both sides are smoothed over 1 s."
     )
-    rows = [_near(each) for each in near]
+    rows = [_format_distance(each) for each in near]
     yield format_table(
         ["measure", "whose", "against", "W1", "95 %", "n / reference", "halves",
          "median, 5–95 %", "reference"],
@@ -240,26 +241,26 @@ def _nearness(near: Sequence[Near]) -> Iterator[str]:
     )  # fmt: skip
 
 
-def _near(each: Near) -> list[str]:
+def _format_distance(each: ReferenceDistance) -> list[str]:
     d = each.distance
     return [
         each.measure,
         each.group,
         each.reference,
         "–" if d is None else f"{d.value:.3f} {UNITS[each.measure]}",
-        "–" if d is None else _between((d.low, d.high), 3),
+        "–" if d is None else _format_interval((d.low, d.high), 3),
         "–" if d is None else f"{d.n} / {d.n_reference}",
         "–" if each.halves is None else f"{each.halves:.3f}",
-        _quantiles(each.quantiles),
-        _quantiles(each.reference_quantiles),
+        _format_quantiles(each.quantiles),
+        _format_quantiles(each.reference_quantiles),
     ]
 
 
-def _quantiles(values: tuple[float, ...] | None) -> str:
+def _format_quantiles(values: tuple[float, ...] | None) -> str:
     return "–" if values is None else f"{values[1]:.2f}, {values[0]:.2f}–{values[2]:.2f}"
 
 
-def _diversity(spreads: Sequence[Spread]) -> Iterator[str]:
+def _format_diversity(spreads: Sequence[Spread]) -> Iterator[str]:
     yield "## Diversity"
     yield (
         f"Standard deviation in the dataset over that in the corpus; the bar is {BAR}. 95 % over "
@@ -269,7 +270,7 @@ def _diversity(spreads: Sequence[Spread]) -> Iterator[str]:
     rows = [
         [
             each.what, each.group, f"{each.ours:.2f} {each.unit}", f"{each.corpus:.2f} {each.unit}",
-            f"{each.ratio:.2f} {_between((each.low, each.high))}",
+            f"{each.ratio:.2f} {_format_interval((each.low, each.high))}",
             f"{each.n} / {each.n_corpus}", "yes" if each.enough else "**no**",
             "–" if each.ratio_to_whole is None else f"{each.ratio_to_whole:.2f}",
         ]

@@ -25,12 +25,12 @@ class Rate:
     share: Share
 
 
-def robustness(dataset: Dataset) -> tuple[Rate, ...]:
+def compute_robustness(dataset: Dataset) -> tuple[Rate, ...]:
     """A rate for each backend and event; every instruction counts, retries of an order too."""
-    return tuple(rate for backend in dataset.backends for rate in _rates(dataset, backend))
+    return tuple(rate for backend in dataset.backends for rate in _compute_rates(dataset, backend))
 
 
-def _rates(dataset: Dataset, backend: str) -> Iterator[Rate]:
+def _compute_rates(dataset: Dataset, backend: str) -> Iterator[Rate]:
     mine = [row for row in dataset.rows if row.backend == backend and row.scope]
     events = dict.fromkeys(row.event or "unknown" for row in mine)
     for event in events:
@@ -43,6 +43,6 @@ def _rates(dataset: Dataset, backend: str) -> Iterator[Rate]:
         yield Rate(backend, "all", Share(sum(row.verified for row in mine), len(mine)))
 
 
-def out_of_scope(dataset: Dataset) -> int:
+def count_out_of_scope(dataset: Dataset) -> int:
     """Instructions that were refused as no request for a scene; they count nowhere."""
     return sum(not row.scope for row in dataset.rows)

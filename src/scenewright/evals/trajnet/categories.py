@@ -41,16 +41,16 @@ def categorise(primary: FloatArray, others: FloatArray) -> tuple[int, tuple[int,
     """
     if np.linalg.norm(primary[-1] - primary[0]) < STANDING:
         return STATIC, ()
-    last = filtered(primary[:OBSERVED], steps=PREDICTED)[-1]
+    last = filter_path(primary[:OBSERVED], steps=PREDICTED)[-1]
     if np.linalg.norm(primary[-1] - last) < STRAIGHT:
         return LINEAR, ()
-    place, motion, distance = _seen_from(primary, others)
-    ahead = _within(place, 0.0, _CONE) & (distance < _NEAR)
-    group = _grouped(primary, others, place, distance)
+    place, motion, distance = _compute_relative_motion(primary, others)
+    ahead = _is_within(place, 0.0, _CONE) & (distance < _NEAR)
+    group = _is_grouped(primary, others, place, distance)
     if not (ahead.any() or group.any()):
         return OTHER, ()
-    following = (ahead & _within(motion, 0.0, _CONE)).sum(axis=1) >= _FOLLOWING
-    meeting = ahead & _within(motion, 180.0, _CONE)
+    following = (ahead & _is_within(motion, 0.0, _CONE)).sum(axis=1) >= _FOLLOWING
+    meeting = ahead & _is_within(motion, 180.0, _CONE)
     found = {
         LEADER_FOLLOWER: following.any(),
         AVOIDANCE: meeting.any(),
@@ -59,7 +59,7 @@ def categorise(primary: FloatArray, others: FloatArray) -> tuple[int, tuple[int,
     return INTERACTING, tuple(k for k, yes in found.items() if yes) or (OTHER_INTERACTION,)
 
 
-def filtered(observed: FloatArray, *, steps: int) -> FloatArray:
+def filter_path(observed: FloatArray, *, steps: int) -> FloatArray:
     """[steps, D] the mean path that a constant-velocity Kalman filter expects.
 
     Noise as the benchmark starts from: 1e-5 on the state, 0.05 m on the observation; positions and
@@ -81,35 +81,35 @@ def filtered(observed: FloatArray, *, steps: int) -> FloatArray:
     return np.asarray(mean[0] + ahead * mean[1])
 
 
-def _seen_from(
+def _compute_relative_motion(
     primary: FloatArray, others: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """[M, 12] over the predicted steps, from the primary and against the way it moves.
 
     Where others are and which way they move [degrees, 0 to 360], and how far they are [m].
     """
-    way = _angle(primary[OBSERVED:] - primary[OBSERVED - _STRIDE : -_STRIDE])
+    way = _compute_angle(primary[OBSERVED:] - primary[OBSERVED - _STRIDE : -_STRIDE])
     offset = others[:, OBSERVED:] - primary[OBSERVED:]
     moved = others[:, OBSERVED:] - others[:, OBSERVED - _STRIDE : -_STRIDE]
     distance = np.linalg.norm(offset, axis=-1)
-    return (_angle(offset) - way) % 360, (_angle(moved) - way) % 360, distance
+    return (_compute_angle(offset) - way) % 360, (_compute_angle(moved) - way) % 360, distance
 
 
-def _angle(vector: FloatArray) -> FloatArray:
+def _compute_angle(vector: FloatArray) -> FloatArray:
     return np.asarray(np.degrees(np.arctan2(vector[..., 1], vector[..., 0])))
 
 
-def _within(angle: FloatArray, centre: float, reach: float) -> NDArray[np.bool_]:
+def _is_within(angle: FloatArray, centre: float, reach: float) -> NDArray[np.bool_]:
     """Whether an angle lies above centre - reach and at most at centre + reach; NaN does not."""
     off = (angle - centre + 180.0) % 360.0 - 180.0
     return np.asarray((off > -reach) & (off <= reach))
 
 
-def _grouped(
+def _is_grouped(
     primary: FloatArray, others: FloatArray, place: FloatArray, distance: FloatArray
 ) -> NDArray[np.bool_]:
     """[M] who is at the primary's side at some time and keeps close to it all along."""
-    side = _within(place, 90.0, _SIDE) | _within(place, 270.0, _SIDE)
+    side = _is_within(place, 90.0, _SIDE) | _is_within(place, 270.0, _SIDE)
     beside = (side & (distance < _NEAR)).any(axis=1)
     apart = np.linalg.norm(others - primary, axis=-1)
     close = (apart.mean(axis=1) < _GROUP_DISTANCE) & (apart.std(axis=1) < _GROUP_DEVIATION)

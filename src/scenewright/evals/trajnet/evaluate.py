@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenewright.evals.trajnet.predictors import Predictor, Refining, constant_velocity
-from scenewright.evals.trajnet.recording import Recording
+from scenewright.evals.trajnet.predictors import Predictor, Refining, predict_constant_velocity
+from scenewright.evals.trajnet.recording import BenchmarkRecording
 from scenewright.evals.trajnet.score import (
     Goals,
     PredictedScene,
-    Row,
+    ScoreRow,
+    build_table,
     predict_scenes,
     score_scenes,
-    table,
 )
 
 KINDS_OF_GOALS: tuple[Goals, ...] = ("none", "destination", "horizon")
@@ -34,7 +34,7 @@ class Evaluated:
     predictor: str
     goals: Goals
     predicted: list[list[PredictedScene]]
-    rows: list[Row]
+    rows: list[ScoreRow]
 
     def to_json(self) -> dict[str, Any]:
         """For a report, without the predictions."""
@@ -43,10 +43,10 @@ class Evaluated:
 
 
 def evaluate(
-    recordings: Sequence[Recording],
+    recordings: Sequence[BenchmarkRecording],
     *,
     weights: Path | None,
-    tell: Callable[[str], None] = lambda _: None,
+    log: Callable[[str], None] = lambda _: None,
 ) -> list[Evaluated]:
     """Constant velocity, then the refiner without and with goals, over all scenes together.
 
@@ -58,28 +58,32 @@ def evaluate(
     Raises:
         InputError: the weights cannot be used, or a scene has no primary.
     """
-    found = [_one(recordings, constant_velocity, "constant velocity", "none", tell)]
+    found = [
+        _evaluate_predictor(recordings, predict_constant_velocity, "constant velocity", "none", log)
+    ]
     if weights is None:
         return found
     from scenewright.tools.trajnet_refiner.store import load_refiner
 
     net = load_refiner(weights, task="benchmark")
     told = KINDS_OF_GOALS if net.config.goals and found[0].rows else KINDS_OF_GOALS[:1]
-    return found + [_one(recordings, Refining(net), "refiner", goals, tell) for goals in told]
+    return found + [
+        _evaluate_predictor(recordings, Refining(net), "refiner", goals, log) for goals in told
+    ]
 
 
-def _one(
-    recordings: Sequence[Recording],
+def _evaluate_predictor(
+    recordings: Sequence[BenchmarkRecording],
     predictor: Predictor,
     name: str,
     goals: Goals,
-    tell: Callable[[str], None],
+    log: Callable[[str], None],
 ) -> Evaluated:
     predicted, scores = [], []
     for recording in recordings:
         with_goals = "" if goals == "none" else f", told the {goals}"
-        tell(f"{recording.name}: {name}{with_goals}")
+        log(f"{recording.name}: {name}{with_goals}")
         scenes = predict_scenes(recording, predictor, goals=goals)
         predicted.append(scenes)
         scores += score_scenes(recording, scenes)
-    return Evaluated(name, goals, predicted, table(scores) if scores else [])
+    return Evaluated(name, goals, predicted, build_table(scores) if scores else [])

@@ -13,13 +13,13 @@ PARTS = 2
 """Sub-intervals of a step at whose ends distances are taken."""
 
 
-def displacement(predicted: FloatArray, truth: FloatArray) -> tuple[float, float]:
+def compute_displacement(predicted: FloatArray, truth: FloatArray) -> tuple[float, float]:
     """Mean (ADE) and last (FDE) distance between two paths [P, 2], in metres."""
     distance = np.linalg.norm(predicted - truth, axis=-1)
     return float(distance.mean()), float(distance[-1])
 
 
-def collides(primary: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
+def find_collisions(primary: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
     """Which of the others the primary collides with.
 
     Distances are taken at the steps and at the ends of `PARTS` equal parts between them, as if
@@ -35,13 +35,13 @@ def collides(primary: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
     """
     offset = others - primary
     seen: NDArray[np.bool_] = np.asarray(~np.isnan(offset).any(axis=-1))
-    hit = _touches(offset)
+    hit = _is_touching(offset)
     for m in np.flatnonzero(~seen.all(axis=1)):
-        hit[m] = bool(_touches(offset[m : m + 1, seen[m]])[0])
+        hit[m] = bool(_is_touching(offset[m : m + 1, seen[m]])[0])
     return hit
 
 
-def _touches(offset: FloatArray) -> NDArray[np.bool_]:
+def _is_touching(offset: FloatArray) -> NDArray[np.bool_]:
     """[M] of offsets [M, P, 2] that are nowhere NaN; NaN counts as far away."""
     if offset.shape[1] < 2:
         return np.zeros(len(offset), dtype=np.bool_)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED
-from scenewright.evals.trajnet.timing import around_now, at_times
+from scenewright.evals.trajnet.timing import compute_times_around_now, interpolate_at_times
 from scenewright.scene.base import FloatArray
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Predictor(Protocol):
         ...
 
 
-def constant_velocity(
+def predict_constant_velocity(
     pasts: Sequence[FloatArray],
     goals: Sequence[FloatArray] | None = None,
     *,
@@ -75,23 +75,25 @@ class Refining:
         """See `Predictor`."""
         own = self.net.config.step
         if step < own + 1e-6:
-            return self._grouped(pasts, goals, due, PREDICTED)
-        given, wanted = (around_now(OBSERVED, before=OBSERVED - 1, step=s) for s in (step, own))
+            return self._predict_by_size(pasts, goals, due, PREDICTED)
+        given, wanted = (
+            compute_times_around_now(OBSERVED, before=OBSERVED - 1, step=s) for s in (step, own)
+        )
         steps = int(np.ceil(PREDICTED * step / own - 1e-6))
-        ahead = self._grouped(
-            [at_times(past, given, wanted) for past in pasts],
+        ahead = self._predict_by_size(
+            [interpolate_at_times(past, given, wanted) for past in pasts],
             goals,
             None if due is None else due * step / own,
             steps,
         )
-        drawn = around_now(steps + 1, before=0, step=own)
-        wanted = around_now(PREDICTED + 1, before=0, step=step)[1:]
+        drawn = compute_times_around_now(steps + 1, before=0, step=own)
+        wanted = compute_times_around_now(PREDICTED + 1, before=0, step=step)[1:]
         return [
-            at_times(np.concatenate((past[:, -1:], path), axis=1), drawn, wanted)
+            interpolate_at_times(np.concatenate((past[:, -1:], path), axis=1), drawn, wanted)
             for past, path in zip(pasts, ahead, strict=True)
         ]
 
-    def _grouped(
+    def _predict_by_size(
         self,
         pasts: Sequence[FloatArray],
         goals: Sequence[FloatArray] | None,
@@ -99,18 +101,18 @@ class Refining:
         steps: int,
     ) -> list[FloatArray]:
         """[N, steps, 2] of each scene at the network's step, scenes of like size together."""
-        from scenewright.tools.trajnet_refiner.windows import grouped
+        from scenewright.tools.trajnet_refiner.windows import group_by_size
 
         found: dict[int, FloatArray] = {}
         sizes = [len(past) for past in pasts]
-        for group in grouped(sizes, agents=self.agents, rng=np.random.default_rng(0)):
+        for group in group_by_size(sizes, agents=self.agents, rng=np.random.default_rng(0)):
             chosen = [int(i) for i in group]
             given = None if goals is None else [goals[i] for i in chosen]
-            results = self._batch([pasts[i] for i in chosen], given, due, steps)
+            results = self._predict_batch([pasts[i] for i in chosen], given, due, steps)
             found.update(zip(chosen, results, strict=True))
         return [found[i] for i in range(len(pasts))]
 
-    def _batch(
+    def _predict_batch(
         self,
         pasts: Sequence[FloatArray],
         goals: Sequence[FloatArray] | None,
@@ -171,8 +173,8 @@ class BoostedTrees:
         features, targets, weights = [], [], []
         for window in windows:
             past, future = window.xy[:, :OBSERVED], window.xy[:, OBSERVED:]
-            told, along = self._features(past)
-            off = _turned(future - constant_velocity([past])[0], along, back=True)
+            told, along = self._compute_features(past)
+            off = _rotate(future - predict_constant_velocity([past])[0], along, back=True)
             known = np.isfinite(off).all(axis=(1, 2))
             features.append(told[known])
             targets.append(off[known].reshape(-1, 2 * PREDICTED))
@@ -192,17 +194,17 @@ class BoostedTrees:
     ) -> list[FloatArray]:
         """See `Predictor`; goals are not looked at."""
         del goals, due, step
-        told = [self._features(past) for past in pasts]
+        told = [self._compute_features(past) for past in pasts]
         x = np.concatenate([features for features, _ in told])
         off = np.stack([tree.predict(x) for tree in self._trees], axis=1)
         parts = np.split(off.reshape(-1, PREDICTED, 2), np.cumsum([len(p) for p in pasts])[:-1])
-        straight = constant_velocity(pasts)
+        straight = predict_constant_velocity(pasts)
         return [
-            base + _turned(part, along, back=False)
+            base + _rotate(part, along, back=False)
             for base, part, (_, along) in zip(straight, parts, told, strict=True)
         ]
 
-    def _features(self, past: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _compute_features(self, past: FloatArray) -> tuple[FloatArray, FloatArray]:
         """[N, D] what is known of each agent, NaN where unknown, and [N, 2] its direction."""
         n, k = len(past), self.NEIGHBOURS
         moves = np.diff(past, axis=1)
@@ -215,15 +217,15 @@ class BoostedTrees:
         who = np.argsort(distance, axis=1, kind="stable")[:, :k]
         row = np.arange(n)[:, None]
         near = np.full((n, k, 5), np.nan)
-        near[:, : who.shape[1], :2] = _turned(offset[row, who], along, back=True)
-        near[:, : who.shape[1], 2:4] = _turned(relative[row, who], along, back=True)
+        near[:, : who.shape[1], :2] = _rotate(offset[row, who], along, back=True)
+        near[:, : who.shape[1], 2:4] = _rotate(relative[row, who], along, back=True)
         near[:, : who.shape[1], 4] = distance[row, who]
         near[~np.isfinite(near[..., 4])] = np.nan
-        own = _turned(moves, along, back=True).reshape(n, -1)
+        own = _rotate(moves, along, back=True).reshape(n, -1)
         return np.concatenate((own, length, near.reshape(n, -1)), axis=1), along
 
 
-def _turned(vectors: FloatArray, along: FloatArray, *, back: bool) -> FloatArray:
+def _rotate(vectors: FloatArray, along: FloatArray, *, back: bool) -> FloatArray:
     """[N, K, 2] vectors into (back) or out of the frame in which `along` [N, 2] is +x."""
     c, s = along[:, None, 0], (-1 if back else 1) * along[:, None, 1]
     x, y = vectors[..., 0], vectors[..., 1]

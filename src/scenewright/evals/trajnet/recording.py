@@ -46,7 +46,7 @@ class SceneRow:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class BenchmarkRecording:
     """A file in memory.
 
     Attributes:
@@ -78,7 +78,7 @@ class Recording:
         return out
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: Path) -> BenchmarkRecording:
     """A TrajNet++ file.
 
     Raises:
@@ -92,23 +92,23 @@ def read_recording(path: Path) -> Recording:
         raise InputError(f"{path}, line {line}: not a TrajNet++ row: {reason}")
 
     for line, kind, values in iterate_trajnet_rows(
-        _lines(path), predictions="first as tracks", refuse=refuse
+        _read_lines(path), predictions="first as tracks", refuse=refuse
     ):
         try:
             if kind == "scene":
-                scenes.append(_scene(values))
+                scenes.append(_parse_scene(values))
             else:
-                rows[int(values["p"]), int(values["f"])] = _position(values)
+                rows[int(values["p"]), int(values["f"])] = _parse_position(values)
         except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
             why = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else str(error)
             refuse(line, why)
     if not scenes or not rows:
         raise InputError(f"{path}: a TrajNet++ file holds scenes and tracks; found "
                          f"{len(scenes)} scenes and {len(rows)} rows of tracks")  # fmt: skip
-    return _recording(path, tuple(scenes), rows)
+    return _build_recording(path, tuple(scenes), rows)
 
 
-def _lines(path: Path) -> Iterator[str]:
+def _read_lines(path: Path) -> Iterator[str]:
     try:
         with path.open(encoding="utf-8") as file:
             yield from file
@@ -116,14 +116,14 @@ def _lines(path: Path) -> Iterator[str]:
         raise InputError(f"{path}: not a text file") from error
 
 
-def _position(track: Mapping[str, Any]) -> tuple[float, float]:
+def _parse_position(track: Mapping[str, Any]) -> tuple[float, float]:
     xy = float(track["x"]), float(track["y"])
     if not np.isfinite(xy).all():
         raise ValueError("a position must be finite")
     return xy
 
 
-def _scene(entry: dict[str, Any]) -> SceneRow:
+def _parse_scene(entry: dict[str, Any]) -> SceneRow:
     tag = entry.get("tag")
     kind = tag[0] if isinstance(tag, list) and tag else tag
     parts = tag[1] if isinstance(tag, list) and len(tag) > 1 else []
@@ -140,9 +140,9 @@ def _scene(entry: dict[str, Any]) -> SceneRow:
     )  # fmt: skip
 
 
-def _recording(
+def _build_recording(
     path: Path, scenes: tuple[SceneRow, ...], rows: dict[tuple[int, int], tuple[float, float]]
-) -> Recording:
+) -> BenchmarkRecording:
     strides = {((s.end - s.start) // (STEPS - 1), s.fps) for s in scenes}
     if len(strides) > 1:
         raise InputError(f"{path}: scenes of different steps (frames, fps): {sorted(strides)}")
@@ -156,10 +156,10 @@ def _recording(
     last[who] = xy  # rows are in the order of time, so each pedestrian's last one stays
     first[who[::-1]] = xy[::-1]
     by_frame = dict(zip(frames.tolist(), parts, strict=True))
-    return Recording(path.stem, scenes, stride, 1.0 / fps, ids, by_frame, first, last)
+    return BenchmarkRecording(path.stem, scenes, stride, 1.0 / fps, ids, by_frame, first, last)
 
 
-def prediction_lines(
+def format_prediction(
     row: SceneRow, *, stride: int, ids: Iterable[int], xy: FloatArray
 ) -> Iterator[str]:
     """The lines of one predicted scene, the primary first.

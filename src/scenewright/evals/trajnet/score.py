@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from scenewright.errors import InputError
 from scenewright.evals.bootstrap import compute_interval, draw_resamples
 from scenewright.evals.trajnet.categories import SUBTYPE_NAMES, TYPE_NAMES, categorise
-from scenewright.evals.trajnet.metrics import collides, displacement
+from scenewright.evals.trajnet.metrics import compute_displacement, find_collisions
 from scenewright.evals.trajnet.predictors import Predictor
 from scenewright.evals.trajnet.recording import (
     OBSERVED,
     PREDICTED,
-    Recording,
+    BenchmarkRecording,
     SceneRow,
-    prediction_lines,
+    format_prediction,
 )
 from scenewright.scene.base import FloatArray
 
@@ -66,7 +66,7 @@ class SceneScore:
 
 
 def predict_scenes(
-    recording: Recording, predictor: Predictor, *, goals: Goals = "none"
+    recording: BenchmarkRecording, predictor: Predictor, *, goals: Goals = "none"
 ) -> list[PredictedScene]:
     """Every scene of a recording, predicted from its first nine steps.
 
@@ -82,7 +82,7 @@ def predict_scenes(
         places.append(who)
         pasts.append(xy[who, :OBSERVED])
         given.append(recording.last[who] if goals == "destination" else xy[who, -1])
-        gone.append(_gone(xy[:, :OBSERVED]))
+        gone.append(_extend_gone(xy[:, :OBSERVED]))
     ahead = predictor(
         pasts,
         None if goals == "none" else given,
@@ -94,10 +94,10 @@ def predict_scenes(
         for who, xy, (left, beyond) in zip(places, ahead, gone, strict=True)
     ]
     by_start = dict(zip(starts, everybody, strict=True))
-    return [_scene(recording, row, *by_start[row.start]) for row in recording.scenes]
+    return [_build_scene(recording, row, *by_start[row.start]) for row in recording.scenes]
 
 
-def _gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+def _extend_gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     """Who was seen and is gone at the last observed step, and [M, 12, 2] where they go on to."""
     seen = ~np.isnan(past[..., 0])
     who = np.flatnonzero(seen.any(axis=1) & ~seen[:, -1])
@@ -108,8 +108,12 @@ def _gone(past: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     return who, at[:, None] + steps[..., None] * move[:, None]
 
 
-def _scene(
-    recording: Recording, row: SceneRow, who: NDArray[np.int64], ahead: FloatArray, present: int
+def _build_scene(
+    recording: BenchmarkRecording,
+    row: SceneRow,
+    who: NDArray[np.int64],
+    ahead: FloatArray,
+    present: int,
 ) -> PredictedScene:
     is_primary = recording.ids[who] == row.primary
     if not is_primary[:present].any():
@@ -121,14 +125,18 @@ def _scene(
     return PredictedScene(row, who[order], ahead[order].round(2))
 
 
-def score_scenes(recording: Recording, scenes: Sequence[PredictedScene]) -> list[SceneScore]:
+def score_scenes(
+    recording: BenchmarkRecording, scenes: Sequence[PredictedScene]
+) -> list[SceneScore]:
     """Scores of all scenes whose primary's future is in the file."""
     real = {start: recording.stretch(start) for start in {s.row.start for s in scenes}}
     found = (_score(recording, scene, real[scene.row.start]) for scene in scenes)
     return [score for score in found if score is not None]
 
 
-def _score(recording: Recording, scene: PredictedScene, real: FloatArray) -> SceneScore | None:
+def _score(
+    recording: BenchmarkRecording, scene: PredictedScene, real: FloatArray
+) -> SceneScore | None:
     truth = real[scene.who[0], OBSERVED:]
     if np.isnan(truth).any():
         return None
@@ -138,7 +146,7 @@ def _score(recording: Recording, scene: PredictedScene, real: FloatArray) -> Sce
     kind, parts = scene.row.type, scene.row.subtypes
     if kind is None:
         kind, parts = categorise(real[scene.who[0]], others)
-    ade, fde = displacement(scene.xy[0], truth)
+    ade, fde = compute_displacement(scene.xy[0], truth)
     neighbours = scene.xy[1:]
     return SceneScore(
         (recording.name, scene.row.primary),
@@ -146,21 +154,23 @@ def _score(recording: Recording, scene: PredictedScene, real: FloatArray) -> Sce
         parts,
         ade,
         fde,
-        bool(collides(scene.xy[0], neighbours).any()),
-        bool(collides(scene.xy[0], observed[:, OBSERVED:]).any()),
+        bool(find_collisions(scene.xy[0], neighbours).any()),
+        bool(find_collisions(scene.xy[0], observed[:, OBSERVED:]).any()),
     )
 
 
-def lines(recording: Recording, scenes: Iterable[PredictedScene]) -> Iterable[str]:
+def format_predictions(
+    recording: BenchmarkRecording, scenes: Iterable[PredictedScene]
+) -> Iterable[str]:
     """The predictions in the benchmark's own format, line by line."""
     for scene in scenes:
-        yield from prediction_lines(
+        yield from format_prediction(
             scene.row, stride=recording.stride, ids=recording.ids[scene.who], xy=scene.xy
         )
 
 
 @dataclass(frozen=True)
-class Row:
+class ScoreRow:
     """One kind of scene in a table.
 
     Attributes:
@@ -183,17 +193,17 @@ class Row:
         }  # fmt: skip
 
 
-def table(scores: Sequence[SceneScore], *, seed: int = 0) -> list[Row]:
+def build_table(scores: Sequence[SceneScore], *, seed: int = 0) -> list[ScoreRow]:
     """All scenes, then each type and each subtype of which there are scenes."""
     groups = [("all", list(scores))]
     for k, name in TYPE_NAMES.items():
         groups.append((f"{k} {name}", [s for s in scores if s.type == k]))
     for k, name in SUBTYPE_NAMES.items():
         groups.append((f"3.{k} {name}", [s for s in scores if k in s.subtypes]))
-    return [_row(name, group, seed) for name, group in groups if group]
+    return [_build_row(name, group, seed) for name, group in groups if group]
 
 
-def _row(name: str, scores: Sequence[SceneScore], seed: int) -> Row:
+def _build_row(name: str, scores: Sequence[SceneScore], seed: int) -> ScoreRow:
     people = sorted({s.person for s in scores})
     place = {person: k for k, person in enumerate(people)}
     whose = np.array([place[s.person] for s in scores])
@@ -203,11 +213,11 @@ def _row(name: str, scores: Sequence[SceneScore], seed: int) -> Row:
         given = [getattr(s, measure) for s in scores]
         x = np.array([np.nan if v is None else float(v) for v in given])
         x = 100 * x if measure.startswith("col") else x
-        values[measure], intervals[measure] = mean_with_interval(x, whose, draws)
-    return Row(name, len(scores), len(people), values, intervals)
+        values[measure], intervals[measure] = compute_mean_with_interval(x, whose, draws)
+    return ScoreRow(name, len(scores), len(people), values, intervals)
 
 
-def mean_with_interval(
+def compute_mean_with_interval(
     x: FloatArray, whose: NDArray[np.int64], draws: NDArray[np.int64]
 ) -> tuple[float | None, tuple[float, float] | None]:
     """Mean of the values and its 95 % interval; None without any.

@@ -7,7 +7,7 @@ import numpy as np
 from scenewright.scene.base import FloatArray
 
 
-def at_times(xy: FloatArray, given: FloatArray, wanted: FloatArray) -> FloatArray:
+def interpolate_at_times(xy: FloatArray, given: FloatArray, wanted: FloatArray) -> FloatArray:
     """Positions in between, on straight lines.
 
     Args:
@@ -24,6 +24,6 @@ def at_times(xy: FloatArray, given: FloatArray, wanted: FloatArray) -> FloatArra
     return np.asarray(np.where(share > 1.0 - 1e-6, second, between))
 
 
-def around_now(count: int, *, before: int, step: float) -> FloatArray:
+def compute_times_around_now(count: int, *, before: int, step: float) -> FloatArray:
     """[count] times [s] of samples every `step`, of which sample `before` is now."""
     return np.asarray(step * (np.arange(count) - before), dtype=np.float64)

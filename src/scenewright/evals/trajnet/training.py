@@ -8,35 +8,35 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenewright.errors import InputError
-from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, Recording
-from scenewright.evals.trajnet.windows import BENDING, training_windows
+from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, BenchmarkRecording
+from scenewright.evals.trajnet.windows import BENDING, cut_training_windows
 
 if TYPE_CHECKING:
     from scenewright.tools.trajnet_refiner.model import RefinerConfig
-    from scenewright.tools.trajnet_refiner.train import Epoch, Recipe, Tell
+    from scenewright.tools.trajnet_refiner.train import Epoch, ProgressCallback, Recipe
 
 TEST_RECORDINGS = ("biwi_eth", "crowds_zara02", "crowds_uni_examples", "uni_examples")
 """The official test scenes come from these; they must never be trained on."""
 
 
 def train_on(
-    recordings: Sequence[Recording],
+    recordings: Sequence[BenchmarkRecording],
     *,
     out: Path,
-    held_out: Sequence[Recording] = (),
+    held_out: Sequence[BenchmarkRecording] = (),
     config: RefinerConfig | None = None,
     recipe: Recipe | None = None,
     polish: bool = True,
     device: str | None = None,
-    tell: Tell | None = None,
+    log: ProgressCallback | None = None,
     after_epoch: Callable[[Epoch], None] | None = None,
 ) -> dict[str, Any]:
-    """Trains a refiner and writes it to `out`; what the training was is written with it.
+    """Train a refiner and write it to `out`, together with the training's settings.
 
-    Half of what is seen is seen backwards in time. First every agent counts much alike; then those
-    count most who do not simply keep going (`polishing`). While it runs, its state is kept beside
-    `out` in files ending in .training and .polishing, from which it goes on when it is started
-    again; in the end they are removed.
+    Half of the windows run backwards in time. First all agents have similar weights; then those
+    that do not simply keep going weigh most (`build_polishing_recipe`). While it runs, its state is
+    kept next to `out` in files ending in .training and .polishing, from which a restart goes on;
+    in the end they are removed.
 
     Args:
         held_out: recordings to validate on; the error is that of all their agents.
@@ -55,7 +55,7 @@ def train_on(
 
     check_split([r.name for r in recordings], [r.name for r in held_out])
     config = config or RefinerConfig(observed=OBSERVED, predicted=PREDICTED)
-    recipe = recipe or own_recipe()
+    recipe = recipe or build_own_recipe()
     losses: list[float] = []
 
     def keep(epoch: Epoch, before: int = 0) -> None:
@@ -65,17 +65,17 @@ def train_on(
 
     states = [out.with_name(out.name + ending) for ending in (".training", ".polishing")]
     how: dict[str, Any] = {
-        "config": config, "device": device, "tell": tell,
-        "held_out": training_windows(held_out),
+        "config": config, "device": device, "log": log,
+        "held_out": cut_training_windows(held_out),
     }  # fmt: skip
     net = train(
-        training_windows(recordings, both_ways=True), recipe=recipe, checkpoint=states[0],
+        cut_training_windows(recordings, both_ways=True), recipe=recipe, checkpoint=states[0],
         after_epoch=keep, **how,
     )  # fmt: skip
     if polish:
-        windows = training_windows(recordings, weights=BENDING, both_ways=True)
+        windows = cut_training_windows(recordings, weights=BENDING, both_ways=True)
         net = train(
-            windows, recipe=polishing(recipe), checkpoint=states[1], start=net,
+            windows, recipe=build_polishing_recipe(recipe), checkpoint=states[1], start=net,
             after_epoch=lambda epoch: keep(epoch, recipe.epochs), **how,
         )  # fmt: skip
     about = {
@@ -84,21 +84,21 @@ def train_on(
         "losses": losses,
     }
     if polish:
-        about["polished"] = polishing(recipe).model_dump(mode="json")
+        about["polished"] = build_polishing_recipe(recipe).model_dump(mode="json")
     save_refiner(net, out, about=about)
     for state in states:
         state.unlink(missing_ok=True)
     return about
 
 
-def own_recipe(*, epochs: int = 18, seed: int = 0) -> Recipe:
+def build_own_recipe(*, epochs: int = 18, seed: int = 0) -> Recipe:
     """The first part of the benchmark's recipe; an epoch sees half of all windows of both ways."""
     from scenewright.tools.trajnet_refiner.train import Recipe
 
     return Recipe(epochs=epochs, share=0.5, seed=seed)
 
 
-def polishing(recipe: Recipe) -> Recipe:
+def build_polishing_recipe(recipe: Recipe) -> Recipe:
     """The second part of a training: 4/9 of the epochs, at half the rate, half the goals."""
     return recipe.model_copy(
         update={

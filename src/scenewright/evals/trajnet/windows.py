@@ -14,10 +14,10 @@ from scenewright.evals.trajnet.categories import (
     STANDING,
     STATIC,
     STRAIGHT,
-    filtered,
+    filter_path,
 )
-from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, STEPS, Recording
-from scenewright.evals.trajnet.timing import around_now, at_times
+from scenewright.evals.trajnet.recording import OBSERVED, PREDICTED, STEPS, BenchmarkRecording
+from scenewright.evals.trajnet.timing import compute_times_around_now, interpolate_at_times
 from scenewright.scene.base import FloatArray
 from scenewright.tools.trajnet_refiner.windows import Window
 
@@ -46,8 +46,11 @@ BENDING = Weights({1: 0.1, 2: 0.1, 3: 1.0, 4: 0.8}, untyped=0.4, by_motion=True)
 """Most for those who do not simply keep going, as in the scenes that the benchmark looks at."""
 
 
-def training_windows(
-    recordings: Iterable[Recording], *, weights: Weights = EVERYBODY, both_ways: bool = False
+def cut_training_windows(
+    recordings: Iterable[BenchmarkRecording],
+    *,
+    weights: Weights = EVERYBODY,
+    both_ways: bool = False,
 ) -> list[Window]:
     """Every stretch of the recordings in which somebody's future is known, stride by stride.
 
@@ -60,14 +63,14 @@ def training_windows(
     """
     ways = (False, True) if both_ways else (False,)
     every = tuple(recordings)
-    return [w for back in ways for each in every for w in _windows(each, weights, back)]
+    return [w for back in ways for each in every for w in _cut_windows(each, weights, back)]
 
 
-def _windows(recording: Recording, weights: Weights, back: bool) -> Iterable[Window]:
+def _cut_windows(recording: BenchmarkRecording, weights: Weights, back: bool) -> Iterable[Window]:
     kinds = {} if back else {(s.primary, s.start): s.type for s in recording.scenes}
     goals = recording.first if back else recording.last
     for start in sorted(recording.rows):
-        xy = _at_network_pace(recording, recording.stretch(start))
+        xy = _resample_to_network(recording, recording.stretch(start))
         xy = xy[:, ::-1] if back else xy
         seen = ~np.isnan(xy[..., 0])
         now = seen[:, OBSERVED - 1]
@@ -76,12 +79,12 @@ def _windows(recording: Recording, weights: Weights, back: bool) -> Iterable[Win
         who = np.flatnonzero(now)
         types = np.array([kinds.get((int(p), start)) or 0 for p in recording.ids[who]])
         if weights.by_motion:
-            types = np.where(types == 0, _by_motion(xy[who]), types)
+            types = np.where(types == 0, _classify_by_motion(xy[who]), types)
         weight = np.array([weights.by_type[t] if t else weights.untyped for t in types.tolist()])
         yield Window(xy[who], np.zeros(len(who), np.int64), goals[who], weight)
 
 
-def _by_motion(xy: FloatArray) -> NDArray[np.int64]:
+def _classify_by_motion(xy: FloatArray) -> NDArray[np.int64]:
     """[N] the type that each would have as a primary, were there others near; 0 if not all seen.
 
     Args:
@@ -89,19 +92,21 @@ def _by_motion(xy: FloatArray) -> NDArray[np.int64]:
     """
     whole = ~np.isnan(xy).any(axis=(1, 2))
     side_by_side = xy[:, :OBSERVED].swapaxes(0, 1).reshape(OBSERVED, -1)
-    last = filtered(side_by_side, steps=PREDICTED)[-1].reshape(-1, 2)
+    last = filter_path(side_by_side, steps=PREDICTED)[-1].reshape(-1, 2)
     static = np.linalg.norm(xy[:, -1] - xy[:, 0], axis=-1) < STANDING
     linear = np.linalg.norm(xy[:, -1] - last, axis=-1) < STRAIGHT
     moving = np.where(linear, LINEAR, INTERACTING)
     return np.asarray(np.where(whole, np.where(static, STATIC, moving), 0))
 
 
-def _at_network_pace(recording: Recording, xy: FloatArray) -> FloatArray:
+def _resample_to_network(recording: BenchmarkRecording, xy: FloatArray) -> FloatArray:
     """[P, 21, 2] the same stretch at the network's step, around the same present.
 
     Longer steps are drawn in between; shorter ones would not reach far enough and are kept.
     """
     if recording.step < PACE + 1e-6:
         return xy
-    given, wanted = (around_now(STEPS, before=OBSERVED - 1, step=s) for s in (recording.step, PACE))
-    return at_times(xy, given, wanted)
+    given, wanted = (
+        compute_times_around_now(STEPS, before=OBSERVED - 1, step=s) for s in (recording.step, PACE)
+    )
+    return interpolate_at_times(xy, given, wanted)

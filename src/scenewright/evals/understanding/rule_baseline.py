@@ -50,9 +50,9 @@ def load_trajnet(intersection: str) -> TrackPredictor:
     Raises:
         InputError: the bundle ships none.
     """
-    from scenewright.tools.trajnet_refiner.bundled import bundled_refiner
+    from scenewright.tools.trajnet_refiner.bundled import load_bundled_refiner
 
-    learned = bundled_refiner(intersection)
+    learned = load_bundled_refiner(intersection)
     if learned is None:
         raise InputError(
             f"intersection {intersection!r} ships no refiner, so there is no TrajNet++ to predict "
@@ -67,7 +67,7 @@ def predict_with_refiner(net: Refiner, observation: SceneObservation) -> list[Fl
     import torch
 
     from scenewright.tools.trajnet_refiner.model import CLASSES
-    from scenewright.tools.trajnet_refiner.rollout import roll_out
+    from scenewright.tools.trajnet_refiner.rollout import run_rollout
 
     step, fallback = net.config.step, predict_constant_velocity(observation)
     if not observation.agents:
@@ -80,7 +80,7 @@ def predict_with_refiner(net: Refiner, observation: SceneObservation) -> list[Fl
     kinds = ["vehicle" if agent.is_vehicle else "pedestrian" for agent in observation.agents]
     classes = torch.tensor([[CLASSES.index(kind) for kind in kinds]])
     with torch.no_grad():
-        filled = roll_out(net, torch.tensor(known[None], dtype=torch.float32), classes=classes)
+        filled = run_rollout(net, torch.tensor(known[None], dtype=torch.float32), classes=classes)
     rolled = filled[0, :, past - 1 :].double().numpy()
     wanted = STEP * np.arange(1, round(HORIZON / STEP) + 1)
     times = step * np.arange(steps + 1)

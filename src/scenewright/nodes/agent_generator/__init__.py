@@ -72,7 +72,7 @@ def generate_agents(state: GeneratorReads, *, runtime: Runtime[RunContext]) -> G
         rng=rng,
     )
     wanted = sum(pool.background.values())
-    context.tell("agent_generator", f"{len(graph.agents)} + {wanted} agents at {hour:.2f} h")
+    context.log("agent_generator", f"{len(graph.agents)} + {wanted} agents at {hour:.2f} h")
     return {"candidates": pool}
 
 
@@ -90,5 +90,5 @@ def _draw_around_frozen(
         background_size=_CROWD_DRAWS if context.selection == "draw" else None,
         rng=context.rng("agent_generator", state.get("rejections", [])),
     )
-    context.tell("agent_generator", f"{len(pins.same)} agents stay as they were")
+    context.log("agent_generator", f"{len(pins.same)} agents stay as they were")
     return {"candidates": pool}

@@ -104,7 +104,7 @@ def _write_channels(
     for agent in summary.agents:
         check_segments(agent, program.segments.get(agent.agent), owed.get(agent.agent, []))
     stops = sum(s.status == "stop" for each in program.segments.values() for s in each)
-    context.tell("event_reasoner", f"{stops} stops among {len(program.segments)} agents")
+    context.log("event_reasoner", f"{stops} stops among {len(program.segments)} agents")
     return {
         "added_stops": added, "selection": selection, "summary": summary, "behavior": program,
     }  # fmt: skip

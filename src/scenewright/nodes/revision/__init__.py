@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from scenewright.backends import Account, Backend, Question, unaccounted
+from scenewright.backends import Account, Backend, Question, ignore_account
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask
 from scenewright.nodes.revision.reply import EditsReply, to_reading
@@ -38,7 +38,7 @@ class Turn:
 
 
 def read_by_model(
-    turn: Turn, *, backend: Backend, seed: int, account: Account = unaccounted
+    turn: Turn, *, backend: Backend, seed: int, account: Account = ignore_account
 ) -> Reading | None:
     """What the backend takes the words for; None if nothing that it says can be used.
 

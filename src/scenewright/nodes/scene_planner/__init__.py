@@ -8,7 +8,7 @@ from typing import TypedDict
 
 from langgraph.runtime import Runtime
 
-from scenewright.backends import Backend, Question, load_backend, speaker
+from scenewright.backends import Backend, Question, get_backend_of_task, load_backend
 from scenewright.errors import Rejected
 from scenewright.nodes.ask import ask, list_stage_faults
 from scenewright.nodes.context import RunContext
@@ -63,7 +63,7 @@ def plan_scene(state: PlannerReads, *, runtime: Runtime[RunContext]) -> PlannerW
     """Asks for the social graph, unless it is settled, and binds it to the map."""
     context = runtime.context
     plan = state.get("planned") or _get_plan(state, context)
-    context.tell("scene_planner", _summarise(plan))
+    context.log("scene_planner", _summarise(plan))
     grounding, pins = ground_graph(plan, intersection_map=context.intersection), state.get("pinned")
     if pins is not None:
         grounding = restrict_grounding(plan, grounding, pins, intersection_map=context.intersection)
@@ -121,7 +121,7 @@ def ask_for_plan(backend: Backend, question: Question, ways: Sequence[RouteDescr
     """
     plan = ask(backend, question, PlanReply, stage="scene_planner").root
     # A grammar has filled in what follows, by rules of its own.
-    if isinstance(plan, Refusal) or speaker(backend, "plan").deterministic:
+    if isinstance(plan, Refusal) or get_backend_of_task(backend, "plan").deterministic:
         return plan
     _refuse_emptied(plan, question)
     _refuse_unknown_sides(plan, ways)

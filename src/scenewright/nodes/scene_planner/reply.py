@@ -44,7 +44,7 @@ from scenewright.scene.social import (
 )
 from scenewright.scene.stems import stem_word
 from scenewright.scene.track import EMERGENCY
-from scenewright.tools.map_grounding.grounding import lies_on_side
+from scenewright.tools.map_grounding.grounding import is_on_side
 
 _CLOCK = "[0-2][0-9]:[0-5][0-9]"
 TIME = f"^{_CLOCK}(-{_CLOCK})?$"
@@ -417,10 +417,10 @@ def _tie(
     legs = dict.fromkeys(way.entry for way in ways if way.type == "vehicle")
     one, two = agents[name], agents[other]
     if one.entry is None and two.entry is not None:
-        fits = [leg for leg in legs if lies_on_side(side, leg, of=two.entry)]
+        fits = [leg for leg in legs if is_on_side(side, leg, of=two.entry)]
         agents[name] = _set_entry(one, fits)
     elif two.entry is None and one.entry is not None:
-        fits = [leg for leg in legs if lies_on_side(side, one.entry, of=leg)]
+        fits = [leg for leg in legs if is_on_side(side, one.entry, of=leg)]
         agents[other] = _set_entry(two, fits)
 
 

@@ -66,7 +66,7 @@ def verify_scene(state: VerifierReads, *, runtime: Runtime[RunContext]) -> Verif
     if not proof.verified:
         misplanned = find_wrong_braker(state["social_graph"], scene, proof)
         raise Rejected(misplanned or _build_rejection(proof, scene))
-    context.tell("scene_verifier", f"verified: {len(proof.events)} events")
+    context.log("scene_verifier", f"verified: {len(proof.events)} events")
     scene = add_events(scene, proof)
     return {"scene": scene, "proof": proof.model_copy(update={"scene_digest": digest_scene(scene)})}
 

@@ -28,7 +28,7 @@ from scenewright.scene.track import Track
 from scenewright.tools.segment_editor import compute_edited_motion
 
 if TYPE_CHECKING:
-    from scenewright.tools.trajnet_refiner.bundled import Learned
+    from scenewright.tools.trajnet_refiner.bundled import BundledRefiner
     from scenewright.tools.trajnet_refiner.guided import Guide
 
 NOT_ASKED = "the edited priors are final, no learned model ran"
@@ -68,7 +68,7 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) ->
     refiner = runtime.context.learned
     if refiner is None or not motions:
         note = NOT_ASKED if runtime.context.refiner == "none" else NO_WEIGHTS
-        runtime.context.tell("trajectory_refiner", f"{len(edited)} tracks, refiner none")
+        runtime.context.log("trajectory_refiner", f"{len(edited)} tracks, refiner none")
         return {
             "edited": edited, "refined": _keep_frozen_tracks(edited, state), "rolled": {},
             "refinement": Refinement(refiner="none", note=note),
@@ -86,7 +86,7 @@ def refine_trajectories(state: RefinerReads, *, runtime: Runtime[RunContext]) ->
         retries=_count_retries(state, before),
         agents=agents,
     )
-    runtime.context.tell("trajectory_refiner", f"{len(refined)} tracks, {ran.note}")
+    runtime.context.log("trajectory_refiner", f"{len(refined)} tracks, {ran.note}")
     return {
         "edited": edited, "refined": _keep_frozen_tracks(refined, state), "rolled": rolled,
         "refinement": ran,
@@ -151,7 +151,7 @@ def _refine_motions(
     last: bool,
 ) -> tuple[dict[str, AgentRefinement], dict[str, FloatArray], dict[str, Track]]:
     """What is done to everybody, the deviations proposed, and the tracks that come of it."""
-    from scenewright.tools.trajnet_refiner.kinematic_layer import feasible
+    from scenewright.tools.trajnet_refiner.kinematic_layer import limit_deviation
 
     refusals = _count_refusals(motions, before, state)
     named, recurs = _list_refused_agents(state), before is not None and _has_recurred(state, 2)
@@ -162,7 +162,7 @@ def _refine_motions(
     for name, guide in guides.items():
         settled = last or (name in named and recurs)
         most = 0.0 if settled else SHARES[min(refusals[name], len(SHARES) - 1)]
-        s, share = feasible(
+        s, share = limit_deviation(
             guide.s, rolled[name], kept=guide.kept, path=guide.path, kind=guide.kind, most=most
         )
         track = _sample_scene_track(name, replace(motions[name], s=s), state)
@@ -212,7 +212,7 @@ def _roll_out_agents(
     context: RunContext,
 ) -> dict[str, FloatArray]:
     """The deviations proposed: as before, but for those who have to be drawn anew."""
-    from scenewright.tools.trajnet_refiner.guided import deviations
+    from scenewright.tools.trajnet_refiner.guided import compute_deviations
 
     known = dict(state.get("rolled", {})) if before is not None else {}
     named = _list_refused_agents(state)
@@ -226,7 +226,7 @@ def _roll_out_agents(
     }
     learned = context.learned
     assert learned is not None  # noqa: S101
-    drawn = deviations(
+    drawn = compute_deviations(
         learned.net,
         guides,
         duration=state["selection"].duration,
@@ -240,12 +240,12 @@ def _list_earlier_deviations(
     guides: Mapping[str, Guide], state: RefinerReads
 ) -> dict[str, FloatArray]:
     """How far those who stay as they were are ahead of their priors."""
-    from scenewright.tools.trajnet_refiner.guided import deviation_of
+    from scenewright.tools.trajnet_refiner.guided import compute_deviation
 
     pins = state.get("pinned")
     same = () if pins is None else tuple(name for name in guides if name in pins.same)
     return {
-        name: deviation_of(guides[name], pins.earlier.agents[name].track)
+        name: compute_deviation(guides[name], pins.earlier.agents[name].track)
         for name in same
         if pins is not None
     }
@@ -257,7 +257,7 @@ def _summarise(agents: Mapping[str, AgentRefinement]) -> str:
     return f"{len(agents) - kept} refined, {kept} kept as edited"
 
 
-def _describe_foreign_weights(learned: Learned, context: RunContext) -> str:
+def _describe_foreign_weights(learned: BundledRefiner, context: RunContext) -> str:
     """Whose weights ran, where the intersection has none of its own."""
     own = learned.place in ("", context.intersection.name)
     return "" if own else f", with the weights of {learned.place}: there are none of its own"

@@ -103,7 +103,7 @@ def _solve(
         objects=state["social_graph"].objects,
     )
     tried = int(selection.figures["tuples"])
-    context.tell("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")
+    context.log("waypoint_filter", f"combination {tried} survives, nll {selection.nll:.1f} nats")
     return {"added_clauses": added, "constraints": program, "selection": selection}
 
 

@@ -45,12 +45,12 @@ def load_patterns() -> tuple[Pattern, ...]:
     Raises:
         InputError: a file of that folder is no pattern, or the folder cannot be read.
     """
-    return _without_files(os.environ.get("SCENEWRIGHT_RELATIONS"))
+    return _list_builtin(os.environ.get("SCENEWRIGHT_RELATIONS"))
 
 
 @cache
-def _without_files(own: str | None) -> tuple[Pattern, ...]:
-    return tuple(pattern for _, pattern in _patterns(own))
+def _list_builtin(own: str | None) -> tuple[Pattern, ...]:
+    return tuple(pattern for _, pattern in _list_patterns(own))
 
 
 def get_pattern(name: str) -> Pattern:
@@ -63,17 +63,17 @@ def get_pattern(name: str) -> Pattern:
 
 def get_pattern_file(pattern: Pattern) -> str:
     """The name of the file that holds a loaded pattern; KeyError if none does."""
-    for name, each in _patterns(os.environ.get("SCENEWRIGHT_RELATIONS")):
+    for name, each in _list_patterns(os.environ.get("SCENEWRIGHT_RELATIONS")):
         if each is pattern:
             return name
     raise KeyError(pattern.id)
 
 
 @cache
-def _patterns(own: str | None) -> tuple[tuple[str, Pattern], ...]:
+def _list_patterns(own: str | None) -> tuple[tuple[str, Pattern], ...]:
     found = _read(list(resources.files(__name__).iterdir()))
     if own is not None:
-        found |= _read(_files_of(Path(own)))
+        found |= _read(_list_files(Path(own)))
     _refuse_shared_phrases(found)
     return tuple(found[key] for key in sorted(found))
 
@@ -87,12 +87,12 @@ def _read(files: list[Traversable]) -> dict[str, tuple[str, Pattern]]:
         pattern = _load(file)
         if pattern.id in found:
             other = found[pattern.id][0]
-            raise _refused(file.name, f"id: {other} has the id {pattern.id!r} as well")
+            raise _build_refusal(file.name, f"id: {other} has the id {pattern.id!r} as well")
         found[pattern.id] = (file.name, pattern)
     return found
 
 
-def _files_of(folder: Path) -> list[Traversable]:
+def _list_files(folder: Path) -> list[Traversable]:
     try:
         files: list[Traversable] = [*sorted(folder.iterdir())]
     except OSError as error:
@@ -109,31 +109,33 @@ def _refuse_shared_phrases(found: dict[str, tuple[str, Pattern]]) -> None:
         for words, _ in pattern.spoken():
             other = owners.setdefault(words, pattern.id)
             if other != pattern.id:
-                raise _refused(name, f"phrases: {words!r} asks for {other} already")
+                raise _build_refusal(name, f"phrases: {words!r} asks for {other} already")
 
 
 def _load(file: Traversable) -> Pattern:
     if not file.is_file():
-        raise _refused(file.name, "not a file")
+        raise _build_refusal(file.name, "not a file")
     try:
         with file.open("rb") as stream:
             data = stream.read(_MOST_BYTES + 1)
         if len(data) > _MOST_BYTES:
-            raise _refused(file.name, f"larger than {_MOST_BYTES} bytes")
+            raise _build_refusal(file.name, f"larger than {_MOST_BYTES} bytes")
         return Pattern.model_validate(tomllib.loads(data.decode("utf-8")))
     except ValidationError as error:
-        raise _refused(file.name, _fault(error.errors(include_url=False)[0])) from None
+        raise _build_refusal(
+            file.name, _describe_fault(error.errors(include_url=False)[0])
+        ) from None
     except (ValueError, OSError) as error:
-        raise _refused(file.name, str(error)) from error
+        raise _build_refusal(file.name, str(error)) from error
     except RecursionError:
-        raise _refused(file.name, "nested too deeply") from None
+        raise _build_refusal(file.name, "nested too deeply") from None
 
 
-def _refused(name: str, why: str) -> InputError:
+def _build_refusal(name: str, why: str) -> InputError:
     return InputError(f"{name} is not a relation: {why}")
 
 
-def _fault(error: ErrorDetails) -> str:
+def _describe_fault(error: ErrorDetails) -> str:
     """The field, what was expected there, and what stands there."""
     field = ".".join(str(part) for part in error["loc"])
     where = f"{field}: " if field else ""
@@ -146,9 +148,9 @@ def _fault(error: ErrorDetails) -> str:
         case "value_error":
             return f"{where}{error['ctx']['error']}"
         case _:
-            return f"{where}{error['msg']}, got {_quoted(error['input'])}"
+            return f"{where}{error['msg']}, got {_quote_value(error['input'])}"
 
 
-def _quoted(value: Any) -> str:
+def _quote_value(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}..."

@@ -71,7 +71,9 @@ class Role(Model):
         known = _MOVEMENTS[self.type]
         for movement in self.movements:
             if movement not in known:
-                raise ValueError(f"movements: a {self.type} has {_any_of(known)}, not {movement!r}")
+                raise ValueError(
+                    f"movements: a {self.type} has {_format_alternatives(known)}, not {movement!r}"
+                )
         for field, values in (("movements", self.movements), ("segments", self.segments)):
             if len(set(values)) < len(values):
                 raise ValueError(f"{field}: names one twice")
@@ -102,7 +104,8 @@ class Proof(Model):
         for figure in self.within:
             if figure not in known:
                 raise ValueError(
-                    f"within: a {self.event} is measured by {_any_of(known)}, not {figure!r}"
+                    f"within: a {self.event} is measured by {_format_alternatives(known)}, "
+                    f"not {figure!r}"
                 )
         return self
 
@@ -196,7 +199,7 @@ class Pattern(Model):
     def filled(self, clause: str, *, from_: str, to: str) -> str:
         """A clause with the names of two agents and with the thresholds."""
         values = {"from": from_, "to": to}
-        values |= {name: _spelt(value) for name, value in self.thresholds.items()}
+        values |= {name: _spell(value) for name, value in self.thresholds.items()}
         return _PLACEHOLDER.sub(lambda found: values[found[1]], clause)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -213,13 +216,13 @@ class Pattern(Model):
         return tuple((each[2].lower(), each[1] == "to") for each in found if each)
 
 
-def _spelt(value: float | tuple[float, float]) -> str:
+def _spell(value: float | tuple[float, float]) -> str:
     if isinstance(value, tuple):
         return f"[{value[0]:g}, {value[1]:g}]"
     return f"{value:g}"
 
 
-def _any_of(words: frozenset[str]) -> str:
+def _format_alternatives(words: frozenset[str]) -> str:
     return ", ".join(sorted(words))
 
 
@@ -245,7 +248,7 @@ def _place_fits(pattern: Pattern) -> None:
     if pattern.zone == "crosswalk" and not movements >= {"crossing"}:
         raise ValueError("zone: 'crosswalk' needs somebody with the movement 'crossing'")
     if pattern.zone == "lane" and pattern.geometry not in _ONE_LANE:
-        raise ValueError(f"zone: 'lane' needs a geometry of {_any_of(_ONE_LANE)}")
+        raise ValueError(f"zone: 'lane' needs a geometry of {_format_alternatives(_ONE_LANE)}")
     if pattern.order is not None and pattern.relation not in ("near_miss", "yield_to"):
         raise ValueError(f"order: nobody passes first where they {pattern.relation}")
     if pattern.order == "from" and pattern.relation == "yield_to":

@@ -36,7 +36,7 @@ def check(
     candidate: Candidate, clause: UnaryClause, *, landmarks: Landmarks, map_areas: MapAreas
 ) -> tuple[Rejection, ...]:
     """Empty if the candidate satisfies the clause, else why it does not."""
-    problem = _problem(candidate, clause, landmarks, map_areas)
+    problem = _find_problem(candidate, clause, landmarks, map_areas)
     if problem is None:
         return ()
     return (
@@ -49,13 +49,15 @@ def check(
     )
 
 
-def _problem(
+def _find_problem(
     candidate: Candidate, clause: UnaryClause, landmarks: Landmarks, map_areas: MapAreas
 ) -> str | None:
     xy = candidate.path.xy
     match clause:
         case OnRoad():
-            return _below(map_areas.compute_road_share(xy), _ON_ROAD, "of its path on the road")
+            return _describe_excess(
+                map_areas.compute_road_share(xy), _ON_ROAD, "of its path on the road"
+            )
         case OnWalkable():
             strays = [
                 name for name, _, _ in landmarks.crosswalks if name != landmarks.own_crosswalk
@@ -64,16 +66,16 @@ def _problem(
                 return f"strays onto the {strays[0]}"
             if landmarks.steps_on > 1:
                 return "steps onto its crosswalk more than once"
-            return _below(
+            return _describe_excess(
                 map_areas.compute_walkable_share(xy), _ON_WALKABLE, "of its path on walkable area"
             )
         case MinLength():
-            return _below(candidate.path.length, clause.metres, "m of path")
+            return _describe_excess(candidate.path.length, clause.metres, "m of path")
         case SpeedBetween():
             inside = clause.low <= candidate.time_law.speed <= clause.high
             return None if inside else f"free speed {candidate.time_law.speed:.1f} m/s"
         case PassesThrough():
-            return None if _passes(candidate, clause, landmarks) else "does not pass there"
+            return None if _is_satisfied(candidate, clause, landmarks) else "does not pass there"
         case AgentFigure():
             return None  # of the motion in the scene, which the solver measures
         case RunsRed() | RunsYellow() | StopsAtYellow() | BlocksJunction():
@@ -84,11 +86,11 @@ def _problem(
             return None if landmarks.line is not None else "does not cross the road"
 
 
-def _below(value: float, limit: float, what: str) -> str | None:
+def _describe_excess(value: float, limit: float, what: str) -> str | None:
     return None if value >= limit else f"only {value:.3g} {what}, at least {limit:g}"
 
 
-def _passes(candidate: Candidate, clause: PassesThrough, landmarks: Landmarks) -> bool:
+def _is_satisfied(candidate: Candidate, clause: PassesThrough, landmarks: Landmarks) -> bool:
     if clause.region == "crosswalk":
         return any(name == f"{clause.leg}:crosswalk" for name, _, _ in landmarks.crosswalks)
     if clause.region == "leg":

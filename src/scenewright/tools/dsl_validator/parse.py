@@ -102,11 +102,11 @@ def parse(text: str) -> ConstraintProgram:
     """
     size = len(text.encode("utf-8", "surrogatepass"))
     if size > MAX_BYTES:
-        raise _refused(f"the program has {size} bytes, the limit is {MAX_BYTES}")
-    clauses = _clause_trees(text)
+        raise _build_refusal(f"the program has {size} bytes, the limit is {MAX_BYTES}")
+    clauses = _parse_clause_trees(text)
     if len(clauses) > MAX_CLAUSES:
-        raise _refused(f"the program has {len(clauses)} clauses, the limit is {MAX_CLAUSES}")
-    return ConstraintProgram(clauses=tuple(_clause(tree) for tree in clauses))
+        raise _build_refusal(f"the program has {len(clauses)} clauses, the limit is {MAX_CLAUSES}")
+    return ConstraintProgram(clauses=tuple(_build_clause(tree) for tree in clauses))
 
 
 def format_program(program: ConstraintProgram) -> str:
@@ -116,23 +116,23 @@ def format_program(program: ConstraintProgram) -> str:
 
 def format_clause(clause: Clause) -> str:
     """One clause as text."""
-    return f"{clause.clause}({', '.join(_arguments(clause))}){_bound(clause)}"
+    return f"{clause.clause}({', '.join(_format_arguments(clause))}){_bound(clause)}"
 
 
 @cache
-def _parser() -> Lark:
+def _build_parser() -> Lark:
     grammar = files("scenewright.tools.dsl_validator").joinpath("constraints.lark")
     return Lark(grammar.read_text("utf-8"), parser="lalr", propagate_positions=True)
 
 
-def _clause_trees(text: str) -> list[Tree[Token]]:
+def _parse_clause_trees(text: str) -> list[Tree[Token]]:
     try:
-        return cast("list[Tree[Token]]", _parser().parse(text).children)
+        return cast("list[Tree[Token]]", _build_parser().parse(text).children)
     except UnexpectedInput as error:
-        raise _refused(_misspelt(error, text=text)) from None
+        raise _build_refusal(_describe_syntax_error(error, text=text)) from None
 
 
-def _clause(tree: Tree[Token]) -> Clause:
+def _build_clause(tree: Tree[Token]) -> Clause:
     """The typed clause: the grammar keeps values in the order of the model's fields."""
     model = _MODELS[tree.data]
     names = [name for name in model.model_fields if name != "clause"]
@@ -141,17 +141,18 @@ def _clause(tree: Tree[Token]) -> Clause:
         told = {"clause": str(tree.data), **dict(zip(names, values, strict=False))}
         return cast("Clause", model.model_validate(told))
     except ValidationError as error:
-        detail = f"{_place(tree.meta.line, tree.meta.column)}: {tree.data}: {_wrong_value(error)}"
-        raise _refused(detail, agents=_agents(tree)) from None
+        place = _place(tree.meta.line, tree.meta.column)
+        detail = f"{place}: {tree.data}: {_describe_value_error(error)}"
+        raise _build_refusal(detail, agents=_list_agents(tree)) from None
 
 
-def _agents(tree: Tree[Token]) -> tuple[str, ...]:
+def _list_agents(tree: Tree[Token]) -> tuple[str, ...]:
     tokens = [child for child in tree.children if isinstance(child, Token)]
     names = [str(token) for token in tokens if token.type in {"VEHICLE", "PEDESTRIAN", "RIDER"}]
     return tuple(dict.fromkeys(names))
 
 
-def _refused(detail: str, *, agents: tuple[str, ...] = ()) -> Rejected:
+def _build_refusal(detail: str, *, agents: tuple[str, ...] = ()) -> Rejected:
     return Rejected(
         Rejection(stage="waypoint_filter", code="malformed_program", agents=agents, detail=detail)
     )
@@ -161,7 +162,7 @@ def _place(line: int, column: int) -> str:
     return f"line {line}, column {column}"
 
 
-def _misspelt(error: UnexpectedInput, *, text: str) -> str:
+def _describe_syntax_error(error: UnexpectedInput, *, text: str) -> str:
     """Where the text leaves the grammar, what could have stood there, and what does."""
     at = error.pos_in_stream
     # at the end of the text the parser points at the last token it read
@@ -169,15 +170,15 @@ def _misspelt(error: UnexpectedInput, *, text: str) -> str:
         at = len(text)
     found = _FOUND.match(text, at)
     place = _place(text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at))
-    return f"{place}: expected {_in_words(_expected(text))}, found {_quote(found)}"
+    return f"{place}: expected {_format_terminals(_find_expected(text))}, found {_quote(found)}"
 
 
-def _expected(text: str) -> set[str]:
+def _find_expected(text: str) -> set[str]:
     """The terminals that fit where the text goes wrong.
 
     Read step by step, as the error itself also lists what merged parser states would take.
     """
-    steps = _parser().parse_interactive(text)
+    steps = _build_parser().parse_interactive(text)
     with suppress(UnexpectedInput):
         steps.exhaust_lexer()
     return set(steps.accepts())  # type: ignore[no-untyped-call]
@@ -192,7 +193,7 @@ def _quote(found: re.Match[str] | None) -> str:
     return repr(word if len(word) <= _LONGEST_QUOTE else word[:_LONGEST_QUOTE] + "...")
 
 
-def _in_words(terminals: Iterable[str]) -> str:
+def _format_terminals(terminals: Iterable[str]) -> str:
     """Alternatives in words; any clause may begin where one may, so they are named together."""
     names = {name for name in terminals if name != "$END"}
     if {"VEHICLE", "PEDESTRIAN"} <= names:
@@ -203,7 +204,7 @@ def _in_words(terminals: Iterable[str]) -> str:
     return " or ".join(words)
 
 
-def _wrong_value(error: ValidationError) -> str:
+def _describe_value_error(error: ValidationError) -> str:
     """The first fault among a clause's values."""
     fault = error.errors(include_url=False)[0]
     field = ".".join(str(part) for part in fault["loc"])
@@ -215,7 +216,7 @@ def _wrong_value(error: ValidationError) -> str:
     return f"{field} cannot be {str(fault['input'])[:_LONGEST_QUOTE]!r}"
 
 
-def _arguments(clause: Clause) -> list[str]:
+def _format_arguments(clause: Clause) -> list[str]:
     """What stands between the parentheses."""
     names = [clause.agent] if isinstance(clause, UnaryClause) else [clause.first, clause.second]
     arguments = [name for name in names if name is not None]

@@ -65,7 +65,7 @@ def _open_routes(graph: SocialGraph, intersection_map: IntersectionMap) -> Groun
     try:
         return _ground(graph, intersection_map)
     except Rejected:
-        open_ = _without_entailed_exits(graph, intersection_map)
+        open_ = _drop_entailed_exits(graph, intersection_map)
         if open_ == graph:
             raise
         return _ground(open_, intersection_map)
@@ -74,7 +74,7 @@ def _open_routes(graph: SocialGraph, intersection_map: IntersectionMap) -> Groun
 _FOUR = frozenset({"north", "east", "south", "west"})
 
 
-def _without_entailed_exits(graph: SocialGraph, intersection_map: IntersectionMap) -> SocialGraph:
+def _drop_entailed_exits(graph: SocialGraph, intersection_map: IntersectionMap) -> SocialGraph:
     """The graph without exits that only the compass demands of a turn.
 
     Who is said to turn left from the north goes east where legs lie as on a compass. On a map
@@ -83,13 +83,13 @@ def _without_entailed_exits(graph: SocialGraph, intersection_map: IntersectionMa
     if {leg.name for leg in intersection_map.legs} == _FOUR:
         return graph
     agents = tuple(
-        agent.model_copy(update={"exit": None}) if _entailed(agent) else agent
+        agent.model_copy(update={"exit": None}) if _is_exit_entailed(agent) else agent
         for agent in graph.agents
     )
     return graph.model_copy(update={"agents": agents})
 
 
-def _entailed(agent: AgentNode) -> bool:
+def _is_exit_entailed(agent: AgentNode) -> bool:
     if agent.type == "pedestrian" or None in (agent.entry, agent.exit, agent.movement):
         return False
     turn = (_RING.index(str(agent.exit)) - _RING.index(str(agent.entry))) % len(_RING)
@@ -97,35 +97,37 @@ def _entailed(agent: AgentNode) -> bool:
 
 
 def _ground(graph: SocialGraph, intersection_map: IntersectionMap) -> Grounding:
-    routes = {agent.id: _routes_for(agent, intersection_map) for agent in graph.agents}
+    routes = {agent.id: _list_routes(agent, intersection_map) for agent in graph.agents}
     for agent in graph.agents:
         if not routes[agent.id]:
-            raise Rejected(_no_route(agent, intersection_map))
+            raise Rejected(_report_no_route(agent, intersection_map))
     for refuse in (
-        _two_collisions,
-        _hits_a_group,
-        _late_without_a_clash,
-        _brakes_on_foot,
-        _waits_for_a_wreck,
+        _refuse_two_collisions,
+        _refuse_group_hit,
+        _refuse_late_braking,
+        _refuse_pedestrian_braking,
+        _refuse_waiting_for_wreck,
         refuse_wrong_orders,
     ):
         refuse(graph)
     grounding = Grounding(routes=routes)
     refuse_unhidden(
-        graph, intersection_map, playable=lambda g: _playable(g, grounding, intersection_map)
+        graph, intersection_map, playable=lambda g: _is_playable(g, grounding, intersection_map)
     )
     # One by one first: the search over all of them is exhaustive where one cannot be played.
     for edge in graph.relations:
         alone = graph.model_copy(update={"relations": (edge,)})
-        if not _playable(alone, grounding, intersection_map):
-            tied = graph.ties and _playable(
+        if not _is_playable(alone, grounding, intersection_map):
+            tied = graph.ties and _is_playable(
                 alone.model_copy(update={"ties": ()}), grounding, intersection_map
             )
             raise Rejected(
-                _tied_apart(edge, graph.ties) if tied else _never_meet(edge, intersection_map)
+                _report_tied_apart(edge, graph.ties)
+                if tied
+                else _report_never_meet(edge, intersection_map)
             )
-    if len(graph.relations) != 1 and not _playable(graph, grounding, intersection_map):
-        raise Rejected(_not_together(graph.relations[-1]))
+    if len(graph.relations) != 1 and not _is_playable(graph, grounding, intersection_map):
+        raise Rejected(_report_not_together(graph.relations[-1]))
     return grounding
 
 
@@ -138,7 +140,7 @@ def find_assignments(
     weight: RouteWeight = lambda _route: 1.0,
 ) -> Iterator[RoleAssignment]:
     """Consistent choices of routes and patterns, likelier ones more often early; lazily."""
-    order = {key: _shuffled(each, rng, weight) for key, each in grounding.routes.items()}
+    order = {key: _shuffle_routes(each, rng, weight) for key, each in grounding.routes.items()}
     yield from _assign(graph, intersection_map, rng, order, {}, ())
 
 
@@ -176,17 +178,17 @@ def count_signal_conflicts(cast: RoleAssignment, *, intersection_map: Intersecti
             odd += not share_green(*pair, intersection_map=intersection_map)
         elif len(pair) == 1:
             (runner,) = {each.from_, each.to} & runs
-            odd += not _red_at_green(
+            odd += not _is_red_at_green(
                 cast.routes[runner], pair[0], intersection_map=intersection_map
             )
         if get_pattern(each.pattern).relation == "yield_to":
-            odd += not _kerb_is_near(
+            odd += not _is_kerb_near(
                 cast.routes[each.from_], cast.routes[each.to], intersection_map=intersection_map
             )
     return odd
 
 
-def _kerb_is_near(walker: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
+def _is_kerb_near(walker: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether the first, if on foot, steps off its kerb close to where it meets the other."""
     crosswalk = next(
         (each for each in intersection_map.crosswalks if each.leg == walker.crosswalk), None
@@ -207,7 +209,7 @@ def _kerb_is_near(walker: Route, other: Route, *, intersection_map: Intersection
     return not ways or min(ways) <= _FROM_THE_KERB
 
 
-def _red_at_green(runner: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
+def _is_red_at_green(runner: Route, other: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether the light of the first is red at any time when that of the other is not."""
     groups = [intersection_map.signal_group_of(route) for route in (runner, other)]
     if intersection_map.signals is None or None in groups:
@@ -218,14 +220,14 @@ def _red_at_green(runner: Route, other: Route, *, intersection_map: Intersection
     )
 
 
-def _routes_for(agent: AgentNode, intersection_map: IntersectionMap) -> tuple[Route, ...]:
+def _list_routes(agent: AgentNode, intersection_map: IntersectionMap) -> tuple[Route, ...]:
     routes = intersection_map.routes
     if agent.movement == "uturn":
         routes += tuple(make_route(each) for each in intersection_map.uturns)
-    return tuple(route for route in routes if _admits(agent, route))
+    return tuple(route for route in routes if _is_admitted(agent, route))
 
 
-def _admits(agent: AgentNode, route: Route) -> bool:
+def _is_admitted(agent: AgentNode, route: Route) -> bool:
     wanted = (agent.entry, agent.exit, agent.movement, agent.crosswalk)
     offered = (route.entry, route.exit, route.movement, route.crosswalk)
     if agent.type in RIDERS:
@@ -249,7 +251,7 @@ def _can_ride(route: Route, agent: AgentNode) -> bool:
     )
 
 
-def _shuffled(
+def _shuffle_routes(
     routes: Sequence[Route], rng: np.random.Generator, weight: RouteWeight
 ) -> list[Route]:
     """A random order in which likelier routes tend to come first (Gumbel top-k)."""
@@ -274,11 +276,11 @@ def _assign(
                 graph, intersection_map, rng, order, chosen | routes, (*played, cast_pattern)
             )
         return
-    for routes in _at_will(graph, intersection_map, order, chosen):
+    for routes in _assign_free_agents(graph, intersection_map, order, chosen):
         yield RoleAssignment(routes=routes, patterns=played)
 
 
-def _at_will(
+def _assign_free_agents(
     graph: SocialGraph,
     intersection_map: IntersectionMap,
     order: dict[str, list[Route]],
@@ -291,20 +293,20 @@ def _at_will(
         return
     for route in order[free]:
         routes = chosen | {free: route}
-        if _tied(graph, routes) and can_hide(graph, routes, intersection_map):
-            yield from _at_will(graph, intersection_map, order, routes)
+        if _are_ties_kept(graph, routes) and can_hide(graph, routes, intersection_map):
+            yield from _assign_free_agents(graph, intersection_map, order, routes)
 
 
-def _tied(graph: SocialGraph, routes: dict[str, Route]) -> bool:
+def _are_ties_kept(graph: SocialGraph, routes: dict[str, Route]) -> bool:
     """Whether the entries lie to one another as the text has them, as far as they are chosen."""
     return all(
-        lies_on_side(tie.side, routes[tie.agent].entry, of=routes[tie.of].entry)
+        is_on_side(tie.side, routes[tie.agent].entry, of=routes[tie.of].entry)
         for tie in graph.ties
         if tie.agent in routes and tie.of in routes
     )
 
 
-def lies_on_side(side: EntrySide, entry: str, *, of: str) -> bool:
+def is_on_side(side: EntrySide, entry: str, *, of: str) -> bool:
     """Whether an entry lies on that side of another one.
 
     >>> lies("left", "east", of="north"), lies("lateral", "south", of="north")
@@ -343,15 +345,19 @@ def _play(
     yellow = any(graph.agent(n).motion == "passes_yellow" for n in (edge.from_, edge.to))
     for apart in (False,) if yellow else (True, False) if asked else (None,):
         for pattern in found:
-            mirrored = _mirrored(pattern, intersection_map)
-            for first, second in _role_orders(edge, pattern):
+            mirrored = _is_mirrored(pattern, intersection_map)
+            for first, second in _list_role_orders(edge, pattern):
                 if not _has_classes(pattern, graph.agent(first), graph.agent(second)):
                     continue
-                firsts = _able(_open(first, order, chosen), pattern.from_, mirrored=mirrored)
-                seconds = _able(_open(second, order, chosen), pattern.to, mirrored=mirrored)
+                firsts = _list_playable_routes(
+                    _open(first, order, chosen), pattern.from_, mirrored=mirrored
+                )
+                seconds = _list_playable_routes(
+                    _open(second, order, chosen), pattern.to, mirrored=mirrored
+                )
                 for a, b in product(firsts, seconds):
                     routes = {first: a, second: b}
-                    if not _meet_so(pattern, a, b, intersection_map) or not _tied(
+                    if not _meet_so(pattern, a, b, intersection_map) or not _are_ties_kept(
                         graph, chosen | routes
                     ):
                         continue
@@ -361,7 +367,9 @@ def _play(
                         a, b, intersection_map=intersection_map
                     ):
                         continue
-                    if _strikes_there(edge, routes) and _clear_of_wrecks(graph, chosen | routes):
+                    if _is_struck_side_right(edge, routes) and _is_clear_of_wrecks(
+                        graph, chosen | routes
+                    ):
                         yield (
                             routes,
                             AssignedPattern(
@@ -369,7 +377,7 @@ def _play(
                                 pattern=pattern.id,
                                 from_=first,
                                 to=second,
-                                violator=_violator(
+                                violator=_find_violator(
                                     pattern, (first, second), (a, b), graph, intersection_map
                                 ),
                             ),
@@ -384,7 +392,7 @@ def _open(agent: str, order: dict[str, list[Route]], chosen: dict[str, Route]) -
     return [chosen[agent]] if agent in chosen else order[agent]
 
 
-def _strikes_there(edge: RelationEdge, routes: dict[str, Route]) -> bool:
+def _is_struck_side_right(edge: RelationEdge, routes: dict[str, Route]) -> bool:
     """Whether the striking one of two that cross straight comes from the side to be struck."""
     striking, struck = routes[edge.from_], routes[edge.to]
     if edge.point_to not in ("left", "right") or {striking.movement, struck.movement} != {
@@ -450,7 +458,7 @@ def _draw(found: list[Pattern], rng: np.random.Generator) -> list[Pattern]:
     return [*drawn, *(pattern for pattern in found if pattern.is_last_resort)]
 
 
-def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
+def _list_role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
     orders = [(edge.from_, edge.to)]
     told = edge.pattern is not None or edge.manoeuvre is not None
     told = told and pattern.from_.type == pattern.to.type
@@ -463,25 +471,25 @@ def _role_orders(edge: RelationEdge, pattern: Pattern) -> list[tuple[str, str]]:
 
 def can_serve(pattern: Pattern, a: Route, b: Route, *, intersection_map: IntersectionMap) -> bool:
     """Whether route `a` can play `from` and route `b` can play `to` of the pattern."""
-    mirrored = _mirrored(pattern, intersection_map)
+    mirrored = _is_mirrored(pattern, intersection_map)
     return (
-        _plays(a, pattern.from_, mirrored=mirrored)
-        and _plays(b, pattern.to, mirrored=mirrored)
+        _can_play(a, pattern.from_, mirrored=mirrored)
+        and _can_play(b, pattern.to, mirrored=mirrored)
         and _meet_so(pattern, a, b, intersection_map)
     )
 
 
 def _meet_so(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether two routes lie to one another as the pattern has it, whoever may travel them."""
-    return _entries_lie(pattern, a, b) and _geometry_fits(pattern, a, b, intersection_map)
+    return _do_entries_fit(pattern, a, b) and _is_geometry_fitting(pattern, a, b, intersection_map)
 
 
-def _able(routes: Sequence[Route], role: Role, *, mirrored: bool) -> list[Route]:
+def _list_playable_routes(routes: Sequence[Route], role: Role, *, mirrored: bool) -> list[Route]:
     """The routes on which the role can be played."""
-    return [route for route in routes if _plays(route, role, mirrored=mirrored)]
+    return [route for route in routes if _can_play(route, role, mirrored=mirrored)]
 
 
-def _mirrored(pattern: Pattern, intersection_map: IntersectionMap) -> bool:
+def _is_mirrored(pattern: Pattern, intersection_map: IntersectionMap) -> bool:
     """Whether left and right change places: the files speak of right-hand traffic.
 
     So a left turn across the path of others is a right turn there, its kind of collision included.
@@ -492,31 +500,33 @@ def _mirrored(pattern: Pattern, intersection_map: IntersectionMap) -> bool:
 _MIRROR = {"left": "right", "right": "left"}
 
 
-def _plays(route: Route, role: Role, *, mirrored: bool) -> bool:
+def _can_play(route: Route, role: Role, *, mirrored: bool) -> bool:
     movement = _MIRROR.get(route.movement, route.movement) if mirrored else route.movement
     return movement in role.movements
 
 
-def _entries_lie(pattern: Pattern, a: Route, b: Route) -> bool:
+def _do_entries_fit(pattern: Pattern, a: Route, b: Route) -> bool:
     match pattern.entries:
         case "any":
             return a.type != b.type or a.entry != b.entry
         case "same":
             return a.entry == b.entry
         case "opposite":
-            return _opposite(a.entry, b.entry)
+            return _are_opposite(a.entry, b.entry)
         case "lateral":
-            return a.entry != b.entry and not _opposite(a.entry, b.entry)
+            return a.entry != b.entry and not _are_opposite(a.entry, b.entry)
 
 
 _RING = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
 
 
-def _opposite(a: str, b: str) -> bool:
+def _are_opposite(a: str, b: str) -> bool:
     return abs(_RING.index(a) - _RING.index(b)) == 4
 
 
-def _geometry_fits(pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
+def _is_geometry_fitting(
+    pattern: Pattern, a: Route, b: Route, intersection_map: IntersectionMap
+) -> bool:
     match pattern.geometry:
         case "crossing":
             return have_conflict(a, b, intersection_map=intersection_map) and (
@@ -535,9 +545,11 @@ def _geometry_fits(pattern: Pattern, a: Route, b: Route, intersection_map: Inter
         case "same_way" | "overtaking" | "cutting_in":
             return a.entry == b.entry and a.exit == b.exit
         case "lane_change":
-            return a.id == b.id and _lanes(a, intersection_map) >= 2
+            return a.id == b.id and _count_lanes(a, intersection_map) >= 2
         case "opposing":
-            return a.entry == b.exit and a.exit == b.entry and not _divided(a, b, intersection_map)
+            return (
+                a.entry == b.exit and a.exit == b.entry and not _is_divided(a, b, intersection_map)
+            )
 
 
 def _share_a_lane(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
@@ -554,7 +566,7 @@ _MEDIAN = 14.0
 """Opposite directions of a road farther apart [m] are parted by more than a line."""
 
 
-def _divided(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
+def _is_divided(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     """Whether a median parts the way that one drives out by from the other's way in."""
     out, into = intersection_map.movement_of(a), intersection_map.movement_of(b)
     if out is None or into is None:
@@ -563,13 +575,13 @@ def _divided(a: Route, b: Route, intersection_map: IntersectionMap) -> bool:
     return float(np.hypot(x - u, y - v)) > _MEDIAN
 
 
-def _lanes(route: Route, intersection_map: IntersectionMap) -> int:
+def _count_lanes(route: Route, intersection_map: IntersectionMap) -> int:
     return sum(
         lane.kind == "approach" and lane.leg == route.entry for lane in intersection_map.lanelets
     )
 
 
-def _violator(
+def _find_violator(
     pattern: Pattern,
     names: tuple[str, str],
     routes: tuple[Route, Route],
@@ -591,7 +603,7 @@ def _violator(
     return other if usual in bound and other not in bound else usual
 
 
-def _no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rejection:
+def _report_no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rejection:
     wanted = [
         text
         for text in (
@@ -606,7 +618,7 @@ def _no_route(agent: AgentNode, intersection_map: IntersectionMap) -> Rejection:
     return Rejection(stage="scene_planner", code="ungroundable", agents=(agent.id,), detail=detail)
 
 
-def _two_collisions(graph: SocialGraph) -> None:
+def _refuse_two_collisions(graph: SocialGraph) -> None:
     """Raises Rejected if somebody is to collide twice."""
     hits: dict[str, list[RelationEdge]] = {}
     for edge in graph.relations:
@@ -619,10 +631,10 @@ def _two_collisions(graph: SocialGraph) -> None:
                 f"{name} would be in {len(edges)} collisions, but its track ends at the first; "
                 "ask for one collision of each agent"
             )
-            raise Rejected(_relation_fails(edges[1], detail))
+            raise Rejected(_report_relation_failure(edges[1], detail))
 
 
-def _hits_a_group(graph: SocialGraph) -> None:
+def _refuse_group_hit(graph: SocialGraph) -> None:
     """Raises Rejected if a group is to be hit."""
     for edge in graph.relations:
         for name in (edge.from_, edge.to):
@@ -631,10 +643,10 @@ def _hits_a_group(graph: SocialGraph) -> None:
                     f"{name} is a group, and who of it is hit cannot be said; ask for a near miss "
                     "or a yield, or have one pedestrian hit"
                 )
-                raise Rejected(_relation_fails(edge, detail))
+                raise Rejected(_report_relation_failure(edge, detail))
 
 
-def _late_without_a_clash(graph: SocialGraph) -> None:
+def _refuse_late_braking(graph: SocialGraph) -> None:
     """Raises Rejected if somebody is to brake too late where nothing comes of it."""
     for edge in graph.relations:
         if edge.cause == "late_brake" and edge.type not in ("collide_at", "near_miss"):
@@ -642,10 +654,10 @@ def _late_without_a_clash(graph: SocialGraph) -> None:
                 "late_brake goes with collide_at or near_miss alone, as who gives way or follows "
                 "brakes in time; ask for a near miss, or leave the braking out"
             )
-            raise Rejected(_relation_fails(edge, detail))
+            raise Rejected(_report_relation_failure(edge, detail))
 
 
-def _brakes_on_foot(graph: SocialGraph) -> None:
+def _refuse_pedestrian_braking(graph: SocialGraph) -> None:
     """Raises Rejected if a pedestrian is to brake."""
     for edge in graph.relations:
         if edge.braker is not None and graph.agent(edge.braker).type != "vehicle":
@@ -653,54 +665,54 @@ def _brakes_on_foot(graph: SocialGraph) -> None:
                 f"{edge.braker} has no brakes; as braker write the vehicle of the two, or leave "
                 "the key out"
             )
-            raise Rejected(_relation_fails(edge, detail))
+            raise Rejected(_report_relation_failure(edge, detail))
 
 
-def _waits_for_a_wreck(graph: SocialGraph) -> None:
+def _refuse_waiting_for_wreck(graph: SocialGraph) -> None:
     """Raises Rejected if somebody gives way to a vehicle that comes to a stand on its crosswalk."""
-    for wait, hit in _waits_and_hits(graph):
-        walker, struck = graph.agent(wait.from_), graph.agent(_other(hit, wait.to))
+    for wait, hit in _find_waits_and_hits(graph):
+        walker, struck = graph.agent(wait.from_), graph.agent(_get_other(hit, wait.to))
         if walker.crosswalk is not None and walker.crosswalk == struck.crosswalk:
             detail = (
                 f"{wait.to} is to hit {struck.id} on the {walker.crosswalk} crosswalk and stays "
                 f"there, so it never passes {walker.id}, who waits for it at that crosswalk; "
                 "give the two pedestrians different crosswalks"
             )
-            raise Rejected(_relation_fails(wait, detail))
+            raise Rejected(_report_relation_failure(wait, detail))
 
 
 _REFUSALS = (
-    _two_collisions,
-    _hits_a_group,
-    _late_without_a_clash,
-    _brakes_on_foot,
-    _waits_for_a_wreck,
+    _refuse_two_collisions,
+    _refuse_group_hit,
+    _refuse_late_braking,
+    _refuse_pedestrian_braking,
+    _refuse_waiting_for_wreck,
 )
 """What no graph may ask for; each raises Rejected."""
 
 
-def _waits_and_hits(graph: SocialGraph) -> Iterator[tuple[RelationEdge, RelationEdge]]:
+def _find_waits_and_hits(graph: SocialGraph) -> Iterator[tuple[RelationEdge, RelationEdge]]:
     """Pairs of edges: a pedestrian waits for somebody, who hits another pedestrian."""
-    walks = {agent.id for agent in graph.agents if _may_cross(agent)}
+    walks = {agent.id for agent in graph.agents if _can_cross(agent)}
     for wait, hit in product(graph.relations, repeat=2):
         if (wait.type, hit.type) != ("yield_to", "collide_at") or wait.from_ not in walks:
             continue
-        if wait.to in (hit.from_, hit.to) and _other(hit, wait.to) in walks - {wait.from_}:
+        if wait.to in (hit.from_, hit.to) and _get_other(hit, wait.to) in walks - {wait.from_}:
             yield wait, hit
 
 
-def _may_cross(agent: AgentNode) -> bool:
+def _can_cross(agent: AgentNode) -> bool:
     return agent.type == "pedestrian" and agent.movement != "jaywalking"
 
 
-def _other(edge: RelationEdge, name: str) -> str:
+def _get_other(edge: RelationEdge, name: str) -> str:
     return edge.to if name == edge.from_ else edge.from_
 
 
-def _clear_of_wrecks(graph: SocialGraph, routes: dict[str, Route]) -> bool:
+def _is_clear_of_wrecks(graph: SocialGraph, routes: dict[str, Route]) -> bool:
     """Whether nobody waits to cross where the vehicle it waits for hits somebody and stays."""
-    for wait, hit in _waits_and_hits(graph):
-        named = (wait.from_, wait.to, _other(hit, wait.to))
+    for wait, hit in _find_waits_and_hits(graph):
+        named = (wait.from_, wait.to, _get_other(hit, wait.to))
         if set(named) <= routes.keys():
             walker, vehicle, struck = (routes[name] for name in named)
             # It crosses the crosswalk of its entry before that of its exit.
@@ -709,18 +721,20 @@ def _clear_of_wrecks(graph: SocialGraph, routes: dict[str, Route]) -> bool:
     return True
 
 
-def _playable(graph: SocialGraph, grounding: Grounding, intersection_map: IntersectionMap) -> bool:
+def _is_playable(
+    graph: SocialGraph, grounding: Grounding, intersection_map: IntersectionMap
+) -> bool:
     found = find_assignments(
         graph, grounding, intersection_map=intersection_map, rng=np.random.default_rng(0)
     )
     return next(found, None) is not None
 
 
-def _never_meet(edge: RelationEdge, intersection_map: IntersectionMap) -> Rejection:
-    return _relation_fails(
+def _report_never_meet(edge: RelationEdge, intersection_map: IntersectionMap) -> Rejection:
+    return _report_relation_failure(
         edge,
         f"the routes of {edge.from_} and {edge.to} do not meet "
-        f"so that '{_words(edge)}' could happen at {intersection_map.title}",
+        f"so that '{_format_edge(edge)}' could happen at {intersection_map.title}",
     )
 
 
@@ -730,24 +744,26 @@ _SIDE_WORDS: dict[EntrySide, str] = {
 }  # fmt: skip
 
 
-def _tied_apart(edge: RelationEdge, ties: Sequence[EntryTie]) -> Rejection:
+def _report_tied_apart(edge: RelationEdge, ties: Sequence[EntryTie]) -> Rejection:
     told = " and ".join(
         f"{each.agent} comes from {_SIDE_WORDS[each.side]} {each.of}" for each in ties
     )
-    return _relation_fails(edge, f"'{_words(edge)}' cannot happen where {told}")
+    return _report_relation_failure(edge, f"'{_format_edge(edge)}' cannot happen where {told}")
 
 
-def _not_together(edge: RelationEdge) -> Rejection:
-    return _relation_fails(edge, f"'{_words(edge)}' does not fit together with the other relations")
+def _report_not_together(edge: RelationEdge) -> Rejection:
+    return _report_relation_failure(
+        edge, f"'{_format_edge(edge)}' does not fit together with the other relations"
+    )
 
 
-def _relation_fails(edge: RelationEdge, detail: str) -> Rejection:
+def _report_relation_failure(edge: RelationEdge, detail: str) -> Rejection:
     return Rejection(
         stage="scene_planner", code="ungroundable", agents=(edge.from_, edge.to), detail=detail
     )
 
 
-def _words(edge: RelationEdge) -> str:
+def _format_edge(edge: RelationEdge) -> str:
     kind = f" ({edge.kind.replace('_', ' ')})" if edge.kind else ""
     point = f" on its {edge.point_to.replace('_', ' ')}" if edge.point_to else ""
     return f"{edge.from_} {edge.type.replace('_', ' ')} {edge.to}{point}{kind}"

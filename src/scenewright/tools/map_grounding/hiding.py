@@ -26,13 +26,13 @@ def can_hide(
     also on that by which it leaves.
     """
     return all(
-        _comes_from_kerb(routes[str(hidden)], routes[str(driver)], intersection_map)
+        _is_coming_from_kerb(routes[str(hidden)], routes[str(driver)], intersection_map)
         for hidden, driver in ((each.hides, each.hidden_from) for each in graph.objects)
         if hidden in routes and driver in routes
     )
 
 
-def _comes_from_kerb(walker: Route, vehicle: Route, intersection_map: IntersectionMap) -> bool:
+def _is_coming_from_kerb(walker: Route, vehicle: Route, intersection_map: IntersectionMap) -> bool:
     if walker.crosswalk is None:
         return False
     enters = walker.crosswalk == vehicle.entry

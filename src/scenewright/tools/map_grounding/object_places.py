@@ -118,7 +118,7 @@ def _check_ground(
     boxes: Any, node: ObjectNode, intersection_map: IntersectionMap, *, in_lane: bool
 ) -> Any:
     """[N] whether rectangles are clear of crosswalks and lie where such an object belongs."""
-    road, walkable = _union(intersection_map.road), _union(intersection_map.walkable)
+    road, walkable = _merge_areas(intersection_map.road), _merge_areas(intersection_map.walkable)
     crosswalks = geos.union_all([geos.Polygon(c.polygon) for c in intersection_map.crosswalks])
     ground = geos.union(road, walkable) if node.kind in STANDING_VEHICLES or in_lane else walkable
     if node.kind == "container":
@@ -129,7 +129,7 @@ def _check_ground(
     return (share >= _ON_ITS_GROUND) & inside & (geos.distance(boxes, crosswalks) > _OFF_CROSSWALK)
 
 
-def _union(areas: tuple[PolygonWithHoles, ...]) -> Any:
+def _merge_areas(areas: tuple[PolygonWithHoles, ...]) -> Any:
     return geos.union_all([geos.Polygon(area.exterior, area.holes) for area in areas])
 
 
@@ -181,7 +181,7 @@ def _measure_room(
     edge: FloatArray, outward: FloatArray, intersection_map: IntersectionMap
 ) -> float:
     """Width of the road beside the driving lanes [m], up to the kerb: parking lane and shoulder."""
-    road = _union(intersection_map.road)
+    road = _merge_areas(intersection_map.road)
     reach = np.arange(0.05, _WIDEST_VERGE, 0.05)
     middle = edge[len(edge) // 3 :: 8], outward[len(edge) // 3 :: 8]
     rooms = []

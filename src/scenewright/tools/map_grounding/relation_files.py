@@ -50,16 +50,18 @@ def load_checked_patterns() -> tuple[Pattern, ...]:
 
 
 def _check(pattern: Pattern) -> None:
-    names = _names(pattern)
+    names = _choose_names(pattern)
     read = [_read(pattern, number, names) for number in range(len(pattern.clauses))]
     clauses = [clause for program in read for clause in program.clauses]
     wanted = _BROUGHT_ABOUT_BY[pattern.relation]
     if not any(isinstance(clause, wanted) for clause in clauses):
         words = " or ".join(str(each.model_fields["clause"].default) for each in wanted)
-        raise _refused(pattern, f"constraints: a {pattern.relation} needs a clause {words}(...)")
+        raise _build_refusal(
+            pattern, f"constraints: a {pattern.relation} needs a clause {words}(...)"
+        )
 
 
-def _names(pattern: Pattern) -> tuple[str, str]:
+def _choose_names(pattern: Pattern) -> tuple[str, str]:
     first, second = (
         "cyclist" if role.type == "rider" else role.type for role in (pattern.from_, pattern.to)
     )
@@ -71,22 +73,22 @@ def _read(pattern: Pattern, number: int, names: tuple[str, str]) -> ConstraintPr
     try:
         return parse(pattern.filled(clause, from_=names[0], to=names[1]))
     except Rejected as error:
-        detail = _in_the_file(error.rejection.detail, clause, pattern, names)
-        raise _refused(pattern, f"constraints.{number}: {detail}") from None
+        detail = _map_to_file(error.rejection.detail, clause, pattern, names)
+        raise _build_refusal(pattern, f"constraints.{number}: {detail}") from None
 
 
-def _in_the_file(detail: str, clause: str, pattern: Pattern, names: tuple[str, str]) -> str:
+def _map_to_file(detail: str, clause: str, pattern: Pattern, names: tuple[str, str]) -> str:
     """What the parser says of a filled clause, said of the clause as it stands in the file."""
     found = _PLACE.fullmatch(detail)
     if found is None:
         return detail
-    column = _column(int(found[2]), clause, pattern, names)
+    column = _map_column(int(found[2]), clause, pattern, names)
     why = found[3].replace(f"found '{names[0]}'", "found '{from}'")
     why = why.replace(f"found '{names[1]}'", "found '{to}'")
     return f"line {found[1]}, column {column}: {why}"
 
 
-def _column(column: int, clause: str, pattern: Pattern, names: tuple[str, str]) -> int:
+def _map_column(column: int, clause: str, pattern: Pattern, names: tuple[str, str]) -> int:
     """The column of a clause that a column of the filled clause comes from, both from 1."""
     shift = 0
     for hole in _HOLE.finditer(clause):
@@ -100,5 +102,5 @@ def _column(column: int, clause: str, pattern: Pattern, names: tuple[str, str]) 
     return column - shift
 
 
-def _refused(pattern: Pattern, why: str) -> InputError:
+def _build_refusal(pattern: Pattern, why: str) -> InputError:
     return InputError(f"{get_pattern_file(pattern)} is not a relation: {why}")

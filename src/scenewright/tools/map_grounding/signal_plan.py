@@ -18,7 +18,7 @@ _RESOLUTION = 0.5
 
 
 @dataclass(frozen=True)
-class Demand:
+class SignalDemand:
     """During [start, end] [s] the light of `group` must show one of `colours`."""
 
     group: str
@@ -55,7 +55,7 @@ class SignalClock:
         return float("inf")
 
 
-def feasible_offsets(program: SignalProgram, demands: tuple[Demand, ...]) -> FloatArray:
+def find_feasible_offsets(program: SignalProgram, demands: tuple[SignalDemand, ...]) -> FloatArray:
     """All offsets [s] of the programme, on a 0.5 s grid, under which every demand is met."""
     offsets = np.arange(0.0, program.cycle, _RESOLUTION)
     good = np.ones(len(offsets), dtype=bool)
@@ -70,13 +70,15 @@ def feasible_offsets(program: SignalProgram, demands: tuple[Demand, ...]) -> Flo
 def get_red_duration(program: SignalProgram, group: str, offsets: FloatArray) -> FloatArray:
     """[N] how long the group has not been green when the programme is at `offsets` [s].
 
-    A whole cycle where it never is. Offsets count on the grid of `feasible_offsets`.
+    A whole cycle where it never is. Offsets count on the grid of `find_feasible_offsets`.
     """
-    known = _RED_FOR.get((id(program), group), program, make=lambda: _red_for(program, group))
+    known = _RED_FOR.get(
+        (id(program), group), program, make=lambda: _compute_red_times(program, group)
+    )
     return known[np.round(offsets / _RESOLUTION).astype(np.int64) % len(known)]
 
 
-def _red_for(program: SignalProgram, group: str) -> FloatArray:
+def _compute_red_times(program: SignalProgram, group: str) -> FloatArray:
     """[O] the same for every offset of the grid."""
     grid = np.arange(0.0, program.cycle, _RESOLUTION)
     green = is_showing(program, group, grid[:, None] - grid, ("green",))
@@ -92,11 +94,11 @@ def is_showing(
 ) -> NDArray[np.bool_]:
     """Whether `group` shows one of `colours` at times [s] of the programme (any shape)."""
     edges, fits = get_phases(program, group, colours)
-    return _shows(times.ravel(), edges, fits, program.cycle).reshape(times.shape)
+    return _is_shown(times.ravel(), edges, fits, program.cycle).reshape(times.shape)
 
 
 @compiled
-def _shows(
+def _is_shown(
     times: FloatArray, edges: FloatArray, fits: NDArray[np.bool_], cycle: float
 ) -> NDArray[np.bool_]:
     shown = np.empty(len(times), np.bool_)
@@ -137,8 +139,8 @@ def build_signal_records(
 ) -> tuple[SignalRecord, ...]:
     """The plan of scene.json: every stop line's and crosswalk's colours over [0, until]."""
     records: list[SignalRecord] = []
-    for group, heads in _heads(intersection_map).items():
-        for start, end, colour in _stretches(clock, group, until):
+    for group, heads in _list_signal_heads(intersection_map).items():
+        for start, end, colour in _list_stretches(clock, group, until):
             for key, head in heads:
                 records.append(
                     SignalRecord.model_validate(
@@ -148,7 +150,7 @@ def build_signal_records(
     return tuple(records)
 
 
-def _heads(intersection_map: IntersectionMap) -> dict[str, list[tuple[str, str]]]:
+def _list_signal_heads(intersection_map: IntersectionMap) -> dict[str, list[tuple[str, str]]]:
     if intersection_map.signals is None:
         return {}
     stop_line = {movement.id: movement.stop_line for movement in intersection_map.movements}
@@ -160,7 +162,9 @@ def _heads(intersection_map: IntersectionMap) -> dict[str, list[tuple[str, str]]
     return heads
 
 
-def _stretches(clock: SignalClock, group: str, until: float) -> list[tuple[float, float, Colour]]:
+def _list_stretches(
+    clock: SignalClock, group: str, until: float
+) -> list[tuple[float, float, Colour]]:
     """(start, end, colour) over [0, until], neighbouring stretches of one colour joined."""
     found: list[tuple[float, float, Colour]] = []
     start = -(clock.offset % clock.program.cycle)

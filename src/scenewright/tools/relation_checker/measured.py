@@ -82,7 +82,7 @@ class MeasuredFigures:
         )
         if self._find_shortfall(measure) is not None:
             return None
-        return f"{_describe(measure)} is {self._tell(measure)}"
+        return f"{_describe(measure)} is {self._describe_measure(measure)}"
 
     def _find_shortfall(self, measure: MeasureRecord) -> str | None:
         """Why a measure is not met; None if it is."""
@@ -93,9 +93,9 @@ class MeasuredFigures:
             return None
         unit = UNITS[measure.kind].unit
         asked = f"{measure.low:.4g} to {measure.high:.4g} {unit} asked for"
-        return f"{_describe(measure)}: {self._tell(measure)} observed, {asked}"
+        return f"{_describe(measure)}: {self._describe_measure(measure)} observed, {asked}"
 
-    def _tell(self, measure: MeasureRecord) -> str:
+    def _describe_measure(self, measure: MeasureRecord) -> str:
         values = " to ".join(f"{value:.2f}" for value in sorted(set(self.measure(measure))))
         return f"{values} {UNITS[measure.kind].unit}" if values else "none"
 

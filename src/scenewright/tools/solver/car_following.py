@@ -25,7 +25,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import PACE_STEP, DrivingProfile
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.segment_editor import to_stop_command
+from scenewright.tools.segment_editor import make_stop_command
 from scenewright.tools.solver.entry_times import START_LAG, SceneTiming
 from scenewright.tools.solver.path_conflict import IntArray
 from scenewright.tools.solver.reservation import IN_LANE, ReservationTable, get_corridor
@@ -216,7 +216,7 @@ def _time_stops(driven: ScheduledAgent, stops: tuple[Stop, ...]) -> tuple[Stop, 
     """The standstills, each from when one of that pace comes to stand there."""
     timed: list[Stop] = []
     for stop in stops:
-        held = tuple(to_stop_command(each, 0.0) for each in timed)
+        held = tuple(make_stop_command(each, 0.0) for each in timed)
         start = compute_arrival(driven.candidate, StopCommand(stop.s, 0.0), held)
         timed.append(replace(stop, start=start, until=max(stop.until, start)))
     return tuple(timed)

@@ -33,7 +33,7 @@ from scenewright.scene.constraints import (
 )
 from scenewright.scene.selection import Stop
 from scenewright.time_limit import check_time
-from scenewright.tools.map_grounding.signal_plan import Demand
+from scenewright.tools.map_grounding.signal_plan import SignalDemand
 from scenewright.tools.solver.contact import schedule_contacts
 from scenewright.tools.solver.context import SolverContext, find_contact_nodes
 from scenewright.tools.solver.entry_times import START_LAG
@@ -140,7 +140,7 @@ _YELLOW = 0.7
 
 def list_signal_demands(
     actor: ScheduledAgent, *, violates: bool, until: float, yellow: bool = False
-) -> tuple[Demand, ...]:
+) -> tuple[SignalDemand, ...]:
     """What the signal plan must show for this actor: to obey it, or to run its light."""
     line, group = actor.landmarks.line, actor.landmarks.group
     if line is None or group is None:
@@ -150,20 +150,20 @@ def list_signal_demands(
     if not np.isfinite(crosses) or crosses > until or crosses < -25.0:
         return tuple(found)
     if yellow:
-        return (*found, Demand(group, crosses - _YELLOW, crosses + 0.3, ("yellow",)))
+        return (*found, SignalDemand(group, crosses - _YELLOW, crosses + 0.3, ("yellow",)))
     if violates:
         # Who slows at a light that is not green waits for the light.
         slows = [each.start for each in actor.stops if each.reason == "gives_way" and each.s < line]
-        found += [Demand(group, start - _SLOWS, start + 0.3, ("green",)) for start in slows]
-        return (*found, Demand(group, crosses - 0.5, crosses + 0.4, ("red",)))
+        found += [SignalDemand(group, start - _SLOWS, start + 0.3, ("green",)) for start in slows]
+        return (*found, SignalDemand(group, crosses - 0.5, crosses + 0.4, ("red",)))
     near = [stop for stop in actor.stops if abs(stop.s - line) < 2.0]
     waits = [stop.start - _SLOWS for stop in near if not stop.at_red]
     starts = [stop.until - START_LAG[0] for stop in near if stop.at_red]
     begins = min([crosses - 0.2, *waits, *starts])
-    return (*found, Demand(group, begins, crosses + 0.5, ("green",)))
+    return (*found, SignalDemand(group, begins, crosses + 0.5, ("green",)))
 
 
-def _red_while(stop: Stop, actor: ScheduledAgent, group: str, until: float) -> Demand:
+def _red_while(stop: Stop, actor: ScheduledAgent, group: str, until: float) -> SignalDemand:
     """Red from before the agent slows for its stop until it is hit, or until the light changes.
 
     Where it has started before the scene begins, red just before that.
@@ -172,4 +172,4 @@ def _red_while(stop: Stop, actor: ScheduledAgent, group: str, until: float) -> D
     if actor.contact is not None and actor.contact <= stop.until:
         turns = actor.contact
     ends = min(turns, until)
-    return Demand(group, min(max(stop.start - 2.0, 0.0), ends), ends, ("red",))
+    return SignalDemand(group, min(max(stop.start - 2.0, 0.0), ends), ends, ("red",))

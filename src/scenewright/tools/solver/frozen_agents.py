@@ -24,7 +24,7 @@ from scenewright.scene.frozen_agents import FrozenAgents, without_edits
 from scenewright.scene.selection import SelectedAgent, Selection
 from scenewright.scene.social import ObjectNode
 from scenewright.scene.track import STEP
-from scenewright.tools.map_grounding.signal_plan import Demand, feasible_offsets
+from scenewright.tools.map_grounding.signal_plan import SignalDemand, find_feasible_offsets
 from scenewright.tools.solver.background_assignment import (
     Assignment,
     ConflictTable,
@@ -151,12 +151,14 @@ class FrozenAgentsSearch(Search):
         program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         if program is None or offset is None:
             return np.arange(-60.0, 60.0, 0.5)
-        offsets = feasible_offsets(program, self._demanded(schedule.actors, 4 * program.cycle))
+        offsets = find_feasible_offsets(program, self._demanded(schedule.actors, 4 * program.cycle))
         around = np.arange(-2, 3) * program.cycle
         shifts = (offsets - offset)[:, None] + around
         return np.sort(shifts.ravel())
 
-    def _demanded(self, actors: Mapping[str, ScheduledAgent], until: float) -> tuple[Demand, ...]:
+    def _demanded(
+        self, actors: Mapping[str, ScheduledAgent], until: float
+    ) -> tuple[SignalDemand, ...]:
         """What those who do not stay need of the lights."""
         return tuple(
             demand
@@ -175,7 +177,7 @@ class FrozenAgentsSearch(Search):
         program, offset = self._ground.intersection_map.signals, self._pins.earlier.signal_offset
         if not self._pins.lights or program is None or offset is None:
             return super()._signal_offset(schedule, duration)
-        lawful = feasible_offsets(program, self._demanded(schedule.actors, duration))
+        lawful = find_feasible_offsets(program, self._demanded(schedule.actors, duration))
         return offset if bool(np.any(np.abs(lawful - offset) < 1e-6)) else None
 
     def _strangers_apart(self, schedule: PartialSchedule) -> bool:

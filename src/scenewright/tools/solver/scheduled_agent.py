@@ -13,7 +13,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Slowing, Stop
 from scenewright.scene.track import STEP
-from scenewright.tools.segment_editor import end_motion, to_stop_command
+from scenewright.tools.segment_editor import end_motion, make_stop_command
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class ScheduledAgent:
         self, *, stops: tuple[Stop, ...], slowings: tuple[Slowing, ...] = ()
     ) -> ScheduledAgent:
         """The same actor with other standstills."""
-        holds = tuple(to_stop_command(stop, self.enters) for stop in stops)
+        holds = tuple(make_stop_command(stop, self.enters) for stop in stops)
         motion = compute_motion(self.candidate, holds=holds, slowings=slowings)
         return ScheduledAgent(
             self.candidate, self.landmarks, self.enters, motion, self.free, stops, slowings,

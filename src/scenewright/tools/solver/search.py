@@ -55,7 +55,7 @@ from scenewright.scene.track import STEP
 from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.map_grounding.signal_plan import Demand, SignalClock, feasible_offsets
+from scenewright.tools.map_grounding.signal_plan import Demand, SignalClock, find_feasible_offsets
 from scenewright.tools.solver.background_assignment import (
     Assignment,
     BackgroundAgent,
@@ -636,7 +636,7 @@ class Search:
             )
         ]
         wanted += self._list_lone_demands(schedule)
-        offsets = feasible_offsets(program, tuple(wanted))
+        offsets = find_feasible_offsets(program, tuple(wanted))
         if not len(offsets):
             return None
         crowd = [each.route for each in self._pool.agents.values() if each.chance is not None]

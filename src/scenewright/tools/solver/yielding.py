@@ -22,7 +22,7 @@ from scenewright.scene.constraints import GivesWay, PairClause, TimeGap
 from scenewright.scene.selection import Stop
 from scenewright.scene.track import STEP
 from scenewright.scene.yielding_behavior import sample_quantiles
-from scenewright.tools.segment_editor import to_stop_command
+from scenewright.tools.segment_editor import make_stop_command
 from scenewright.tools.solver.context import SolverContext
 from scenewright.tools.solver.impact import find_least_clearance
 from scenewright.tools.solver.nearest_miss import FailureStage
@@ -413,7 +413,7 @@ def _joined(stops: tuple[Stop, ...], stop: Stop) -> tuple[Stop, ...]:
 
 
 def _holds(stops: tuple[Stop, ...], enters: float) -> tuple[StopCommand, ...]:
-    return tuple(to_stop_command(stop, enters) for stop in stops)
+    return tuple(make_stop_command(stop, enters) for stop in stops)
 
 
 def compute_passage(motion: Motion, nodes: FloatArray) -> tuple[float, float]:

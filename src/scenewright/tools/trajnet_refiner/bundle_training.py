@@ -22,14 +22,14 @@ from scenewright.tools.trajnet_refiner.model import CLASSES, Refiner, RefinerCon
 from scenewright.tools.trajnet_refiner.store import save_refiner
 from scenewright.tools.trajnet_refiner.supervised import (
     RECIPE,
-    recorded_windows,
-    supervised_batches,
+    build_supervised_batches,
+    cut_recorded_windows,
 )
 from scenewright.tools.trajnet_refiner.train import (
     Epoch,
+    ProgressCallback,
     Recipe,
-    Tell,
-    negative_log_density,
+    compute_negative_log_density,
     train,
 )
 from scenewright.tools.trajnet_refiner.windows import Variation, Window
@@ -56,7 +56,7 @@ def train_bundle(
     out: Path,
     recipe: Recipe = RECIPE,
     config: RefinerConfig = CONFIG,
-    tell: Tell | None = None,
+    log: ProgressCallback | None = None,
     after_epoch: Callable[[Epoch], None] | None = None,
     start: Refiner | None = None,
     command: str | None = None,
@@ -97,10 +97,10 @@ def train_bundle(
     if foreign:
         raise InputError(f"the corpus is of another intersection: {foreign[0]!r}, not {name!r}")
     _make(out)
-    windows = _drawn(_windows(by_split["fit"], config, stride), most, recipe.seed)
+    windows = _sample_windows(_cut_windows(by_split["fit"], config, stride), most, recipe.seed)
     taught = [each for each in walkers if each.split == "fit"]
     if taught:
-        windows = [*map(_with_few_walkers, windows), *_windows(taught, config, OVERLAP)]
+        windows = [*map(_weigh_down_pedestrians, windows), *_cut_windows(taught, config, OVERLAP)]
     losses: list[float] = []
 
     def keep(epoch: Epoch) -> None:
@@ -109,10 +109,10 @@ def train_bundle(
             after_epoch(epoch)
 
     state = out / f"{REFINER_WEIGHTS}.training"
-    net = _alone(
+    net = _run_single_threaded(
         lambda: train(
-            windows, config=config, recipe=recipe, checkpoint=state, device="cpu", tell=tell,
-            after_epoch=keep, make=supervised_batches, start=start,
+            windows, config=config, recipe=recipe, checkpoint=state, device="cpu", log=log,
+            after_epoch=keep, make=build_supervised_batches, start=start,
         )
     )  # fmt: skip
     about = {
@@ -123,21 +123,25 @@ def train_bundle(
         "losses": losses,
         "command": command or "scenewright intersections corpus",
         "started": start is not None,
-        "figures": _alone(lambda: figures(net, by_split["test"] or by_split["fit"], stride=stride)),
+        "figures": _run_single_threaded(
+            lambda: compute_figures(net, by_split["test"] or by_split["fit"], stride=stride)
+        ),
     }
     if walkers:
         tried = [each for each in walkers if each.split == "test"]
         about["walkers"] = {split: [each.name for each in walkers if each.split == split]
                             for split in ("fit", "test")}  # fmt: skip
-        about["walkers_figures"] = _alone(lambda: figures(net, tried, stride=OVERLAP))
+        about["walkers_figures"] = _run_single_threaded(
+            lambda: compute_figures(net, tried, stride=OVERLAP)
+        )
     save_refiner(net, out / REFINER_WEIGHTS, about=about)
-    (out / CARD).write_text(card(net, about), encoding="utf-8")
+    (out / CARD).write_text(format_card(net, about), encoding="utf-8")
     sign_bundle(out, REFINER_WEIGHTS, CARD)
     state.unlink(missing_ok=True)
     return about
 
 
-def out_folder(name: str, out: str | None) -> Path:
+def find_out_folder(name: str, out: str | None) -> Path:
     """Where a bundle's refiner is written: where it is told, else into one's own bundle.
 
     Raises:
@@ -150,7 +154,7 @@ def out_folder(name: str, out: str | None) -> Path:
     return Path("intersections") / name if shipped else folder
 
 
-def figures(
+def compute_figures(
     net: Refiner, recordings: Sequence[Recording], *, seed: int = 0, stride: int | None = None
 ) -> dict[str, float]:
     """How well the network predicts hours that it never saw, 4.8 s ahead, mean over agents.
@@ -159,12 +163,12 @@ def figures(
     left out. Beside the network stands constant velocity, which has no use for them. The density
     is that of the first 0.8 s. Of a class that nobody was tried of there is its number, 0, alone.
     """
-    windows = _windows(recordings, net.config, stride)
+    windows = _cut_windows(recordings, net.config, stride)
     rng = np.random.default_rng(seed)
     order = rng.permutation(len(windows))[:_TRIED]
     exactly = Variation(stretch=0.0, noise=0.0, unseen=0.0, goals=1.0)
     sums = dict.fromkeys((f"{label}_n" for label in _CLASSES), 0.0)
-    for scenes, future, _ in supervised_batches(
+    for scenes, future, _ in build_supervised_batches(
         [windows[i] for i in order], observed=net.config.observed, agents=2048,
         variation=exactly, rng=rng,
     ):  # fmt: skip
@@ -181,7 +185,7 @@ def figures(
                 off = (xy - future).norm(dim=-1)[here]
                 _add(sums, f"{label}_ade_{how}", off.mean(-1).sum())
                 _add(sums, f"{label}_fde_{how}", off[:, -1].sum())
-            surprise = negative_log_density(made, future)[here]
+            surprise = compute_negative_log_density(made, future)[here]
             _add(sums, f"{label}_nll_first", surprise[:, : net.config.stride].mean(-1).sum())
     return {
         key: round(
@@ -195,21 +199,21 @@ def _add(sums: dict[str, float], key: str, value: torch.Tensor) -> None:
     sums[key] = sums.get(key, 0.0) + float(value.nan_to_num())
 
 
-def card(net: Refiner, about: Mapping[str, Any]) -> str:
+def format_card(net: Refiner, about: Mapping[str, Any]) -> str:
     """The model card, as Markdown."""
     found, recipe, name = about["figures"], about["recipe"], about["intersection"]
     licence = read_bundle_header(find_bundle_folder(name)).get("licence", "that of the bundle")
     hours = about["hours"]
-    rows = "\n".join(_row(kind, found) for kind in reversed(_CLASSES))
+    rows = "\n".join(_format_row(kind, found) for kind in reversed(_CLASSES))
     return f"""# Refiner of {name}
 
 - **What it is.** An interaction-aware LSTM of the TrajNet++ family with
   {sum(p.numel() for p in net.parameters())} weights (`tools/trajnet_refiner/model.py`). It moves
   the agents of a scene from one waypoint of their edited priors to the next.
-- **Data.** Simulated traffic of this intersection (`{about["command"]}`){_walked(about)}.
-  Fitted on {len(hours["fit"])} recordings: {_hours(hours["fit"])}. Figures from
-  {_tested(hours)}.
-- **Training.** {_begun(about)}{about["windows"]} windows of
+- **Data.** Simulated traffic of this intersection (`{about["command"]}`){_format_walking(about)}.
+  Fitted on {len(hours["fit"])} recordings: {_format_hours(hours["fit"])}. Figures from
+  {_format_tested(hours)}.
+- **Training.** {_format_start(about)}{about["windows"]} windows of
   {net.config.observed} + {net.config.predicted} steps of {net.config.step} s,
   {recipe["epochs"]} epochs, seed {recipe["seed"]}.
   Losses: {", ".join(map(str, about["losses"]))}.
@@ -227,7 +231,7 @@ position of the first 0.8 s. Waypoints are places on the true way, 0.8 to 4.8 s 
 """
 
 
-def _row(kind: str, found: Mapping[str, float]) -> str:
+def _format_row(kind: str, found: Mapping[str, float]) -> str:
     """A class' figures; dashes where nobody of it could be tried."""
     if not found[f"{kind}_n"]:
         return f"| {kind} | 0 | – | – | – | – |"
@@ -238,55 +242,56 @@ def _row(kind: str, found: Mapping[str, float]) -> str:
     return f"| {kind} | {found[f'{kind}_n']:.0f} | {errors} | {found[f'{kind}_nll_first']:.2f} |"
 
 
-def _tested(hours: Mapping[str, Sequence[str]]) -> str:
+def _format_tested(hours: Mapping[str, Sequence[str]]) -> str:
     if not hours["test"]:
         return "those that it was fitted on, as there are no others"
-    return f"{len(hours['test'])} recordings that nothing was fitted to: {_hours(hours['test'])}"
+    test = hours["test"]
+    return f"{len(test)} recordings that nothing was fitted to: {_format_hours(test)}"
 
 
-def _walked(about: Mapping[str, Any]) -> str:
+def _format_walking(about: Mapping[str, Any]) -> str:
     """Whose walking was learned, and what it is worth on people that nothing was fitted to."""
     if "walkers" not in about:
         return ", no recorded\n  person"
     names, found = about["walkers"], about["walkers_figures"]
     fit, test = (", ".join(names[split]) for split in ("fit", "test"))
     tried = f"{found['pedestrian_n']:.0f} in {test}" if test else "none"
-    row = _row("pedestrian", found).split("|")[3:-1]
+    row = _format_row("pedestrian", found).split("|")[3:-1]
     return (
         f" for vehicles; pedestrians are\n  learned from real walkers: {fit}. Held out: {tried}; "
         f"with waypoints{row[0]}m, without{row[1]}m,\n  constant velocity{row[2]}m"
     )
 
 
-def _begun(about: Mapping[str, Any]) -> str:
+def _format_start(about: Mapping[str, Any]) -> str:
     return "From the weights of the shipped intersection on, " if about["started"] else ""
 
 
-def _hours(names: Sequence[str]) -> str:
+def _format_hours(names: Sequence[str]) -> str:
     """The names without the intersection's, which is that of all."""
     return ", ".join(each.partition(" ")[2] for each in names)
 
 
-def _windows(
+def _cut_windows(
     recordings: Sequence[Recording], config: RefinerConfig, stride: int | None = None
 ) -> list[Window]:
-    return recorded_windows(
+    return cut_recorded_windows(
         recordings, observed=config.observed, predicted=config.predicted, stride=stride
     )
 
 
-def _drawn(windows: list[Window], most: int | None, seed: int) -> list[Window]:
+def _sample_windows(windows: list[Window], most: int | None, seed: int) -> list[Window]:
     order = np.random.default_rng(seed).permutation(len(windows))[:most]
     return [windows[k] for k in np.sort(order)]
 
 
-def _with_few_walkers(window: Window) -> Window:
+def _weigh_down_pedestrians(window: Window) -> Window:
     """A simulated window in which pedestrians count little: real ones show how people walk."""
     on_foot = window.classes == CLASSES.index("pedestrian")
     return replace(window, weight=np.where(on_foot, _SIMULATED * window.weight, window.weight))
 
 
-def _alone(work: Callable[[], Any]) -> Any:
+def _run_single_threaded(work: Callable[[], Any]) -> Any:
     """Done by one thread: sums come out alike on however many processors."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)

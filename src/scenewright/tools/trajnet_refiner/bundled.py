@@ -20,7 +20,7 @@ from scenewright.tools.trajnet_refiner.store import load_refiner
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
+class BundledRefiner:
     """A trained network.
 
     Attributes:
@@ -33,19 +33,19 @@ class Learned:
     place: str = ""
 
 
-def find_refiner(name: str) -> Learned | None:
+def find_refiner(name: str) -> BundledRefiner | None:
     """The refiner that serves an intersection: its own, else the shipped one; None without any.
 
     The network sees agents and waypoints and no map, so that one learned elsewhere can be used.
 
     Raises:
-        InputError: as `bundled_refiner`.
+        InputError: as `load_bundled_refiner`.
     """
     serving = next((place for place in (name, SHIPPED) if ships_refiner(place)), None)
-    return None if serving is None else bundled_refiner(serving)
+    return None if serving is None else load_bundled_refiner(serving)
 
 
-def bundled_refiner(name: str) -> Learned | None:
+def load_bundled_refiner(name: str) -> BundledRefiner | None:
     """The refiner of a bundle, read once per process and again when it changes; None without one.
 
     Raises:
@@ -56,21 +56,21 @@ def bundled_refiner(name: str) -> Learned | None:
     if not file.is_file():
         return None
     try:
-        stamps = [(each.stat().st_mtime_ns, each.stat().st_size) for each in _of(folder)]
+        stamps = [(each.stat().st_mtime_ns, each.stat().st_size) for each in _list_files(folder)]
         return _read(folder, tuple(stamps))
     except OSError as fault:
         raise InputError(f"cannot read {file}: {fault.strerror or fault}") from fault
 
 
-def _of(folder: Path) -> list[Path]:
+def _list_files(folder: Path) -> list[Path]:
     """The files that say which weights are the bundle's, as far as there are."""
     return [f for f in (folder / REFINER_WEIGHTS, folder / "bundle.toml") if f.is_file()]
 
 
 @lru_cache(maxsize=4)
-def _read(folder: Path, _changed: tuple[tuple[int, int], ...]) -> Learned:
+def _read(folder: Path, _changed: tuple[tuple[int, int], ...]) -> BundledRefiner:
     """The weights as they are now: a bundle may be trained anew while a process lives."""
     check_bundle(folder, REFINER_WEIGHTS)
     file = folder / REFINER_WEIGHTS
     digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
-    return Learned(load_refiner(file, task="scenes"), digest, folder.name)
+    return BundledRefiner(load_refiner(file, task="scenes"), digest, folder.name)

@@ -21,7 +21,7 @@ from scenewright.scene.base import AgentClass, FloatArray
 from scenewright.scene.candidates import Path
 from scenewright.scene.track import STEP, Track
 from scenewright.tools.trajnet_refiner.model import CLASSES, Refiner
-from scenewright.tools.trajnet_refiner.rollout import Waypoints, roll_out
+from scenewright.tools.trajnet_refiner.rollout import Waypoints, run_rollout
 
 WARM_UP = 4.8
 """How long before the scene those are rolled out who are mid-route at its beginning [s]."""
@@ -91,7 +91,7 @@ class Guide:
         return np.asarray(self.kept[k])
 
 
-def deviations(
+def compute_deviations(
     net: Refiner,
     guides: Mapping[str, Guide],
     *,
@@ -115,33 +115,33 @@ def deviations(
     times = step * np.arange(columns, dtype=np.float64) - WARM_UP
     rows = list(guides.values())
     prior = np.stack([guide.at(times) for guide in rows])
-    known = np.stack([_known(guide, times, prior[n]) for n, guide in enumerate(rows)])
+    known = np.stack([_compute_known(guide, times, prior[n]) for n, guide in enumerate(rows)])
     for name, deviation in (fixed or {}).items():
         n = list(guides).index(name)
         local = STEP * np.arange(len(deviation))
         known[n] = prior[n] + np.interp(times - rows[n].enters, local, deviation)
-    places = np.stack([_places(guide.path, known[n]) for n, guide in enumerate(rows)])
+    places = np.stack([_compute_places(guide.path, known[n]) for n, guide in enumerate(rows)])
     noise = None if rng is None else temperature * rng.standard_normal((len(rows), columns, 2))
-    rolled = _rolled(net, rows, places, prior, times, noise)
+    rolled = _run_rollout(net, rows, places, prior, times, noise)
     result = {}
     for n, (name, guide) in enumerate(guides.items()):
-        ahead = _progress(guide.path, rolled[n], prior[n]) - prior[n]
+        ahead = _compute_progress(guide.path, rolled[n], prior[n]) - prior[n]
         ahead = np.where(np.isfinite(known[n]), known[n] - prior[n], ahead)
-        result[name] = _fine(guide, times, ahead)
+        result[name] = _interpolate_deviations(guide, times, ahead)
     return result
 
 
-def deviation_of(guide: Guide, track: Track) -> FloatArray:
+def compute_deviation(guide: Guide, track: Track) -> FloatArray:
     """How far ahead of its prior an agent is on a track of it [m]; 0 where the track is not."""
     deviation = np.zeros(len(guide.s))
     k = np.rint((track.times - guide.enters) / STEP).astype(int)
     inside = (k >= 0) & (k < len(guide.s))
     prior = guide.s[k[inside]]
-    deviation[k[inside]] = _progress(guide.path, track.xy[inside], prior) - prior
+    deviation[k[inside]] = _compute_progress(guide.path, track.xy[inside], prior) - prior
     return deviation
 
 
-def _known(guide: Guide, times: FloatArray, prior: FloatArray) -> FloatArray:
+def _compute_known(guide: Guide, times: FloatArray, prior: FloatArray) -> FloatArray:
     """[T] arc length where it is given: at the beginning, and where the prior is kept."""
     there = np.flatnonzero(np.isfinite(prior))
     given = np.isfinite(prior) & guide.kept_at(times)
@@ -149,14 +149,14 @@ def _known(guide: Guide, times: FloatArray, prior: FloatArray) -> FloatArray:
     return np.where(given, prior, np.nan)
 
 
-def _places(path: Path, s: FloatArray) -> FloatArray:
+def _compute_places(path: Path, s: FloatArray) -> FloatArray:
     """[T, 2] positions of arc lengths; NaN for NaN."""
     at = np.nan_to_num(s)
     xy = np.stack([np.interp(at, path.s, path.xy[:, axis]) for axis in (0, 1)], axis=-1)
     return np.where(np.isfinite(s)[:, None], xy, np.nan)
 
 
-def _rolled(
+def _run_rollout(
     net: Refiner,
     rows: list[Guide],
     places: FloatArray,
@@ -167,29 +167,31 @@ def _rolled(
     """[N, T, 2] positions of everybody at the network's steps."""
     there = np.isfinite(prior)
     until = np.where(there.any(axis=1), len(times) - np.argmax(there[:, ::-1], axis=1), 0)
-    due = [_due(guide, times, there[n]) for n, guide in enumerate(rows)]
+    due = [_list_due_columns(guide, times, there[n]) for n, guide in enumerate(rows)]
     most = max(1, *(len(each) for each in due))
     goals = np.full((len(rows), most, 2), np.nan)
     when = np.full((len(rows), most), np.nan)
     for n, columns in enumerate(due):
-        goals[n, : len(columns)] = _places(rows[n].path, rows[n].at(_time_of(columns, times)))
+        goals[n, : len(columns)] = _compute_places(
+            rows[n].path, rows[n].at(_compute_times(columns, times))
+        )
         when[n, : len(columns)] = columns
     classes = torch.tensor([[CLASSES.index(guide.kind) for guide in rows]])
-    with _one_thread():
-        filled = roll_out(
+    with _use_one_thread():
+        filled = run_rollout(
             net,
-            _tensor(places),
+            _make_tensor(places),
             classes=classes,
-            waypoints=Waypoints(_tensor(goals), _tensor(when)),
+            waypoints=Waypoints(_make_tensor(goals), _make_tensor(when)),
             until=torch.from_numpy(until)[None],
             keep=net.config.stride,
             lead=torch.tensor([[guide.lead for guide in rows]]),
-            noise=None if noise is None else _tensor(noise),
+            noise=None if noise is None else _make_tensor(noise),
         )
     return filled[0].numpy().astype(np.float64)
 
 
-def _due(guide: Guide, times: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
+def _list_due_columns(guide: Guide, times: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
     """Columns at which a waypoint is due: at every goal, where the prior is kept again, and evenly.
 
     Of the even ones, those just before it is kept again are left out if nothing depends on them.
@@ -209,11 +211,11 @@ def _due(guide: Guide, times: FloatArray, there: NDArray[np.bool_]) -> FloatArra
     return np.asarray(every[(every > first) & (every <= last + 1e-6)])
 
 
-def _time_of(columns: FloatArray, times: FloatArray) -> FloatArray:
+def _compute_times(columns: FloatArray, times: FloatArray) -> FloatArray:
     return np.asarray(times[0] + (times[1] - times[0]) * columns)
 
 
-def _progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArray:
+def _compute_progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArray:
     """[T] arc length of the place on the path nearest to each position, not far from `near`.
 
     Beyond its end the path goes straight on: who is ahead of its prior leaves sooner, not slower.
@@ -234,7 +236,7 @@ def _progress(path: Path, xy: FloatArray, near: FloatArray) -> FloatArray:
     return progress
 
 
-def _fine(guide: Guide, times: FloatArray, ahead: FloatArray) -> FloatArray:
+def _interpolate_deviations(guide: Guide, times: FloatArray, ahead: FloatArray) -> FloatArray:
     """[T] deviations at the network's steps brought to 0.1 s by a spline of smooth acceleration."""
     from scipy import interpolate
 
@@ -250,12 +252,12 @@ def _fine(guide: Guide, times: FloatArray, ahead: FloatArray) -> FloatArray:
     return fine
 
 
-def _tensor(array: FloatArray) -> torch.Tensor:
+def _make_tensor(array: FloatArray) -> torch.Tensor:
     return torch.from_numpy(array.astype(np.float32))[None]
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def _use_one_thread() -> Iterator[None]:
     """One thread: sums come out alike however many processors there are, and scenes are small."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)

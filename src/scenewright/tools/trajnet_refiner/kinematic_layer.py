@@ -21,7 +21,7 @@ BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Limits:
+class KinematicLimits:
     """What a refined agent may do at most, unless its edited prior does more just there.
 
     Far less than the gate allows: this is what people do without need. Above 3.4 m/s^2 of braking,
@@ -37,9 +37,9 @@ class Limits:
     lateral: float
 
 
-LIMITS: dict[AgentClass, Limits] = {
-    "vehicle": Limits(19.5, 2.2, 3.3, 4.5),
-    "pedestrian": Limits(2.9, 2.2, 2.2, np.inf),
+LIMITS: dict[AgentClass, KinematicLimits] = {
+    "vehicle": KinematicLimits(19.5, 2.2, 3.3, 4.5),
+    "pedestrian": KinematicLimits(2.9, 2.2, 2.2, np.inf),
 }
 SMOOTHING: dict[AgentClass, tuple[float, float]] = {"vehicle": (3.2, 3.2), "pedestrian": (1.5, 3.5)}
 """Waves in progress shorter than that [s] lose half of their height or more: far from where the
@@ -62,7 +62,7 @@ _NEAR = 5
 """Samples around one at which the prior's own excess over a limit is allowed."""
 
 
-def feasible(
+def limit_deviation(
     prior: FloatArray,
     deviation: FloatArray,
     *,
@@ -86,25 +86,25 @@ def feasible(
     share = np.zeros(len(prior))
     if most <= 0.0:
         return prior, share
-    smooth = smoothed(prior + deviation, prior, kept=kept, over=SMOOTHING[kind]) - prior
+    smooth = smooth_proposal(prior + deviation, prior, kept=kept, over=SMOOTHING[kind]) - prior
     # Who gets less gets less than it had, so that counts first which share it would have had.
     broken = np.logical_or.reduce(
         [
-            _broken(prior + each * _SHARES[:, None] * smooth, prior, path, LIMITS[kind])
+            _find_broken(prior + each * _SHARES[:, None] * smooth, prior, path, LIMITS[kind])
             for each in {1.0, most}
         ]
     )
-    for part in free_parts(kept):
+    for part in find_free_parts(kept):
         wide = slice(max(part.start - _NEAR, 0), part.stop + _NEAR)
         good = np.flatnonzero(~broken[:, wide].any(axis=1))
         if len(good):
             share[part] = most * _SHARES[good[0]]
-    s = _to_the_end(prior + share * smooth, prior, path)
+    s = _extend_to_end(prior + share * smooth, prior, path)
     past = np.flatnonzero(s > path.length)
     return (s[: past[0]] if len(past) else s), share
 
 
-def _to_the_end(s: FloatArray, prior: FloatArray, path: Path) -> FloatArray:
+def _extend_to_end(s: FloatArray, prior: FloatArray, path: Path) -> FloatArray:
     """[T'] arc length, gone on with at an even pace where the prior leaves and it is not there yet.
 
     Nobody is gone sooner than its path is.
@@ -116,7 +116,7 @@ def _to_the_end(s: FloatArray, prior: FloatArray, path: Path) -> FloatArray:
     return np.append(s, s[-1] + pace * np.arange(1, min(steps, _LONGEST) + 1))
 
 
-def smoothed(
+def smooth_proposal(
     proposal: FloatArray, prior: FloatArray, *, kept: BoolArray, over: tuple[float, float]
 ) -> FloatArray:
     """[T] the proposal with little jerk, joined without a kink to the prior where that is kept.
@@ -134,8 +134,8 @@ def smoothed(
     if n < 8:
         return prior
     far, near = ((2.0 * np.sin(np.pi * STEP / each)) ** -6 for each in over)
-    penalty = np.where(_about(kept, n - 3), near, far)
-    weight = np.where(kept, _FIRM, _FAINT ** (1.0 - _away(kept)))
+    penalty = np.where(_find_joints(kept, n - 3), near, far)
+    weight = np.where(kept, _FIRM, _FAINT ** (1.0 - _compute_blend(kept)))
     third = np.array([-1.0, 3.0, -3.0, 1.0])
     bands = np.zeros((4, n))
     bands[0] = weight
@@ -147,7 +147,7 @@ def smoothed(
     return np.where(kept, prior, found)
 
 
-def _about(kept: BoolArray, count: int) -> BoolArray:
+def _find_joints(kept: BoolArray, count: int) -> BoolArray:
     """[count] third differences that lie just before the prior is kept, or just after it was."""
     about, width = np.zeros(count, dtype=np.bool_), round(_AROUND / STEP)
     for turn in np.flatnonzero(np.diff(kept.astype(np.int8))) + 1:
@@ -158,7 +158,7 @@ def _about(kept: BoolArray, count: int) -> BoolArray:
     return about
 
 
-def _away(kept: BoolArray) -> FloatArray:
+def _compute_blend(kept: BoolArray) -> FloatArray:
     """[T] 0 where the prior is kept, rising to 1 within SETTLING of it."""
     at = np.arange(len(kept))
     before = np.maximum.accumulate(np.where(kept, at, -len(kept) - 999))
@@ -166,36 +166,38 @@ def _away(kept: BoolArray) -> FloatArray:
     return np.clip(np.minimum(at - before, after - at) * STEP / SETTLING, 0.0, 1.0)
 
 
-def free_parts(kept: BoolArray) -> list[slice]:
+def find_free_parts(kept: BoolArray) -> list[slice]:
     """The stretches between the places at which the prior is kept."""
     edges = np.flatnonzero(np.diff((~kept).astype(np.int8), prepend=0, append=0))
     return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def _broken(tried: FloatArray, prior: FloatArray, path: Path, limits: Limits) -> BoolArray:
+def _find_broken(
+    tried: FloatArray, prior: FloatArray, path: Path, limits: KinematicLimits
+) -> BoolArray:
     """[S, T] samples at which arc lengths [S, T] break a limit that the prior keeps there."""
-    speed, acceleration = _rates(tried)
-    own_speed, own_acceleration = (each[0] for each in _rates(prior[None]))
+    speed, acceleration = _compute_rates(tried)
+    own_speed, own_acceleration = (each[0] for each in _compute_rates(prior[None]))
     curvature = np.abs(np.interp(tried, path.s, path.curvature))
     own_lateral = own_speed**2 * np.abs(np.interp(prior, path.s, path.curvature))
     return np.asarray(
         (np.diff(tried, axis=1, prepend=tried[:, :1]) < 0.0)
         | (tried < 0.0)
-        | (speed > _allowed(limits.speed, own_speed))
-        | (acceleration > _allowed(limits.acceleration, own_acceleration))
-        | (-acceleration > _allowed(limits.braking, -own_acceleration))
-        | (speed**2 * curvature > _allowed(limits.lateral, own_lateral))
+        | (speed > _compute_allowed(limits.speed, own_speed))
+        | (acceleration > _compute_allowed(limits.acceleration, own_acceleration))
+        | (-acceleration > _compute_allowed(limits.braking, -own_acceleration))
+        | (speed**2 * curvature > _compute_allowed(limits.lateral, own_lateral))
     )
 
 
-def _allowed(limit: float, own: FloatArray) -> FloatArray:
+def _compute_allowed(limit: float, own: FloatArray) -> FloatArray:
     """[T] the limit, or the most that the prior itself does within half a second."""
     wide = np.pad(own, _NEAR, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * _NEAR + 1)
     return np.asarray(np.maximum(limit, windows.max(axis=1)))
 
 
-def _rates(s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _compute_rates(s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """[S, T] speed and acceleration along the path, as section 5 has them, ends held."""
     speed = np.gradient(s, STEP, axis=1)
     wide = np.pad(speed, ((0, 0), (2, 2)), mode="edge")

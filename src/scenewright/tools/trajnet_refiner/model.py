@@ -162,15 +162,15 @@ class Refiner(nn.Module):
             steps: how many are predicted; as many as the configuration says if None.
         """
         steps = steps or self.config.predicted
-        observed = latest(scenes.xy, self.config.observed)
+        observed = select_latest(scenes.xy, self.config.observed)
         seen = ~observed.isnan().any(-1)
         xy = torch.nan_to_num(observed)
-        along = heading(xy, seen)
+        along = compute_heading(xy, seen)
         unit = self.pace[scenes.classes][..., None]
         both = seen[:, :, 1:] & seen[:, :, :-1]
         moves = torch.where(both[..., None], xy[:, :, 1:] - xy[:, :, :-1], 0.0)
         state = self._encode(moves, both, scenes.classes, along, unit)
-        now = _present(xy, seen, moves, both)
+        now = _build_present(xy, seen, moves, both)
         places, spreads = [], []
         for step in range(0, steps, self.config.stride):
             state = self._advance(state, now, scenes, step, along, unit)
@@ -178,7 +178,7 @@ class Refiner(nn.Module):
                 *now.here.shape, self.config.stride, OUTPUTS
             )
             change = turn(out[..., :2] * (0.5 * unit[..., None]), along[:, :, None])
-            change = change + self._in_time(now, scenes, step)
+            change = change + self._compute_even_changes(now, scenes, step)
             path = now.xy[:, :, None] + (now.move[:, :, None] + change).cumsum(2)
             last = change[:, :, -1]
             now = now._replace(
@@ -195,7 +195,7 @@ class Refiner(nn.Module):
         mean = torch.cat(places, dim=2)[:, :, :steps]
         return Prediction(mean.masked_fill(absent, torch.nan), spread, along)
 
-    def _in_time(self, now: _Now, scenes: Scenes, step: int) -> Tensor:
+    def _compute_even_changes(self, now: _Now, scenes: Scenes, step: int) -> Tensor:
         """[B, N, stride, 2] changes of the present move that even acceleration makes.
 
         It brings an agent to its goal when that is due: n steps from now, with a move of v, each
@@ -203,7 +203,7 @@ class Refiner(nn.Module):
         """
         if not self.config.goals or scenes.goal is None or scenes.due is None:
             return now.xy.new_zeros(*now.xy.shape[:2], 1, 2)
-        goal, left = next_goal(scenes.goal, scenes.due, step)
+        goal, left = select_next_goal(scenes.goal, scenes.due, step)
         n = torch.nan_to_num(left, nan=1.0)
         lacking = torch.nan_to_num(goal) - now.xy - n * now.move
         added = torch.where(left.isnan() | goal.isnan(), 0.0, 2.0 * lacking / (n * (n + 1.0)))
@@ -234,7 +234,7 @@ class Refiner(nn.Module):
         """Memory after a look at the present: own motion, goal, neighbours."""
         parts = [turn_back(now.move, along) / unit, now.moved[..., None].to(now.xy.dtype)]
         if self.config.goals:
-            parts.append(goal_features(now.xy, scenes, step, along, unit))
+            parts.append(compute_goal_features(now.xy, scenes, step, along, unit))
         embedded = self.motion_embedding(torch.cat(parts, -1))
         read = [torch.relu(embedded + self.class_embedding(scenes.classes))]
         if self.config.pooling:
@@ -247,7 +247,7 @@ class Refiner(nn.Module):
         self, memory: Tensor, now: _Now, classes: Tensor, along: Tensor, unit: Tensor
     ) -> Tensor:
         """[B, N, pooled]: the strongest impressions that the nearest neighbours make."""
-        near, who = nearest(now.xy, now.here, self.reach[classes], self.config.neighbours)
+        near, who = find_nearest(now.xy, now.here, self.reach[classes], self.config.neighbours)
         told = self.memory(memory).view(*classes.shape, -1)
         seen = self.pair(pair_features(now, who, classes, along, unit))
         impression = torch.relu(self.impression(torch.relu(seen + pick(told, who))))
@@ -264,14 +264,14 @@ def predict(net: Refiner, scenes: Scenes, *, steps: int | None = None) -> Predic
     """
     raw: Prediction = net(scenes, steps)
     if net.config.mirrored:
-        raw = _mean(raw, net(_mirrored(scenes), steps))
+        raw = _average_mirrored(raw, net(_mirror_scenes(scenes), steps))
     if net.config.apart is None:
         return raw
     walkers = scenes.classes == CLASSES.index("pedestrian")
     return raw._replace(xy=separate(raw.xy, among=walkers, apart=net.config.apart))
 
 
-def _present(xy: Tensor, seen: Tensor, moves: Tensor, both: Tensor) -> _Now:
+def _build_present(xy: Tensor, seen: Tensor, moves: Tensor, both: Tensor) -> _Now:
     """The last of the observed steps; moves and both [B, N, T - 1] between each two."""
     early = -1 - min(_LATE, moves.shape[2] - 1)
     steady = both[:, :, early:].all(-1, keepdim=True)
@@ -283,27 +283,27 @@ def _present(xy: Tensor, seen: Tensor, moves: Tensor, both: Tensor) -> _Now:
     )  # fmt: skip
 
 
-def _mirrored(scenes: Scenes) -> Scenes:
+def _mirror_scenes(scenes: Scenes) -> Scenes:
     """The scenes with north and south exchanged."""
     swap = scenes.xy.new_tensor((1.0, -1.0))
     goal = None if scenes.goal is None else scenes.goal * swap
     return scenes._replace(xy=scenes.xy * swap, goal=goal)
 
 
-def _mean(one: Prediction, mirrored: Prediction) -> Prediction:
+def _average_mirrored(one: Prediction, mirrored: Prediction) -> Prediction:
     """The mean of a prediction and of what was predicted for the mirror image."""
     xy = 0.5 * (one.xy + mirrored.xy * one.xy.new_tensor((1.0, -1.0)))
     spread = 0.5 * (one.spread + mirrored.spread * one.spread.new_tensor((1.0, 1.0, -1.0)))
     return one._replace(xy=xy, spread=spread)
 
 
-def latest(xy: Tensor, steps: int) -> Tensor:
+def select_latest(xy: Tensor, steps: int) -> Tensor:
     """[B, N, steps, 2] the last of [B, N, T, 2] positions; NaN before the first."""
     kept = xy[:, :, -steps:]
     return nn.functional.pad(kept, (0, 0, steps - kept.shape[2], 0), value=torch.nan)
 
 
-def heading(xy: Tensor, seen: Tensor, *, back: int = 4) -> Tensor:
+def compute_heading(xy: Tensor, seen: Tensor, *, back: int = 4) -> Tensor:
     """[B, N, 2] unit vector of each agent's motion over its last steps; +x for who stands still.
 
     Args:
@@ -334,7 +334,7 @@ def turn_back(vector: Tensor, along: Tensor) -> Tensor:
     return torch.stack((c * x + s * y, c * y - s * x), -1)
 
 
-def nearest(xy: Tensor, here: Tensor, reach: Tensor, most: int) -> tuple[Tensor, Tensor]:
+def find_nearest(xy: Tensor, here: Tensor, reach: Tensor, most: int) -> tuple[Tensor, Tensor]:
     """Who is pooled by whom.
 
     Args:
@@ -399,7 +399,9 @@ def pair_features(now: _Now, who: Tensor, classes: Tensor, along: Tensor, unit: 
     )
 
 
-def goal_features(xy: Tensor, scenes: Scenes, step: int, along: Tensor, unit: Tensor) -> Tensor:
+def compute_goal_features(
+    xy: Tensor, scenes: Scenes, step: int, along: Tensor, unit: Tensor
+) -> Tensor:
     """[B, N, 7] the way to the goal from `xy`, in the agent's own frame; zeros without one.
 
     The unit vector *towards* the goal, the distance, whether there is a goal; the speed along and
@@ -407,7 +409,7 @@ def goal_features(xy: Tensor, scenes: Scenes, step: int, along: Tensor, unit: Te
     """
     if scenes.goal is None:
         return xy.new_zeros(*xy.shape[:2], GOAL_FEATURES)
-    goal, left = next_goal(scenes.goal, scenes.due, step)
+    goal, left = select_next_goal(scenes.goal, scenes.due, step)
     given = ~goal.isnan().any(-1, keepdim=True)
     way = turn_back(torch.where(given, torch.nan_to_num(goal) - xy, 0.0), along)
     distance = (way.square().sum(-1, keepdim=True) + 1e-6).sqrt()
@@ -420,7 +422,7 @@ def goal_features(xy: Tensor, scenes: Scenes, step: int, along: Tensor, unit: Te
     return torch.where(given, features, 0.0)
 
 
-def next_goal(goals: Tensor, due: Tensor | None, step: int) -> tuple[Tensor, Tensor]:
+def select_next_goal(goals: Tensor, due: Tensor | None, step: int) -> tuple[Tensor, Tensor]:
     """The goals that count at a predicted step; goals and due as in `Scenes`.
 
     Returns:

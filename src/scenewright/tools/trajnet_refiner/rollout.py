@@ -27,7 +27,7 @@ class Waypoints(NamedTuple):
     due: Tensor
 
 
-def roll_out(
+def run_rollout(
     net: Refiner,
     known: Tensor,
     *,
@@ -57,7 +57,7 @@ def roll_out(
     config = net.config
     filled, columns = known.clone(), known.shape[2]
     steps = min(keep or config.predicted, config.predicted)
-    ends = _ends(known)
+    ends = _list_ends(known)
     if until is not None:
         gone = torch.arange(columns, device=known.device) >= until[..., None]
         filled[gone] = torch.nan
@@ -66,12 +66,12 @@ def roll_out(
         ahead = min([steps, columns - now, *(end - now for end in ends if end > now)])
         goal, due = None, None
         if waypoints is not None:
-            goal, due = _next(waypoints, now, config.predicted, lead)
+            goal, due = _select_next_waypoints(waypoints, now, config.predicted, lead)
         scenes = Scenes(filled[:, :, max(0, now - config.observed) : now], classes, goal, due)
         predicted = predict(net, scenes, steps=config.predicted if keep is None else steps)
         drawn = predicted.xy[:, :, :ahead]
         if noise is not None:
-            drawn = drawn + _off_the_mean(predicted, noise[:, :, now])[:, :, :ahead]
+            drawn = drawn + _sample_offsets(predicted, noise[:, :, now])[:, :, :ahead]
         part = filled[:, :, now : now + ahead]
         filled[:, :, now : now + ahead] = torch.where(part.isnan(), drawn, part)
         if until is not None:
@@ -80,7 +80,7 @@ def roll_out(
     return filled
 
 
-def _off_the_mean(predicted: Prediction, noise: Tensor) -> Tensor:
+def _sample_offsets(predicted: Prediction, noise: Tensor) -> Tensor:
     """[B, N, P, 2] ways off the predicted means [m] that standard normal [B, N, 2] stand for."""
     log_x, log_y, rho = predicted.spread.unbind(-1)
     one, two = noise[:, :, None].unbind(-1)
@@ -90,14 +90,14 @@ def _off_the_mean(predicted: Prediction, noise: Tensor) -> Tensor:
     return turn(off, predicted.along[:, :, None].expand_as(off))
 
 
-def _ends(known: Tensor) -> list[int]:
+def _list_ends(known: Tensor) -> list[int]:
     """Columns behind somebody's last known position: from there on it is predicted afresh."""
     there = ~known.isnan().any(-1)
     columns = torch.arange(1, known.shape[2] + 1, device=known.device)
     return sorted(set(torch.where(there, columns, 0).amax(-1).flatten().tolist()))
 
 
-def _next(
+def _select_next_waypoints(
     waypoints: Waypoints, now: int, steps: int, lead: int | Tensor = 0
 ) -> tuple[Tensor, Tensor]:
     """Per predicted step the next waypoint, [B, N, P, 2], and [B, N, P] steps from `now` to it.

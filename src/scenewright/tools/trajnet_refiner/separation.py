@@ -36,11 +36,11 @@ def separate(xy: Tensor, *, among: Tensor, apart: float, rounds: int = ROUNDS) -
     flat = moved.flatten(0, 1)
     pairs = _close_pairs(xy, among, apart + 1.0)
     for _ in range(rounds if len(pairs) else 0):
-        distance, when, way = _closest(flat, pairs)
+        distance, when, way = _find_closest(flat, pairs)
         lacking = (apart - distance).clamp_min(0.0)
         if not bool((lacking > 0).any()):
             break
-        fade = _fade(when, flat.shape[1])
+        fade = _compute_fade(when, flat.shape[1])
         push = (0.5 * _EXTRA * lacking)[:, None, None] * fade[..., None] * way[:, None]
         flat.index_add_(0, pairs[:, 0], push)
         flat.index_add_(0, pairs[:, 1], -push)
@@ -61,7 +61,7 @@ def _close_pairs(xy: Tensor, among: Tensor, within: float) -> Tensor:
     return torch.stack((scene * n + first, scene * n + second), dim=-1)
 
 
-def _closest(flat: Tensor, pairs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _find_closest(flat: Tensor, pairs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Of each pair the least distance [m], when it is [steps], and the unit vector to the first."""
     offset = flat[pairs[:, 0]] - flat[pairs[:, 1]]
     halfway = 0.5 * (offset[:, 1:] + offset[:, :-1])
@@ -70,10 +70,10 @@ def _closest(flat: Tensor, pairs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     p = offset.shape[1]
     when = torch.where(k < p, k.to(flat.dtype), (k - p).to(flat.dtype) + 0.5)
     way = every[torch.arange(len(k), device=k.device), k]
-    return distance, when, _unit(way, offset)
+    return distance, when, _compute_unit_vectors(way, offset)
 
 
-def _unit(way: Tensor, offset: Tensor) -> Tensor:
+def _compute_unit_vectors(way: Tensor, offset: Tensor) -> Tensor:
     """Unit vectors; for two in the same place, across their relative motion, else +x."""
     motion = offset[:, -1] - offset[:, 0]
     across = torch.stack((-motion[:, 1], motion[:, 0]), dim=-1)
@@ -85,7 +85,7 @@ def _unit(way: Tensor, offset: Tensor) -> Tensor:
     return torch.where(size > 1e-4, way / size.clamp_min(1e-6), spare)
 
 
-def _fade(when: Tensor, steps: int) -> Tensor:
+def _compute_fade(when: Tensor, steps: int) -> Tensor:
     """[Q, P] how much of a push at `when` each step takes part in."""
     k = torch.arange(steps, device=when.device, dtype=when.dtype)
     return torch.exp(-0.5 * ((k[None] - when[:, None]) / FADE).square())

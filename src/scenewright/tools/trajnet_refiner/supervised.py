@@ -18,7 +18,7 @@ from scenewright.scene.base import FloatArray
 from scenewright.tools.track_io import Recording, cut_windows
 from scenewright.tools.trajnet_refiner.model import CLASSES, Scenes
 from scenewright.tools.trajnet_refiner.train import Recipe
-from scenewright.tools.trajnet_refiner.windows import Window, batches
+from scenewright.tools.trajnet_refiner.windows import Window, build_batches
 
 SPACING = (2, 12)
 """Fewest and most steps from one waypoint to the next."""
@@ -32,7 +32,7 @@ RECIPE = Recipe(
 """How the networks of bundles are trained."""
 
 
-def recorded_windows(
+def cut_recorded_windows(
     recordings: Sequence[Recording], *, observed: int, predicted: int, stride: int | None = None
 ) -> list[Window]:
     """Stretches of recordings for training, with a second horizon behind the first for waypoints.
@@ -65,14 +65,14 @@ def recorded_windows(
     return windows
 
 
-def supervised_batches(
+def build_supervised_batches(
     windows: Sequence[Window], **how: Any
 ) -> Iterator[tuple[Scenes, Tensor, Tensor]]:
     """As `windows.batches`, for windows with a second horizon, a share of them with waypoints."""
-    return batches(windows, collate=_collated, **how)
+    return build_batches(windows, collate=_collate, **how)
 
 
-def _collated(
+def _collate(
     windows: Sequence[Window], *, observed: int, goals: float, rng: np.random.Generator
 ) -> tuple[Scenes, Tensor, Tensor]:
     most, steps = max(len(w.xy) for w in windows), windows[0].xy.shape[1]
@@ -88,15 +88,18 @@ def _collated(
         xy[b, :n] = window.xy - centre
         classes[b, :n], weight[b, :n] = window.classes, window.weight
         if rng.random() < goals:
-            goal[b, :n], due[b, :n] = _waypoints(xy[b, :n, observed:], predicted, rng)
+            goal[b, :n], due[b, :n] = _sample_waypoints(xy[b, :n, observed:], predicted, rng)
     end = observed + predicted
     scenes = Scenes(
-        _single(xy[:, :, :observed]), torch.from_numpy(classes), _single(goal), _single(due)
+        _make_single_precision(xy[:, :, :observed]),
+        torch.from_numpy(classes),
+        _make_single_precision(goal),
+        _make_single_precision(due),
     )
-    return scenes, _single(xy[:, :, observed:end]), _single(weight)
+    return scenes, _make_single_precision(xy[:, :, observed:end]), _make_single_precision(weight)
 
 
-def _waypoints(
+def _sample_waypoints(
     future: FloatArray, predicted: int, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """For each agent and step the next of its waypoints, evenly spaced on its way.
@@ -119,5 +122,5 @@ def _waypoints(
     return places, np.where(np.isfinite(places).all(-1), due.astype(np.float64), np.nan)
 
 
-def _single(array: FloatArray) -> Tensor:
+def _make_single_precision(array: FloatArray) -> Tensor:
     return torch.from_numpy(array.astype(np.float32))

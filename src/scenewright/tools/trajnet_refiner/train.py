@@ -23,7 +23,7 @@ from scenewright.tools.trajnet_refiner.model import (
     turn_back,
 )
 from scenewright.tools.trajnet_refiner.store import read_tensors, write_tensors
-from scenewright.tools.trajnet_refiner.windows import Variation, Window, batches
+from scenewright.tools.trajnet_refiner.windows import Variation, Window, build_batches
 
 Batches = Callable[..., Iterator[tuple[Scenes, Tensor, Tensor]]]
 """Makes batches of windows, as `windows.batches` does."""
@@ -75,7 +75,7 @@ class Epoch(NamedTuple):
     ade: float | None
 
 
-Tell = Callable[[int, int], None]
+ProgressCallback = Callable[[int, int], None]
 """Is told after every batch how many batches are done, and of how many."""
 
 
@@ -87,9 +87,9 @@ def train(
     held_out: Sequence[Window] = (),
     checkpoint: Path | None = None,
     device: str | None = None,
-    tell: Tell | None = None,
+    log: ProgressCallback | None = None,
     after_epoch: Callable[[Epoch], None] | None = None,
-    make: Batches = batches,
+    make: Batches = build_batches,
     start: Refiner | None = None,
 ) -> Refiner:
     """A network trained on windows; the same windows, recipe and machine make the same one.
@@ -107,13 +107,13 @@ def train(
     """
     if not windows:
         raise InputError("there is nothing to train on")
-    run = _Run(config, recipe, _total(windows, recipe), device, start)
+    run = _Run(config, recipe, _count_batches(windows, recipe), device, start)
     if checkpoint is not None and checkpoint.exists():
         run.restore(checkpoint)
     while run.epochs < recipe.epochs:
         began = time.perf_counter()
         with torch.random.fork_rng():
-            loss = run.epoch(windows, tell, make)
+            loss = run.epoch(windows, log, make)
         if checkpoint is not None:
             run.store(checkpoint)
         if after_epoch is not None:
@@ -123,7 +123,7 @@ def train(
 
 
 def validate(
-    net: Refiner, windows: Sequence[Window], *, agents: int = 2048, make: Batches = batches
+    net: Refiner, windows: Sequence[Window], *, agents: int = 2048, make: Batches = build_batches
 ) -> float:
     """Weighted mean distance [m] between predicted and true future positions, without goals."""
     rng = np.random.default_rng(0)
@@ -133,25 +133,29 @@ def validate(
         for scenes, future, weight in make(
             windows, observed=net.config.observed, agents=agents, variation=_NO_CHANGE, rng=rng
         ):
-            error, share = _errors(net(scenes.to(device)), future.to(device), weight.to(device))
+            error, share = _compute_errors(
+                net(scenes.to(device)), future.to(device), weight.to(device)
+            )
             total += float((error * share).sum())
             count += float(share.sum())
     return total / max(count, 1e-9)
 
 
-def loss_of(predicted: Prediction, future: Tensor, weight: Tensor, *, likelihood: float) -> Tensor:
+def compute_loss(
+    predicted: Prediction, future: Tensor, weight: Tensor, *, likelihood: float
+) -> Tensor:
     """Weighted mean of the distance, the benchmark's measure, and of the Gaussian's -log density.
 
     Args:
         future: [B, N, P, 2] true positions, NaN where unknown; weight: [B, N].
     """
-    error, share = _errors(predicted, future, weight)
-    surprise = negative_log_density(predicted, future)
+    error, share = _compute_errors(predicted, future, weight)
+    surprise = compute_negative_log_density(predicted, future)
     loss = error + likelihood * torch.where(share > 0, surprise, 0.0)
     return (loss * share).sum() / share.sum().clamp_min(1e-6)
 
 
-def negative_log_density(predicted: Prediction, future: Tensor) -> Tensor:
+def compute_negative_log_density(predicted: Prediction, future: Tensor) -> Tensor:
     """[B, N, P] -log density of the truth under the predicted Gaussians [nats]; 0 if unknown."""
     known = ~(future.isnan() | predicted.xy.isnan()).any(-1)
     off = torch.nan_to_num(future) - torch.nan_to_num(predicted.xy)
@@ -164,7 +168,7 @@ def negative_log_density(predicted: Prediction, future: Tensor) -> Tensor:
     return torch.where(known, density, 0.0)
 
 
-def _errors(predicted: Prediction, future: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
+def _compute_errors(predicted: Prediction, future: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
     """[B, N, P] distances [m], 0 where unknown, and the weight of each, 0 where unknown."""
     known = ~(future.isnan() | predicted.xy.isnan()).any(-1)
     off = torch.nan_to_num(future) - torch.nan_to_num(predicted.xy)
@@ -172,7 +176,7 @@ def _errors(predicted: Prediction, future: Tensor, weight: Tensor) -> tuple[Tens
     return torch.where(known, distance, 0.0), known * weight[..., None]
 
 
-def _total(windows: Sequence[Window], recipe: Recipe) -> int:
+def _count_batches(windows: Sequence[Window], recipe: Recipe) -> int:
     """About how many batches the whole training has; the learning rate falls along them."""
     padded = sum(len(w.xy) for w in windows) * recipe.share
     return max(1, math.ceil(recipe.epochs * padded / recipe.agents))
@@ -202,7 +206,9 @@ class _Run:
         )
         self.epochs = self.batches = 0
 
-    def epoch(self, windows: Sequence[Window], tell: Tell | None, make: Batches = batches) -> float:
+    def epoch(
+        self, windows: Sequence[Window], log: ProgressCallback | None, make: Batches = build_batches
+    ) -> float:
         """One pass over the windows; the mean loss of its batches."""
         recipe = self.recipe
         rng = np.random.default_rng([recipe.seed, self.epochs])
@@ -219,8 +225,8 @@ class _Run:
             rng=rng,
         ):
             losses.append(self._step(scenes, future, weight))
-            if tell is not None:
-                tell(min(self.batches, self.total), self.total)
+            if log is not None:
+                log(min(self.batches, self.total), self.total)
         self.epochs += 1
         return float(np.mean(losses))
 
@@ -228,7 +234,7 @@ class _Run:
         for group in self.optimiser.param_groups:
             group["lr"] = self.recipe.rate * _warm_then_cosine(self.batches / self.total)
         predicted = self.net(scenes.to(self.device))
-        loss = loss_of(
+        loss = compute_loss(
             predicted,
             future.to(self.device),
             weight.to(self.device),
@@ -258,7 +264,7 @@ class _Run:
         for name, parameter in self.net.named_parameters():
             for key, value in self.optimiser.state[parameter].items():
                 tensors[f"adam.{key}.{name}"] = value
-        write_tensors(path, tensors, facts={**self._identity(), "epochs": self.epochs,
+        write_tensors(path, tensors, facts={**self._get_identity(), "epochs": self.epochs,
                                             "batches": self.batches})  # fmt: skip
 
     def restore(self, path: Path) -> None:
@@ -268,7 +274,7 @@ class _Run:
             InputError: the file is of another training.
         """
         tensors, facts = read_tensors(path)
-        if any(facts.get(key) != value for key, value in self._identity().items()):
+        if any(facts.get(key) != value for key, value in self._get_identity().items()):
             raise InputError(f"{path}: a checkpoint of another training; remove it to start anew")
         moved = {name: tensor.to(self.device) for name, tensor in tensors.items()}
         with torch.no_grad():
@@ -282,7 +288,7 @@ class _Run:
                 }
         self.epochs, self.batches = int(facts["epochs"]), int(facts["batches"])
 
-    def _identity(self) -> dict[str, object]:
+    def _get_identity(self) -> dict[str, object]:
         return {
             "config": self.net.config.model_dump(mode="json"),
             "recipe": self.recipe.model_dump(mode="json"),

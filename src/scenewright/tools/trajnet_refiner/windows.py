@@ -62,10 +62,10 @@ class Variation:
 
 
 Collate = Callable[..., tuple[Scenes, Tensor, Tensor]]
-"""Makes one batch of windows, as `collated` does."""
+"""Makes one batch of windows, as `collate_windows` does."""
 
 
-def batches(
+def build_batches(
     windows: Sequence[Window],
     *,
     observed: int,
@@ -77,15 +77,19 @@ def batches(
     """All windows once, in random order, about `agents` at a time, as (scenes, future, weight).
 
     Args:
-        collate: makes one batch of windows; `collated` if None.
+        collate: makes one batch of windows; `collate_windows` if None.
     """
-    groups = grouped([len(w.xy) for w in windows], agents=agents, rng=rng)
+    groups = group_by_size([len(w.xy) for w in windows], agents=agents, rng=rng)
     for k in rng.permutation(len(groups)):
-        chosen = [varied(windows[i], observed=observed, by=variation, rng=rng) for i in groups[k]]
-        yield (collate or collated)(chosen, observed=observed, goals=variation.goals, rng=rng)
+        chosen = [
+            vary_window(windows[i], observed=observed, by=variation, rng=rng) for i in groups[k]
+        ]
+        yield (collate or collate_windows)(
+            chosen, observed=observed, goals=variation.goals, rng=rng
+        )
 
 
-def grouped(
+def group_by_size(
     sizes: Sequence[int], *, agents: int, rng: np.random.Generator
 ) -> list[NDArray[np.int64]]:
     """Places of windows of similar size, together about `agents` with their padding."""
@@ -98,7 +102,9 @@ def grouped(
     return groups
 
 
-def varied(window: Window, *, observed: int, by: Variation, rng: np.random.Generator) -> Window:
+def vary_window(
+    window: Window, *, observed: int, by: Variation, rng: np.random.Generator
+) -> Window:
     """A window that could as well have happened: mirrored, stretched, blurred, partly unseen."""
     factor = rng.uniform(1 - by.stretch, 1 + by.stretch)
     scale = np.array([factor, factor * rng.choice((-1.0, 1.0))])
@@ -114,7 +120,7 @@ def varied(window: Window, *, observed: int, by: Variation, rng: np.random.Gener
     return Window(xy, window.classes, window.destination * scale, window.weight)
 
 
-def collated(
+def collate_windows(
     windows: Sequence[Window],
     *,
     observed: int,
@@ -135,15 +141,18 @@ def collated(
         xy[b, :n] = window.xy - centre
         classes[b, :n], weight[b, :n] = window.classes, window.weight
         if rng.random() < goals:
-            given, when = drawn_goals(window, observed=observed, rng=rng)
+            given, when = draw_goals(window, observed=observed, rng=rng)
             goal[b, :n], due[b, :n] = given - centre, when
     scenes = Scenes(
-        _single(xy[:, :, :observed]), torch.from_numpy(classes), _single(goal), _single(due)
+        _make_single_precision(xy[:, :, :observed]),
+        torch.from_numpy(classes),
+        _make_single_precision(goal),
+        _make_single_precision(due),
     )
-    return scenes, _single(xy[:, :, observed:]), _single(weight)
+    return scenes, _make_single_precision(xy[:, :, observed:]), _make_single_precision(weight)
 
 
-def drawn_goals(
+def draw_goals(
     window: Window, *, observed: int, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """For each agent its destination, a place on its way with its time, or nothing.
@@ -162,5 +171,5 @@ def drawn_goals(
     return goal, due
 
 
-def _single(array: FloatArray) -> Tensor:
+def _make_single_precision(array: FloatArray) -> Tensor:
     return torch.from_numpy(array.astype(np.float32))

@@ -1,7 +1,7 @@
-"""How people give way, set off and brake in a corpus, from hours that judge nothing.
+"""Fit how agents yield, set off and brake in a corpus.
 
-`python -m scenewright.evals.realism.manners --corpus F.npz --out manners.json` looks at the fit and
-validation hours alone; what scenes are compared with are the test hours.
+`python -m scenewright.evals.realism.fit_yielding --corpus F.npz --out manners.json` reads the fit
+and validation hours alone; scenes are compared with the test hours.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from scenewright.errors import InputError
-from scenewright.evals.realism.scenes import Played, cut_scenes
-from scenewright.evals.realism.stops import given_way, standstills
+from scenewright.evals.realism.scenes import SceneTracks, cut_scenes
+from scenewright.evals.realism.stops import find_standstills, find_stop_of_yield
 from scenewright.files import write_atomically
 from scenewright.intersections import load_map, sign_bundle
 from scenewright.scene.base import AgentClass
@@ -32,16 +32,16 @@ from scenewright.tools.relation_checker import Trajectory, observe
 from scenewright.tools.track_io import load_recordings
 
 FEWEST = 20
-"""Yields of two classes below which their habits are not told."""
+"""Least number of yields of two classes for a fit."""
 FEWEST_ROLLING = 5
-"""Of those who do not stand: fewer say nothing about how it is done."""
+"""Least number of rolling yields for a fit of how agents roll."""
 LEAST_SPREAD = 0.05
 LATEST = 3.5
-"""Who enters longer after the other has left [s] did not roll for its sake."""
+"""An agent that enters longer after the other has left [s] did not roll because of it."""
 
 
 @dataclass(frozen=True)
-class Case:
+class YieldCase:
     """One yield that was seen whole; measures as in `YieldingBehavior`, None where there is none.
 
     Attributes:
@@ -63,11 +63,13 @@ class Case:
     brakes: float | None = None
 
 
-def cases(scenes: Iterable[Played], *, intersection_map: IntersectionMap) -> Iterator[Case]:
-    """Every yield in which the giver enters the zone before its track ends.
+def find_yield_cases(
+    scenes: Iterable[SceneTracks], *, intersection_map: IntersectionMap
+) -> Iterator[YieldCase]:
+    """Find every yield in which the giver enters the zone before its track ends.
 
-    Who stands once for several counts once, with the nearest of them: the others are waited for
-    from further off than anybody would for their sake.
+    A standstill for several agents counts once, with the nearest of them: for the others alone the
+    giver would have stopped further on.
     """
     for scene in scenes:
         found = observe(
@@ -78,50 +80,53 @@ def cases(scenes: Iterable[Played], *, intersection_map: IntersectionMap) -> Ite
             detailed=(),
         )
         movers = {mover.id: mover for mover in found.tracks}
-        standing: dict[tuple[int, float], Case] = {}
-        rolling: dict[int, Case] = {}
+        standing: dict[tuple[int, float], YieldCase] = {}
+        rolling: dict[int, YieldCase] = {}
         for event in found.events:
             if event.type != "yielding" or event.evidence.get("entered") is None:
                 continue
-            case = _case(event, movers, scene, intersection_map)
+            case = _measure_case(event, movers, scene, intersection_map)
             if case.stood_at is None:
                 rolling.setdefault(event.from_, case)
             else:
                 key = (event.from_, case.stood_at)
                 known = standing.get(key)
-                standing[key] = case if known is None else _together(known, case)
+                standing[key] = case if known is None else _merge_cases(known, case)
         stood = {giver for giver, _ in standing}
         yield from standing.values()
         yield from (case for giver, case in rolling.items() if giver not in stood)
 
 
-def _together(one: Case, other: Case) -> Case:
-    """Who stands for two stands for the nearer of them, and not for one alone."""
-    return replace(min(one, other, key=_distance), alone=False)
+def _merge_cases(one: YieldCase, other: YieldCase) -> YieldCase:
+    """Merge two cases of one standstill: the nearer agent counts, and it is not for one alone."""
+    return replace(min(one, other, key=_get_gap), alone=False)
 
 
-def _distance(case: Case) -> float:
+def _get_gap(case: YieldCase) -> float:
     return np.inf if case.gap is None else case.gap
 
 
-def _case(
-    event: Event, movers: dict[int, Trajectory], scene: Played, intersection_map: IntersectionMap
-) -> Case:
+def _measure_case(
+    event: Event,
+    movers: dict[int, Trajectory],
+    scene: SceneTracks,
+    intersection_map: IntersectionMap,
+) -> YieldCase:
     giver, seen = movers[event.from_], event.evidence
     pair = (giver.type, movers[event.to].type)
     begin, entered = float(seen["begins_to_slow"]), float(seen["entered"])
     cleared = float(seen["other_cleared"])
-    stop = given_way(giver, event, scene, intersection_map, tuple(movers.values()))
+    stop = find_stop_of_yield(giver, event, scene, intersection_map, tuple(movers.values()))
     if stop is None:
         part = slice(giver.index(begin), giver.index(entered) + 1)
         low = part.start + int(np.argmin(giver.speed[part]))
         at = float(np.interp(entered, giver.times, giver.s)) - float(giver.s[low])
         pace = float(giver.speed[low]) / float(seen["approach_speed"])
-        return Case(pair, None, pace=pace, place=at, margin=entered - cleared)
-    stands = [s for s in standstills(giver) if begin <= giver.times[s.start] <= entered]
+        return YieldCase(pair, None, pace=pace, place=at, margin=entered - cleared)
+    stands = [s for s in find_standstills(giver) if begin <= giver.times[s.start] <= entered]
     started = float(giver.times[stands[-1].stop - 1])
     whole = stop.duration is not None
-    return Case(
+    return YieldCase(
         pair,
         float(giver.times[stands[-1].start]),
         alone=stop.alone,
@@ -134,25 +139,27 @@ def _case(
 
 
 def _rate(kind: AgentClass, most: float | None, mean: float | None) -> float | None:
-    """The even rate that stands for a start or a braking [m/s^2].
+    """Compute the even rate that stands for a start or a braking [m/s^2].
 
-    Halfway between the strongest and the mean for vehicles. People on foot have their pace after
-    less than a second, so that a mean over two says how fast they walk; the strongest counts.
+    For vehicles halfway between the strongest and the mean. Pedestrians reach their pace within a
+    second, so that a mean over two seconds measures walking speed; the strongest counts.
     """
     if most is None or mean is None or kind == "pedestrian":
         return most
     return (most + mean) / 2.0
 
 
-def habits(seen: Sequence[Case]) -> YieldingModel:
-    """The quantiles of every pair of classes that gives way often enough."""
+def fit_yielding_model(seen: Sequence[YieldCase]) -> YieldingModel:
+    """Fit the quantiles of every pair of classes with enough yields."""
     pairs = sorted({each.pair for each in seen})
     of = {pair: [each for each in seen if each.pair == pair] for pair in pairs}
-    return {pair: _manners(found) for pair, found in of.items() if len(found) >= FEWEST}
+    return {
+        pair: _fit_yielding_behavior(found) for pair, found in of.items() if len(found) >= FEWEST
+    }
 
 
-def paces(seen: Sequence[Case]) -> AccelerationProfiles:
-    """How briskly those of each class set off and brake who gave way often enough."""
+def fit_acceleration_profiles(seen: Sequence[YieldCase]) -> AccelerationProfiles:
+    """Fit how strongly agents of each class with enough yields set off and brake."""
     kinds: tuple[AgentClass, ...] = ("vehicle", "pedestrian")
     found: dict[AgentClass, AccelerationProfile] = {}
     for kind in kinds:
@@ -160,34 +167,34 @@ def paces(seen: Sequence[Case]) -> AccelerationProfiles:
         starts = [each.starts for each in own if each.starts is not None]
         brakes = [each.brakes for each in own if each.brakes is not None]
         if min(len(starts), len(brakes)) >= FEWEST:
-            found[kind] = AccelerationProfile(_lognormal(starts), _lognormal(brakes))
+            found[kind] = AccelerationProfile(_fit_lognormal(starts), _fit_lognormal(brakes))
     return found
 
 
-def _lognormal(values: Sequence[float]) -> tuple[float, float]:
-    """Median, and standard deviation of the logarithm from the median deviation."""
+def _fit_lognormal(values: Sequence[float]) -> tuple[float, float]:
+    """Return the median, and the logarithm's standard deviation from its median deviation."""
     logs = np.log(np.maximum(values, 0.05))
     centre = float(np.median(logs))
     spread = 1.4826 * float(np.median(np.abs(logs - centre)))
     return round(float(np.exp(centre)), 3), round(max(spread, LEAST_SPREAD), 3)
 
 
-def _manners(found: Sequence[Case]) -> YieldingBehavior:
+def _fit_yielding_behavior(found: Sequence[YieldCase]) -> YieldingBehavior:
     rolling = [c for c in found if c.margin is not None and c.margin <= LATEST]
     rolling = rolling if len(rolling) >= FEWEST_ROLLING else []
     standing = [each for each in found if each.stood_at is not None]
-    # A relation is between two, and nothing else happens beside it: whoever lets several pass in
-    # one standstill waits longer than anybody does in a scene.
+    # A relation is between two agents alone: a giver that lets several pass in one standstill
+    # waits longer than any giver of a generated scene.
     alone = [each for each in standing if each.alone]
     alone = alone if len(alone) >= FEWEST else standing
     return YieldingBehavior(
         rolls=round(len(rolling) / (len(rolling) + len(standing)), 3),
-        **{name: _quantiles(rolling, name) for name in ("pace", "place", "margin")},
-        **{name: _quantiles(alone, name) for name in ("gap", "stands", "reacts")},
+        **{name: _compute_quantiles(rolling, name) for name in ("pace", "place", "margin")},
+        **{name: _compute_quantiles(alone, name) for name in ("gap", "stands", "reacts")},
     )
 
 
-def _quantiles(found: Sequence[Case], name: str) -> Quantiles:
+def _compute_quantiles(found: Sequence[YieldCase], name: str) -> Quantiles:
     values = [v for v in (getattr(each, name) for each in found) if v is not None]
     if not values:
         return (0.0,) * len(LEVELS)
@@ -196,31 +203,38 @@ def _quantiles(found: Sequence[Case], name: str) -> Quantiles:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure the corpus and write the file."""
-    words = argparse.ArgumentParser(
-        prog="python -m scenewright.evals.realism.manners", description=__doc__
+    parser = argparse.ArgumentParser(
+        prog="python -m scenewright.evals.realism.fit_yielding", description=__doc__
     )
-    words.add_argument("--intersection", default="amsterdam_120")
-    words.add_argument("--corpus", type=Path, required=True)
-    words.add_argument("--out", type=Path, required=True)
-    told = words.parse_args(argv)
+    parser.add_argument("--intersection", default="amsterdam_120")
+    parser.add_argument("--corpus", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    arguments = parser.parse_args(argv)
     try:
-        intersection_map = load_map(told.intersection)
-        hours = [r for s in ("fit", "validation") for r in load_recordings(told.corpus, split=s)]
+        intersection_map = load_map(arguments.intersection)
+        hours = [
+            r for s in ("fit", "validation") for r in load_recordings(arguments.corpus, split=s)
+        ]
         seen = list(
-            cases(
+            find_yield_cases(
                 (scene for _, scene in cut_scenes(hours, intersection_map=intersection_map)),
                 intersection_map=intersection_map,
             )
         )
-        found = habits(seen)
+        found = fit_yielding_model(seen)
         if not found:
-            raise InputError(f"{told.corpus} shows too few yields in its fit hours: {len(seen)}")
-        write_atomically(told.out, format_yielding_model(found, paces(seen)).encode("utf-8"))
-        sign_bundle(told.out.parent, told.out.name)
+            raise InputError(
+                f"{arguments.corpus} shows too few yields in its fit hours: {len(seen)}"
+            )
+        write_atomically(
+            arguments.out,
+            format_yielding_model(found, fit_acceleration_profiles(seen)).encode("utf-8"),
+        )
+        sign_bundle(arguments.out.parent, arguments.out.name)
     except InputError as fault:
         print(fault, file=sys.stderr)
         return fault.exit_code
-    print(f"{told.out}: {len(seen)} yields", file=sys.stderr)
+    print(f"{arguments.out}: {len(seen)} yields", file=sys.stderr)
     return 0
 
 
