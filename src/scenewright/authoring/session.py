@@ -353,7 +353,10 @@ def read(state: ThreadState, *, runtime: Runtime[SessionContext]) -> ThreadState
     reading = _read(turn.words, chosen, state, runtime.context, said=words, account=calls.append)
     pending = state.get("pending") if len(words.split()) <= _SHORT_ANSWER else None
     taken: Clarification | None = None
-    if isinstance(reading, NewScene) and get_backend_of_task(runtime.context.backend, "plan").deterministic:
+    if (
+        isinstance(reading, NewScene)
+        and get_backend_of_task(runtime.context.backend, "plan").deterministic
+    ):
         intersection_map = load_map(state["heading"]["intersection"])
         doubtful = ask_what_is_meant(turn.words, intersection_map)
         likeliest = None if doubtful is None else _take_likeliest(doubtful, state)

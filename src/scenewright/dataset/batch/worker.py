@@ -49,9 +49,9 @@ class Options:
     time_limit: float = DEFAULT_LIMIT
 
     def __post_init__(self) -> None:
-        from scenewright.graph.run import max_agents_or_default
+        from scenewright.graph.run import choose_max_agents
 
-        object.__setattr__(self, "max_agents", max_agents_or_default(self.max_agents))
+        object.__setattr__(self, "max_agents", choose_max_agents(self.max_agents))
 
     def settings(self) -> dict[str, Any]:
         """As plain JSON."""

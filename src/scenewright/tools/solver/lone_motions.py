@@ -12,7 +12,7 @@ from scenewright.geometry.driving_profile import StopCommand, compute_arrival
 from scenewright.geometry.landmarks import STOP_GAP, Landmarks
 from scenewright.scene.candidates import Candidate
 from scenewright.scene.selection import Stop
-from scenewright.tools.map_grounding.signal_plan import Demand
+from scenewright.tools.map_grounding.signal_plan import SignalDemand
 from scenewright.tools.solver.scheduled_agent import ScheduledAgent
 
 _BRAKING = (4.2, 5.8)
@@ -81,22 +81,22 @@ def find_braking(actor: ScheduledAgent) -> float:
     return 0.1 * float(free[-1] if len(free) else 0)
 
 
-def list_yellow_demands(actor: ScheduledAgent, reaction: float) -> tuple[Demand, ...]:
+def list_yellow_demands(actor: ScheduledAgent, reaction: float) -> tuple[SignalDemand, ...]:
     """Green until just before it brakes, yellow as it does."""
     group = str(actor.landmarks.group)
     turns = actor.enters + find_braking(actor) - reaction
     return (
-        Demand(group, turns - 1.5, turns - 0.3, ("green",)),
-        Demand(group, turns + 0.2, turns + reaction, ("yellow",)),
+        SignalDemand(group, turns - 1.5, turns - 0.3, ("green",)),
+        SignalDemand(group, turns + 0.2, turns + reaction, ("yellow",)),
     )
 
 
-def list_blocking_demands(actor: ScheduledAgent) -> tuple[Demand, ...]:
+def list_blocking_demands(actor: ScheduledAgent) -> tuple[SignalDemand, ...]:
     """Red while it stands in the junction; that it passes on green is asked of everybody."""
     stop = actor.stops[-1]
     line = actor.enters + actor.motion.find_time_at(float(actor.landmarks.line or 0.0))
     begins = max(line + _CHANGES, stop.start)
-    return (Demand(str(actor.landmarks.group), begins, stop.until - 1.0, ("red",)),)
+    return (SignalDemand(str(actor.landmarks.group), begins, stop.until - 1.0, ("red",)),)
 
 
 def draw_reaction(rng: np.random.Generator) -> float:

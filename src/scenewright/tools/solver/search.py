@@ -55,7 +55,11 @@ from scenewright.scene.track import STEP
 from scenewright.time_limit import check_time
 from scenewright.tools.dsl_validator.check import check
 from scenewright.tools.dsl_validator.parse import format_clause
-from scenewright.tools.map_grounding.signal_plan import Demand, SignalClock, find_feasible_offsets
+from scenewright.tools.map_grounding.signal_plan import (
+    SignalClock,
+    SignalDemand,
+    find_feasible_offsets,
+)
 from scenewright.tools.solver.background_assignment import (
     Assignment,
     BackgroundAgent,
@@ -540,7 +544,7 @@ class Search:
             actors[name] = actor
         return replace(schedule, actors=actors)
 
-    def _list_lone_demands(self, schedule: PartialSchedule) -> Iterator[Demand]:
+    def _list_lone_demands(self, schedule: PartialSchedule) -> Iterator[SignalDemand]:
         for name, actor in schedule.actors.items():
             if name in self._stopping:
                 yield from list_yellow_demands(actor, self._reaction)
