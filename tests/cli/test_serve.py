@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import signal
@@ -14,17 +15,20 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from starlette.requests import Request
 from starlette.testclient import TestClient
 
 from inline_jobs import run_jobs_inline
 from scenewright import verify
 from scenewright.backends import load_backend
 from scenewright.cli.main import main
+from scenewright.cli.page.answers import read_bytes
 from scenewright.cli.page.batches import Batches
 from scenewright.cli.page.conversations import Conversations
 from scenewright.cli.page.model_choice import ModelChoice
 from scenewright.cli.page.own_maps import OwnMaps
 from scenewright.cli.page.server import Page, build_app
+from scenewright.errors import InputError
 from scenewright.scene.record import SceneRecord
 
 HOST = "127.0.0.1:8765"
@@ -244,6 +248,15 @@ def test_no_request_brings_the_server_down(
 ) -> None:
     answer = client.request(method, place, content=body)
     assert answer.status_code < 500, answer.text
+
+
+def test_a_body_that_is_cut_short_is_no_fault() -> None:
+    async def hang_up() -> dict[str, str]:
+        return {"type": "http.disconnect"}
+
+    request = Request({"type": "http", "method": "POST", "headers": []}, hang_up)
+    with pytest.raises(InputError, match="ended before its body"):
+        asyncio.run(read_bytes(request, 10))
 
 
 def test_the_command_prints_its_address_and_ends_with_ctrl_c(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from functools import wraps
 from typing import Any
 
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
 from scenewright.errors import BackendFault, InputError, Unsatisfiable
@@ -55,13 +55,20 @@ def refuse(status: int, reason: str) -> JSONResponse:
 
 
 async def read_bytes(request: Request, limit: int) -> bytes:
-    """The body of a request; InputError if it is longer than `limit` bytes."""
+    """The body of a request.
+
+    Raises:
+        InputError: it is longer than `limit` bytes, or ends before its length.
+    """
     parts, size = [], 0
-    async for part in request.stream():
-        size += len(part)
-        if size > limit:
-            raise InputError(f"this may have at most {limit:,} bytes")
-        parts.append(part)
+    try:
+        async for part in request.stream():
+            size += len(part)
+            if size > limit:
+                raise InputError(f"this may have at most {limit:,} bytes")
+            parts.append(part)
+    except ClientDisconnect as error:
+        raise InputError("the request ended before its body") from error
     return b"".join(parts)
 
 
