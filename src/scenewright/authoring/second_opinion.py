@@ -110,11 +110,12 @@ def _tells_change(words: str) -> bool:
 
 
 _RATHER = re.compile(
-    r"^(?:(?:oh|sorry|no|nah|wait|hmm|actually|rather|i meant?|make (?:that|it)|not that|er|oops|"
-    r"but)\b[ ,.:]*)+"
+    r"^(?:(?:oh|sorry|no|nah|wait|hmm|actually|rather|i meant?|make that|not that|er|oops|"
+    r"but)\b[ ,.:]*)+(?:make it )?"
 )
 _THAT_IS = re.compile(r"[ ,]+(?:i meant?|rather|instead|please|sorry|not .*)$")
-_FIGURE = re.compile(r"\d+(?:[.,]\d+)?")
+_CLOCK = re.compile(r"\d+:\d\d(?: ?[ap]m)?|\d+ ?[ap]m\b")
+_FIGURE = re.compile(r"(?<![\d:])\d+(?:[.,]\d+)?(?![\d:]| ?[ap]m\b)")
 _SIDE = re.compile(r"\b(?:north|south|east|west)\b")
 _SOMEBODY = re.compile(r"\b(?:the|that|this) (?:other )?[a-z-]+\b|\b(?:it|him|her|he|she)\b")
 
@@ -130,6 +131,7 @@ def correct(words: str, before: str) -> tuple[str, bool]:
     if bare == plain or not before or len(bare.split()) > 4:
         return words, False
     for pattern, whole in (
+        (_CLOCK, r"[\d:]+(?: ?[ap]m)?"),
         (_FIGURE, r"\d+(?:[.,]\d+)?(?: ?[a-z/²]+){0,2}"),
         (_SIDE, r"(?:from |to |on |in )?(?:the )?(?:north|south|east|west)(?: side)?"),
         (_SOMEBODY, r"the (?:other )?[a-z-]+"),
