@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from scenewright.backends import Question
 from scenewright.cli.main import main
@@ -438,7 +439,7 @@ def test_check_finds_scenes_that_changed_places_and_files_from_elsewhere(
 
 def test_the_card_names_licence_tables_and_counts(whole: Path) -> None:
     card = (whole / "README.md").read_text("utf-8")
-    assert card.startswith("---\nlicense: apache-2.0\n")
+    assert yaml.safe_load(card.split("---\n")[1])["license"] == "apache-2.0"
     assert "path: tables/tracks.parquet" in card
     assert "| rows made | 3 |" in card
     assert "path: tables/account.parquet" in card

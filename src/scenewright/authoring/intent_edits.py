@@ -267,6 +267,8 @@ def spell_out(intent: str, words: str, talk: Talk) -> _Answer:
     if intent not in _OF_OTHERS and not named and (noun := _find_stranger(plain, talk)):
         there = ", ".join(f"{e.id} ({e.subtype or e.type})" for e in talk.list_named())
         return _decline(f"There is no {noun} that takes part; there is {there or 'nobody'}.")
+    if intent not in _OF_OTHERS and _find_stranger(plain, talk, new=True):
+        return None  # "have a truck hit the car" brings in a truck, which no such change does
     return make(Wish(intent, plain, talk, tuple(named)))
 
 
@@ -277,11 +279,15 @@ _OF_OTHERS = frozenset(
 """Intents whose nouns need not be of those who take part."""
 
 
-def _find_stranger(plain: str, talk: Talk) -> str | None:
-    """A noun that the words give to somebody, and nobody who takes part is that."""
+def _find_stranger(plain: str, talk: Talk, *, new: bool = False) -> str | None:
+    """A noun of a road user of a class that no agent of the instruction has.
+
+    Args:
+        new: look at "a truck" and "another truck" instead of "the truck".
+    """
     for each in _MENTION.finditer(plain):
         noun = each["noun"]
-        if noun is not None and not each["new"]:
+        if noun is not None and bool(each["new"]) is new:
             kind, subtype = CLASSES[noun]
             alike = [e for e in talk.situation.graph.agents if e.type == kind]
             if not any(subtype in (None, "car", each.subtype) for each in alike):

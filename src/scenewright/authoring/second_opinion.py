@@ -196,6 +196,8 @@ def choose_reading(words: str, by_rule: Reading, talk: Talk, read: Read) -> Read
     guess = guess_intent(words)
     if agrees(by_rule, guess.intent, words):
         return by_rule
+    if isinstance(by_rule, DeclinedTurn) and by_rule.code == "impossible":
+        return by_rule  # it was understood, and says what the map does not allow
     parts = _read_parts(words, talk, read)
     if parts is not None and not (
         isinstance(by_rule, Edits) and len(by_rule.edits) >= len(parts.edits)
