@@ -39,10 +39,15 @@ def summary(scene: SceneRecord, proof: Proof, intersection_map: IntersectionMap)
 def unshown(said: Sequence[SaidSpan | SaidRecord]) -> list[str]:
     """The words of the instruction that tracks do not show, a line for each kind."""
     kinds = (("left out", list_unrealised(said)), ("without effect on tracks", list_manner(said)))
-    return [
+    lines = [
         f"{title}: {', '.join(repr(one_line(each, limit=80)) for each in words)}"
         for title, words in kinds
         if words
+    ]
+    chosen = (each for each in said if each.note and each.became != "nothing")
+    return [
+        *lines,
+        *(f"chosen: the {each.value} leg ({one_line(each.note, limit=80)})" for each in chosen),
     ]
 
 
